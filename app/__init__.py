@@ -1,0 +1,1 @@
+"""The server: processes, storage, viewer and web panel around the ``observer`` library."""

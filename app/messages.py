@@ -1,0 +1,223 @@
+"""What the web process and the engine process say to each other.
+
+Commands are request and reply; events are ordered and numbered. Both travel as plain frozen
+dataclasses; images and clouds do not travel here but through ``app.channel.latest``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Literal
+
+# Views that a person can watch; each is one slot of JPEG bytes.
+#   left      rectified left image, green star features, flow vectors, yellow obstacle rectangles
+#   warped    the image of t+dt transformed into the frame of t
+#   disparity disparity as colours, nothing where it is unknown
+#   residual  residual flow as arrows and colours over the darkened image
+#   plain     the rectified left image as it is (camera frustum in the 3D scene)
+VIEW_NAMES: tuple[str, ...] = ("left", "warped", "disparity", "residual", "plain")
+
+
+class EngineState(StrEnum):
+    """What the engine does at this moment."""
+
+    IDLE = "idle"
+    PREVIEW = "preview"
+    RUNNING = "running"
+    FAILED = "failed"
+
+
+# --- commands, web to engine ---------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class OpenSource:
+    """Open a source and observe it without keeping anything; ends in ``preview``.
+
+    With ``run_id`` what is observed belongs to that run: the state becomes ``running``.
+    ``segment`` is the number of the first segment, above 0 when a run goes on after a restart.
+    ``calibration_yaml`` (OpenCV FileStorage text) replaces the source's own calibration.
+    """
+
+    source: str
+    calibration_yaml: str | None
+    parameters: dict[str, Any]
+    parameters_revision: int
+    loop: bool = True
+    paused: bool = False
+    rate: float = 1.0
+    run_id: str | None = None
+    segment: int = 0
+
+
+@dataclass(frozen=True)
+class StopRun:
+    """End the run; the source stays open in ``preview``."""
+
+
+@dataclass(frozen=True)
+class CloseSource:
+    """Close the source; the state becomes ``idle``."""
+
+
+@dataclass(frozen=True)
+class SetParameters:
+    """Use these parameters from the next frame on. The reply's value is ``{"frame": int}``:
+    the first frame they act on (None without an open source)."""
+
+    parameters: dict[str, Any]
+    revision: int
+
+
+@dataclass(frozen=True)
+class SetPlayback:
+    """Change what is given; ``step`` shows that many further frames while paused."""
+
+    paused: bool | None = None
+    rate: float | None = None
+    loop: bool | None = None
+    step: int = 0
+    restart: bool = False
+
+
+@dataclass(frozen=True)
+class WatchViews:
+    """The views somebody watches now; only these are drawn and encoded."""
+
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PreviewCalibration:
+    """Rectify the newest raw pair with this calibration and draw epipolar lines over both.
+
+    The reply's value is ``{"jpeg": bytes, "vertical_error_px": float | None, "matches": int}``.
+    """
+
+    calibration_yaml: str
+
+
+@dataclass(frozen=True)
+class Shutdown:
+    """Close the source and leave."""
+
+
+Command = (
+    OpenSource
+    | StopRun
+    | CloseSource
+    | SetParameters
+    | SetPlayback
+    | WatchViews
+    | PreviewCalibration
+    | Shutdown
+)
+
+
+@dataclass(frozen=True)
+class Request:
+    number: int
+    command: Command
+
+
+@dataclass(frozen=True)
+class Reply:
+    """Answer to one request: a value, or one sentence of why not.
+
+    ``refusal`` is ``input`` (what was asked is wrong), ``state`` (not possible now) or
+    ``failure`` (it was tried and failed).
+    """
+
+    number: int
+    value: dict[str, Any] | None = None
+    error: str | None = None
+    refusal: Literal["input", "state", "failure"] | None = None
+
+
+# --- events, engine to web -----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ObservationEvent:
+    """One frame was observed.
+
+    Attributes:
+        sequence: counted from 0 within one engine process; a gap is a loss.
+        line: the JSON line of ``observe`` (see ``observer.jsonl``), confirmed and coasting
+            obstacles, each with ``why`` added: one sentence of why it counts as dynamic.
+        truth: one entry per true body: id, name, role, position, velocity, speed, size, yaw,
+            visible, commanded_speed, track_id (the reported obstacle it was matched to or None).
+        received, published: the host's monotonic clock at reception and after observing.
+        frame_skips: frames the source could not read so far.
+        run_id: the run it belongs to, or None in preview.
+    """
+
+    sequence: int
+    line: dict[str, Any]
+    truth: list[dict[str, Any]]
+    received: float
+    published: float
+    frame_skips: int
+    run_id: str | None
+
+
+@dataclass(frozen=True)
+class StateEvent:
+    """The engine's state, sent whenever any part of it changes.
+
+    ``source`` holds the fields of ``SourceInfo``; ``playback`` holds ``paused, rate, loop,
+    frame, frame_count, ended``; ``camera`` the rectified ``width, height, fx, fy, cx, cy,
+    baseline``.
+    """
+
+    state: EngineState
+    reason: str | None
+    source: dict[str, Any] | None = None
+    playback: dict[str, Any] | None = None
+    camera: dict[str, Any] | None = None
+    run_id: str | None = None
+    segment: int = 0
+    has_truth: bool = False
+
+
+@dataclass(frozen=True)
+class SkippedFrameEvent:
+    """A frame that the source could not read, and why."""
+
+    index: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class HeartbeatEvent:
+    """The engine's own loop is alive; sent at least every 100 ms, also while paused."""
+
+    monotonic: float
+    counters: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EngineStartedEvent:
+    """Made by the supervisor: a new engine process is ready. ``generation`` counts from 1."""
+
+    generation: int
+    pid: int
+
+
+@dataclass(frozen=True)
+class EngineLostEvent:
+    """Made by the supervisor: the engine process ended or hung, and why in one sentence."""
+
+    generation: int
+    reason: str
+
+
+Event = (
+    ObservationEvent
+    | StateEvent
+    | SkippedFrameEvent
+    | HeartbeatEvent
+    | EngineStartedEvent
+    | EngineLostEvent
+)

@@ -1,0 +1,1 @@
+"""Calibrations: their files, one reader per format."""

@@ -1,0 +1,203 @@
+"""What is known of the two cameras: as calibrated, and as one rectified pair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from observer.errors import CalibrationError
+from observer.geometry import Float64Array, is_rotation
+
+# Outside these a "stereo camera" is almost certainly in other units.
+MIN_BASELINE_M = 0.001
+MAX_BASELINE_M = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class StereoCalibration:
+    """A calibrated, not necessarily rectified, pair of pinhole cameras (OpenCV's model).
+
+    Attributes:
+        width, height: image size in pixels, the same for both cameras.
+        K1, K2: (3, 3) float64 camera matrices, pixels.
+        D1, D2: (N,) float64 distortion k1 k2 p1 p2 [k3 ...]; all zero for rectified images.
+        R: (3, 3) rotation ``R_right_left``.
+        T: (3,) metres: the left camera's origin in the right camera's frame (T[0] < 0).
+
+    Raises:
+        CalibrationError: naming the key and the reason.
+    """
+
+    width: int
+    height: int
+    K1: Float64Array
+    D1: Float64Array
+    K2: Float64Array
+    D2: Float64Array
+    R: Float64Array
+    T: Float64Array
+
+    def __post_init__(self) -> None:
+        if not (8 <= self.width <= 16384 and 8 <= self.height <= 16384):
+            raise CalibrationError(
+                f"image_width and image_height must lie between 8 and 16384 pixels, "
+                f"not {self.width} x {self.height}"
+            )
+        for name in ("K1", "K2", "R"):
+            self._set(name, (3, 3))
+        self._set("T", (3,))
+        for name in ("D1", "D2"):
+            size = np.asarray(getattr(self, name)).size
+            if size not in (0, 4, 5, 8, 12, 14):
+                raise CalibrationError(
+                    f"{name} must hold 4, 5, 8, 12 or 14 distortion coefficients, not {size}"
+                )
+            self._set(name, (size,))
+        for name in ("K1", "K2"):
+            K = getattr(self, name)
+            if K[0, 0] <= 0 or K[1, 1] <= 0 or abs(K[2, 2] - 1) > 1e-9:
+                raise CalibrationError(
+                    f"{name} must be a camera matrix with positive focal lengths and "
+                    f"1 in its lower right corner"
+                )
+        if not is_rotation(self.R):
+            raise CalibrationError("R must be a rotation matrix (R^T R = I, det R = +1)")
+        baseline = self.baseline
+        if baseline == 0:
+            raise CalibrationError("T must not be zero: the two cameras need a baseline")
+        if not MIN_BASELINE_M <= baseline <= MAX_BASELINE_M:
+            fits = "millimetres" if MIN_BASELINE_M <= baseline / 1000 <= MAX_BASELINE_M else None
+            hint = f"; in {fits} it would fit, so divide T by 1000" if fits else ""
+            raise CalibrationError(
+                f"T gives a baseline of {baseline:g} m, which is outside "
+                f"{MIN_BASELINE_M:g} to {MAX_BASELINE_M:g} m{hint}"
+            )
+
+    def _set(self, name: str, shape: tuple[int, ...]) -> None:
+        try:
+            value = np.array(getattr(self, name), dtype=np.float64)
+        except (TypeError, ValueError):
+            raise CalibrationError(f"{name} must be an array of numbers") from None
+        if value.size != int(np.prod(shape)):
+            raise CalibrationError(
+                f"{name} must have shape {' x '.join(map(str, shape))}, "
+                f"not {' x '.join(map(str, value.shape))}"
+            )
+        if not np.isfinite(value).all():
+            raise CalibrationError(f"{name} must hold finite numbers only")
+        value = value.reshape(shape)
+        value.setflags(write=False)
+        object.__setattr__(self, name, value)
+
+    @property
+    def baseline(self) -> float:
+        """Distance of the two cameras' centres, metres."""
+        return float(np.linalg.norm(self.T))
+
+    @property
+    def is_rectified(self) -> bool:
+        """Whether images of this pair are used as they are, without any remapping."""
+        return bool(
+            not self.D1.any()
+            and not self.D2.any()
+            and np.array_equal(self.R, np.eye(3))
+            and not self.T[1:].any()
+            and self.T[0] < 0
+            and np.array_equal(self.K1, self.K2)
+            and self.K1[0, 1] == 0
+        )
+
+    @staticmethod
+    def rectified(
+        width: int, height: int, fx: float, fy: float, cx: float, cy: float, baseline: float
+    ) -> StereoCalibration:
+        """The calibration of images that are rectified already."""
+        K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=np.float64)
+        return StereoCalibration(
+            width, height, K, np.zeros(5), K, np.zeros(5), np.eye(3), np.array([-baseline, 0, 0])
+        )
+
+
+@dataclass(frozen=True)
+class StereoCamera:
+    """A rectified pair: what every stage behind rectification needs of the cameras.
+
+    Frame: the rectified left camera's optical frame, x right, y down, z forward, metres.
+    Pixels: u right, v down, the centre of the upper left pixel is (0, 0).
+    Disparity: u_left - u_right, pixels, positive for points in front of the camera.
+
+    Attributes:
+        width, height: image size, pixels.
+        fx, fy: focal lengths, pixels.
+        cx, cy: principal point of both rectified images, pixels.
+        baseline: metres.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    baseline: float
+
+    @property
+    def K(self) -> Float64Array:
+        """(3, 3) camera matrix."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]])
+
+    def triangulate(self, px: ArrayLike, disparity: ArrayLike) -> Float64Array:
+        """Points (..., 3) in the camera frame, from pixels (..., 2) and disparities (...).
+
+        A disparity that is not positive or not finite gives NaN, never a far point.
+        """
+        uv = np.asarray(px, dtype=np.float64)
+        d = np.asarray(disparity, dtype=np.float64)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            z = np.where(d > 0, self.fx * self.baseline / d, np.nan)
+        x = (uv[..., 0] - self.cx) / self.fx * z
+        y = (uv[..., 1] - self.cy) / self.fy * z
+        return np.stack([x, y, z], axis=-1)
+
+    def project(self, points: ArrayLike) -> tuple[Float64Array, Float64Array]:
+        """Pixels (..., 2) and disparities (...) of camera-frame points (..., 3).
+
+        Points that do not lie in front of the camera give NaN.
+        """
+        p = np.asarray(points, dtype=np.float64)
+        z = np.where(p[..., 2] > 0, p[..., 2], np.nan)
+        u = self.fx * p[..., 0] / z + self.cx
+        v = self.fy * p[..., 1] / z + self.cy
+        return np.stack([u, v], axis=-1), self.fx * self.baseline / z
+
+    def point_covariance(
+        self, px: ArrayLike, disparity: ArrayLike, sigma_px: float, sigma_disparity: float
+    ) -> Float64Array:
+        """Covariance (N, 3, 3), m^2, of triangulated points, to first order.
+
+        J diag(sigma_px^2, sigma_px^2, sigma_disparity^2) J^T with the Jacobian J of
+        ``triangulate``; at depth Z its depth part is (Z^2 sigma_d / (f B))^2
+        (Franke et al., 6D-Vision, DAGM 2005).
+        """
+        uv = np.asarray(px, dtype=np.float64).reshape(-1, 2)
+        d = np.asarray(disparity, dtype=np.float64).reshape(-1)
+        fb = self.fx * self.baseline
+        J = np.zeros((len(d), 3, 3))
+        J[:, 0, 0] = self.baseline / d
+        J[:, 0, 2] = -(uv[:, 0] - self.cx) * self.baseline / d**2
+        J[:, 1, 1] = fb / (self.fy * d)
+        J[:, 1, 2] = -(uv[:, 1] - self.cy) * fb / (self.fy * d**2)
+        J[:, 2, 2] = -fb / d**2
+        variances = np.array([sigma_px**2, sigma_px**2, sigma_disparity**2])
+        return np.asarray((J * variances) @ J.transpose(0, 2, 1), dtype=np.float64)
+
+
+def as_gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(H, W) luma of a grey (H, W) or BGR (H, W, 3) image; grey images are not copied."""
+    if image.ndim == 2:
+        return image
+    import cv2
+
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

@@ -1,0 +1,41 @@
+"""The library's errors: one root, and one class for each kind of answer a caller can give.
+
+Every message is one sentence that names what is wrong and what would be right.
+Only the command line exits and only the web layer maps these to HTTP.
+"""
+
+
+class DynamicObserverError(Exception):
+    """Root of every error that this library raises on purpose."""
+
+
+class InputError(DynamicObserverError):
+    """What the user handed in (a path, a file, a name, a value) cannot be used as it is."""
+
+
+class SourceError(InputError):
+    """A source of stereo frames cannot be opened or read."""
+
+
+class CalibrationError(InputError):
+    """A calibration is missing, unreadable or physically impossible."""
+
+
+class ScenarioError(InputError):
+    """A simulated scenario is unknown or inconsistent."""
+
+
+class TruthError(InputError):
+    """A file of true poses cannot be read or does not match the run."""
+
+
+class ParameterError(InputError):
+    """Parameter values were refused; nothing was changed.
+
+    Attributes:
+        problems: one entry per refused field: dotted name -> sentence that states the range.
+    """
+
+    def __init__(self, problems: dict[str, str]) -> None:
+        self.problems = dict(problems)
+        super().__init__("; ".join(f"{name}: {text}" for name, text in problems.items()))

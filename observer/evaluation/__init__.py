@@ -1,0 +1,1 @@
+"""How good the observer is, against truth."""

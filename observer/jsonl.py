@@ -1,0 +1,67 @@
+"""Observations as JSON lines, the way the command line writes and ``evaluate`` reads them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.types import Observation, Obstacle
+
+
+def observation_line(observation: Observation, *, tentative: bool = False) -> dict[str, Any]:
+    """One observation as the plain dictionary of one JSON line; no NaN, unknown is None.
+
+    Args:
+        tentative: include obstacles that are not confirmed yet.
+    """
+    pose = observation.T_world_camera
+    return {
+        "frame": observation.frame,
+        "time": observation.time,
+        "segment": observation.segment,
+        "status": observation.status.value,
+        "reasons": list(observation.reasons),
+        "parameters_revision": observation.parameters_revision,
+        "pose": None
+        if pose is None
+        else {
+            "position": pose.translation.tolist(),
+            "orientation_wxyz": pose.quaternion_wxyz.tolist(),
+        },
+        "obstacles": [
+            obstacle_entry(o)
+            for o in (observation.obstacles if tentative else observation.reported)
+        ],
+        "timings_ms": {name: round(ms, 3) for name, ms in observation.timings_ms.items()},
+    }
+
+
+def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
+    """One obstacle of a JSON line. World quantities are null where the pose is unknown."""
+    return {
+        "id": obstacle.id,
+        "state": obstacle.state.value,
+        "motion": obstacle.motion.value,
+        "position": _listed(obstacle.position),
+        "velocity": _listed(obstacle.velocity),
+        "speed": obstacle.speed,
+        "speed_std": obstacle.speed_std,
+        "position_cov": _listed(obstacle.position_cov),
+        "velocity_cov": _listed(obstacle.velocity_cov),
+        "velocity_time": obstacle.velocity_time,
+        "size": _listed(obstacle.size),
+        "orientation_wxyz": _listed(obstacle.orientation_wxyz),
+        "range": obstacle.range,
+        "bearing": obstacle.bearing,
+        "closing_speed": obstacle.closing_speed,
+        "points": obstacle.points,
+        "significance": obstacle.significance,
+        "box_px": list(obstacle.box_px),
+        "why": obstacle.reason,
+    }
+
+
+def _listed(array: NDArray[np.float64] | None) -> Any:
+    return None if array is None else array.tolist()

@@ -1,0 +1,80 @@
+"""From the text that names a source to the opened source and, where there is one, its truth.
+
+This is the only place that knows every kind of source; the sources do not know each other.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from observer.errors import SourceError
+from observer.sources.contract import Source
+from observer.truth.contract import Truth
+
+# What a mistyped scheme looks like; a Windows drive letter is one character and stays a path.
+_SCHEME = re.compile(r"^([a-z_]{2,}):", re.IGNORECASE)
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedSource:
+    """A source and the truth that belongs to it; the method only ever sees the source's frames."""
+
+    source: Source
+    truth: Truth | None
+
+
+def open_source(spec: str) -> OpenedSource:
+    """Open what ``spec`` names.
+
+    Args:
+        spec: ``simulated:SCENARIO`` (optionally ``?seed=N``), ``video:LEFT,RIGHT`` or
+            ``video:SIDE_BY_SIDE``, or the path of a folder: stereo folder, KITTI odometry,
+            KITTI raw or EuRoC, recognised by its content.
+
+    Raises:
+        SourceError: one sentence that says what is wrong and what would be right.
+        ScenarioError: the scenario is unknown or inconsistent.
+    """
+    scheme = _SCHEME.match(spec)
+    kind = scheme.group(1).lower() if scheme else ""
+    rest = spec[scheme.end() :] if scheme else spec
+    if kind == "simulated":
+        return _open_simulated(rest)
+    if kind == "video":
+        from observer.sources.video import open_video
+
+        return OpenedSource(open_video(rest), None)
+    if kind:
+        raise SourceError(
+            f"there is no kind of source {kind!r}; use simulated:SCENARIO, video:LEFT,RIGHT "
+            f"or the path of a folder with stereo images"
+        )
+    return _open_folder(Path(rest))
+
+
+def _open_simulated(rest: str) -> OpenedSource:
+    from observer.simulation.scenarios import load_scenario
+    from observer.simulation.source import SimulatedSource
+    from observer.simulation.truth import SimulatedTruth
+    from observer.simulation.world import World
+
+    name, _, query = rest.partition("?")
+    seed = 0
+    if query:
+        key, _, value = query.partition("=")
+        if key != "seed" or not value.isdecimal():
+            raise SourceError(f"a scenario takes ?seed=NUMBER, not ?{query}")
+        seed = int(value)
+    world = World(load_scenario(name or "lab"), seed)
+    return OpenedSource(SimulatedSource(world), SimulatedTruth(world))
+
+
+def _open_folder(path: Path) -> OpenedSource:
+    from observer.sources.folders import open_folder
+    from observer.truth.csv_file import CsvTruth
+
+    source = open_folder(path)
+    truth_file = path / "truth.csv"
+    return OpenedSource(source, CsvTruth(truth_file) if truth_file.is_file() else None)

@@ -1,0 +1,367 @@
+"""Every tuning parameter, declared once: bounds, unit, label and help.
+
+This declaration feeds the REST interface, the panel's form, the command line (``--set``) and the
+documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from observer.errors import InputError, ParameterError
+
+ParameterValue = float | int | bool | str
+
+
+def _number(
+    default: float, *, ge: float, le: float, unit: str, title: str, help: str, step: float
+) -> Any:
+    return Field(
+        default=default,
+        ge=ge,
+        le=le,
+        title=title,
+        description=help,
+        json_schema_extra={"unit": unit, "step": step},
+    )
+
+
+def _choice(default: Any, *, title: str, help: str) -> Any:
+    return Field(default=default, title=title, description=help, json_schema_extra={"unit": ""})
+
+
+# bool is no number here, and neither are NaN and the infinities.
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Whole = Annotated[int, Field(strict=True)]
+Flag = Annotated[bool, Field(strict=True)]
+
+
+class _Stage(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class FramesParameters(_Stage):
+    """Which two frames are compared."""
+
+    interval: Whole = _number(
+        1, ge=1, le=10, unit="frames", step=1, title="Pair distance",
+        help="How many frames lie between t and t+dt. A longer distance makes slow obstacles "
+        "visible and parallax worse.",
+    )
+
+
+class FeaturesParameters(_Stage):
+    """Feature points on the image at t."""
+
+    detector: Literal["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb"] = _choice(
+        "fast", title="Detector",
+        help="Which feature points are used. The paper uses FAST; minimum eigenvalue is "
+        "shi_tomasi and Harris-Stephens is harris.",
+    )
+    max_count: Whole = _number(
+        600, ge=50, le=4000, unit="points", step=50, title="Most features",
+        help="The strongest points kept, spread over the image by the grid.",
+    )
+    grid_cells: Whole = _number(
+        8, ge=1, le=32, unit="cells", step=1, title="Grid columns",
+        help="The image is divided into this many columns of square cells, each with an equal "
+        "share of the features; 1 keeps the strongest wherever they are.",
+    )
+    fast_threshold: Whole = _number(
+        12, ge=2, le=100, unit="grey levels", step=1, title="FAST threshold",
+        help="Least difference between a corner and the circle around it.",
+    )
+    quality: Real = _number(
+        0.01, ge=0.0005, le=0.5, unit="", step=0.0005, title="Corner quality",
+        help="Least corner measure of shi_tomasi and harris, relative to the strongest corner.",
+    )
+
+
+class MatchingParameters(_Stage):
+    """Matching features between t and t+dt."""
+
+    method: Literal["descriptor", "klt"] = _choice(
+        "descriptor", title="Matching",
+        help="descriptor compares feature values (ORB, or the detector's own); klt tracks each "
+        "feature by Lucas-Kanade.",
+    )
+    ratio: Real = _number(
+        0.85, ge=0.3, le=1.0, unit="", step=0.01, title="Ratio test",
+        help="A match is kept if its distance is below this share of the second best one's.",
+    )
+    cross_check: Flag = _choice(
+        True, title="Cross check",
+        help="Keep only matches that are the best in both directions; with klt, track back.",
+    )
+    max_shift: Real = _number(
+        0.25, ge=0.01, le=1.0, unit="image widths", step=0.01, title="Largest shift",
+        help="Matches that move further than this between the two images are refused.",
+    )
+
+
+class EgoMotionParameters(_Stage):
+    """The camera's own motion, by RANSAC."""
+
+    model: Literal["affine", "homography"] = _choice(
+        "affine", title="Model",
+        help="affine has six parameters and is the paper's; homography has eight and also fits "
+        "a plane seen in perspective.",
+    )
+    ransac_threshold_px: Real = _number(
+        1.5, ge=0.1, le=20.0, unit="px", step=0.1, title="RANSAC threshold",
+        help="A match counts as background if the model explains it within this distance.",
+    )
+    ransac_iterations: Whole = _number(
+        500, ge=10, le=10000, unit="iterations", step=10, title="RANSAC iterations",
+        help="Most samples tried. Fewer are faster and may miss the background.",
+    )
+    min_inliers: Whole = _number(
+        12, ge=4, le=500, unit="matches", step=1, title="Fewest inliers",
+        help="With fewer background matches the camera's motion counts as lost.",
+    )
+
+
+class FlowParameters(_Stage):
+    """Residual motion by Lucas-Kanade between the image at t and the transformed one."""
+
+    window_px: Whole = _number(
+        15, ge=5, le=51, unit="px", step=2, title="Window",
+        help="Side of the Lucas-Kanade window.",
+    )
+    pyramid_levels: Whole = _number(
+        3, ge=0, le=6, unit="levels", step=1, title="Pyramid levels",
+        help="Each level doubles the motion that can be followed.",
+    )
+    residual_threshold_px: Real = _number(
+        1.5, ge=0.1, le=30.0, unit="px", step=0.1, title="Flow threshold",
+        help="A feature whose residual motion exceeds this counts as dynamic.",
+    )
+    max_error: Real = _number(
+        20.0, ge=1.0, le=100.0, unit="grey levels", step=1.0, title="Largest match error",
+        help="Features whose surroundings differ more than this on average are left out.",
+    )
+    back_check_px: Real = _number(
+        0.7, ge=0.05, le=10.0, unit="px", step=0.05, title="Backward check",
+        help="A feature tracked forth and back must return within this distance.",
+    )
+
+
+class StereoParameters(_Stage):
+    """Disparity and depth."""
+
+    matcher: Literal["bm", "sgbm"] = _choice(
+        "sgbm", title="Matcher",
+        help="bm is block matching, fast and sparse; sgbm is semi-global matching, denser.",
+    )
+    max_disparity_px: Whole = _number(
+        96, ge=16, le=256, unit="px", step=16, title="Largest disparity",
+        help="Sets the nearest depth that can be measured; rounded up to a multiple of 16.",
+    )
+    block_px: Whole = _number(
+        7, ge=5, le=31, unit="px", step=2, title="Block size",
+        help="Side of the compared block; even values are rounded up.",
+    )
+    uniqueness_percent: Whole = _number(
+        8, ge=0, le=50, unit="%", step=1, title="Uniqueness",
+        help="How much better than the second best the best disparity must be.",
+    )
+    min_depth_m: Real = _number(
+        0.2, ge=0.05, le=10.0, unit="m", step=0.05, title="Nearest depth",
+        help="Points nearer than this are left out.",
+    )
+    max_depth_m: Real = _number(
+        30.0, ge=0.5, le=200.0, unit="m", step=0.5, title="Farthest depth",
+        help="Points farther than this are left out.",
+    )
+
+
+class MotionParameters(_Stage):
+    """From two positions of a dynamic feature to a velocity."""
+
+    max_speed_mps: Real = _number(
+        40.0, ge=0.1, le=100.0, unit="m/s", step=0.1, title="Highest speed",
+        help="Faster displacements are taken for stereo errors and left out.",
+    )
+    disparity_sigma_px: Real = _number(
+        0.35, ge=0.05, le=3.0, unit="px", step=0.05, title="Disparity noise",
+        help="One standard deviation of a measured disparity; sets the stated uncertainty.",
+    )
+    pixel_sigma_px: Real = _number(
+        0.2, ge=0.05, le=3.0, unit="px", step=0.05, title="Flow noise",
+        help="One standard deviation of a tracked position; sets the stated uncertainty.",
+    )
+
+
+class ClusteringParameters(_Stage):
+    """Dynamic points that belong together."""
+
+    radius_m: Real = _number(
+        0.3, ge=0.02, le=5.0, unit="m", step=0.01, title="Neighbour radius",
+        help="Dynamic points nearer than this, after allowing for depth noise, are one obstacle.",
+    )
+    min_points: Whole = _number(
+        4, ge=1, le=100, unit="points", step=1, title="Fewest points",
+        help="Smaller groups are left out.",
+    )
+
+
+class TrackingParameters(_Stage):
+    """Identities over time."""
+
+    gate: Real = _number(
+        0.6, ge=0.05, le=10.0, unit="m", step=0.05, title="Gate",
+        help="A cluster farther than this from where a track is expected starts a new track.",
+    )
+    confirm_hits: Whole = _number(
+        3, ge=1, le=30, unit="frames", step=1, title="Confirm after",
+        help="A track is reported after this many sightings.",
+    )
+    coast_frames: Whole = _number(
+        5, ge=0, le=60, unit="frames", step=1, title="Coast for",
+        help="A track that is not seen any more is kept for this many frames.",
+    )
+
+
+class Parameters(_Stage):
+    """All parameters of the method, one group per stage."""
+
+    frames: FramesParameters = FramesParameters()
+    features: FeaturesParameters = FeaturesParameters()
+    matching: MatchingParameters = MatchingParameters()
+    ego_motion: EgoMotionParameters = EgoMotionParameters()
+    flow: FlowParameters = FlowParameters()
+    stereo: StereoParameters = StereoParameters()
+    motion: MotionParameters = MotionParameters()
+    clustering: ClusteringParameters = ClusteringParameters()
+    tracking: TrackingParameters = TrackingParameters()
+
+    def flat(self) -> dict[str, ParameterValue]:
+        """All values by dotted name, in the order of declaration."""
+        return {
+            f"{group}.{name}": value
+            for group, values in self.model_dump().items()
+            for name, value in values.items()
+        }
+
+    def changed(self, changes: Mapping[str, Any]) -> Self:
+        """A copy with some values replaced, all or nothing.
+
+        Args:
+            changes: dotted name -> new value.
+
+        Raises:
+            ParameterError: naming every refused field and its range; nothing is changed.
+        """
+        known = self.flat()
+        problems = {
+            name: f"there is no such parameter{_did_you_mean(name, known)}"
+            for name in changes
+            if name not in known
+        }
+        nested: dict[str, dict[str, Any]] = self.model_dump()
+        for dotted, value in changes.items():
+            if dotted in known:
+                group, name = dotted.split(".")
+                nested[group][name] = value
+        try:
+            result = type(self).model_validate(nested)
+        except ValidationError as error:
+            for detail in error.errors(include_url=False, include_context=False):
+                dotted = ".".join(str(part) for part in detail["loc"][:2])
+                problems[dotted] = describe_range(dotted)
+        if problems:
+            raise ParameterError(problems)
+        return result
+
+    def difference(self, other: Parameters) -> dict[str, ParameterValue]:
+        """The values of ``other`` that differ from these, by dotted name."""
+        mine = self.flat()
+        return {name: value for name, value in other.flat().items() if mine[name] != value}
+
+
+def parameter_schema() -> list[dict[str, Any]]:
+    """One entry per parameter, in order: what a form or a table needs to know of it.
+
+    Keys: ``name, group, group_help, title, help, type`` (``number``, ``integer``, ``boolean``,
+    ``choice``), ``unit, default``, and ``minimum, maximum, step`` or ``choices``.
+    """
+    entries: list[dict[str, Any]] = []
+    for group, group_field in Parameters.model_fields.items():
+        stage = group_field.annotation
+        assert isinstance(stage, type)
+        assert issubclass(stage, BaseModel)
+        for name, schema in stage.model_json_schema()["properties"].items():
+            entry = {
+                "name": f"{group}.{name}",
+                "group": group,
+                "group_help": stage.__doc__ or "",
+                "title": schema["title"],
+                "help": schema["description"],
+                "unit": schema["unit"],
+                "default": schema["default"],
+            }
+            if "enum" in schema:
+                entry |= {"type": "choice", "choices": schema["enum"]}
+            elif schema["type"] == "boolean":
+                entry |= {"type": "boolean"}
+            else:
+                entry |= {
+                    "type": schema["type"],
+                    "minimum": schema["minimum"],
+                    "maximum": schema["maximum"],
+                    "step": schema["step"],
+                }
+            entries.append(entry)
+    return entries
+
+
+def describe_range(dotted: str) -> str:
+    """One sentence that states which values a parameter takes."""
+    for entry in parameter_schema():
+        if entry["name"] != dotted:
+            continue
+        if entry["type"] == "choice":
+            return f"must be one of {', '.join(entry['choices'])}"
+        if entry["type"] == "boolean":
+            return "must be true or false"
+        kind = "a whole number" if entry["type"] == "integer" else "a finite number"
+        unit = f" {entry['unit']}" if entry["unit"] else ""
+        return f"must be {kind} from {entry['minimum']:g} to {entry['maximum']:g}{unit}"
+    raise InputError(f"there is no parameter named {dotted!r}")
+
+
+def _did_you_mean(name: str, known: Mapping[str, Any]) -> str:
+    import difflib
+
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+# The method exactly as published, and the best we have. Only what differs from the declaration.
+_PRESETS: dict[str, dict[str, ParameterValue]] = {
+    "paper": {},
+    "default": {"matching.method": "klt"},
+}
+PRESET_HELP: dict[str, str] = {
+    "paper": "The method as published: FAST, descriptor matching, affine RANSAC, raw displacement.",
+    "default": "The best we have.",
+}
+
+
+def preset(name: str) -> Parameters:
+    """The parameters of a named preset.
+
+    Raises:
+        InputError: there is no such preset; the sentence lists those there are.
+    """
+    if name not in _PRESETS:
+        raise InputError(f"there is no preset {name!r}; there are: {', '.join(_PRESETS)}")
+    return Parameters().changed(_PRESETS[name])
+
+
+def preset_names() -> tuple[str, ...]:
+    """The presets' names, ``default`` last."""
+    return tuple(_PRESETS)

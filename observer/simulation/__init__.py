@@ -1,0 +1,1 @@
+"""The simulated lab: a world, its rendering, its source and its truth."""

@@ -1,0 +1,1 @@
+"""The method's stages, one file each; none knows another."""

@@ -1,0 +1,1 @@
+"""What really moved, for comparison only."""

@@ -1,0 +1,52 @@
+"""What a source of truth is: motion capture, a simulator, a file; never seen by the method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from observer.geometry import Float64Array, Pose
+
+
+@dataclass(frozen=True, eq=False)
+class TrueBody:
+    """One body's true state at one instant, in the observer's world frame.
+
+    The world frame is the camera frame (x right, y down, z forward) at the source's first frame.
+
+    Attributes:
+        id: the body's number. name: its name, for people. role: ``observer`` or ``obstacle``.
+        position: (3,) metres, the body's centre. velocity: (3,) m/s.
+        size: (3,) metres, length (along its heading), width, height.
+        yaw: heading in the world's x-z plane, radians: the body drives towards
+            (sin yaw, 0, cos yaw), so 0 is straight ahead and positive is to the right.
+        visible: share of the body that the left camera sees, 0 to 1; None where unknown.
+        commanded_speed: m/s as commanded to the robot, None where unknown.
+    """
+
+    id: int
+    name: str
+    role: str
+    position: Float64Array
+    velocity: Float64Array
+    size: Float64Array
+    yaw: float
+    visible: float | None
+    commanded_speed: float | None
+
+    @property
+    def speed(self) -> float:
+        """m/s."""
+        return float((self.velocity @ self.velocity) ** 0.5)
+
+
+class Truth(Protocol):
+    """True states over time, on the source's clock."""
+
+    def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        """Every body known at ``time``; a body without data there is left out (a gap)."""
+        ...
+
+    def camera_pose(self, time: float) -> Pose | None:
+        """``T_world_camera``, or None where unknown."""
+        ...

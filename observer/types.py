@@ -1,0 +1,250 @@
+"""The data that passes from stage to stage: frozen, checked at the door, with its validity.
+
+A value that is not known is ``None`` beside a status, never a zero or an identity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array, Pose
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class StereoFrame:
+    """One pair of images, as a source delivered it. It carries no truth.
+
+    Attributes:
+        index: number of the frame within its source's playing, counted from 0; gaps are drops.
+        time: exposure of the left image on the source's own clock, seconds.
+        left, right: (H, W) grey or (H, W, 3) BGR uint8, equal sizes, not yet rectified.
+        received: the host's monotonic clock at reception, seconds; for age and latency only.
+        right_time: exposure of the right image, seconds; None where it is that of the left.
+
+    Raises:
+        ValueError: the images differ in size, are empty or not 8 bit, or a time is not finite.
+    """
+
+    index: int
+    time: float
+    left: Image
+    right: Image
+    received: float
+    right_time: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("left", "right"):
+            image = getattr(self, name)
+            if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.size == 0:
+                raise ValueError(f"the {name} image must be 8 bit, grey or BGR, and not empty")
+            if image.ndim == 3 and image.shape[2] != 3:
+                raise ValueError(f"the {name} image must have 3 channels (BGR) or be grey")
+        if self.left.shape[:2] != self.right.shape[:2]:
+            raise ValueError(
+                f"left and right must be of one size, not "
+                f"{self.left.shape[1]}x{self.left.shape[0]} and "
+                f"{self.right.shape[1]}x{self.right.shape[0]}"
+            )
+        if not (np.isfinite(self.time) and np.isfinite(self.received)):
+            raise ValueError("a frame's times must be finite")
+
+
+class Status(StrEnum):
+    """How far a result may be trusted."""
+
+    OK = "ok"
+    DEGRADED = "degraded"
+    LOST = "lost"
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """The same N scene points seen at t (previous) and t+dt (current), left rectified image.
+
+    Attributes:
+        previous: (N, 2) float32 pixels at t.
+        current: (N, 2) float32 pixels at t+dt.
+    """
+
+    previous: NDArray[np.float32]
+    current: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.previous)
+
+
+class EgoMotion(Protocol):
+    """The camera's own motion between t and t+dt, whatever its model.
+
+    ``predict`` tells where a *static* point seen at t must appear at t+dt; what is observed
+    minus what is predicted is the residual motion.
+    """
+
+    @property
+    def status(self) -> Status: ...
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the status is not ``ok``, one sentence each."""
+        ...
+
+    @property
+    def inliers(self) -> NDArray[np.bool_]:
+        """(N,) which matches follow the model: the static background."""
+        ...
+
+    @property
+    def covariance(self) -> Float64Array | None:
+        """(P, P) covariance of the model's parameters; None where it is not estimated."""
+        ...
+
+    @property
+    def homography(self) -> Float64Array | None:
+        """(3, 3) pixel map from t to t+dt of a planar model, by which images are warped.
+
+        None for models that warp no image and while the motion is lost.
+        """
+        ...
+
+    @property
+    def T_current_previous(self) -> Pose | None:
+        """The camera's motion where the model knows it; None where it does not."""
+        ...
+
+    def predict(self, px: Float64Array, disparity: Float64Array | None) -> Float64Array:
+        """Pixels (N, 2) at t+dt of static points seen at pixels (N, 2) at t.
+
+        ``disparity`` (N,) at t is needed by models that account for depth.
+        """
+        ...
+
+
+class TrackState(StrEnum):
+    """Where a track stands in its life."""
+
+    TENTATIVE = "tentative"
+    CONFIRMED = "confirmed"
+    COASTING = "coasting"
+
+
+class MotionState(StrEnum):
+    """Whether a dynamic obstacle moves at this moment."""
+
+    MOVING = "moving"
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """One dynamic obstacle at one frame.
+
+    World quantities are None where the camera's pose is unknown; those relative to the camera
+    are given always.
+
+    Attributes:
+        id: the track's number, unique within a segment.
+        position_camera: (3,) metres, camera frame at this frame: the centre as far as known.
+        velocity_camera: (3,) m/s, the obstacle's velocity over ground, in camera axes.
+        position: (3,) metres, world. velocity: (3,) m/s, world.
+        position_cov, velocity_cov: (3, 3) m^2 and (m/s)^2 in world axes, or None if unknown.
+        velocity_time: the instant the velocity belongs to, source clock, seconds.
+        speed: m/s, length of the velocity. speed_std: one standard deviation, m/s, or None.
+        size: (3,) metres, extent along the box's own axes. orientation_wxyz: the box's attitude
+            in the world, None with the pose.
+        closing_speed: m/s, positive while the range shrinks; None where the camera's own
+            velocity is unknown.
+        points: number of dynamic feature points that support it in this frame.
+        significance: how far the motion stands out, in standard deviations of the residual.
+        box_px: u0, v0, u1, v1 in the rectified left image of this frame.
+        reason: one sentence: why this counts as dynamic.
+    """
+
+    id: int
+    state: TrackState
+    motion: MotionState
+    position_camera: Float64Array
+    velocity_camera: Float64Array
+    position: Float64Array | None
+    velocity: Float64Array | None
+    position_cov: Float64Array | None
+    velocity_cov: Float64Array | None
+    velocity_time: float
+    speed: float
+    speed_std: float | None
+    size: Float64Array
+    orientation_wxyz: Float64Array | None
+    closing_speed: float | None
+    points: int
+    significance: float
+    box_px: tuple[float, float, float, float]
+    reason: str
+
+    @property
+    def range(self) -> float:
+        """Distance from the camera, metres."""
+        return float(np.linalg.norm(self.position_camera))
+
+    @property
+    def bearing(self) -> float:
+        """Angle to the right of the optical axis in the camera's x-z plane, radians."""
+        return float(np.arctan2(self.position_camera[0], self.position_camera[2]))
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """All that one call of ``Observer.observe`` found.
+
+    Attributes:
+        frame, time, received: as of the frame that was observed.
+        segment: number of the stretch that shares one world frame, counted from 0.
+        status, reasons: how far this frame may be trusted, and why not further.
+        parameters_revision: the revision of the parameters that were in force.
+        T_world_camera: the camera's pose; None where unknown.
+        obstacles: all tracks, tentative ones included.
+        timings_ms: wall time of each stage, milliseconds; diagnostics, never part of a result.
+    """
+
+    frame: int
+    time: float
+    received: float
+    segment: int
+    status: Status
+    reasons: tuple[str, ...]
+    parameters_revision: int
+    T_world_camera: Pose | None
+    obstacles: tuple[Obstacle, ...]
+    timings_ms: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def reported(self) -> tuple[Obstacle, ...]:
+        """The obstacles that are shown and written by default: confirmed and coasting ones."""
+        return tuple(o for o in self.obstacles if o.state is not TrackState.TENTATIVE)
+
+
+class Trace(Protocol):
+    """Receives every intermediate image and number of one ``observe``, by name."""
+
+    def keep(self, name: str, value: Any) -> None: ...
+
+
+class NoTrace:
+    """Keeps nothing."""
+
+    def keep(self, name: str, value: Any) -> None:
+        """Drop the value."""
+
+
+class FullTrace(dict[str, Any]):
+    """Keeps everything, as a dictionary from name to value."""
+
+    def keep(self, name: str, value: Any) -> None:
+        """Remember the value under its name."""
+        self[name] = value
