@@ -1,0 +1,62 @@
+"""The command line: ``dynamic-observer COMMAND``.
+
+Errors are one sentence on stderr; the exit code is 2 for usage and input, 1 for failed work.
+Data goes to stdout or to the named file only, progress to stderr.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import typer
+from typer.exceptions import TyperException
+
+from app.commands import benchmark, evaluate, observe, serve, simulate
+from observer.errors import DynamicObserverError, InputError
+
+EXIT_FAILED = 1
+EXIT_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+
+def build() -> typer.Typer:
+    """The command line with all its commands."""
+    cli = typer.Typer(
+        name="dynamic-observer",
+        help="Sees moving obstacles from a moving robot with two cheap cameras.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+    cli.command("serve")(serve.serve)
+    cli.command("observe")(observe.observe)
+    cli.command("evaluate")(evaluate.evaluate)
+    cli.command("simulate")(simulate.simulate)
+    cli.command("benchmark")(benchmark.benchmark)
+    return cli
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit."""
+    try:
+        code = build()(args=arguments, standalone_mode=False)
+    except InputError as error:
+        _leave(str(error), EXIT_INPUT)
+    except DynamicObserverError as error:
+        _leave(str(error), EXIT_FAILED)
+    except TyperException as error:
+        _leave(f"{error.format_message().rstrip('.')} (see --help)", EXIT_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        _leave("interrupted", EXIT_INTERRUPTED)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _leave(sentence: str, code: int) -> None:
+    print(f"dynamic-observer: {sentence}", file=sys.stderr)  # noqa: T201
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The commands of ``dynamic-observer``, one file each."""

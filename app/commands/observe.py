@@ -1,0 +1,105 @@
+"""``dynamic-observer observe``: the method over a source, as fast as it goes."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Annotated
+
+import typer
+
+from app.commands.assignments import chosen_parameters
+from app.commands.output import whole_file
+from app.commands.progress import ProgressCallback, progress_bar
+from observer.calibration.opencv_file import read_calibration_file
+from observer.errors import CalibrationError, InputError
+from observer.jsonl import observation_line
+from observer.observer import Observer
+from observer.opening import open_source
+from observer.sources.contract import SkippedFrame, Source
+
+
+def observe(
+    source: Annotated[
+        str,
+        typer.Argument(help="simulated:SCENARIO, video:LEFT,RIGHT or a folder of stereo images."),
+    ],
+    output: Annotated[
+        Path | None, typer.Option(help="File for the JSON lines, one per frame; else stdout.")
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="OpenCV calibration used instead of the source's own.")
+    ] = None,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="NAME=VALUE of a parameter; may be given more than once."),
+    ] = None,
+    preset: Annotated[str, typer.Option(help="Parameters to start from: default or paper.")] = (
+        "default"
+    ),
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="Stop after this many frames.")
+    ] = None,
+    tentative: Annotated[
+        bool, typer.Option("--tentative", help="Write obstacles that are not confirmed, too.")
+    ] = False,
+) -> None:
+    """Observe a source from its first frame to its last and write one JSON line per frame."""
+    parameters = chosen_parameters(preset, assignments or [])
+    opened = open_source(source).source
+    try:
+        used = read_calibration_file(calibration) if calibration else opened.calibration
+        if used is None:
+            raise CalibrationError(
+                f"{source} brings no calibration; name one with --calibration FILE "
+                f"(OpenCV YAML with K1 D1 K2 D2 R T)"
+            )
+        observer = Observer(used, parameters)
+        with _writer(output) as file, progress_bar(f"observing {source}") as progress:
+            skipped = _observe_all(opened, observer, file, progress, frames, tentative)
+    finally:
+        opened.close()
+    if skipped:
+        shown = "; ".join(f"{s.index}: {s.reason}" for s in skipped[:5])
+        more = f"; and {len(skipped) - 5} more" if len(skipped) > 5 else ""
+        typer.echo(f"skipped {len(skipped)} frame(s): {shown}{more}", err=True)
+
+
+def _observe_all(
+    source: Source,
+    observer: Observer,
+    file: IO[str],
+    progress: ProgressCallback,
+    limit: int | None,
+    tentative: bool,
+) -> list[SkippedFrame]:
+    """Write one line per readable frame; the frames that could not be read are returned."""
+    skipped: list[SkippedFrame] = []
+    observed = 0
+    while limit is None or observed < limit:
+        frame = source.read()
+        if frame is None:
+            break
+        if isinstance(frame, SkippedFrame):
+            skipped.append(frame)
+            continue
+        line = observation_line(observer.observe(frame), tentative=tentative)
+        file.write(json.dumps(line, allow_nan=False) + "\n")
+        observed += 1
+        progress(observed, limit or source.info.frame_count)
+    if observed == 0:
+        reasons = f": {skipped[0].reason}" if skipped else ""
+        raise InputError(f"{source.info.spec} has no frame that could be read{reasons}")
+    return skipped
+
+
+@contextlib.contextmanager
+def _writer(path: Path | None) -> Iterator[IO[str]]:
+    if path is None:
+        yield sys.stdout
+        return
+    with whole_file(path) as file:
+        yield file
