@@ -1,0 +1,47 @@
+"""What outlives the process: runs, speeds, parameters, presets, calibrations, settings.
+
+``Storage`` is the only door. It is synchronous and thread-safe; the server calls it from worker
+threads. SQLite (write-ahead log) in one file is the default, any SQLAlchemy URL may take its place.
+"""
+
+from __future__ import annotations
+
+from app.storage.errors import (
+    StorageBusy,
+    StorageCorrupt,
+    StorageError,
+    StorageExists,
+    StorageFull,
+    StorageMissing,
+)
+from app.storage.records import (
+    CalibrationRecord,
+    ParameterRevision,
+    PresetRecord,
+    RunRecord,
+    RunState,
+    SavedParameters,
+    SpeedRow,
+    calibration_id,
+    utc_now,
+)
+from app.storage.storage import Storage
+
+__all__ = [
+    "CalibrationRecord",
+    "ParameterRevision",
+    "PresetRecord",
+    "RunRecord",
+    "RunState",
+    "SavedParameters",
+    "SpeedRow",
+    "Storage",
+    "StorageBusy",
+    "StorageCorrupt",
+    "StorageError",
+    "StorageExists",
+    "StorageFull",
+    "StorageMissing",
+    "calibration_id",
+    "utc_now",
+]

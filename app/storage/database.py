@@ -1,0 +1,208 @@
+"""Opening one database, and sessions on it whose errors speak the storage's language."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, Self
+
+import structlog
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
+from sqlalchemy.exc import ArgumentError, DBAPIError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+from sqlalchemy.orm import Session
+
+from app.storage.errors import StorageBusy, StorageError, storage_error
+from app.storage.integrity import move_aside_if_damaged
+from app.storage.migration import upgrade
+
+log = structlog.get_logger(__name__)
+
+BUSY_TIMEOUT_S = 5.0
+
+
+class Database:
+    """One database: opened, migrated, closed; reading and writing sessions for the tables' parts.
+
+    Args:
+        location: a file's path, or an SQLAlchemy URL (``sqlite:////data/observer.sqlite``).
+        busy_timeout_s: how long a call waits for another writer before ``StorageBusy``.
+
+    Attributes:
+        warnings: sentences for the person who started the server, filled by ``open``.
+    """
+
+    def __init__(self, location: str | Path, *, busy_timeout_s: float = BUSY_TIMEOUT_S) -> None:
+        self._url = _url(location)
+        self._busy_timeout_s = busy_timeout_s
+        self._engine: Engine | None = None
+        # Writers of this process queue here; SQLite's own lock only arbitrates between processes,
+        # by polling, which starves whoever sleeps longest.
+        self._write_lock = threading.Lock()
+        self.warnings: tuple[str, ...] = ()
+
+    @property
+    def where(self) -> str:
+        """The database as a person is told of it: a path, or a URL without its password."""
+        file = self.file
+        return str(file) if file else self._url.render_as_string(hide_password=True)
+
+    @property
+    def file(self) -> Path | None:
+        """The SQLite file; None for a database server."""
+        if self._url.get_backend_name() != "sqlite":
+            return None
+        return Path(str(self._url.database))
+
+    def open(self) -> Self:
+        """Make the database ready: damaged files aside, migrations applied. Idempotent.
+
+        Raises:
+            StorageBusy: another program holds it.
+            StorageError: it cannot be made or read, or belongs to a newer version.
+        """
+        if self._engine is not None:
+            return self
+        if self.file is not None:
+            self._prepare_file(self.file)
+        try:
+            engine = _engine(self._url, self._busy_timeout_s)
+        except ModuleNotFoundError as error:
+            raise StorageError(
+                f"the database {self.where} needs the Python package {error.name}; "
+                f"install it with pip install {error.name}"
+            ) from error
+        try:
+            with self._translated():
+                upgrade(engine, self.file)
+        except BaseException:
+            engine.dispose()
+            raise
+        self._engine = engine
+        return self
+
+    def close(self) -> None:
+        """Give all connections back. Idempotent; waits for a write that is under way."""
+        with self._write_lock:
+            engine, self._engine = self._engine, None
+        if engine is not None:
+            engine.dispose()
+
+    def __enter__(self) -> Self:
+        return self.open()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @contextmanager
+    def _reading(self) -> Iterator[Session]:
+        with self._translated(), Session(self._opened(), expire_on_commit=False) as session:
+            yield session
+
+    @contextmanager
+    def _writing(self) -> Iterator[Session]:
+        """One transaction: committed at the end, nothing of it kept on an error."""
+        if not self._write_lock.acquire(timeout=self._busy_timeout_s):
+            raise StorageBusy(
+                f"the database {self.where} is busy with another write; try again later"
+            )
+        try:
+            engine = self._opened().execution_options(writes=True)
+            with self._translated(), Session(engine) as session, session.begin():
+                yield session
+        finally:
+            self._write_lock.release()
+
+    def _opened(self) -> Engine:
+        if self._engine is None:
+            raise StorageError(f"the database {self.where} is not open; call open() first")
+        return self._engine
+
+    @contextmanager
+    def _translated(self) -> Iterator[None]:
+        try:
+            yield
+        except DBAPIError as error:
+            raise storage_error(error, self.where) from error
+        except PoolTimeoutError as error:
+            raise StorageBusy(
+                f"too many readers use the database {self.where} at once; try again later"
+            ) from error
+
+    def _prepare_file(self, file: Path) -> None:
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StorageError(
+                f"the folder {file.parent} for the database cannot be made ({error.strerror}); "
+                "choose a folder that you may write to"
+            ) from error
+        moved = move_aside_if_damaged(file, self._busy_timeout_s)
+        if moved is not None:
+            sentence = (
+                f"the database {file} was damaged ({moved.reason}); "
+                f"it is kept as {moved.kept_as} and a new one was begun"
+            )
+            log.warning(
+                "database_moved_aside",
+                file=str(file),
+                kept_as=str(moved.kept_as),
+                reason=moved.reason,
+            )
+            self.warnings = (*self.warnings, sentence)
+
+
+def _url(location: str | Path) -> URL:
+    text = str(location)
+    if "://" not in text:
+        if text == ":memory:":
+            raise StorageError("the storage needs a file or a database URL, not :memory:")
+        return URL.create("sqlite", database=str(Path(text).expanduser().absolute()))
+    try:
+        url = make_url(text)
+    except ArgumentError as error:
+        raise StorageError(
+            "the database URL is not understood; it looks like "
+            "sqlite:////folder/file.sqlite or postgresql+psycopg://user@host/name"
+        ) from error
+    if url.get_backend_name() == "sqlite" and url.database in (None, "", ":memory:"):
+        raise StorageError(
+            "a database in memory cannot be shared by threads; "
+            "name a file, as in sqlite:////folder/file.sqlite"
+        )
+    return url
+
+
+def _engine(url: URL, busy_timeout_s: float) -> Engine:
+    options: dict[str, Any] = {
+        "json_serializer": partial(json.dumps, allow_nan=False, ensure_ascii=False),
+        "pool_timeout": busy_timeout_s,
+    }
+    if url.get_backend_name() != "sqlite":
+        return create_engine(url, pool_pre_ping=True, **options)
+    engine = create_engine(url, connect_args={"timeout": busy_timeout_s}, **options)
+    event.listen(engine, "connect", _on_sqlite_connect)
+    event.listen(engine, "begin", _on_sqlite_begin)
+    return engine
+
+
+def _on_sqlite_connect(connection: Any, _record: object) -> None:
+    # We say BEGIN ourselves: the driver's own leaves DDL outside transactions.
+    connection.isolation_level = None
+    cursor = connection.cursor()
+    # With a write-ahead log, NORMAL survives the process's death at any moment without loss;
+    # a power cut may lose the last transactions but never damages the file.
+    for pragma in ("journal_mode=WAL", "synchronous=NORMAL", "foreign_keys=ON"):
+        cursor.execute(f"PRAGMA {pragma}")
+    cursor.close()
+
+
+def _on_sqlite_begin(connection: Connection) -> None:
+    # A writer takes the lock at once: a reader that turns writer half-way is refused without
+    # waiting when somebody else wrote in between.
+    writes = connection.get_execution_options().get("writes", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

@@ -1,0 +1,82 @@
+"""Errors of the storage, and how a database driver's codes become them."""
+
+from __future__ import annotations
+
+import sqlite3
+
+from sqlalchemy.exc import DBAPIError
+
+from observer.errors import DynamicObserverError
+
+
+class StorageError(DynamicObserverError):
+    """The database cannot be used as asked; the message says what would help."""
+
+
+class StorageBusy(StorageError):
+    """Somebody else holds the database; the same call may succeed later."""
+
+
+class StorageFull(StorageError):
+    """The disk (or the quota) is full; nothing of the refused call was written."""
+
+
+class StorageCorrupt(StorageError):
+    """The file was damaged while it was open; it is moved aside at the next start."""
+
+
+class StorageMissing(StorageError):
+    """A record that the call names or refers to is not there."""
+
+
+class StorageExists(StorageError):
+    """A record of that name is there already."""
+
+
+# PostgreSQL's codes: https://www.postgresql.org/docs/current/errcodes-appendix.html
+_BY_SQLSTATE: dict[str, type[StorageError]] = {
+    "53100": StorageFull,
+    "55P03": StorageBusy,
+    "40001": StorageBusy,
+    "40P01": StorageBusy,
+    "23503": StorageMissing,
+    "23505": StorageExists,
+}
+_BY_SQLITE_EXTENDED: dict[int, type[StorageError]] = {
+    sqlite3.SQLITE_CONSTRAINT_FOREIGNKEY: StorageMissing,
+    sqlite3.SQLITE_CONSTRAINT_PRIMARYKEY: StorageExists,
+    sqlite3.SQLITE_CONSTRAINT_UNIQUE: StorageExists,
+}
+_BY_SQLITE_PRIMARY: dict[int, type[StorageError]] = {
+    sqlite3.SQLITE_BUSY: StorageBusy,
+    sqlite3.SQLITE_LOCKED: StorageBusy,
+    sqlite3.SQLITE_FULL: StorageFull,
+    sqlite3.SQLITE_CORRUPT: StorageCorrupt,
+    sqlite3.SQLITE_NOTADB: StorageCorrupt,
+}
+_SENTENCES: dict[type[StorageError], str] = {
+    StorageBusy: "the database {where} is locked by another program; close it or try again",
+    StorageFull: "no space is left to write the database {where}; free some disk space",
+    StorageCorrupt: (
+        "the database {where} is damaged; restart, and it is moved aside and a new one begun"
+    ),
+    StorageMissing: "a record refers to another one that is not in the database {where}",
+    StorageExists: "a record with this name or id is already in the database {where}",
+}
+
+
+def storage_error(error: DBAPIError, where: str) -> StorageError:
+    """The storage's own error for a driver's error; ``where`` names the database to a person."""
+    kind = _kind(error.orig)
+    if kind is None:
+        return StorageError(f"the database {where} refused the request: {error.orig}")
+    return kind(_SENTENCES[kind].format(where=where))
+
+
+def _kind(cause: BaseException | None) -> type[StorageError] | None:
+    code = getattr(cause, "sqlite_errorcode", None)
+    if isinstance(code, int):
+        # The low byte of an extended result code is its primary code.
+        return _BY_SQLITE_EXTENDED.get(code) or _BY_SQLITE_PRIMARY.get(code & 0xFF)
+    state = getattr(cause, "sqlstate", None)
+    return _BY_SQLSTATE.get(state) if isinstance(state, str) else None

@@ -1,0 +1,91 @@
+"""Is an SQLite file sound? If not, it is moved aside, never deleted."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from app.storage.errors import StorageBusy, StorageError
+
+# A write-ahead log belongs to its database by name and moves with it.
+_COMPANIONS = ("", "-wal", "-shm")
+
+
+@dataclass(frozen=True)
+class MovedAside:
+    kept_as: Path
+    reason: str
+
+
+def move_aside_if_damaged(file: Path, timeout_s: float) -> MovedAside | None:
+    """Check the file; when it is damaged, rename it (and its log) beside itself.
+
+    Raises:
+        StorageBusy: another program holds it, so that nothing can be said.
+        StorageError: it cannot be read or renamed at all (permissions, a folder).
+    """
+    if not file.exists():
+        return None
+    reason = _damage(file, timeout_s)
+    if reason is None:
+        return None
+    kept_as = name_beside(file, "corrupt")
+    try:
+        for ending in _COMPANIONS:
+            companion = file.with_name(file.name + ending)
+            if companion.exists():
+                companion.rename(kept_as.with_name(kept_as.name + ending))
+    except OSError as error:
+        raise StorageError(
+            f"the database {file} is damaged and cannot be moved aside ({error.strerror}); "
+            "move it away by hand"
+        ) from error
+    return MovedAside(kept_as, reason)
+
+
+def name_beside(file: Path, why: str) -> Path:
+    """A free name beside a file: ``observer.sqlite`` -> ``observer.corrupt-<UTC>.sqlite``."""
+    stamp = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+    name = file.with_name(f"{file.stem}.{why}-{stamp}{file.suffix}")
+    number = 1
+    while name.exists():
+        number += 1
+        name = file.with_name(f"{file.stem}.{why}-{stamp}-{number}{file.suffix}")
+    return name
+
+
+def copy_database(file: Path, copy: Path) -> None:
+    """Copy a database that may be open elsewhere, its write-ahead log included."""
+    try:
+        with closing(sqlite3.connect(file)) as source, closing(sqlite3.connect(copy)) as target:
+            source.backup(target)
+    except sqlite3.Error as error:
+        copy.unlink(missing_ok=True)
+        raise StorageError(
+            f"the database {file} cannot be copied to {copy} before its migration ({error}); "
+            "free some disk space or make the folder writable"
+        ) from error
+
+
+def _damage(file: Path, timeout_s: float) -> str | None:
+    try:
+        with closing(sqlite3.connect(file, timeout=timeout_s)) as connection:
+            # quick_check reads every page but leaves the indices' contents out: a tenth of the
+            # time of integrity_check, and what it misses costs no data.
+            (answer,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    except sqlite3.DatabaseError as error:
+        code = error.sqlite_errorcode & 0xFF
+        if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+            return str(error)
+        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            raise StorageBusy(
+                f"the database {file} is locked by another program; close it or try again"
+            ) from error
+        raise StorageError(
+            f"the database {file} cannot be opened ({error}); "
+            "choose a file in a folder that you may write to"
+        ) from error
+    return None if answer == "ok" else str(answer).replace("\n", " ")

@@ -1,0 +1,97 @@
+"""The tables. A change here needs a migration in ``migrations/versions``; a test compares them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import JSON, Float, ForeignKey, Index, MetaData, String, Text
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+_ISO_TIME = String(32)
+_ID = String(64)
+
+
+class Base(DeclarativeBase):
+    # Named constraints can be altered by later migrations on every database.
+    metadata = MetaData(
+        naming_convention={
+            "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+            "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+            "fk": "fk_%(table_name)s_%(column_0_N_name)s_%(referred_table_name)s",
+            "pk": "pk_%(table_name)s",
+        }
+    )
+    type_annotation_map = {dict[str, Any]: JSON, dict[str, str]: JSON}  # noqa: RUF012
+
+
+class Calibration(Base):
+    __tablename__ = "calibrations"
+
+    id: Mapped[str] = mapped_column(_ID, primary_key=True)
+    name: Mapped[str] = mapped_column(String(200))
+    text: Mapped[str] = mapped_column(Text)
+    created_at: Mapped[str] = mapped_column(_ISO_TIME)
+    info: Mapped[dict[str, Any]]
+    listed: Mapped[bool]
+
+
+class Run(Base):
+    __tablename__ = "runs"
+
+    id: Mapped[str] = mapped_column(_ID, primary_key=True)
+    name: Mapped[str] = mapped_column(String(200))
+    state: Mapped[str] = mapped_column(String(20), index=True)
+    source: Mapped[str] = mapped_column(Text)
+    calibration_id: Mapped[str | None] = mapped_column(ForeignKey(Calibration.id), index=True)
+    preset: Mapped[str | None] = mapped_column(String(200))
+    parameters: Mapped[dict[str, Any]]
+    started_at: Mapped[str] = mapped_column(_ISO_TIME, index=True)
+    updated_at: Mapped[str] = mapped_column(_ISO_TIME)
+    ended_at: Mapped[str | None] = mapped_column(_ISO_TIME)
+    frames: Mapped[int]
+    segments: Mapped[int]
+    versions: Mapped[dict[str, str]]
+    reason: Mapped[str | None] = mapped_column(Text)
+
+
+class Speed(Base):
+    __tablename__ = "speeds"
+    # Rows of a run come back in the order of writing: source time starts anew when a file loops.
+    __table_args__ = (Index(None, "run_id", "id"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    run_id: Mapped[str] = mapped_column(ForeignKey(Run.id, ondelete="CASCADE"))
+    time: Mapped[float] = mapped_column(Float(53))
+    role: Mapped[str] = mapped_column(String(20))
+    source: Mapped[str] = mapped_column(String(20))
+    track_id: Mapped[int | None]
+    speed: Mapped[float | None] = mapped_column(Float(53))
+    std: Mapped[float | None] = mapped_column(Float(53))
+    segment: Mapped[int]
+
+
+class Revision(Base):
+    __tablename__ = "parameter_revisions"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    run_id: Mapped[str | None] = mapped_column(ForeignKey(Run.id, ondelete="CASCADE"), index=True)
+    frame: Mapped[int | None]
+    revision: Mapped[int]
+    difference: Mapped[dict[str, Any]]
+    created_at: Mapped[str] = mapped_column(_ISO_TIME)
+
+
+class Preset(Base):
+    __tablename__ = "presets"
+
+    name: Mapped[str] = mapped_column(String(200), primary_key=True)
+    values: Mapped[dict[str, Any]]
+    help: Mapped[str] = mapped_column(Text)
+    created_at: Mapped[str] = mapped_column(_ISO_TIME)
+
+
+class Setting(Base):
+    __tablename__ = "settings"
+
+    key: Mapped[str] = mapped_column(String(200), primary_key=True)
+    value: Mapped[Any] = mapped_column(JSON)

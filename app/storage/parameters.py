@@ -1,0 +1,106 @@
+"""Parameters as they were left, their revisions, and the presets that people saved."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import select
+
+from app.storage.database import Database
+from app.storage.errors import StorageExists
+from app.storage.models import Preset, Revision
+from app.storage.records import ParameterRevision, PresetRecord, SavedParameters, utc_now
+from app.storage.settings import read_setting, write_setting
+
+_CURRENT = "parameters.current"
+
+
+class ParameterTables(Database):
+    """Values are flat maps, dotted name -> JSON value; what they mean is not known here."""
+
+    def save_parameters(self, revision: int, values: dict[str, Any], preset: str | None) -> None:
+        """Keep the parameters now in force; the next start begins with them."""
+        with self._writing() as session:
+            current = {"revision": revision, "values": values, "preset": preset}
+            write_setting(session, _CURRENT, current)
+
+    def load_parameters(self) -> SavedParameters | None:
+        """The parameters as they were left; None in a new database."""
+        with self._reading() as session:
+            current = read_setting(session, _CURRENT)
+        return None if current is None else SavedParameters(**current)
+
+    def record_parameter_revision(
+        self, run_id: str | None, frame: int | None, revision: int, difference: dict[str, Any]
+    ) -> ParameterRevision:
+        """Note that from ``frame`` on the values in ``difference`` hold.
+
+        Raises:
+            StorageMissing: there is no such run.
+        """
+        record = ParameterRevision(run_id, frame, revision, dict(difference), utc_now())
+        with self._writing() as session:
+            session.add(
+                Revision(
+                    run_id=record.run_id,
+                    frame=record.frame,
+                    revision=record.revision,
+                    difference=record.difference,
+                    created_at=record.created_at,
+                )
+            )
+        return record
+
+    def parameter_revisions(self, run_id: str | None) -> list[ParameterRevision]:
+        """The changes during a run (``None``: those outside of any run), oldest first."""
+        query = select(Revision).where(Revision.run_id == run_id).order_by(Revision.id)
+        with self._reading() as session:
+            return [
+                ParameterRevision(
+                    row.run_id, row.frame, row.revision, row.difference, row.created_at
+                )
+                for row in session.scalars(query)
+            ]
+
+    def save_preset(
+        self, name: str, values: dict[str, Any], *, help: str = "", replace: bool = False
+    ) -> PresetRecord:
+        """Keep values under a name.
+
+        Raises:
+            StorageExists: the name is taken and ``replace`` is not set.
+        """
+        with self._writing() as session:
+            row = session.get(Preset, name)
+            if row is not None and not replace:
+                raise StorageExists(
+                    f'a preset named "{name}" is there already; choose another name or delete it'
+                )
+            if row is None:
+                row = Preset(name=name, created_at=utc_now())
+                session.add(row)
+            row.values = dict(values)
+            row.help = help
+            return _preset(row)
+
+    def get_preset(self, name: str) -> PresetRecord | None:
+        with self._reading() as session:
+            row = session.get(Preset, name)
+            return None if row is None else _preset(row)
+
+    def list_presets(self) -> list[PresetRecord]:
+        """All saved presets by name."""
+        with self._reading() as session:
+            return [_preset(row) for row in session.scalars(select(Preset).order_by(Preset.name))]
+
+    def delete_preset(self, name: str) -> bool:
+        """Forget a preset; False when there was none."""
+        with self._writing() as session:
+            row = session.get(Preset, name)
+            if row is not None:
+                session.delete(row)
+            return row is not None
+
+
+def _preset(row: Preset) -> PresetRecord:
+    return PresetRecord(name=row.name, values=row.values, created_at=row.created_at, help=row.help)

@@ -1,0 +1,44 @@
+"""Small values by key, each of them JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from app.storage.database import Database
+from app.storage.models import Setting
+
+
+class SettingTables(Database):
+    """What the server or a person chose, and finds again after a restart."""
+
+    def get_setting(self, key: str, default: Any = None) -> Any:
+        with self._reading() as session:
+            return read_setting(session, key, default)
+
+    def set_setting(self, key: str, value: Any) -> None:
+        """Keep a JSON value (finite numbers only); ``None`` forgets the key."""
+        with self._writing() as session:
+            write_setting(session, key, value)
+
+    def list_settings(self) -> dict[str, Any]:
+        with self._reading() as session:
+            return {row.key: row.value for row in session.query(Setting).order_by(Setting.key)}
+
+
+def read_setting(session: Session, key: str, default: Any = None) -> Any:
+    row = session.get(Setting, key)
+    return default if row is None else row.value
+
+
+def write_setting(session: Session, key: str, value: Any) -> None:
+    """Within a caller's transaction, so that it holds together with what else is written."""
+    row = session.get(Setting, key)
+    if value is None:
+        if row is not None:
+            session.delete(row)
+    elif row is None:
+        session.add(Setting(key=key, value=value))
+    else:
+        row.value = value
