@@ -1,0 +1,363 @@
+"""Truth as a table, ``truth.csv``: one row for each body at each frame, in the world frame.
+
+Columns: ``frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw`` (metres, m/s, radians,
+seconds on the source's clock; sizes are length, width, height as in ``TrueBody``), and optionally
+``name,role,commanded_speed`` and ``T_world_camera`` as ``camera_x`` ... ``camera_qw`` ....
+Further columns are ignored. An empty ``visible`` or ``commanded_speed`` is unknown, an empty
+position says that the body was not seen at that instant, an empty id leaves only the camera.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from observer.errors import TruthError
+from observer.geometry import Float64Array, Pose
+from observer.truth.contract import TrueBody
+
+_REQUIRED = (
+    "frame", "t", "id", "x", "y", "z", "vx", "vy", "vz",
+    "visible", "size_x", "size_y", "size_z", "yaw",
+)  # fmt: skip
+_CAMERA = (
+    "camera_x", "camera_y", "camera_z", "camera_qw", "camera_qx", "camera_qy", "camera_qz",
+)  # fmt: skip
+_COLUMNS = (*_REQUIRED, "name", "role", "commanded_speed", *_CAMERA)
+_ROLES = ("obstacle", "observer")
+
+# Between samples further apart than this nothing is known: a gap.
+_MAX_GAP_FRAMES = 3.0
+# This close to a sample, the sample speaks even at the edge of a gap.
+_HOLD_FRAMES = 0.5
+
+_Sample = TypeVar("_Sample")
+
+
+@dataclass(frozen=True, eq=False)
+class TruthSample:
+    """All that is truly known at one frame.
+
+    Attributes:
+        frame: the frame's number in its source. time: seconds on the source's clock.
+        bodies: every body seen at that instant.
+        camera_pose: ``T_world_camera``, None where unknown.
+    """
+
+    frame: int
+    time: float
+    bodies: tuple[TrueBody, ...]
+    camera_pose: Pose | None = None
+
+
+def write_truth_csv(path: Path | str, rows: Iterable[TruthSample]) -> None:
+    """Write samples so that ``CsvTruth`` reads every digit back.
+
+    Raises:
+        TruthError: the file cannot be written.
+    """
+    try:
+        with Path(path).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, _COLUMNS, restval="", lineterminator="\n")
+            writer.writeheader()
+            for sample in rows:
+                common = {"frame": str(sample.frame), "t": repr(float(sample.time))}
+                common |= _camera_cells(sample.camera_pose)
+                writer.writerows(common | _body_cells(body) for body in sample.bodies)
+                if not sample.bodies:
+                    writer.writerow(common)
+    except OSError as error:
+        raise TruthError(f"{path} cannot be written: {error.strerror}") from None
+
+
+class CsvTruth:
+    """The truth of a ``truth.csv``, at any instant.
+
+    Between two samples at most three frames apart values are interpolated linearly (a pose's
+    rotation along the shortest arc); in longer gaps a body or pose is only known within half a
+    frame of a sample. A frame is the median distance of that thing's samples.
+
+    Raises:
+        TruthError: the file cannot be read; the sentence names the line and the column.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        path = Path(path)
+        try:
+            with path.open(newline="", encoding="utf-8-sig") as file:
+                self._samples = _read_samples(file, path.name)
+        except OSError as error:
+            raise TruthError(f"{path} cannot be read: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise TruthError(f"{path.name}: the file must be UTF-8 text") from None
+        times = [sample.time for sample in self._samples]
+        self._camera = _Series(times, [sample.camera_pose for sample in self._samples])
+        by_id = [{body.id: body for body in sample.bodies} for sample in self._samples]
+        self._series = [
+            _Series(times, [bodies.get(id_) for bodies in by_id])
+            for id_ in sorted(set().union(*by_id))
+        ]
+
+    @property
+    def samples(self) -> tuple[TruthSample, ...]:
+        """Everything in the file, one entry for each frame, by rising time."""
+        return self._samples
+
+    def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        """Every body known at ``time``, by id; a body without data there is left out (a gap)."""
+        found = []
+        for series in self._series:
+            between = series.at(time)
+            if between is not None:
+                found.append(_body_between(*between))
+        return tuple(found)
+
+    def camera_pose(self, time: float) -> Pose | None:
+        """``T_world_camera``, or None where unknown."""
+        between = self._camera.at(time)
+        return None if between is None else _pose_between(*between)
+
+
+class _Series(Generic[_Sample]):
+    """One thing's samples by rising time; instants at which it was not seen are left out."""
+
+    def __init__(self, times: Sequence[float], values: Sequence[_Sample | None]) -> None:
+        seen = [
+            (time, value) for time, value in zip(times, values, strict=True) if value is not None
+        ]
+        self._times = [time for time, _ in seen]
+        self._values = [value for _, value in seen]
+        # One sample says nothing of the rate; the file's frames do.
+        rate_times = self._times if len(self._times) > 1 else list(times)
+        self._interval = float(np.median(np.diff(rate_times))) if len(rate_times) > 1 else 0.0
+
+    def at(self, time: float) -> tuple[_Sample, _Sample, float] | None:
+        """The samples before and after ``time`` and the weight of the later one, or None."""
+        after = bisect_left(self._times, time)
+        if after < len(self._times) and self._times[after] == time:
+            return self._values[after], self._values[after], 0.0
+        if 0 < after < len(self._times):
+            start, end = self._times[after - 1], self._times[after]
+            if end - start <= _MAX_GAP_FRAMES * self._interval * (1 + 1e-9):
+                weight = (time - start) / (end - start)
+                return self._values[after - 1], self._values[after], weight
+        near = [k for k in (after - 1, after) if 0 <= k < len(self._times)]
+        if not near:
+            return None
+        nearest = min(near, key=lambda k: abs(self._times[k] - time))
+        if abs(self._times[nearest] - time) > _HOLD_FRAMES * self._interval:
+            return None
+        return self._values[nearest], self._values[nearest], 0.0
+
+
+def _body_between(a: TrueBody, b: TrueBody, weight: float) -> TrueBody:
+    if weight == 0:
+        return a
+    turn = math.remainder(b.yaw - a.yaw, 2 * math.pi)
+    known = a.visible is not None and b.visible is not None
+    return TrueBody(
+        id=a.id,
+        name=a.name,
+        role=a.role,
+        position=a.position + weight * (b.position - a.position),
+        velocity=a.velocity + weight * (b.velocity - a.velocity),
+        size=a.size,
+        yaw=a.yaw + weight * turn,
+        visible=_between(a.visible or 0.0, b.visible or 0.0, weight) if known else None,
+        # A command holds until the next one.
+        commanded_speed=a.commanded_speed,
+    )
+
+
+def _between(a: float, b: float, weight: float) -> float:
+    return a + weight * (b - a)
+
+
+def _pose_between(a: Pose, b: Pose, weight: float) -> Pose:
+    if weight == 0:
+        return a
+    turn = Rotation.from_matrix(a.rotation.T @ b.rotation).as_rotvec()
+    return Pose(
+        a.rotation @ Rotation.from_rotvec(weight * turn).as_matrix(),
+        a.translation + weight * (b.translation - a.translation),
+    )
+
+
+def _read_samples(lines: Iterable[str], name: str) -> tuple[TruthSample, ...]:
+    times: dict[int, float] = {}
+    bodies: dict[int, dict[int, TrueBody]] = {}
+    cameras: dict[int, Pose] = {}
+    for row in _rows(lines, name):
+        frame, time = row.whole("frame"), row.number("t")
+        if times.setdefault(frame, time) != time:
+            raise TruthError(
+                f"{row.where}: frame {frame} has the time {time!r}, but {times[frame]!r} in an "
+                f"earlier line; a frame has one time"
+            )
+        seen = bodies.setdefault(frame, {})
+        body = row.body()
+        if body is not None:
+            if body.id in seen:
+                raise TruthError(f"{row.where}: id {body.id} appears twice in frame {frame}")
+            seen[body.id] = body
+        camera = row.camera_pose()
+        if camera is not None:
+            cameras.setdefault(frame, camera)
+    if not times:
+        raise TruthError(f"{name}: the file holds no rows below its header")
+    frames = sorted(times)
+    for before, after in pairwise(frames):
+        if times[after] <= times[before]:
+            raise TruthError(
+                f"{name}: frame {after} has the time {times[after]!r}, which is not later than "
+                f"the {times[before]!r} of frame {before}"
+            )
+    return tuple(
+        TruthSample(
+            frame,
+            times[frame],
+            tuple(bodies[frame][id_] for id_ in sorted(bodies[frame])),
+            cameras.get(frame),
+        )
+        for frame in frames
+    )
+
+
+def _rows(lines: Iterable[str], name: str) -> Iterator[_Row]:
+    reader = csv.DictReader(lines, strict=True)
+    try:
+        missing = [column for column in _REQUIRED if column not in (reader.fieldnames or ())]
+        if missing:
+            raise TruthError(
+                f"{name}: the header lacks the column {missing[0]}; "
+                f"it must name {','.join(_REQUIRED)}"
+            )
+        some = [column for column in _CAMERA if column in (reader.fieldnames or ())]
+        if some and len(some) != len(_CAMERA):
+            raise TruthError(f"{name}: the header has {some[0]} but not all of {','.join(_CAMERA)}")
+        for cells in reader:
+            where = f"{name} line {reader.line_num}"
+            if None in cells or None in cells.values():
+                raise TruthError(
+                    f"{where}: the row must have {len(reader.fieldnames or ())} cells, "
+                    f"one for each column"
+                )
+            yield _Row(cells, where)
+    except csv.Error as error:
+        raise TruthError(
+            f"{name} line {reader.line_num}: the line is not valid CSV: {error}"
+        ) from None
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One line's cells by column, and how to name the line in a message."""
+
+    cells: Mapping[str, str]
+    where: str
+
+    def body(self) -> TrueBody | None:
+        """The line's body; None where it has no id or was not seen."""
+        if not self._text("id") or not any(self._text(c) for c in ("x", "y", "z")):
+            return None
+        visible = self._optional("visible")
+        if visible is not None and not 0 <= visible <= 1:
+            raise TruthError(f"{self.where}: visible must lie from 0 to 1, not {visible:g}")
+        size = self._vector("size_x", "size_y", "size_z")
+        if (size < 0).any():
+            raise TruthError(f"{self.where}: size_x, size_y and size_z must not be negative")
+        role = self._text("role") or "obstacle"
+        if role not in _ROLES:
+            raise TruthError(f"{self.where}: role must be {' or '.join(_ROLES)}, not {role[:40]!r}")
+        id_ = self.whole("id")
+        return TrueBody(
+            id=id_,
+            name=self._text("name") or f"body {id_}",
+            role=role,
+            position=self._vector("x", "y", "z"),
+            velocity=self._vector("vx", "vy", "vz"),
+            size=size,
+            yaw=self.number("yaw"),
+            visible=visible,
+            commanded_speed=self._optional("commanded_speed"),
+        )
+
+    def camera_pose(self) -> Pose | None:
+        """``T_world_camera`` where the line gives it."""
+        if not any(self._text(column) for column in _CAMERA):
+            return None
+        x, y, z, qw, qx, qy, qz = (self.number(column) for column in _CAMERA)
+        norm = math.hypot(qw, qx, qy, qz)
+        if abs(norm - 1) > 1e-3:
+            raise TruthError(
+                f"{self.where}: camera_qw, camera_qx, camera_qy and camera_qz must be a unit "
+                f"quaternion, but its length is {norm:g}"
+            )
+        rotation = Rotation.from_quat([qx, qy, qz, qw]).as_matrix()
+        return Pose(rotation, np.array([x, y, z]))
+
+    def number(self, column: str) -> float:
+        text = self._text(column)
+        try:
+            # float() also reads "1_000"; nobody means that in a table of measurements.
+            value = float(text.replace("_", "?"))
+        except ValueError:
+            raise TruthError(
+                f"{self.where}: {column} must be a number, not {text[:40]!r}"
+            ) from None
+        if not math.isfinite(value):
+            raise TruthError(f"{self.where}: {column} must be finite, not {text[:40]}")
+        return value
+
+    def whole(self, column: str) -> int:
+        value = self.number(column)
+        if value != int(value) or not 0 <= value <= 2**53:
+            raise TruthError(
+                f"{self.where}: {column} must be a whole number of at least 0, "
+                f"not {self._text(column)[:40]}"
+            )
+        return int(value)
+
+    def _optional(self, column: str) -> float | None:
+        return self.number(column) if self._text(column) else None
+
+    def _vector(self, *columns: str) -> Float64Array:
+        return np.array([self.number(column) for column in columns])
+
+    def _text(self, column: str) -> str:
+        return self.cells.get(column, "").strip()
+
+
+def _camera_cells(pose: Pose | None) -> dict[str, str]:
+    if pose is None:
+        return {}
+    numbers = (*pose.translation, *pose.quaternion_wxyz)
+    return {column: repr(float(v)) for column, v in zip(_CAMERA, numbers, strict=True)}
+
+
+def _body_cells(body: TrueBody) -> dict[str, str]:
+    numbers = {
+        "x": body.position[0],
+        "y": body.position[1],
+        "z": body.position[2],
+        "vx": body.velocity[0],
+        "vy": body.velocity[1],
+        "vz": body.velocity[2],
+        "size_x": body.size[0],
+        "size_y": body.size[1],
+        "size_z": body.size[2],
+        "yaw": body.yaw,
+        "visible": body.visible,
+        "commanded_speed": body.commanded_speed,
+    }
+    cells = {column: repr(float(v)) for column, v in numbers.items() if v is not None}
+    return cells | {"id": str(body.id), "name": body.name, "role": body.role}
