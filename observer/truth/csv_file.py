@@ -82,9 +82,9 @@ def write_truth_csv(path: Path | str, rows: Iterable[TruthSample]) -> None:
 class CsvTruth:
     """The truth of a ``truth.csv``, at any instant.
 
-    Between two samples at most three frames apart values are interpolated linearly (a pose's
-    rotation along the shortest arc); in longer gaps a body or pose is only known within half a
-    frame of a sample. A frame is the median distance of that thing's samples.
+    Between two frames in a row values are interpolated linearly (a pose's rotation along the
+    shortest arc). Where a body is absent from a frame, or frames lie more than three of their
+    median distance apart, is a gap: there it is only known within half a frame of a sample.
 
     Raises:
         TruthError: the file cannot be read; the sentence names the line and the column.
@@ -128,35 +128,33 @@ class CsvTruth:
 
 
 class _Series(Generic[_Sample]):
-    """One thing's samples by rising time; instants at which it was not seen are left out."""
+    """One thing's samples by rising time; None at frames at which it was not seen."""
 
     def __init__(self, times: Sequence[float], values: Sequence[_Sample | None]) -> None:
-        seen = [
-            (time, value) for time, value in zip(times, values, strict=True) if value is not None
-        ]
-        self._times = [time for time, _ in seen]
-        self._values = [value for _, value in seen]
-        # One sample says nothing of the rate; the file's frames do.
-        rate_times = self._times if len(self._times) > 1 else list(times)
-        self._interval = float(np.median(np.diff(rate_times))) if len(rate_times) > 1 else 0.0
+        self._times = times
+        self._values = values
+        self._interval = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
     def at(self, time: float) -> tuple[_Sample, _Sample, float] | None:
         """The samples before and after ``time`` and the weight of the later one, or None."""
-        after = bisect_left(self._times, time)
-        if after < len(self._times) and self._times[after] == time:
-            return self._values[after], self._values[after], 0.0
-        if 0 < after < len(self._times):
-            start, end = self._times[after - 1], self._times[after]
-            if end - start <= _MAX_GAP_FRAMES * self._interval * (1 + 1e-9):
-                weight = (time - start) / (end - start)
-                return self._values[after - 1], self._values[after], weight
-        near = [k for k in (after - 1, after) if 0 <= k < len(self._times)]
-        if not near:
-            return None
+        later = bisect_left(self._times, time)
+        if later < len(self._times) and self._times[later] == time:
+            return self._held(later)
+        if 0 < later < len(self._times):
+            before, after = self._values[later - 1], self._values[later]
+            start, end = self._times[later - 1], self._times[later]
+            close = end - start <= _MAX_GAP_FRAMES * self._interval
+            if before is not None and after is not None and close:
+                return before, after, (time - start) / (end - start)
+        near = [k for k in (later - 1, later) if 0 <= k < len(self._times)]
         nearest = min(near, key=lambda k: abs(self._times[k] - time))
         if abs(self._times[nearest] - time) > _HOLD_FRAMES * self._interval:
             return None
-        return self._values[nearest], self._values[nearest], 0.0
+        return self._held(nearest)
+
+    def _held(self, index: int) -> tuple[_Sample, _Sample, float] | None:
+        value = self._values[index]
+        return None if value is None else (value, value, 0.0)
 
 
 def _body_between(a: TrueBody, b: TrueBody, weight: float) -> TrueBody:
