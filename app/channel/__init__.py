@@ -1,0 +1,1 @@
+"""How the processes talk: latest values in shared memory, ordered messages over a socket pair."""
