@@ -1,0 +1,124 @@
+"""What every test gets: nothing left behind, a free port, the recorded data."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+SHARED_DATA = REPOSITORY.parent / "shared" / "data"
+CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
+
+# How long threads and processes may take to end after a test that ended them.
+_GRACE_S = 3.0
+# Python's own helper of shared memory and spawned processes lives until the interpreter ends.
+_PYTHON_HELPERS = ("multiprocessing.resource_tracker", "multiprocessing.forkserver")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave the browser tests out where no Chromium is, but never in CI: there it must be."""
+    if chromium() is not None or os.environ.get("CI"):
+        return
+    reason = "no Chromium on this machine: apt-get install chromium"
+    for item in items:
+        if item.get_closest_marker("browser"):
+            item.add_marker(pytest.mark.skip(reason=reason))
+
+
+def chromium() -> str | None:
+    """The path of the system's Chromium, if there is one."""
+    return next(filter(None, map(shutil.which, CHROMIUM_NAMES)), None)
+
+
+@pytest.fixture(scope="session")
+def chromium_path() -> str:
+    path = chromium()
+    if path is None:
+        pytest.fail("no Chromium on this machine: apt-get install chromium")
+    return path
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The repository's root."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of recorded data beside the repository; the test is left out without it."""
+    if not SHARED_DATA.is_dir():
+        pytest.skip(f"recorded data is not here: {SHARED_DATA} is not a folder")
+    return SHARED_DATA
+
+
+@pytest.fixture
+def free_port() -> int:
+    """A TCP port of 127.0.0.1 that nobody used a moment ago."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """No test reads or writes what the person at this machine keeps."""
+    with pytest.MonkeyPatch.context() as patch:
+        home = tmp_path_factory.mktemp("xdg")
+        for name in ("XDG_DATA_HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
+            patch.setenv(name, str(home / name.split("_")[1].lower()))
+        for name in [each for each in os.environ if each.startswith("DYNAMIC_OBSERVER_")]:
+            patch.delenv(name)
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _nothing_left_behind() -> Iterator[None]:
+    """Fail a test that leaves a child process or a non-daemon thread."""
+    processes_before = set(_children())
+    threads_before = set(threading.enumerate())
+    yield
+    deadline = time.monotonic() + _GRACE_S
+    while True:
+        processes = {
+            each: name for each, name in _children().items() if each not in processes_before
+        }
+        threads = [
+            each
+            for each in threading.enumerate()
+            if each not in threads_before and not each.daemon and each.is_alive()
+        ]
+        if not processes and not threads:
+            return
+        if time.monotonic() > deadline:
+            break
+        time.sleep(0.02)
+    for process in processes:
+        process.kill()
+    left = [f"process {each.pid} ({name})" for each, name in processes.items()]
+    left += [f"thread {each.name}" for each in threads]
+    pytest.fail("the test left behind: " + ", ".join(left))
+
+
+def _children() -> dict[psutil.Process, str]:
+    """Living descendants of this process and what they run."""
+    children = {}
+    for process in psutil.Process().children(recursive=True):
+        try:
+            if process.status() == psutil.STATUS_ZOMBIE:
+                continue
+            command = " ".join(process.cmdline())
+        except psutil.NoSuchProcess:
+            continue
+        if not any(helper in command for helper in _PYTHON_HELPERS):
+            children[process] = command[:200]
+    return children
