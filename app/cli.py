@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import typer
 from typer.exceptions import TyperException
 
-from app.commands import benchmark, evaluate, observe, serve, simulate
+from app.commands import benchmark, evaluate, observe, parameters, serve, simulate
 from observer.errors import DynamicObserverError, InputError
 
 EXIT_FAILED = 1
@@ -34,6 +34,7 @@ def build() -> typer.Typer:
     cli.command("observe")(observe.observe)
     cli.command("evaluate")(evaluate.evaluate)
     cli.command("simulate")(simulate.simulate)
+    cli.command("parameters")(parameters.parameters)
     cli.command("benchmark")(benchmark.benchmark)
     return cli
 

@@ -40,9 +40,7 @@ def observe(
     preset: Annotated[str, typer.Option(help="Parameters to start from: default or paper.")] = (
         "default"
     ),
-    frames: Annotated[
-        int | None, typer.Option(min=1, help="Stop after this many frames.")
-    ] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Stop after this many frames.")] = None,
     tentative: Annotated[
         bool, typer.Option("--tentative", help="Write obstacles that are not confirmed, too.")
     ] = False,

@@ -1,0 +1,1 @@
+"""What the running system costs: measured from outside, over its own ports."""

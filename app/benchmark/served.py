@@ -1,0 +1,115 @@
+"""The loop inside a running server: alone, with viewers, and as a person in a browser sees it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from app.benchmark.browser import PageFigures, page_figures
+from app.benchmark.server_process import RunningServer, running_server
+from app.benchmark.viewers import viewers
+
+# How long a newcomer may be kept waiting before we call it never.
+_PATIENCE_S = 45.0
+
+
+@dataclass(frozen=True)
+class LoopRates:
+    """Frames per second that the engine observed at one playback rate.
+
+    Attributes:
+        playback_rate: 1 is the source's recorded pace.
+        alone, with_viewers: unique frames per second without and with the viewers.
+        viewers: how many there were. messages: what they received in all, so that idle viewers
+            cannot pass for served ones.
+    """
+
+    playback_rate: float
+    alone: float
+    with_viewers: float
+    viewers: int
+    scene_messages: int
+    observation_messages: int
+    image_messages: int
+    failures: tuple[str, ...]
+
+    @property
+    def ratio(self) -> float:
+        """With viewers over alone."""
+        return self.with_viewers / self.alone if self.alone else 0.0
+
+
+@dataclass(frozen=True)
+class ServedFigures:
+    """All that was measured from outside; ``page`` is a sentence where it could not be."""
+
+    rates: tuple[LoopRates, ...]
+    page: PageFigures | str
+
+
+def served_figures(
+    source: str, *, seconds: float, viewer_count: int, say: Callable[[str], None]
+) -> ServedFigures:
+    """Start a server twice and measure it.
+
+    Args:
+        source: what is served. seconds: length of each measurement.
+        viewer_count: protocol clients in the measurement with viewers.
+        say: told what is being measured, for people who wait.
+
+    Raises:
+        BenchmarkError: the server did not start.
+    """
+    say("a page in Chromium, from the server's start")
+    with running_server(source) as server:
+        page = page_figures(server, seconds, _PATIENCE_S)
+    with running_server(source) as server:
+        rates = tuple(
+            _loop_rates(server, playback_rate, seconds, viewer_count, say)
+            # At its recorded pace the loop may have time to spare; at four times it has none,
+            # so that a cost of the viewers cannot hide.
+            for playback_rate in (1.0, 4.0)
+        )
+    return ServedFigures(rates, page)
+
+
+def _loop_rates(
+    server: RunningServer,
+    playback_rate: float,
+    seconds: float,
+    viewer_count: int,
+    say: Callable[[str], None],
+) -> LoopRates:
+    server.request("POST", "/api/playback", {"rate": playback_rate, "loop": True})
+    say(f"the loop alone, playing at {playback_rate:g} x")
+    # Both halves of "alone" enclose the measurement with viewers, because a noisy machine drifts.
+    before = _observed_rate(server, seconds / 2)
+    say(f"the loop with {viewer_count} viewers, playing at {playback_rate:g} x")
+    with viewers(server, viewer_count) as drained:
+        with_viewers = _observed_rate(server, seconds)
+    after = _observed_rate(server, seconds / 2)
+    return LoopRates(
+        playback_rate,
+        (before + after) / 2,
+        with_viewers,
+        viewer_count,
+        drained.scene,
+        drained.observations,
+        drained.images,
+        tuple(drained.failures),
+    )
+
+
+def _observed_rate(server: RunningServer, seconds: float) -> float:
+    """Unique frames per second over ``seconds``, from the engine's own count of observations."""
+    time.sleep(1.0)
+    first, first_at = _observed(server)
+    time.sleep(seconds)
+    last, last_at = _observed(server)
+    return (last - first) / (last_at - first_at)
+
+
+def _observed(server: RunningServer) -> tuple[int, float]:
+    status = server.request("GET", "/api/status")
+    return int(status["frames_observed"]), time.monotonic()

@@ -1,0 +1,112 @@
+"""A server of our own, started for a measurement and gone after it."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from observer.errors import DynamicObserverError
+
+_START_TIMEOUT_S = 60.0
+_STOP_TIMEOUT_S = 15.0
+_REQUEST_TIMEOUT_S = 20.0
+
+
+class BenchmarkError(DynamicObserverError):
+    """A measurement could not be made."""
+
+
+@dataclass(frozen=True)
+class RunningServer:
+    """How to reach a server that was started for a measurement.
+
+    Attributes:
+        port: on 127.0.0.1. token: opens every route. started: monotonic time of its start.
+    """
+
+    port: int
+    token: str
+    started: float
+
+    @property
+    def link(self) -> str:
+        """The link that signs a browser in."""
+        return f"http://127.0.0.1:{self.port}/?token={self.token}"
+
+    def request(self, method: str, path: str, body: Any = None) -> Any:
+        """One REST call; the decoded JSON answer."""
+        request = urllib.request.Request(
+            f"http://127.0.0.1:{self.port}{path}",
+            method=method,
+            data=None if body is None else json.dumps(body).encode(),
+            headers={
+                "Authorization": f"Bearer {self.token}",
+                "Content-Type": "application/json",
+            },
+        )
+        with urllib.request.urlopen(request, timeout=_REQUEST_TIMEOUT_S) as answer:
+            text = answer.read()
+        return json.loads(text) if text else None
+
+
+@contextmanager
+def running_server(source: str) -> Iterator[RunningServer]:
+    """Serve ``source`` on a free port from an empty data folder, and stop it in the end.
+
+    Raises:
+        BenchmarkError: the server did not answer in time; the sentence holds its last words.
+    """
+    with tempfile.TemporaryDirectory(prefix="dynamic-observer-benchmark-") as folder:
+        token_file = Path(folder) / "token"
+        log_path = Path(folder) / "server.log"
+        port = _free_port()
+        started = time.monotonic()
+        with log_path.open("w") as log:
+            process = subprocess.Popen(
+                [
+                    *(sys.executable, "-m", "app.cli", "serve", source),
+                    *("--port", str(port), "--data", folder, "--token-file", str(token_file)),
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+            try:
+                _wait_until_ready(process, port, log_path)
+                yield RunningServer(port, token_file.read_text().strip(), started)
+            finally:
+                process.terminate()
+                try:
+                    process.wait(_STOP_TIMEOUT_S)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _wait_until_ready(process: subprocess.Popen[bytes], port: int, log: Path) -> None:
+    deadline = time.monotonic() + _START_TIMEOUT_S
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz", timeout=2):
+                return
+        except (urllib.error.URLError, OSError):
+            time.sleep(0.05)
+    last_words = " ".join(log.read_text(errors="replace").split())[-300:]
+    raise BenchmarkError(f"the server did not become ready on port {port}: {last_words}")

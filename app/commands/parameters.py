@@ -1,0 +1,45 @@
+"""``dynamic-observer parameters``: every tuning parameter, its range and what it does."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from observer.parameters import parameter_schema
+
+
+def parameters(
+    as_markdown: Annotated[
+        bool, typer.Option("--markdown", help="As the table that stands in the README.")
+    ] = False,
+) -> None:
+    """List the parameters that --set, the panel and REST take."""
+    if as_markdown:
+        typer.echo(parameter_table())
+        return
+    for entry in parameter_schema():
+        typer.echo(f"{entry['name']} = {_shown(entry['default'])}   ({_range(entry)})")
+        typer.echo(f"    {entry['help']}")
+
+
+def parameter_table() -> str:
+    """All parameters as one Markdown table, from their only declaration."""
+    rows = ["| parameter | default | range | what it does |", "| --- | --- | --- | --- |"]
+    rows += [
+        f"| `{e['name']}` | {_shown(e['default'])} | {_range(e)} | {e['help']} |"
+        for e in parameter_schema()
+    ]
+    return "\n".join(rows)
+
+
+def _shown(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else f"{value}"
+
+
+def _range(entry: dict[str, Any]) -> str:
+    if entry["type"] == "choice":
+        return ", ".join(entry["choices"])
+    if entry["type"] == "boolean":
+        return "true, false"
+    return f"{entry['minimum']:g} to {entry['maximum']:g} {entry['unit']}".strip()
