@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
@@ -69,16 +70,12 @@ class Database:
             return self
         if self.file is not None:
             self._prepare_file(self.file)
-        try:
-            engine = _engine(self._url, self._busy_timeout_s)
-        except ModuleNotFoundError as error:
-            raise StorageError(
-                f"the database {self.where} needs the Python package {error.name}; "
-                f"install it with pip install {error.name}"
-            ) from error
+        engine = _engine(self._url, self._busy_timeout_s)
         try:
             with self._translated():
                 upgrade(engine, self.file)
+                if self.file is not None:
+                    _use_write_ahead_log(engine)
         except BaseException:
             engine.dispose()
             raise
@@ -127,6 +124,8 @@ class Database:
         try:
             yield
         except DBAPIError as error:
+            raise storage_error(error.orig, self.where) from error
+        except sqlite3.Error as error:
             raise storage_error(error, self.where) from error
         except PoolTimeoutError as error:
             raise StorageBusy(
@@ -164,10 +163,15 @@ def _url(location: str | Path) -> URL:
         return URL.create("sqlite", database=str(Path(text).expanduser().absolute()))
     try:
         url = make_url(text)
+        url.get_dialect()
     except ArgumentError as error:
         raise StorageError(
-            "the database URL is not understood; it looks like "
-            "sqlite:////folder/file.sqlite or postgresql+psycopg://user@host/name"
+            "the database URL is not understood; it looks like sqlite:////folder/file.sqlite"
+        ) from error
+    except ModuleNotFoundError as error:
+        raise StorageError(
+            f"databases of the kind {url.drivername} need the Python package {error.name}; "
+            f"install it with pip install {error.name}"
         ) from error
     if url.get_backend_name() == "sqlite" and url.database in (None, "", ":memory:"):
         raise StorageError(
@@ -196,9 +200,15 @@ def _on_sqlite_connect(connection: Any, _record: object) -> None:
     cursor = connection.cursor()
     # With a write-ahead log, NORMAL survives the process's death at any moment without loss;
     # a power cut may lose the last transactions but never damages the file.
-    for pragma in ("journal_mode=WAL", "synchronous=NORMAL", "foreign_keys=ON"):
-        cursor.execute(f"PRAGMA {pragma}")
+    cursor.execute("PRAGMA synchronous=NORMAL")
+    cursor.execute("PRAGMA foreign_keys=ON")
     cursor.close()
+
+
+def _use_write_ahead_log(engine: Engine) -> None:
+    """The mode is the file's, not the connection's: set once, after the file is known as ours."""
+    with closing(engine.raw_connection()) as connection:
+        connection.cursor().execute("PRAGMA journal_mode=WAL")
 
 
 def _on_sqlite_begin(connection: Connection) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import sqlite3
 
-from sqlalchemy.exc import DBAPIError
-
 from observer.errors import DynamicObserverError
 
 
@@ -65,11 +63,11 @@ _SENTENCES: dict[type[StorageError], str] = {
 }
 
 
-def storage_error(error: DBAPIError, where: str) -> StorageError:
+def storage_error(cause: BaseException | None, where: str) -> StorageError:
     """The storage's own error for a driver's error; ``where`` names the database to a person."""
-    kind = _kind(error.orig)
+    kind = _kind(cause)
     if kind is None:
-        return StorageError(f"the database {where} refused the request: {error.orig}")
+        return StorageError(f"the database {where} refused the request: {cause}")
     return kind(_SENTENCES[kind].format(where=where))
 
 

@@ -1,0 +1,277 @@
+"""Damage, locks, full disks and killed processes, on real files."""
+
+from __future__ import annotations
+
+import signal
+import sqlite3
+import subprocess
+import sys
+import textwrap
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+import structlog
+
+from app.storage import RunState, SpeedRow, Storage, StorageBusy, StorageError, StorageFull
+
+
+def fill(file: Path, rows: int = 2000) -> str:
+    with Storage(file) as storage:
+        run = storage.create_run(name="r", source="s", parameters={}, versions={})
+        storage.append_speeds(
+            SpeedRow(run.id, i / 10, "obstacle", "estimate", 1, 0.5, 0.1, 0) for i in range(rows)
+        )
+    return run.id
+
+
+def test_the_write_ahead_log_and_foreign_keys_are_on(file: Path, storage: Storage) -> None:
+    storage.set_setting("a", 1)
+    with closing(sqlite3.connect(file)) as connection:
+        assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+    assert file.with_name(file.name + "-wal").exists()
+
+
+def test_a_path_and_a_url_are_the_same_database(tmp_path: Path) -> None:
+    file = tmp_path / "a folder" / "data 100%.sqlite"
+    with Storage(file) as storage:
+        storage.set_setting("a", 1)
+        assert storage.file == file
+    with Storage(f"sqlite:///{file}") as storage:
+        assert storage.get_setting("a") == 1
+        assert storage.warnings == ()
+
+
+@pytest.mark.parametrize(
+    "location", [":memory:", "sqlite://", "sqlite:///:memory:", "://", "x://y"]
+)
+def test_locations_that_cannot_serve(location: str) -> None:
+    with pytest.raises(StorageError) as caught:
+        Storage(location).open()
+    assert str(caught.value).count("\n") == 0
+
+
+def test_open_and_close_twice(file: Path) -> None:
+    storage = Storage(file)
+    assert storage.open() is storage.open()
+    storage.close()
+    storage.close()
+    with pytest.raises(StorageError, match="not open"):
+        storage.list_runs()
+    with storage:
+        assert storage.list_runs() == []
+
+
+def overwrite_all(file: Path) -> None:
+    file.write_bytes(b"this was never a database, " * 400)
+
+
+def overwrite_the_middle(file: Path) -> None:
+    with file.open("r+b") as stream:
+        stream.seek(3 * 4096)
+        stream.write(b"\xff" * 5 * 4096)
+
+
+def cut_in_half(file: Path) -> None:
+    with file.open("r+b") as stream:
+        stream.truncate(file.stat().st_size // 2)
+
+
+@pytest.mark.parametrize("damage", [overwrite_all, overwrite_the_middle, cut_in_half])
+def test_a_damaged_database_is_moved_aside(file: Path, damage: Callable[[Path], None]) -> None:
+    fill(file)
+    damage(file)
+    damaged = file.read_bytes()
+    with structlog.testing.capture_logs() as logs, Storage(file) as storage:
+        assert storage.list_runs() == []
+        storage.set_setting("usable", True)
+    (kept,) = file.parent.glob("observer.corrupt-*.sqlite")
+    assert kept.read_bytes() == damaged
+    (sentence,) = storage.warnings
+    assert str(kept) in sentence
+    assert [entry["event"] for entry in logs if entry["log_level"] == "warning"] == [
+        "database_moved_aside"
+    ]
+    with Storage(file) as storage:
+        assert storage.get_setting("usable") is True
+        assert storage.warnings == ()
+
+
+def test_the_log_of_a_damaged_database_does_not_reach_the_new_one(file: Path) -> None:
+    storage = Storage(file).open()
+    storage.set_setting("old", 1)
+    wal = file.with_name(file.name + "-wal")
+    log = wal.read_bytes()
+    storage.close()
+    overwrite_all(file)
+    wal.write_bytes(log)
+    with Storage(file) as storage:
+        assert storage.get_setting("old") is None
+        assert len(storage.warnings) == 1
+
+
+def test_another_programs_database_is_left_alone(file: Path) -> None:
+    with closing(sqlite3.connect(file)) as connection:
+        connection.execute("CREATE TABLE recipes (name TEXT)")
+        connection.commit()
+    before = file.read_bytes()
+    with pytest.raises(StorageError, match="another program"):
+        Storage(file).open()
+    assert file.read_bytes() == before
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="choose a folder"):
+        Storage(tmp_path / "file" / "observer.sqlite").open()
+    (tmp_path / "folder.sqlite").mkdir()
+    with pytest.raises(StorageError, match="cannot be opened"):
+        Storage(tmp_path / "folder.sqlite").open()
+
+
+@contextmanager
+def locked(file: Path) -> Iterator[None]:
+    with closing(sqlite3.connect(file, isolation_level=None)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        yield
+        other.execute("ROLLBACK")
+
+
+def test_a_locked_database_says_busy_and_works_afterwards(file: Path) -> None:
+    fill(file, rows=1)
+    with Storage(file, busy_timeout_s=0.2) as storage:
+        with locked(file):
+            with pytest.raises(StorageBusy, match="locked by another program"):
+                storage.set_setting("a", 1)
+            # With a write-ahead log readers do not wait for a writer.
+            assert len(storage.list_runs()) == 1
+        storage.set_setting("a", 2)
+        assert storage.get_setting("a") == 2
+
+
+def test_a_lock_while_opening(file: Path) -> None:
+    fill(file, rows=1)
+    with closing(sqlite3.connect(file, isolation_level=None)) as other:
+        # In this mode not even readers get in.
+        other.execute("PRAGMA locking_mode=EXCLUSIVE")
+        other.execute("BEGIN EXCLUSIVE")
+        other.execute("DELETE FROM settings")
+        with pytest.raises(StorageBusy):
+            Storage(file, busy_timeout_s=0.2).open()
+        other.execute("COMMIT")
+    with Storage(file) as storage:
+        assert len(storage.list_runs()) == 1
+    assert not list(file.parent.glob("*corrupt*"))
+
+
+FILL_THE_DISK = """
+    import resource, signal, sys
+    from app.storage import Storage, StorageFull, StorageError
+
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    with Storage(sys.argv[1]) as storage:
+        storage.set_setting("before", 1)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+        try:
+            storage.set_setting("much", "x" * 3_000_000)
+        except StorageError as error:
+            print(type(error).__name__)
+        assert storage.get_setting("before") == 1
+        assert storage.get_setting("much") is None
+"""
+
+
+def test_a_write_beyond_the_files_limit_is_an_error_of_ours(file: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(FILL_THE_DISK), str(file)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] in ("StorageFull", "StorageError")
+    with Storage(file) as storage:
+        assert storage.get_setting("before") == 1
+
+
+def test_a_full_disk(storage: Storage) -> None:
+    storage.set_setting("before", 1)
+    # A page limit gives the very error that a full disk gives, without filling one.
+    with storage._writing() as session:
+        session.connection().exec_driver_sql("PRAGMA max_page_count=40")
+    with pytest.raises(StorageFull, match="free some disk space"):
+        storage.set_setting("much", "x" * 3_000_000)
+    with storage._writing() as session:
+        session.connection().exec_driver_sql("PRAGMA max_page_count=1000000")
+    storage.set_setting("much", "x" * 3_000_000)
+    assert storage.get_setting("before") == 1
+
+
+WRITE_FOR_EVER = """
+    import sys
+    from app.storage import SpeedRow, Storage
+
+    storage = Storage(sys.argv[1]).open()
+    run = storage.create_run(name="r", source="s", parameters={}, versions={})
+    batch = 0
+    while True:
+        storage.append_speeds(
+            [SpeedRow(run.id, float(batch), "obstacle", "estimate", i, 0.5, 0.1, 0)
+             for i in range(50)]
+        )
+        storage.update_run(run.id, frames=batch + 1)
+        print("kept", batch, flush=True)
+        batch += 1
+"""
+
+
+@pytest.mark.parametrize("batches", [1, 3, 20])
+def test_a_killed_writer_loses_nothing_that_was_kept(file: Path, batches: int) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(WRITE_FOR_EVER), str(file)],
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as writer:
+        assert writer.stdout is not None
+        kept = -1
+        for line in writer.stdout:
+            if line.startswith("kept"):
+                kept = int(line.split()[1])
+            if kept + 1 >= batches:
+                break
+        writer.send_signal(signal.SIGKILL)
+    with Storage(file) as storage:
+        assert storage.warnings == ()
+        (run,) = storage.mark_interrupted_runs()
+        assert run.state is RunState.INTERRUPTED
+        assert run.frames >= kept + 1
+        assert run.started_at < run.updated_at == run.ended_at
+        rows = storage.speeds(run.id)
+        assert len(rows) % 50 == 0
+        assert len(rows) >= 50 * (kept + 1)
+        storage.append_speeds(rows[:1])
+    with closing(sqlite3.connect(file)) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
+def test_a_writer_killed_before_its_first_transaction_ended(file: Path) -> None:
+    script = """
+        import os, sys
+        from app.storage import Storage
+
+        storage = Storage(sys.argv[1]).open()
+        with storage._writing() as session:
+            session.connection().exec_driver_sql("DELETE FROM alembic_version")
+            os.kill(os.getpid(), 9)
+    """
+    with pytest.raises(subprocess.CalledProcessError):
+        subprocess.run(
+            [sys.executable, "-c", textwrap.dedent(script), str(file)],
+            check=True,
+            timeout=60,
+            capture_output=True,
+        )
+    with Storage(file) as storage:
+        assert storage.list_runs() == []

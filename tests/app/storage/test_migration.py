@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import textwrap
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+from sqlalchemy import Engine, create_engine
+
+from app.storage import Storage, StorageError
+from app.storage.database import _engine, _url
+from app.storage.migration import MIGRATIONS, upgrade
+from app.storage.models import Base
+
+
+@pytest.fixture
+def later(tmp_path: Path) -> Callable[[str], Path]:
+    """Makes the package's migrations with one more revision whose upgrade is given."""
+
+    def make(body: str) -> Path:
+        folder = tmp_path / "migrations"
+        shutil.copytree(MIGRATIONS, folder, ignore=shutil.ignore_patterns("__pycache__"))
+        lines = ["from alembic import op", 'revision = "9999"', 'down_revision = "0001"']
+        lines += ["branch_labels = None", "depends_on = None", "def upgrade():"]
+        source = "\n".join(lines) + "\n" + textwrap.indent(textwrap.dedent(body), "    ")
+        (folder / "versions" / "9999_later.py").write_text(source)
+        return folder
+
+    return make
+
+
+def engine_of(file: Path) -> Engine:
+    return _engine(_url(file), 1.0)
+
+
+def test_the_migrations_make_the_tables_of_the_models(file: Path) -> None:
+    with Storage(file):
+        pass
+    engine = create_engine(f"sqlite:///{file}")
+    with engine.connect() as connection:
+        context = MigrationContext.configure(connection, opts={"compare_type": True})
+        differences = compare_metadata(context, Base.metadata)
+    engine.dispose()
+    assert differences == []
+
+
+def test_a_new_or_current_database_is_not_copied(file: Path) -> None:
+    for _ in range(2):
+        with Storage(file):
+            pass
+    assert [each.name for each in file.parent.iterdir()] == ["observer.sqlite"]
+
+
+def test_the_file_is_copied_before_a_migration(file: Path, later: Callable[[str], Path]) -> None:
+    storage = Storage(file).open()
+    storage.set_setting("kept", "in the log only")
+    # Still open: what was written last stands in the write-ahead log, not in the file.
+    engine = engine_of(file)
+    copy = upgrade(engine, file, later('op.execute("CREATE TABLE more (id INTEGER)")'))
+    engine.dispose()
+    storage.close()
+    assert copy is not None
+    assert copy.parent == file.parent
+    assert copy.name.startswith("observer.before-migration-from-0001-")
+    with Storage(copy) as old:
+        assert old.get_setting("kept") == "in the log only"
+    with closing(sqlite3.connect(file)) as connection:
+        assert connection.execute("SELECT count(*) FROM more").fetchone() == (0,)
+
+
+def test_a_migration_that_fails_half_way_changes_nothing(
+    file: Path, later: Callable[[str], Path]
+) -> None:
+    with Storage(file) as storage:
+        storage.set_setting("kept", 1)
+    body = 'op.execute("CREATE TABLE half (id INTEGER)")\nraise RuntimeError("power cut")'
+    engine = engine_of(file)
+    with pytest.raises(RuntimeError, match="power cut"):
+        upgrade(engine, file, later(body))
+    engine.dispose()
+    with closing(sqlite3.connect(file)) as connection:
+        names = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+    assert "half" not in names
+    with Storage(file) as storage:
+        assert storage.get_setting("kept") == 1
+
+
+def test_a_database_of_a_newer_version_is_refused(file: Path, later: Callable[[str], Path]) -> None:
+    with Storage(file):
+        pass
+    engine = engine_of(file)
+    upgrade(engine, file, later("pass"))
+    engine.dispose()
+    with pytest.raises(StorageError, match="newer version"):
+        Storage(file).open()

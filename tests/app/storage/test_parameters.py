@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from app.storage import RunRecord, SavedParameters, Storage, StorageExists
+
+
+def test_parameters_are_found_again_as_they_were_left(file: Path) -> None:
+    values = {"ego_motion.ransac_threshold_px": 0.1 + 0.2, "features.detector": "fast", "a": None}
+    with Storage(file) as storage:
+        assert storage.load_parameters() is None
+        storage.save_parameters(1, {"a": 1}, "paper")
+        storage.save_parameters(2, values, None)
+    with Storage(file) as storage:
+        assert storage.load_parameters() == SavedParameters(2, values, None)
+
+
+def test_values_that_json_cannot_carry_are_refused_and_the_old_stay(storage: Storage) -> None:
+    storage.save_parameters(1, {"a": 1.0}, None)
+    with pytest.raises(Exception, match="not JSON compliant"):
+        storage.save_parameters(2, {"a": math.nan}, None)
+    assert storage.load_parameters() == SavedParameters(1, {"a": 1.0}, None)
+
+
+def test_revisions_of_a_run_and_outside_of_any(storage: Storage, run: RunRecord) -> None:
+    first = storage.record_parameter_revision(run.id, 10, 1, {"tracking.gate": 2.5})
+    second = storage.record_parameter_revision(run.id, 11, 2, {"tracking.gate": 3.0})
+    outside = storage.record_parameter_revision(None, None, 3, {"tracking.gate": 3.5})
+    assert storage.parameter_revisions(run.id) == [first, second]
+    assert storage.parameter_revisions(None) == [outside]
+
+
+def test_presets_have_one_name_each(storage: Storage) -> None:
+    made = storage.save_preset("mine", {"a": 1}, help="for the corridor")
+    assert storage.get_preset("mine") == made
+    with pytest.raises(StorageExists, match='"mine"'):
+        storage.save_preset("mine", {"a": 2})
+    assert storage.get_preset("mine") == made
+    replaced = storage.save_preset("mine", {"a": 2}, replace=True)
+    assert replaced.values == {"a": 2}
+    assert replaced.created_at == made.created_at
+    storage.save_preset("before", {})
+    assert [preset.name for preset in storage.list_presets()] == ["before", "mine"]
+    assert storage.delete_preset("mine") is True
+    assert storage.delete_preset("mine") is False
+    assert storage.get_preset("mine") is None
+
+
+def test_settings(storage: Storage) -> None:
+    assert storage.get_setting("theme", "light") == "light"
+    storage.set_setting("theme", {"name": "dark"})
+    storage.set_setting("theme", {"name": "darker"})
+    assert storage.get_setting("theme") == {"name": "darker"}
+    assert storage.list_settings() == {"theme": {"name": "darker"}}
+    storage.set_setting("theme", None)
+    assert storage.list_settings() == {}
