@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from observer.calibration.numbers import number_array, whole_number
-from observer.calibration.plain_data import MAX_BYTES, PlainData, parse_plain_data
+from observer.calibration.plain_data import PlainData, parse_plain_data, read_text
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -31,22 +31,7 @@ def read_calibration_file(path: Path | str) -> StereoCalibration:
         CalibrationError: the file cannot be read, or what ``read_calibration`` refuses.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise CalibrationError(
-            f"{path} cannot be read: {error.strerror}; give the path of a calibration file"
-        ) from None
-    if len(content) > MAX_BYTES:
-        raise CalibrationError(
-            f"{path.name}: the file is larger than the {MAX_BYTES} bytes a calibration has at most"
-        )
-    try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError:
-        raise CalibrationError(f"{path.name}: the file must be UTF-8 text") from None
-    return read_calibration(text, name=path.name)
+    return read_calibration(read_text(path), name=path.name)
 
 
 def read_calibration(text: str, *, name: str) -> StereoCalibration:

@@ -10,6 +10,7 @@ import json
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import yaml
@@ -21,6 +22,29 @@ PlainData: TypeAlias = "str | list[PlainData] | dict[str, PlainData]"
 MAX_BYTES = 1_000_000
 # A calibration nests two or three deep; more is either another kind of file or an attack.
 _MAX_DEPTH = 12
+
+
+def read_text(path: Path) -> str:
+    """The text of a calibration file.
+
+    Raises:
+        CalibrationError: the file cannot be read, is larger than a calibration or is no text.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise CalibrationError(
+            f"{path} cannot be read: {error.strerror}; give the path of a calibration file"
+        ) from None
+    if len(content) > MAX_BYTES:
+        raise CalibrationError(
+            f"{path.name}: the file is larger than the {MAX_BYTES} bytes a calibration has at most"
+        )
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise CalibrationError(f"{path.name}: the file must be UTF-8 text") from None
 
 
 def parse_plain_data(text: str, *, name: str) -> dict[str, PlainData]:

@@ -1,0 +1,201 @@
+"""A sequence of stereo pairs kept as image files: what all dataset layouts have in common."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError, SourceError
+from observer.sources.contract import SkippedFrame, SourceInfo
+from observer.sources.image_files import read_image
+from observer.types import Image, StereoFrame
+
+# Gives the calibration that fits images of this width and height, None where there is none.
+Calibrate = Callable[[int, int], StereoCalibration | None]
+
+
+@dataclass(frozen=True)
+class FilePair:
+    """The files of one frame; times are the exposures on the source's clock, seconds."""
+
+    left: Path
+    right: Path
+    time: float
+    right_time: float | None = None
+
+
+@dataclass(frozen=True)
+class MissingPair:
+    """A frame that is known to be missing, and the sentence that says why."""
+
+    reason: str
+
+
+class FilePairSource:
+    """Plays a list of image pairs; implements ``Source`` for every dataset layout.
+
+    Frames whose files are missing, damaged, of another size or not later than their predecessor
+    are skipped with the reason; the sequence's size is that of its first readable pair.
+
+    Args:
+        spec: the text it was opened by. kind: the layout's name, for people.
+        entries: one for each frame, in order.
+        calibrate: asked once, with the images' size.
+
+    Raises:
+        SourceError: fewer than two pairs can be played, or the times make no sequence.
+        CalibrationError: the calibration that lies beside the images cannot be used with them.
+    """
+
+    def __init__(
+        self,
+        *,
+        spec: str,
+        kind: str,
+        entries: Sequence[FilePair | MissingPair],
+        calibrate: Calibrate,
+    ) -> None:
+        self._entries = _without_time_jumps(entries, spec)
+        pairs = [entry for entry in self._entries if isinstance(entry, FilePair)]
+        if len(pairs) < 2:
+            found = "only one stereo pair" if pairs else "no stereo pair"
+            why = next((e.reason for e in self._entries if isinstance(e, MissingPair)), "")
+            raise SourceError(
+                f"{spec} holds {found}{f' ({why})' if why else ''}; "
+                f"at least two are needed to see motion"
+            )
+        width, height = _first_size(pairs, spec)
+        self._calibration = calibrate(width, height)
+        _check_size(self._calibration, width, height, spec)
+        intervals = [b.time - a.time for a, b in pairwise(pairs)]
+        self._info = SourceInfo(
+            spec=spec,
+            kind=kind,
+            width=width,
+            height=height,
+            frame_rate=1 / statistics.median(intervals),
+            frame_count=len(self._entries),
+        )
+        self._next = 0
+
+    @property
+    def info(self) -> SourceInfo:
+        return self._info
+
+    @property
+    def calibration(self) -> StereoCalibration | None:
+        """The calibration that lay beside the images; None where there was none."""
+        return self._calibration
+
+    def read(self) -> StereoFrame | SkippedFrame | None:
+        """The next frame, a frame that was skipped and why, or None after the last one."""
+        if self._next >= len(self._entries):
+            return None
+        index = self._next
+        entry = self._entries[index]
+        self._next += 1
+        if isinstance(entry, MissingPair):
+            return SkippedFrame(index, entry.reason)
+        try:
+            left, right = self._image(entry.left), self._image(entry.right)
+        except SourceError as error:
+            return SkippedFrame(index, str(error))
+        return StereoFrame(
+            index=index,
+            time=entry.time,
+            left=left,
+            right=right,
+            received=time.monotonic(),
+            right_time=entry.right_time,
+        )
+
+    def rewind(self) -> None:
+        """Go back to the first frame."""
+        self._next = 0
+
+    def close(self) -> None:
+        """Nothing is kept open between reads."""
+
+    def _image(self, path: Path) -> Image:
+        image = read_image(path)
+        height, width = image.shape[:2]
+        if (width, height) != (self._info.width, self._info.height):
+            raise SourceError(
+                f"{path.parent.name}/{path.name} is {width}x{height} pixels where the sequence "
+                f"has {self._info.width}x{self._info.height}"
+            )
+        return image
+
+
+def _first_size(pairs: Sequence[FilePair], spec: str) -> tuple[int, int]:
+    first_problem = ""
+    for pair in pairs:
+        try:
+            left, right = read_image(pair.left), read_image(pair.right)
+        except SourceError as error:
+            first_problem = first_problem or str(error)
+            continue
+        if left.shape[:2] == right.shape[:2]:
+            return left.shape[1], left.shape[0]
+        first_problem = first_problem or (
+            f"{pair.left.name} is {left.shape[1]}x{left.shape[0]} pixels on the left and "
+            f"{right.shape[1]}x{right.shape[0]} on the right"
+        )
+    raise SourceError(f"{spec} holds no pair of images that can be used: {first_problem}")
+
+
+def _check_size(calibration: StereoCalibration | None, width: int, height: int, spec: str) -> None:
+    if calibration is not None and (calibration.width, calibration.height) != (width, height):
+        raise CalibrationError(
+            f"the calibration in {spec} is for images of {calibration.width}x{calibration.height} "
+            f"pixels, but these are {width}x{height}"
+        )
+
+
+def _without_time_jumps(
+    entries: Sequence[FilePair | MissingPair], spec: str
+) -> list[FilePair | MissingPair]:
+    """Entries with every pair that breaks the rise of time turned into a missing one."""
+    result = list(entries)
+    pairs = [(k, e) for k, e in enumerate(entries) if isinstance(e, FilePair)]
+    kept = _longest_rise([pair.time for _, pair in pairs])
+    if len(kept) < 2 <= len(pairs):
+        raise SourceError(
+            f"the times of {spec} do not rise from frame to frame; they must be the exposures "
+            f"in seconds, in the order of the images"
+        )
+    for position, (k, pair) in enumerate(pairs):
+        if position not in kept:
+            result[k] = MissingPair(
+                f"{pair.left.name} has the time {pair.time:g} s, which does not lie between "
+                f"those of the frames around it"
+            )
+    return result
+
+
+def _longest_rise(values: Sequence[float]) -> set[int]:
+    """Positions of a longest strictly rising subsequence (patience sorting, O(n log n)).
+
+    Dropping what breaks the rise, and not all that follows it, loses one frame to one wrong
+    time, however wrong it is.
+    """
+    ends: list[float] = []  # smallest value that ends a rise of each length
+    at: list[int] = []  # its position
+    before: list[int] = []  # for each position, its predecessor in the best rise
+    for position, value in enumerate(values):
+        length = bisect_left(ends, value)
+        before.append(at[length - 1] if length else -1)
+        ends[length : length + 1] = [value]
+        at[length : length + 1] = [position]
+    kept: set[int] = set()
+    position = at[-1] if at else -1
+    while position >= 0:
+        kept.add(position)
+        position = before[position]
+    return kept

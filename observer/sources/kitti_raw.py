@@ -1,0 +1,85 @@
+"""KITTI raw: ``image_00/data``, ``image_00/timestamps.txt``, ``calib_cam_to_cam.txt``."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+from observer.calibration.kitti_file import read_kitti_raw
+from observer.camera import StereoCalibration
+from observer.errors import SourceError
+from observer.sources.file_pairs import FilePair, FilePairSource, MissingPair
+from observer.sources.listing import pairs_by_name, read_lines
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def open_kitti_raw(folder: Path) -> FilePairSource:
+    """Open a drive of KITTI's raw data, rectified (``_sync``) or not (``_extract``).
+
+    The grey pair is taken where both pairs are there. Times are seconds since the left camera's
+    first stamp; each image keeps its own.
+
+    Raises:
+        SourceError: a part is missing or unusable.
+        CalibrationError: ``calib_cam_to_cam.txt`` is there (or one folder up) and unusable.
+    """
+    pairs = (k for k in (0, 2) if all(_camera(folder, c).is_dir() for c in (k, k + 1)))
+    left = next(pairs, None)
+    if left is None:
+        raise SourceError(
+            f"{folder} has images of one camera only; KITTI raw needs image_00 and image_01, "
+            f"or image_02 and image_03"
+        )
+
+    def calibrate(width: int, height: int) -> StereoCalibration | None:
+        # A day's calibration lies beside its drives.
+        for place in (folder, folder.resolve().parent):
+            file = place / "calib_cam_to_cam.txt"
+            if file.is_file():
+                return read_kitti_raw(file, left, width, height)
+        return None
+
+    return FilePairSource(
+        spec=str(folder),
+        kind="KITTI raw",
+        entries=_entries(_camera(folder, left), _camera(folder, left + 1)),
+        calibrate=calibrate,
+    )
+
+
+def read_timestamps_ns(path: Path) -> list[int]:
+    """Nanoseconds since 1970, one for each line such as ``2011-09-26 14:06:06.052646144``.
+
+    Raises:
+        SourceError: the file is missing or a line is no time.
+    """
+    stamps = []
+    for number, line in read_lines(path):
+        whole, _, fraction = line.partition(".")
+        try:
+            moment = datetime.fromisoformat(whole)
+            nanoseconds = int(fraction[:9].ljust(9, "0"))
+        except ValueError:
+            raise SourceError(
+                f"{path.parent.name}/{path.name} line {number} must be a time such as "
+                f"2011-09-26 14:06:06.052646144, not {line[:40]!r}"
+            ) from None
+        elapsed = moment.replace(tzinfo=UTC) - _EPOCH
+        stamps.append((elapsed.days * 86400 + elapsed.seconds) * 1_000_000_000 + nanoseconds)
+    return stamps
+
+
+def _entries(left: Path, right: Path) -> list[FilePair | MissingPair]:
+    left_ns = read_timestamps_ns(left / "timestamps.txt")
+    right_ns = read_timestamps_ns(right / "timestamps.txt")
+    start = left_ns[0] if left_ns else 0
+    # Relative to the first: seconds since 1970 would leave a float64 only 0.2 microseconds.
+    times = [(stamp - start) * 1e-9 for stamp in left_ns]
+    right_times = [(stamp - start) * 1e-9 for stamp in right_ns]
+    name = f"{left.name}/timestamps.txt"
+    return pairs_by_name(left / "data", right / "data", times, name, right_times)
+
+
+def _camera(folder: Path, number: int) -> Path:
+    return folder / f"image_{number:02d}"

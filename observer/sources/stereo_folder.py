@@ -1,0 +1,31 @@
+"""A stereo folder: ``left/ right/ times.txt`` and, mostly, ``calibration.yaml``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from observer.calibration.opencv_file import read_calibration_file
+from observer.camera import StereoCalibration
+from observer.sources.file_pairs import FilePairSource
+from observer.sources.listing import pairs_by_name, read_times
+
+
+def open_stereo_folder(folder: Path) -> FilePairSource:
+    """Open a stereo folder; the two images of a pair have equal file names.
+
+    Raises:
+        SourceError: a part is missing or unusable.
+        CalibrationError: ``calibration.yaml`` is there and unusable.
+    """
+    times = read_times(folder / "times.txt")
+    calibration_file = folder / "calibration.yaml"
+
+    def calibrate(_width: int, _height: int) -> StereoCalibration | None:
+        return read_calibration_file(calibration_file) if calibration_file.is_file() else None
+
+    return FilePairSource(
+        spec=str(folder),
+        kind="stereo folder",
+        entries=pairs_by_name(folder / "left", folder / "right", times, "times.txt"),
+        calibrate=calibrate,
+    )

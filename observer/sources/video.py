@@ -1,0 +1,253 @@
+"""Video files: one for each camera, or one with both images side by side."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from observer.calibration.opencv_file import read_calibration_file
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError, SourceError
+from observer.sources.contract import SkippedFrame, SourceInfo
+from observer.types import Image, StereoFrame
+
+# Frames read at opening to see whether the container's time stamps can be used.
+_PROBED_FRAMES = 5
+# The container's frame count is an estimate; one frame more or less is no damage.
+_COUNT_TOLERANCE = 1
+
+
+def open_video(spec: str) -> VideoSource:
+    """Open ``LEFT,RIGHT`` or ``SIDE_BY_SIDE`` (left image in the left half).
+
+    Raises:
+        SourceError: a file is missing, is no video, or the two do not belong together.
+        CalibrationError: ``calibration.yaml`` lies beside the (left) file and is unusable.
+    """
+    if not spec.strip():
+        raise SourceError("video: needs a file, as in video:left.mp4,right.mp4")
+    paths = [Path(spec)] if Path(spec).is_file() else [Path(p.strip()) for p in spec.split(",")]
+    if len(paths) > 2:
+        raise SourceError(
+            f"video: takes two files with a comma between them or one side-by-side file, "
+            f"not {len(paths)}"
+        )
+    return VideoSource(paths, spec=f"video:{spec}")
+
+
+class VideoSource:
+    """Plays one or two video files; implements ``Source``.
+
+    Times are the container's own where they rise evenly with its frame rate, otherwise the
+    frame's number over the rate. Frames that only one file has are skipped, and a file that ends
+    before its announced number of frames is reported once, at its end.
+
+    Args:
+        paths: the left and right file, or one side-by-side file.
+        spec: the text it was opened by.
+
+    Raises:
+        SourceError, CalibrationError: as ``open_video``.
+    """
+
+    def __init__(self, paths: list[Path], *, spec: str) -> None:
+        self._paths = paths
+        probes = [_probe(path) for path in paths]
+        first = probes[0]
+        for path, probe in zip(paths[1:], probes[1:], strict=True):
+            _check_belongs(paths[0], first, path, probe)
+        if len(paths) == 1 and first.width % 2:
+            raise SourceError(
+                f"{paths[0].name} is {first.width} pixels wide; a side-by-side video needs an "
+                f"even width (two videos are given as LEFT,RIGHT)"
+            )
+        self._stamped = all(probe.stamped for probe in probes)
+        self._rate = first.rate
+        counts = [probe.count for probe in probes]
+        self._announced = max(counts) if all(counts) else None
+        self._info = SourceInfo(
+            spec=spec,
+            kind="video",
+            width=first.width // 2 if len(paths) == 1 else first.width,
+            height=first.height,
+            frame_rate=first.rate,
+            frame_count=self._announced,
+        )
+        self._calibration = _calibration_beside(paths[0], self._info)
+        self._captures: list[cv2.VideoCapture] = []
+        self.rewind()
+
+    @property
+    def info(self) -> SourceInfo:
+        return self._info
+
+    @property
+    def calibration(self) -> StereoCalibration | None:
+        """That of a ``calibration.yaml`` beside the file; None where there is none."""
+        return self._calibration
+
+    def read(self) -> StereoFrame | SkippedFrame | None:
+        """The next frame, a frame that was skipped and why, or None after the last one."""
+        if self._ended:
+            return None
+        received = time.monotonic()
+        images = [_next_image(capture) for capture in self._captures]
+        index = self._index
+        if all(image is None for image in images):
+            return self._end(index)
+        self._index += 1
+        if any(image is None for image in images):
+            ended = self._paths[0 if images[0] is None else 1]
+            return SkippedFrame(
+                index, f"{ended.name} ended before frame {index}, which only the other video has"
+            )
+        present = [image for image in images if image is not None]
+        left, right = present if len(present) == 2 else _halves(present[0])
+        for image, side in ((left, "left"), (right, "right")):
+            if image.shape[:2] != (self._info.height, self._info.width):
+                return SkippedFrame(
+                    index,
+                    f"frame {index} is {image.shape[1]}x{image.shape[0]} pixels on the {side} "
+                    f"where the video began with {self._info.width}x{self._info.height}",
+                )
+        now = self._time(index)
+        if now <= self._last_time:
+            return SkippedFrame(
+                index, f"frame {index} has the time {now:g} s, not later than the one before"
+            )
+        self._last_time = now
+        return StereoFrame(index=index, time=now, left=left, right=right, received=received)
+
+    def rewind(self) -> None:
+        """Go back to the first frame, by opening the files anew: seeking is inexact."""
+        self.close()
+        self._captures = [_open(path) for path in self._paths]
+        self._index = 0
+        self._last_time = -math.inf
+        self._ended = False
+
+    def close(self) -> None:
+        """Release the files; safe to call twice."""
+        for capture in self._captures:
+            capture.release()
+        self._captures = []
+        self._ended = True
+
+    def _time(self, index: int) -> float:
+        if self._stamped:
+            return float(self._captures[0].get(cv2.CAP_PROP_POS_MSEC)) / 1000
+        return index / self._rate
+
+    def _end(self, index: int) -> SkippedFrame | None:
+        self._ended = True
+        announced = self._announced
+        if announced is None or index + _COUNT_TOLERANCE >= announced:
+            return None
+        names = " and ".join(path.name for path in self._paths)
+        return SkippedFrame(
+            index,
+            f"{names} announced {announced} frames but ended after {index}: "
+            f"the rest is missing or damaged",
+        )
+
+
+@dataclass(frozen=True)
+class _Probe:
+    """What a video file says of itself. ``count`` is 0 where it does not say."""
+
+    width: int
+    height: int
+    rate: float
+    count: int
+    stamped: bool
+
+
+def _probe(path: Path) -> _Probe:
+    capture = _open(path)
+    try:
+        count = float(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        rate = float(capture.get(cv2.CAP_PROP_FPS))
+        stamps: list[float] = []
+        image = None
+        while len(stamps) < _PROBED_FRAMES and (following := _next_image(capture)) is not None:
+            image = following if image is None else image
+            stamps.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000)
+    finally:
+        capture.release()
+    if image is None or len(stamps) < 2:
+        raise SourceError(
+            f"{path} holds fewer than two frames that can be decoded; it is cut off or no video"
+        )
+    rate_known = math.isfinite(rate) and 0 < rate <= 1000
+    steps = np.diff(stamps)
+    stamped = bool(np.isfinite(stamps).all() and (steps > 0).all() and stamps[0] >= 0)
+    if stamped and rate_known:
+        # Stamps far from the announced rate come from a container that keeps none.
+        stamped = 0.5 <= float(np.mean(steps)) * rate <= 2
+    if not rate_known:
+        if not stamped:
+            raise SourceError(
+                f"{path.name} tells neither its frame rate nor the time of its frames; "
+                f"convert it to a container that does, such as MP4 or Matroska"
+            )
+        rate = 1 / float(np.median(steps))
+    return _Probe(
+        width=image.shape[1],
+        height=image.shape[0],
+        rate=rate,
+        count=int(count) if math.isfinite(count) and 0 < count < 1e9 else 0,
+        stamped=stamped,
+    )
+
+
+def _check_belongs(left_path: Path, left: _Probe, right_path: Path, right: _Probe) -> None:
+    if (left.width, left.height) != (right.width, right.height):
+        raise SourceError(
+            f"{left_path.name} is {left.width}x{left.height} pixels and {right_path.name} "
+            f"{right.width}x{right.height}; the two images of a pair must be of one size"
+        )
+    if abs(left.rate - right.rate) > 0.01 * left.rate:
+        raise SourceError(
+            f"{left_path.name} has {left.rate:g} frames a second and {right_path.name} "
+            f"{right.rate:g}; the two must have been taken at one rate"
+        )
+
+
+def _open(path: Path) -> cv2.VideoCapture:
+    if not path.is_file():
+        raise SourceError(f"there is no video file {path}")
+    # Named, because the others take a file's name for a pattern of images or a device.
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    if not capture.isOpened():
+        capture.release()
+        raise SourceError(f"{path} is cut off or no video that FFmpeg can read")
+    return capture
+
+
+def _next_image(capture: cv2.VideoCapture) -> Image | None:
+    ok, image = capture.read()
+    return np.asarray(image, dtype=np.uint8) if ok else None
+
+
+def _halves(image: Image) -> tuple[Image, Image]:
+    middle = image.shape[1] // 2
+    # Copies, because a view with gaps between its rows slows every later stage.
+    return image[:, :middle].copy(), image[:, middle:].copy()
+
+
+def _calibration_beside(path: Path, info: SourceInfo) -> StereoCalibration | None:
+    file = path.parent / "calibration.yaml"
+    if not file.is_file():
+        return None
+    calibration = read_calibration_file(file)
+    if (calibration.width, calibration.height) != (info.width, info.height):
+        raise CalibrationError(
+            f"{file} is for images of {calibration.width}x{calibration.height} pixels, but the "
+            f"video's are {info.width}x{info.height}"
+        )
+    return calibration
