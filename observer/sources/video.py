@@ -80,6 +80,9 @@ class VideoSource:
         )
         self._calibration = _calibration_beside(paths[0], self._info)
         self._captures: list[cv2.VideoCapture] = []
+        self._index = 0
+        self._last_time = -math.inf
+        self._ended = False
         self.rewind()
 
     @property
@@ -95,7 +98,6 @@ class VideoSource:
         """The next frame, a frame that was skipped and why, or None after the last one."""
         if self._ended:
             return None
-        received = time.monotonic()
         images = [_next_image(capture) for capture in self._captures]
         index = self._index
         if all(image is None for image in images):
@@ -121,7 +123,7 @@ class VideoSource:
                 index, f"frame {index} has the time {now:g} s, not later than the one before"
             )
         self._last_time = now
-        return StereoFrame(index=index, time=now, left=left, right=right, received=received)
+        return StereoFrame(index=index, time=now, left=left, right=right, received=time.monotonic())
 
     def rewind(self) -> None:
         """Go back to the first frame, by opening the files anew: seeking is inexact."""
