@@ -117,3 +117,10 @@ def is_rotation(matrix: ArrayLike, tolerance: float = _ROTATION_TOLERANCE) -> bo
         and np.abs(m.T @ m - np.eye(3)).max() <= tolerance
         and np.linalg.det(m) > 0
     )
+
+
+def map_pixels(homography: ArrayLike, px: ArrayLike) -> Float64Array:
+    """Pixels (N, 2) that a planar map (3, 3) makes of pixels (N, 2)."""
+    H = np.asarray(homography, dtype=np.float64)
+    q = np.asarray(px, dtype=np.float64).reshape(-1, 2) @ H[:, :2].T + H[:, 2]
+    return np.asarray(q[:, :2] / q[:, 2:], dtype=np.float64)

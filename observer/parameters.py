@@ -122,6 +122,11 @@ class EgoMotionParameters(_Stage):
         12, ge=4, le=500, unit="matches", step=1, title="Fewest inliers",
         help="With fewer background matches the camera's motion counts as lost.",
     )
+    recover_frames: Whole = _number(
+        5, ge=0, le=60, unit="frames", step=1, title="Recover within",
+        help="While the camera's motion is lost, frames are compared with the last good one for "
+        "this long; then all tracks end and a new segment begins.",
+    )
 
 
 class FlowParameters(_Stage):
@@ -192,6 +197,16 @@ class MotionParameters(_Stage):
     pixel_sigma_px: Real = _number(
         0.2, ge=0.05, le=3.0, unit="px", step=0.05, title="Flow noise",
         help="One standard deviation of a tracked position; sets the stated uncertainty.",
+    )
+    shared_error: Real = _number(
+        0.3, ge=0.0, le=1.0, unit="", step=0.05, title="Shared error",
+        help="Share of the noise that neighbouring points have in common and that averaging "
+        "cannot reduce; sets the stated uncertainty.",
+    )
+    min_significance: Real = _number(
+        0.0, ge=0.0, le=20.0, unit="standard deviations", step=0.5, title="Significance",
+        help="Obstacles whose velocity stands out less than this against all known errors, "
+        "parallax among them, are left out; 0 keeps all, as the paper does.",
     )
 
 
@@ -343,7 +358,7 @@ def _did_you_mean(name: str, known: Mapping[str, Any]) -> str:
 # The method exactly as published, and the best we have. Only what differs from the declaration.
 _PRESETS: dict[str, dict[str, ParameterValue]] = {
     "paper": {},
-    "default": {"matching.method": "klt"},
+    "default": {"matching.method": "klt", "motion.min_significance": 0.0},
 }
 PRESET_HELP: dict[str, str] = {
     "paper": "The method as published: FAST, descriptor matching, affine RANSAC, raw displacement.",

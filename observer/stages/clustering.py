@@ -1,0 +1,124 @@
+"""Step 9 of the method, first half: dynamic points that belong together are one obstacle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from observer.geometry import Float64Array
+from observer.parameters import ClusteringParameters, MotionParameters
+from observer.types import Detection, PointMotions
+
+# Two measurements of one surface differ along the ray by less than this many standard deviations.
+_DEPTH_SIGMAS = 2.0
+# Beyond this a neighbourhood says nothing any more, however noisy the depth.
+_MAX_STRETCH = 10.0
+_OUTLIER_SIGMAS = 3.0
+
+
+def group_points(
+    points: Float64Array, depth_sigma: Float64Array, parameters: ClusteringParameters
+) -> NDArray[np.int_]:
+    """Number the groups of points that hang together.
+
+    Two points are neighbours if their distance is below the radius, where the part of it along
+    the line of sight is first shortened by the noise of their depths.
+
+    Args:
+        points: (K, 3) metres, camera frame. depth_sigma: (K,) metres, one standard deviation.
+
+    Returns:
+        (K,) group number from 0, nearest group first, -1 for points of too small groups.
+    """
+    count = len(points)
+    if count == 0:
+        return np.empty(0, np.int_)
+    radius = parameters.radius_m
+    noise = np.minimum(_DEPTH_SIGMAS * depth_sigma, _MAX_STRETCH * radius)
+    reach = float(np.hypot(radius, np.sqrt(2) * noise.max()))
+    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    i, j = pairs[:, 0], pairs[:, 1]
+    gap = points[i] - points[j]
+    ray = points[i] + points[j]
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    along = np.einsum("ij,ij->i", gap, ray)
+    across2 = np.einsum("ij,ij->i", gap, gap) - along**2
+    along2_allowed = radius**2 + noise[i] ** 2 + noise[j] ** 2
+    near = across2 / radius**2 + along**2 / along2_allowed <= 1.0
+    graph = coo_matrix(
+        (np.ones(np.count_nonzero(near), np.int8), (i[near], j[near])), shape=(count, count)
+    )
+    _, labels = connected_components(graph, directed=False)
+    sizes = np.bincount(labels)
+    depth = np.bincount(labels, weights=points[:, 2]) / sizes
+    depth[sizes < parameters.min_points] = np.inf
+    number = np.empty(len(sizes), np.int_)
+    number[np.argsort(depth, kind="stable")] = np.arange(len(sizes))
+    number[~np.isfinite(depth)] = -1
+    return np.asarray(number[labels], dtype=np.int_)
+
+
+def detect_obstacles(
+    motions: PointMotions,
+    velocity_time: float,
+    clustering: ClusteringParameters,
+    motion: MotionParameters,
+) -> tuple[Detection, ...]:
+    """The groups of dynamic points, each with its place, box and velocity, nearest first.
+
+    Groups whose velocity is not significant, by ``motion.min_significance``, are left out.
+
+    Args:
+        velocity_time: the instant the velocities belong to, source clock, seconds.
+    """
+    depth_sigma = np.sqrt(motions.point_cov[:, 2, 2])
+    labels = group_points(motions.points_camera, depth_sigma, clustering)
+    detections = (
+        _describe(motions, np.flatnonzero(labels == number), velocity_time, motion)
+        for number in range(labels.max(initial=-1) + 1)
+    )
+    return tuple(d for d in detections if d.significance >= motion.min_significance)
+
+
+def _describe(
+    motions: PointMotions, members: NDArray[np.intp], time: float, parameters: MotionParameters
+) -> Detection:
+    members = members[_agree(motions.velocity[members], motions.velocity_cov[members])]
+    count = len(members)
+    # Errors of neighbouring points are partly the same (the matcher's blocks overlap), and that
+    # part is not reduced by averaging.
+    shrink = (1 - parameters.shared_error) / count + parameters.shared_error
+    velocity = motions.velocity[members].mean(axis=0)
+    noise = motions.velocity_cov[members].mean(axis=0) * shrink
+    bias = motions.model_error[members].mean(axis=0)
+    known = bool(np.isfinite(bias).all())
+    velocity_cov = noise + np.outer(bias, bias) if known else None
+    spread = noise if velocity_cov is None else velocity_cov
+    points = motions.points_camera[members]
+    position_cov = motions.point_cov[members].mean(axis=0) * shrink
+    position_cov = position_cov + np.atleast_2d(np.cov(points.T, bias=True)) / count
+    px = motions.px_current[members]
+    box = (*px.min(axis=0).tolist(), *px.max(axis=0).tolist())
+    return Detection(
+        position=points.mean(axis=0),
+        position_cov=position_cov,
+        velocity=velocity,
+        velocity_cov=velocity_cov,
+        velocity_time=time,
+        size=np.ptp(points, axis=0),
+        points=count,
+        significance=float(np.sqrt(velocity @ np.linalg.solve(spread, velocity))),
+        box_px=(box[0], box[1], box[2], box[3]),
+    )
+
+
+def _agree(velocity: Float64Array, covariance: Float64Array) -> NDArray[np.bool_]:
+    """(K,) which points move as the middle one does, within the noise of each."""
+    gap = velocity - np.median(velocity, axis=0)
+    # At least the scatter that is there, so that half of the points always agree.
+    scatter = 1.4826 * np.median(np.abs(gap), axis=0)
+    sigma = np.maximum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), scatter)
+    return np.asarray((np.abs(gap) <= _OUTLIER_SIGMAS * sigma).all(axis=1), dtype=np.bool_)

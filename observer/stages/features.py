@@ -1,0 +1,118 @@
+"""Step 2 of the method: feature points on the image at t, spread over the image in buckets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from operator import attrgetter
+from typing import Any, cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.parameters import FeaturesParameters
+from observer.types import Features, Image
+
+# The grid shares the points out after detection, so more than are wanted must be found first.
+_CANDIDATES_PER_FEATURE = 4
+_MIN_DISTANCE_PX = 4
+# KAZE's own default (1e-3) leaves dark, weakly textured surfaces without a single point.
+_KAZE_THRESHOLD = 1e-4
+
+
+def detect_features(image: Image, parameters: FeaturesParameters) -> Features:
+    """Find feature points on a grey (H, W) image.
+
+    ``fast`` is the paper's choice; ``shi_tomasi`` is its minimum eigenvalue and ``harris`` its
+    Harris-Stephens detector. An image without texture gives no features, never an error.
+    """
+    if parameters.detector in ("shi_tomasi", "harris"):
+        px, response = _corners(image, parameters)
+        keypoints: Sequence[cv2.KeyPoint] = ()
+    else:
+        keypoints = _detector(parameters).detect(image)
+        px = np.asarray(cv2.KeyPoint.convert(keypoints), dtype=np.float32).reshape(-1, 2)
+        response = np.fromiter(map(attrgetter("response"), keypoints), np.float32, len(keypoints))
+        if parameters.detector == "mser":
+            # MSER knows no strength; the larger region is the more stable one.
+            response = np.fromiter(map(attrgetter("size"), keypoints), np.float32, len(keypoints))
+    height, width = image.shape
+    kept = spread(px, response, (width, height), parameters.grid_cells, parameters.max_count)
+    native = parameters.detector in ("brisk", "kaze", "orb")
+    return Features(
+        px=px[kept],
+        keypoints=tuple(keypoints[i] for i in kept) if native else None,
+        detector=parameters.detector,
+    )
+
+
+def spread(
+    px: NDArray[np.float32],
+    response: NDArray[np.float32],
+    size: tuple[int, int],
+    columns: int,
+    max_count: int,
+) -> NDArray[np.intp]:
+    """Which points to keep so that every cell of a grid gets an equal share.
+
+    A well textured obstacle would otherwise hold most of the points and be taken for the
+    background.
+
+    Args:
+        px: (N, 2) pixels. response: (N,) strength. size: image width and height.
+        columns: number of columns of square cells. max_count: most points kept.
+
+    Returns:
+        Indices into ``px``; ties are broken by position, so the result does not depend on order.
+    """
+    width, height = size
+    side = width / columns
+    rows = max(1, round(height / side))
+    column = np.clip((px[:, 0] / side).astype(np.intp), 0, columns - 1)
+    row = np.clip((px[:, 1] * rows / height).astype(np.intp), 0, rows - 1)
+    cell = row * columns + column
+    order = np.lexsort((px[:, 0], px[:, 1], -response, cell))
+    starts = np.searchsorted(cell[order], np.arange(rows * columns))
+    rank = np.arange(len(order)) - starts[cell[order]]
+    share = max(1, -(-max_count // (rows * columns)))
+    kept = order[rank < share]
+    if len(kept) > max_count:
+        kept = kept[np.lexsort((kept, rank[rank < share]))][:max_count]
+    return np.asarray(kept, dtype=np.intp)
+
+
+def _corners(
+    image: Image, parameters: FeaturesParameters
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    corners, quality = cv2.goodFeaturesToTrackWithQuality(
+        image,
+        parameters.max_count * _CANDIDATES_PER_FEATURE,
+        parameters.quality,
+        _MIN_DISTANCE_PX,
+        cast(Any, None),
+        useHarrisDetector=parameters.detector == "harris",
+    )
+    # None where there is no corner at all, which the type stubs do not know.
+    if cast(Any, corners) is None:
+        return np.empty((0, 2), np.float32), np.empty(0, np.float32)
+    px = np.asarray(corners, dtype=np.float32).reshape(-1, 2)
+    return px, np.asarray(quality, dtype=np.float32).reshape(-1)
+
+
+def _detector(parameters: FeaturesParameters) -> cv2.Feature2D:
+    match parameters.detector:
+        case "fast":
+            return cv2.FastFeatureDetector.create(parameters.fast_threshold)
+        case "orb":
+            return cv2.ORB.create(
+                parameters.max_count * _CANDIDATES_PER_FEATURE,
+                fastThreshold=parameters.fast_threshold,
+            )
+        case "brisk":
+            return cv2.BRISK.create(parameters.fast_threshold)
+        case "kaze":
+            return cv2.KAZE.create(threshold=_KAZE_THRESHOLD)
+        case "mser":
+            return cv2.MSER.create()
+        case other:
+            raise AssertionError(f"{other} has no Feature2D")

@@ -1,0 +1,108 @@
+"""Step 8 of the method: the displacement of each dynamic feature between the two clouds, over dt.
+
+Both points are given in the camera frame of t: the transformation has brought the pair of t+dt
+there, so static points have equal coordinates and dynamic points differ.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose, map_pixels
+from observer.parameters import Parameters
+from observer.types import EgoMotion, PointMotions, ResidualFlow
+
+
+def measure_motion(
+    flow: ResidualFlow,
+    disparity: Float64Array,
+    observed_disparity: Float64Array,
+    dt: float,
+    ego: EgoMotion,
+    camera: StereoCamera,
+    parameters: Parameters,
+) -> PointMotions:
+    """Velocities of the dynamic features from their places in the two clouds.
+
+    Features without depth at either instant, outside the depth limits or faster than
+    ``max_speed_mps`` are left out. The covariance is the measurement noise to first order:
+    Lucas-Kanade's error at t+dt (the place at t is exact by definition) and the disparity's error
+    at both instants, through the stereo Jacobian.
+
+    Args:
+        flow: all features; only the dynamic ones, M of them, are measured.
+        disparity: (M,) of the dynamic features in the pair at t, NaN = unknown.
+        observed_disparity: (M,) the same in the transformed pair of t+dt.
+        dt: seconds between the two exposures, positive.
+        ego: the planar motion by which the images were transformed. Its pose, where known, tells
+            how wrong the planar model is at each point's depth.
+
+    Raises:
+        ValueError: the ego-motion is lost.
+    """
+    if ego.homography is None:
+        raise ValueError("a lost ego-motion leaves nothing to measure against")
+    px = flow.px[flow.dynamic].astype(np.float64)
+    observed_px = flow.observed_px[flow.dynamic].astype(np.float64)
+    previous = camera.triangulate(px, disparity)
+    current = camera.triangulate(observed_px, observed_disparity)
+    velocity = (current - previous) / dt
+    nearest, farthest = parameters.stereo.min_depth_m, parameters.stereo.max_depth_m
+    with np.errstate(invalid="ignore"):
+        kept = np.linalg.norm(velocity, axis=1) <= parameters.motion.max_speed_mps
+        for points in (previous, current):
+            kept &= (points[:, 2] >= nearest) & (points[:, 2] <= farthest)
+    px, disparity, previous = px[kept], disparity[kept], previous[kept]
+    observed_px, observed_disparity = observed_px[kept], observed_disparity[kept]
+    sigma_px, sigma_d = parameters.motion.pixel_sigma_px, parameters.motion.disparity_sigma_px
+    noise = camera.point_covariance(px, disparity, 0.0, sigma_d)
+    noise = noise + camera.point_covariance(observed_px, observed_disparity, sigma_px, sigma_d)
+    now_px, now_disparity = _untransformed(observed_px, observed_disparity, ego.homography)
+    return PointMotions(
+        points_previous=previous,
+        points_current=current[kept],
+        points_camera=camera.triangulate(now_px, now_disparity),
+        px_current=now_px,
+        velocity=velocity[kept],
+        velocity_cov=noise / dt**2,
+        point_cov=camera.point_covariance(now_px, now_disparity, sigma_px, sigma_d),
+        model_error=_model_error(previous, ego.homography, ego.T_current_previous, camera) / dt,
+    )
+
+
+def _untransformed(
+    px: Float64Array, disparity: Float64Array, homography: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """From the transformed pair back to the pair of t+dt as it was taken.
+
+    Left and right were transformed alike, so the disparity follows from where the two pixels of
+    a point come from.
+    """
+    right = px - np.stack([disparity, np.zeros_like(disparity)], axis=1)
+    left, right = map_pixels(homography, px), map_pixels(homography, right)
+    return left, left[:, 0] - right[:, 0]
+
+
+def _transformed(
+    px: Float64Array, disparity: Float64Array, homography: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """The inverse of ``_untransformed``: where the transformed pair shows a point of t+dt."""
+    inverse = np.linalg.inv(homography)
+    right = px - np.stack([disparity, np.zeros_like(disparity)], axis=1)
+    left, right = map_pixels(inverse, px), map_pixels(inverse, right)
+    return left, left[:, 0] - right[:, 0]
+
+
+def _model_error(
+    points: Float64Array,
+    homography: Float64Array,
+    T_current_previous: Pose | None,
+    camera: StereoCamera,
+) -> Float64Array:
+    """(K, 3) metres by which static points at these places would seem to be displaced."""
+    if T_current_previous is None:
+        return np.full_like(points, np.nan)
+    px, disparity = camera.project(T_current_previous.apply(points))
+    seen = camera.triangulate(*_transformed(px, disparity, homography))
+    return np.asarray(seen - points, dtype=np.float64)

@@ -1,0 +1,89 @@
+"""From a track to the obstacle that is reported: in the world, and relative to the camera."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+from observer.types import Detection, MotionState, Obstacle, Track, TrackState
+
+
+def describe_obstacle(
+    track: Track,
+    T_track_camera: Pose,
+    T_world_camera: Pose | None,
+    camera_velocity: Float64Array | None,
+    time: float,
+) -> Obstacle:
+    """One track as an obstacle at this frame.
+
+    A coasting track keeps its last measured velocity, with the time that belongs to, while its
+    place is extrapolated and grows less certain.
+
+    Args:
+        T_track_camera: the camera's pose in the tracking frame, always known.
+        T_world_camera: the camera's pose; None where unknown, and then so are the obstacle's
+            place and velocity in the world.
+        camera_velocity: (3,) m/s, the camera's own, in its own axes; None where unknown.
+        time: of this frame, seconds.
+    """
+    seen = track.detection
+    T_camera_track = T_track_camera.inverse()
+    position = T_camera_track.apply(track.position)
+    velocity = T_camera_track.rotate(track.velocity)
+    position_cov, velocity_cov = seen.position_cov, seen.velocity_cov
+    if track.missed and velocity_cov is not None:
+        position_cov = position_cov + (time - seen.velocity_time) ** 2 * velocity_cov
+    world = T_world_camera is not None
+    R = np.eye(3) if T_world_camera is None else T_world_camera.rotation
+    std = None if seen.velocity_cov is None else speed_std(seen.velocity, seen.velocity_cov)
+    approach = None
+    if camera_velocity is not None:
+        approach = float((camera_velocity - velocity) @ position / np.linalg.norm(position))
+    return Obstacle(
+        id=track.id,
+        state=track.state,
+        motion=MotionState.MOVING,
+        position_camera=position,
+        velocity_camera=velocity,
+        position=track.position if world else None,
+        velocity=track.velocity if world else None,
+        position_cov=R @ position_cov @ R.T if world else None,
+        velocity_cov=R @ velocity_cov @ R.T if world and velocity_cov is not None else None,
+        velocity_time=seen.velocity_time,
+        speed=seen.speed,
+        speed_std=std,
+        size=seen.size,
+        orientation_wxyz=None if T_world_camera is None else T_world_camera.quaternion_wxyz,
+        closing_speed=approach,
+        points=0 if track.missed else seen.points,
+        significance=seen.significance,
+        box_px=seen.box_px,
+        reason=_why(track, seen),
+    )
+
+
+def speed_std(velocity: Float64Array, covariance: Float64Array) -> float:
+    """One standard deviation of the length of a velocity, m/s.
+
+    To first order it is the deviation along the velocity. Noise across it can only lengthen the
+    vector, by tr(C_across) / (2 |v|) to second order, which matters for slow obstacles.
+    """
+    variance = float(np.trace(covariance))
+    speed = float(np.linalg.norm(velocity))
+    if speed == 0:
+        return float(np.sqrt(variance))
+    direction = velocity / speed
+    along = float(direction @ covariance @ direction)
+    lengthening = (variance - along) / (2 * speed)
+    return float(np.sqrt(min(along + lengthening**2, variance)))
+
+
+def _why(track: Track, seen: Detection) -> str:
+    what = (
+        f"{seen.points} points moved at {seen.speed:.2f} m/s, {seen.significance:.1f} standard "
+        f"deviations more than a static surface would show there"
+    )
+    if track.state is TrackState.COASTING:
+        return f"not seen for {track.missed} frames; before, {what}"
+    return what
