@@ -8,7 +8,8 @@ Names a trace receives (absent where a frame did not come that far):
 
 ====================  =========================================================================
 left, right           rectified images at t+dt, grey or BGR as the source delivers
-previous_left, _right the same at t
+previous_left, _right the same at t, grey
+previous_time         t, seconds on the source's clock
 features_px           (N, 2) feature points at t
 matches               ``Matches`` between t and t+dt
 ego_motion            ``EgoMotion``; its inliers are aligned with the matches
@@ -323,6 +324,7 @@ def _keep_background(
     disparity: NDArray[np.float32],
     ego: EgoMotion,
 ) -> None:
+    trace.keep("previous_time", previous.time)
     trace.keep("previous_left", previous.left)
     trace.keep("previous_right", previous.right)
     trace.keep("features_px", features.px)
