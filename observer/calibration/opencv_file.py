@@ -88,9 +88,9 @@ def _missing_sentence(missing: list[str]) -> str:
     names = " and ".join([", ".join(missing[:-1]), missing[-1]] if missing[1:] else missing)
     verb = "are" if missing[1:] else "is"
     if set(missing) <= {"R", "T"}:
-        hint = "OpenCV's stereo_calib writes them to extrinsics.yml, put them into the same file"
+        hint = "OpenCV's stereo_calib keeps R and T in extrinsics.yml, put all into one file"
     elif not set(missing) & {"R", "T"}:
-        hint = "OpenCV's stereo_calib writes them to intrinsics.yml, put them into the same file"
+        hint = "OpenCV's stereo_calib keeps M1 D1 M2 D2 in intrinsics.yml, put all into one file"
     else:
         hint = "a stereo calibration has K1 D1 K2 D2 R T image_width image_height"
     return f"{names} {verb} missing; {hint}"

@@ -60,6 +60,8 @@ def parse_plain_data(text: str, *, name: str) -> dict[str, PlainData]:
     """
     _check_is_text(text, name)
     text = text.removeprefix("\ufeff")
+    # OpenCV escapes the apostrophe in strings, which neither YAML nor JSON knows.
+    text = re.sub(r"(\\\\)|\\'", lambda found: found.group(1) or "'", text)
     start = text.lstrip()[:1]
     if not start:
         raise CalibrationError(f"{name}: the file is empty; it must hold a calibration")
