@@ -17,6 +17,8 @@ from typing import Any, Literal
 #   residual  residual flow as arrows and colours over the darkened image
 #   plain     the rectified left image as it is (camera frustum in the 3D scene)
 VIEW_NAMES: tuple[str, ...] = ("left", "warped", "disparity", "residual", "plain")
+# The slot of the dense cloud; watched like a view.
+CLOUD_NAME = "cloud"
 
 
 class EngineState(StrEnum):
@@ -38,6 +40,8 @@ class OpenSource:
     With ``run_id`` what is observed belongs to that run: the state becomes ``running``.
     ``segment`` is the number of the first segment, above 0 when a run goes on after a restart.
     ``calibration_yaml`` (OpenCV FileStorage text) replaces the source's own calibration.
+    The reply's value has the fields of the ``StateEvent`` that goes before it. Refused, what
+    was open before stays open.
     """
 
     source: str
@@ -72,7 +76,10 @@ class SetParameters:
 
 @dataclass(frozen=True)
 class SetPlayback:
-    """Change what is given; ``step`` shows that many further frames while paused."""
+    """Change what is given; ``step`` shows that many further frames while paused.
+
+    The reply's value is the playback as in ``StateEvent.playback``.
+    """
 
     paused: bool | None = None
     rate: float | None = None
@@ -83,7 +90,7 @@ class SetPlayback:
 
 @dataclass(frozen=True)
 class WatchViews:
-    """The views somebody watches now; only these are drawn and encoded."""
+    """The views (``VIEW_NAMES`` and ``CLOUD_NAME``) somebody watches now; only these are made."""
 
     names: tuple[str, ...]
 
@@ -166,9 +173,13 @@ class ObservationEvent:
 class StateEvent:
     """The engine's state, sent whenever any part of it changes.
 
+    While only the playback's position moves it is sent twice a second.
+
     ``source`` holds the fields of ``SourceInfo``; ``playback`` holds ``paused, rate, loop,
-    frame, frame_count, ended``; ``camera`` the rectified ``width, height, fx, fy, cx, cy,
-    baseline``.
+    frame, frame_count, ended, achieved_rate`` (``frame``: position within the source, None
+    before the first one; ``achieved_rate``: source seconds per second really played, below
+    ``rate`` where observing cannot keep up, None while unknown); ``camera`` the rectified
+    ``width, height, fx, fy, cx, cy, baseline``. In ``failed`` they tell of what failed.
     """
 
     state: EngineState

@@ -1,0 +1,1 @@
+"""The engine process: plays a source, observes it, draws what is watched."""

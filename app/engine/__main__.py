@@ -1,0 +1,21 @@
+"""``python -m app.engine``: started by ``app.supervisor`` only, with descriptors as arguments."""
+
+from __future__ import annotations
+
+import sys
+
+
+def main() -> int:
+    """Run the engine on the sources and the observer of the library."""
+    import cv2
+
+    from app.engine.process import run_engine
+    from observer.observer import Observer
+    from observer.opening import open_source
+
+    cv2.setNumThreads(2)
+    return run_engine(sys.argv[1:], open_source=open_source, make_observer=Observer)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

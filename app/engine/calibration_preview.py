@@ -1,0 +1,128 @@
+"""A calibration tried out on one raw pair, before anything uses it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from app.engine.views import encode_jpeg
+from observer.calibration.opencv_file import read_calibration
+from observer.camera import as_gray
+from observer.geometry import Float64Array
+from observer.stages.rectification import Rectification
+from observer.types import Image, StereoFrame
+
+_FEATURES = 1500
+_LINES = 12
+_LINE_COLOR = (80, 220, 80)
+# Of two rectified images, true matches lie in one row; but a bad calibration must be able to
+# show how bad it is.
+_MAX_ROW_DIFFERENCE = 0.15
+# Below this many matches a median says nothing.
+_MIN_MATCHES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationPreview:
+    """A rectified pair side by side with lines along its rows.
+
+    Attributes:
+        jpeg: left and right image beside each other.
+        vertical_error_px: median of ``|v_left - v_right|`` over matched features, None where too
+            few were found.
+        matches: number of features that were matched.
+    """
+
+    jpeg: bytes
+    vertical_error_px: float | None
+    matches: int
+
+    def reply(self) -> dict[str, Any]:
+        return {
+            "jpeg": self.jpeg,
+            "vertical_error_px": self.vertical_error_px,
+            "matches": self.matches,
+        }
+
+
+def preview_calibration(
+    frame: StereoFrame, calibration_yaml: str, beat: Callable[[], None]
+) -> CalibrationPreview:
+    """Rectify a raw pair and measure how well the rows of both images agree.
+
+    Args:
+        beat: called between the steps, each of which takes some ten milliseconds.
+
+    Raises:
+        CalibrationError: the calibration cannot be read, rectified, or is for another size.
+    """
+    rectification = Rectification(read_calibration(calibration_yaml, name="the calibration"))
+    beat()
+    left, right = rectification.apply(frame.left, frame.right)
+    beat()
+    error, count = vertical_error(left, right)
+    beat()
+    return CalibrationPreview(encode_jpeg(_side_by_side(left, right)), error, count)
+
+
+def vertical_error(left: Image, right: Image) -> tuple[float | None, int]:
+    """Median ``|v_left - v_right|``, pixels, of ORB features matched in both directions.
+
+    Mismatches are held off twice: by the descriptors' ratio test, and by leaving out what lies
+    far from the median displacement in rows. None below 12 matches; the second number counts
+    the matches.
+    """
+    rows = _row_differences(as_gray(left), as_gray(right))
+    if len(rows) < _MIN_MATCHES:
+        return None, len(rows)
+    return float(np.median(np.abs(rows))), len(rows)
+
+
+def _row_differences(left: Image, right: Image) -> Float64Array:
+    orb = cv2.ORB.create(nfeatures=_FEATURES, fastThreshold=10)
+    points_left, descriptors_left = orb.detectAndCompute(left, None)
+    points_right, descriptors_right = orb.detectAndCompute(right, None)
+    if len(points_left) < 2 or len(points_right) < 2:
+        return np.zeros(0)
+    matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
+    forth = matcher.knnMatch(descriptors_left, descriptors_right, k=2)
+    back = {m.queryIdx: m.trainIdx for m in matcher.match(descriptors_right, descriptors_left)}
+    height, width = left.shape
+    rows = []
+    for pair in forth:
+        if len(pair) < 2 or pair[0].distance >= 0.8 * pair[1].distance:
+            continue
+        best = pair[0]
+        if back.get(best.trainIdx) != best.queryIdx:
+            continue
+        u_left, v_left = points_left[best.queryIdx].pt
+        u_right, v_right = points_right[best.trainIdx].pt
+        near = abs(v_left - v_right) < _MAX_ROW_DIFFERENCE * height
+        # A point in front of both cameras is never further right in the right image; a little
+        # slack for calibrations whose principal points are off.
+        if near and -0.02 * width < u_left - u_right < 0.5 * width:
+            rows.append(v_left - v_right)
+    found = np.array(rows, dtype=np.float64)
+    if len(found) < _MIN_MATCHES:
+        return found
+    spread = np.median(np.abs(found - np.median(found)))
+    near_median = np.abs(found - np.median(found)) <= 5 * max(float(spread), 0.5)
+    return np.asarray(found[near_median], dtype=np.float64)
+
+
+def _side_by_side(left: Image, right: Image) -> Image:
+    canvas = np.ascontiguousarray(np.hstack([_color(left), _color(right)]))
+    height, width = canvas.shape[:2]
+    for row in np.linspace(0, height, _LINES + 2)[1:-1].round().astype(int).tolist():
+        cv2.line(canvas, (0, row), (width - 1, row), _LINE_COLOR, 1)
+    return canvas
+
+
+def _color(image: Image) -> Image:
+    if image.ndim == 3:
+        return image
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)

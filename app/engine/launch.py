@@ -1,0 +1,184 @@
+"""The parent's hold of one engine process: start it, hear it, ask it, end it.
+
+Imported by the web process, so nothing of the method is imported here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from app.channel.pipe import encode, read_message
+from app.messages import Command, HeartbeatEvent, Reply, Request, StateEvent
+
+# -P: the folder somebody starts the server in must not supply the modules.
+ENGINE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.engine")
+_PACKAGES = Path(__file__).resolve().parents[2]
+# How long a process that closed its channel is given to be gone as well.
+_GRACE_S = 0.3
+
+
+class EngineEnded(Exception):
+    """The process ended before it answered."""
+
+
+class EngineProcess:
+    """One engine process. All methods belong to the event loop's thread.
+
+    Attributes:
+        ready: it sent something, so its loop runs.
+        ended: its channel is closed; the process is gone or about to go.
+        silent_s: seconds without any message, as far as this event loop was there to hear one.
+        last_state: the newest ``StateEvent``.
+        heartbeat: the newest heartbeat.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], on_event: Callable[[Any], None]) -> None:
+        self._process = process
+        self._on_event = on_event
+        self._writer: asyncio.StreamWriter | None = None
+        self._reading: asyncio.Task[None] | None = None
+        self._waiting: dict[int, asyncio.Future[Reply]] = {}
+        self._number = 0
+        self.started = time.monotonic()
+        self.ready = False
+        self.ended = False
+        self.silent_s = 0.0
+        self.last_state: StateEvent | None = None
+        self.heartbeat: HeartbeatEvent | None = None
+
+    @classmethod
+    async def start(
+        cls,
+        command: Sequence[str],
+        slots: Mapping[str, int],
+        on_event: Callable[[EngineProcess, Any], None],
+    ) -> EngineProcess:
+        """Start an engine; it inherits nothing but its channel and the slots.
+
+        The kernel ends it with the *thread* that calls this, so call it where the event loop
+        lives.
+
+        Args:
+            slots: descriptor of each latest-value slot by name.
+            on_event: called for every event with the engine it came from, and with None when
+                the channel ends.
+        """
+        here, there = socket.socketpair()
+        with there:
+            arguments = ["--channel", str(there.fileno()), "--parent", str(os.getpid())]
+            for name, fd in slots.items():
+                arguments += ["--slot", f"{name}={fd}"]
+            paths = [str(_PACKAGES), os.environ.get("PYTHONPATH", "")]
+            try:
+                process = subprocess.Popen(
+                    [*command, *arguments],
+                    stdin=subprocess.DEVNULL,
+                    pass_fds=[there.fileno(), *slots.values()],
+                    env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
+                    # A terminal's Ctrl-C and a kill of the whole group are the parent's to
+                    # answer; it ends the engine in good order.
+                    start_new_session=True,
+                )
+            except OSError:
+                here.close()
+                raise
+        engine = cls(process, lambda event: on_event(engine, event))
+        reader, engine._writer = await asyncio.open_unix_connection(sock=here)
+        engine._reading = asyncio.create_task(engine._read(reader), name="hear the engine")
+        return engine
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    async def _read(self, reader: asyncio.StreamReader) -> None:
+        try:
+            while (message := await read_message(reader)) is not None:
+                self.ready = True
+                self.silent_s = 0.0
+                if isinstance(message, Reply):
+                    waiting = self._waiting.pop(message.number, None)
+                    if waiting is not None and not waiting.done():
+                        waiting.set_result(message)
+                    continue
+                if isinstance(message, HeartbeatEvent):
+                    self.heartbeat = message
+                elif isinstance(message, StateEvent):
+                    self.last_state = message
+                self._on_event(message)
+        finally:
+            self.ended = True
+            for waiting in self._waiting.values():
+                if not waiting.done():
+                    waiting.set_exception(EngineEnded())
+            self._waiting.clear()
+        self._on_event(None)
+
+    async def request(self, command: Command, timeout_s: float) -> Reply:
+        """Ask and wait for the answer.
+
+        Raises:
+            EngineEnded: it ended before it answered.
+            TimeoutError: it did not answer in time; a later answer is ignored.
+        """
+        if self.ended or self._writer is None:
+            raise EngineEnded
+        self._number += 1
+        number = self._number
+        waiting: asyncio.Future[Reply] = asyncio.get_running_loop().create_future()
+        self._waiting[number] = waiting
+        try:
+            self._writer.write(encode(Request(number, command)))
+            return await asyncio.wait_for(waiting, timeout_s)
+        finally:
+            self._waiting.pop(number, None)
+
+    def terminate(self) -> None:
+        """SIGTERM; nothing if it is gone already."""
+        self._process.terminate()
+
+    def kill(self) -> None:
+        """SIGKILL, which also ends a stopped process; nothing if it is gone already."""
+        self._process.kill()
+
+    async def wait_gone(self, timeout_s: float) -> bool:
+        """Whether the process is gone, after waiting for at most ``timeout_s``."""
+        until = time.monotonic() + timeout_s
+        while self._process.poll() is None:
+            if time.monotonic() >= until:
+                return False
+            await asyncio.sleep(0.005)
+        return True
+
+    async def remove(self) -> str:
+        """End it by force if it is not gone yet, release everything; tells how it ended."""
+        if not (self.ended and await self.wait_gone(_GRACE_S)):
+            self.kill()
+            # Only a process stuck in the kernel outlasts this; it is reaped when it can be.
+            await self.wait_gone(5.0)
+        if self._reading is not None:
+            self._reading.cancel()
+            await asyncio.gather(self._reading, return_exceptions=True)
+        if self._writer is not None:
+            self._writer.transport.abort()
+        return _ending(self._process.returncode)
+
+
+def _ending(code: int | None) -> str:
+    if code is None:
+        return "it does not even end by force"
+    if code < 0:
+        try:
+            return f"ended by {signal.Signals(-code).name}"
+        except ValueError:
+            return f"ended by signal {-code}"
+    return f"ended with exit code {code}"

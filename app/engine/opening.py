@@ -1,0 +1,42 @@
+"""Opening a source without stopping the loop: it may take long, and then may even hang."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from app.engine.session import Session
+from app.messages import OpenSource, Request
+from observer.parameters import Parameters
+
+
+class Opening:
+    """A source that is being opened in a thread of its own.
+
+    Attributes:
+        request, command: what asked for it.
+        session, error: the result, one of them, once it is done.
+        abandoned: nobody waits for it any more; its session is only to be closed.
+        parameters: with their revision, where they were set meanwhile.
+    """
+
+    def __init__(self, request: Request, command: OpenSource) -> None:
+        self.request = request
+        self.command = command
+        self.session: Session | None = None
+        self.error: Exception | None = None
+        self.abandoned = False
+        self.parameters: tuple[Parameters, int] | None = None
+
+    def start(self, work: Callable[[], Session], done: Callable[[Opening], None]) -> None:
+        """Begin; ``done`` is called in the other thread when there is a result."""
+
+        def run() -> None:
+            try:
+                self.session = work()
+            except Exception as error:  # noqa: BLE001
+                # Nothing may be lost between threads; the loop tells refused from broken.
+                self.error = error
+            done(self)
+
+        threading.Thread(target=run, name="opening a source", daemon=True).start()

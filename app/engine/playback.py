@@ -1,0 +1,235 @@
+"""Playing a source at its recorded pace: pause, step, rate, loop and restart.
+
+Of a source that is not live no frame is ever left out: where reading or observing cannot keep
+up, the playback slows down and says at which rate it really runs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+from app.engine.errors import NotNow
+from observer.errors import InputError, SourceError
+from observer.sources.contract import SkippedFrame, Source
+from observer.types import StereoFrame
+
+MIN_RATE = 0.1
+MAX_RATE = 4.0
+_RATE_WINDOW_S = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedFrame:
+    """A frame whose turn has come.
+
+    Attributes:
+        frame: its index and time go on where the source was rewound, and ``received`` is the
+            instant it was played (of a live source: received).
+        source_time: its time within the source, by which truth is looked up.
+        position: its number within the source.
+        new_segment: it follows a rewind, so nothing before it belongs to it.
+    """
+
+    frame: StereoFrame
+    source_time: float
+    position: int
+    new_segment: bool
+
+
+class Player:
+    """Hands out a source's frames when their time has come.
+
+    Every method takes ``now``, the host's monotonic clock, and none waits, except that reading
+    takes as long as the source takes.
+    """
+
+    def __init__(self, source: Source, *, paused: bool, rate: float, loop: bool) -> None:
+        self._source = source
+        self._live = source.info.live
+        self._period = 1.0 / source.info.frame_rate
+        self._rate = _checked_rate(rate)
+        self._loop = loop and not self._live
+        self._paused = paused and not self._live
+        self._steps = 0
+        self._held: PlayedFrame | None = None
+        self._ended = False
+        self._rewound = False
+        self._frames_in_pass = 0
+        self._last_index = -1
+        self._last_time: float | None = None
+        self._index_offset = 0
+        # None from a rewind until the first frame behind it shows its own time.
+        self._time_offset: float | None = 0.0
+        # The source instant (continued over loops) that belongs to a host instant.
+        self._anchor: tuple[float, float] | None = None
+        self._played: deque[tuple[float, float]] = deque()
+        self.position: int | None = None
+        self.skipped = 0
+
+    @property
+    def paused(self) -> bool:
+        return self._paused
+
+    @property
+    def rate(self) -> float:
+        return self._rate
+
+    @property
+    def loop(self) -> bool:
+        return self._loop
+
+    @property
+    def ended(self) -> bool:
+        """The last frame was played and the source is not looped."""
+        return self._ended and self._held is None
+
+    @property
+    def next_index(self) -> int:
+        """The index of the frame that is played next, as far as it can be known before reading."""
+        return self._last_index + 1 if self._held is None else self._held.frame.index
+
+    @property
+    def held(self) -> StereoFrame | None:
+        """The frame that was read and waits for its turn."""
+        return None if self._held is None else self._held.frame
+
+    def achieved_rate(self, now: float) -> float | None:
+        """Source seconds per second over the last 2 s; None where too little was played."""
+        while self._played and self._played[0][0] < now - _RATE_WINDOW_S:
+            self._played.popleft()
+        if len(self._played) < 3:
+            return None
+        (start, first), (end, last) = self._played[0], self._played[-1]
+        return (last - first) / (end - start) if end > start else None
+
+    def read_ahead(self) -> SkippedFrame | None:
+        """Have the next frame at hand; reads the source at most once.
+
+        Returns:
+            The frame that could not be read, if this was one.
+
+        Raises:
+            SourceError: the source holds no readable frame at all, or what its reading raises.
+        """
+        if self._held is not None or self._ended:
+            return None
+        item = self._source.read()
+        if isinstance(item, SkippedFrame):
+            self.skipped += 1
+            self._last_index = item.index + self._index_offset
+            return replace(item, index=self._last_index)
+        if item is not None:
+            self._hold(item)
+        elif self._frames_in_pass == 0:
+            raise SourceError(
+                f"{self._source.info.spec} holds no frame that can be read; "
+                f"give a source with at least two stereo frames"
+            )
+        elif self._loop:
+            self._rewind()
+        else:
+            self._ended = True
+        return None
+
+    def _hold(self, frame: StereoFrame) -> None:
+        if self._time_offset is None:
+            after = 0.0 if self._last_time is None else self._last_time + self._period
+            self._time_offset = after - (0.0 if self._last_time is None else frame.time)
+        self._frames_in_pass += 1
+        right_time = None if frame.right_time is None else frame.right_time + self._time_offset
+        continued = replace(
+            frame,
+            index=frame.index + self._index_offset,
+            time=frame.time + self._time_offset,
+            right_time=right_time,
+        )
+        self._held = PlayedFrame(continued, frame.time, frame.index, self._rewound)
+        self._rewound = False
+
+    def _rewind(self) -> None:
+        self._source.rewind()
+        self._held = None
+        self._ended = False
+        self._frames_in_pass = 0
+        self._index_offset = self._last_index + 1
+        self._time_offset = None
+        self._rewound = self._last_index >= 0
+
+    def wait_s(self, now: float) -> float | None:
+        """Seconds until the held frame's turn, 0 if it has come; None if nothing will come
+        without a command or a read."""
+        if self._held is None:
+            return None
+        if self._live or self._steps:
+            return 0.0
+        if self._paused:
+            return None
+        return max(0.0, self._due(self._held.frame.time, now) - now)
+
+    @property
+    def wants_reading(self) -> bool:
+        """Whether ``read_ahead`` would read."""
+        return self._held is None and not self._ended
+
+    def _due(self, time: float, now: float) -> float:
+        if self._anchor is None:
+            self._anchor = (now, time)
+        return self._anchor[0] + (time - self._anchor[1]) / self._rate
+
+    def take(self, now: float) -> PlayedFrame:
+        """The held frame, now played."""
+        played, self._held = self._held, None
+        assert played is not None
+        frame = played.frame
+        if self._steps:
+            self._steps -= 1
+        elif not self._live and now - self._due(frame.time, now) > self._period / self._rate:
+            # More than a frame late: catching up would only make everything late, so from here
+            # on playback runs later.
+            self._anchor = (now, frame.time)
+        if not self._live:
+            frame = replace(frame, received=now)
+        self._last_index, self._last_time = frame.index, frame.time
+        self._played.append((now, frame.time))
+        self.position = played.position
+        return replace(played, frame=frame)
+
+    def change(
+        self,
+        *,
+        paused: bool | None = None,
+        rate: float | None = None,
+        loop: bool | None = None,
+        step: int = 0,
+        restart: bool = False,
+    ) -> None:
+        """Change what is given, all or nothing.
+
+        Raises:
+            InputError: a value is out of range, or the source is live.
+            NotNow: steps were asked for while playing.
+            SourceError: the source cannot be rewound.
+        """
+        if self._live and (paused or rate not in (None, 1.0) or loop or step or restart):
+            raise InputError("a live source comes at its own pace and cannot be paused or replayed")
+        new_rate = self._rate if rate is None else _checked_rate(rate)
+        if step < 0:
+            raise InputError(f"step must be a number of frames from 0 up, not {step}")
+        new_paused = self._paused if paused is None else paused
+        if step and not new_paused:
+            raise NotNow("single steps are possible while paused; pause first")
+        self._loop = self._loop if loop is None else loop
+        if restart or (self._loop and self._ended):
+            self._rewind()
+        if restart or new_rate != self._rate or new_paused != self._paused:
+            self._anchor = None
+            self._played.clear()
+        self._steps = self._steps + step if new_paused else 0
+        self._rate, self._paused = new_rate, new_paused
+
+
+def _checked_rate(rate: float) -> float:
+    if isinstance(rate, bool) or not MIN_RATE <= rate <= MAX_RATE:
+        raise InputError(f"rate must be a number from {MIN_RATE:g} to {MAX_RATE:g}, not {rate}")
+    return float(rate)

@@ -1,0 +1,92 @@
+"""Which true body each reported obstacle is, for the page's comparison; never for the method."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from observer.geometry import Pose
+from observer.truth.contract import TrueBody, Truth
+from observer.types import Observation, Obstacle
+
+# An obstacle further than this from a body's surface (its half length) is not taken for it.
+GATE_M = 1.0
+
+
+class TruthMatcher:
+    """Puts truth into the observation's world frame and pairs it with what was reported.
+
+    Truth's world is the camera frame at the source's first frame; an observation's is the camera
+    frame at its segment's first valid pose. The two are aligned once for each segment, at that
+    pose, so that the drift behind it stays visible.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        self._truth = truth
+        self._segment: int | None = None
+        self._T_world_truth: Pose | None = None
+
+    def match(self, observation: Observation, source_time: float) -> list[dict[str, Any]]:
+        """One entry per true body at ``source_time``, as in ``ObservationEvent.truth``.
+
+        Empty as long as the two world frames cannot be aligned.
+        """
+        if self._segment != observation.segment:
+            self._segment, self._T_world_truth = observation.segment, None
+        if self._T_world_truth is None:
+            self._T_world_truth = self._align(observation, source_time)
+        if self._T_world_truth is None:
+            return []
+        T_world_truth = self._T_world_truth
+        bodies = self._truth.bodies(source_time)
+        obstacles = [body for body in bodies if body.role == "obstacle"]
+        tracks = _assign(obstacles, T_world_truth, observation.reported)
+        return [_entry(body, T_world_truth, tracks.get(body.id)) for body in bodies]
+
+    def _align(self, observation: Observation, source_time: float) -> Pose | None:
+        if observation.T_world_camera is None:
+            return None
+        T_truth_camera = self._truth.camera_pose(source_time)
+        if T_truth_camera is None:
+            # Without a true camera pose, only the source's own beginning is common to both.
+            return Pose.identity() if observation.segment == 0 else None
+        return observation.T_world_camera @ T_truth_camera.inverse()
+
+
+def _assign(
+    bodies: list[TrueBody], T_world_truth: Pose, obstacles: tuple[Obstacle, ...]
+) -> dict[int, int]:
+    """Body id -> track id, the pairs nearest as a whole within the gate."""
+    placed = [o for o in obstacles if o.position is not None]
+    if not bodies or not placed:
+        return {}
+    true = T_world_truth.apply([body.position for body in bodies])
+    seen = np.array([o.position for o in placed])
+    distance = np.linalg.norm(true[:, None] - seen[None], axis=2)
+    gate = np.array([GATE_M + float(body.size[0]) / 2 for body in bodies])[:, None]
+    cost = np.where(distance <= gate, distance, 1e6)
+    rows, columns = linear_sum_assignment(cost)
+    return {
+        bodies[row].id: placed[column].id
+        for row, column in zip(rows, columns, strict=True)
+        if cost[row, column] < 1e6
+    }
+
+
+def _entry(body: TrueBody, T_world_truth: Pose, track_id: int | None) -> dict[str, Any]:
+    ahead = T_world_truth.rotate([np.sin(body.yaw), 0.0, np.cos(body.yaw)])
+    return {
+        "id": body.id,
+        "name": body.name,
+        "role": body.role,
+        "position": T_world_truth.apply(body.position).tolist(),
+        "velocity": T_world_truth.rotate(body.velocity).tolist(),
+        "speed": body.speed,
+        "size": body.size.tolist(),
+        "yaw": float(np.arctan2(ahead[0], ahead[2])),
+        "visible": body.visible,
+        "commanded_speed": body.commanded_speed,
+        "track_id": track_id,
+    }

@@ -1,0 +1,190 @@
+"""The pictures people watch, drawn on copies from the observer's trace.
+
+Colours are BGR. Where a step had nothing to show in a frame, the picture says so instead of
+showing an older one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from app.engine.watched import Observed
+from observer.types import Image, Obstacle
+
+JPEG_QUALITY = 80
+# Wider images are shrunk: no panel shows more, and every JPEG fits its slot.
+MAX_WIDTH = 1280
+
+_GREEN = (60, 220, 60)
+_LIGHT_GREEN = (170, 255, 170)
+_ORANGE = (40, 140, 255)
+_RED = (60, 60, 255)
+_YELLOW = (0, 235, 255)
+_DARK = (24, 24, 24)
+_GREY = (150, 150, 150)
+# Sub-pixel coordinates: OpenCV's drawing takes integers with this many fractional bits.
+_SHIFT = 3
+_STAR_ARM_PX = 3.0
+# Residual motion is a few pixels; drawn this much longer, it can be seen.
+RESIDUAL_SCALE = 4.0
+
+
+def draw_view(name: str, observed: Observed) -> bytes:
+    """The named view (one of ``app.messages.VIEW_NAMES``) as a JPEG."""
+    return encode_jpeg(_VIEWS[name](observed))
+
+
+def encode_jpeg(image: Image) -> bytes:
+    """JPEG of a grey or BGR image, shrunk to ``MAX_WIDTH`` where it is wider."""
+    height, width = image.shape[:2]
+    if width > MAX_WIDTH:
+        size = (MAX_WIDTH, max(1, round(height * MAX_WIDTH / width)))
+        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    done, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    if not done:
+        raise ValueError(f"an image of {width}x{height} pixels cannot be encoded as JPEG")
+    return jpeg.tobytes()
+
+
+def jpeg_size(width: int, height: int) -> tuple[int, int]:
+    """Width and height of the JPEG of an image of this size."""
+    if width <= MAX_WIDTH:
+        return width, height
+    return MAX_WIDTH, max(1, round(height * MAX_WIDTH / width))
+
+
+def _left(observed: Observed) -> Image:
+    """The left image with feature stars, their flow since t, and the obstacles' rectangles."""
+    trace = observed.trace
+    canvas = _color_copy(trace["left"])
+    matches, ego_motion = trace.get("matches"), trace.get("ego_motion")
+    if matches is not None and len(matches):
+        inliers = None if ego_motion is None else ego_motion.inliers
+        if inliers is None or len(inliers) != len(matches):
+            inliers = np.ones(len(matches), dtype=np.bool_)
+        flow = np.stack([matches.previous, matches.current], axis=1)
+        _lines(canvas, flow[inliers], _LIGHT_GREEN)
+        _lines(canvas, flow[~inliers], _ORANGE)
+        _stars(canvas, matches.current, _GREEN)
+    _rectangles(canvas, observed.observation.reported)
+    return canvas
+
+
+def _plain(observed: Observed) -> Image:
+    image: Image = observed.trace["left"]
+    return image
+
+
+def _warped(observed: Observed) -> Image:
+    warped = observed.trace.get("warped_left")
+    if warped is None:
+        return _nothing(observed, "no transformed image in this frame")
+    image: Image = warped
+    return image
+
+
+def _disparity(observed: Observed) -> Image:
+    """Disparity as colours, near is red; what is unknown stays dark."""
+    disparity = observed.trace.get("disparity")
+    if disparity is None:
+        return _nothing(observed, "no disparity in this frame")
+    known = np.isfinite(disparity)
+    share = np.where(known, disparity, 0.0) / observed.parameters.stereo.max_disparity_px
+    # The square root spreads the far part, where most of a scene lies.
+    level = (np.sqrt(np.clip(share, 0.0, 1.0)) * 255).astype(np.uint8)
+    canvas = np.asarray(cv2.applyColorMap(level, cv2.COLORMAP_TURBO), dtype=np.uint8)
+    canvas[~known] = _DARK
+    return canvas
+
+
+def _residual(observed: Observed) -> Image:
+    """Residual motion over the darkened image of t: what the camera's motion leaves unexplained.
+
+    Red arrows exceed the threshold, grey ones do not.
+    """
+    trace = observed.trace
+    start, residual = trace.get("flow_px"), trace.get("flow_residual_px")
+    if start is None or residual is None:
+        return _nothing(observed, "no residual flow in this frame")
+    base = trace.get("previous_left")
+    canvas = _color_copy(trace["left"] if base is None else base)
+    canvas = np.asarray(canvas * 0.45, dtype=np.uint8)
+    threshold = observed.parameters.flow.residual_threshold_px
+    dynamic = trace.get("dynamic")
+    if dynamic is None or len(dynamic) != len(start):
+        dynamic = np.linalg.norm(residual, axis=1) > threshold
+    tips = np.asarray(start) + RESIDUAL_SCALE * np.asarray(residual)
+    arrows = np.stack([start, tips], axis=1)
+    finite = np.isfinite(arrows).all(axis=(1, 2))
+    for chosen, color in ((finite & ~dynamic, _GREY), (finite & dynamic, _RED)):
+        _lines(canvas, arrows[chosen], color)
+        _arrow_heads(canvas, arrows[chosen], color)
+    return canvas
+
+
+_VIEWS: Mapping[str, Callable[[Observed], Image]] = {
+    "left": _left,
+    "warped": _warped,
+    "disparity": _disparity,
+    "residual": _residual,
+    "plain": _plain,
+}
+
+
+def _color_copy(image: Image) -> Image:
+    if image.ndim == 2:
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    return image.copy()
+
+
+def _nothing(observed: Observed, sentence: str) -> Image:
+    height, width = observed.trace["left"].shape[:2]
+    canvas = np.full((height, width, 3), _DARK, dtype=np.uint8)
+    for row, text in enumerate([sentence, *observed.observation.reasons[:3]]):
+        _text(canvas, text, (8, 22 + 20 * row), _GREY)
+    return canvas
+
+
+def _lines(
+    canvas: Image, segments: NDArray[Any], color: tuple[int, int, int], thickness: int = 1
+) -> None:
+    """Segments (N, 2, 2), pixels: start and end. One call for all, which is what makes it quick."""
+    if len(segments):
+        points = np.round(np.asarray(segments) * (1 << _SHIFT)).clip(-(2**24), 2**24)
+        cv2.polylines(
+            canvas, list(points.astype(np.int32)), False, color, thickness, cv2.LINE_AA, _SHIFT
+        )
+
+
+def _stars(canvas: Image, px: NDArray[Any], color: tuple[int, int, int]) -> None:
+    angles = np.deg2rad([0.0, 60.0, 120.0])
+    arms = _STAR_ARM_PX * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    centers = np.asarray(px, dtype=np.float64)[:, None]
+    _lines(canvas, np.stack([centers - arms, centers + arms], axis=2).reshape(-1, 2, 2), color)
+
+
+def _arrow_heads(canvas: Image, arrows: NDArray[Any], color: tuple[int, int, int]) -> None:
+    along = arrows[:, 1] - arrows[:, 0]
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    long_enough = length[:, 0] > 2.0
+    along, tips = along[long_enough] / length[long_enough], arrows[long_enough, 1]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    for side in (across, -across):
+        _lines(canvas, np.stack([tips, tips - 4.0 * along + 2.5 * side], axis=1), color)
+
+
+def _rectangles(canvas: Image, obstacles: Iterable[Obstacle]) -> None:
+    for obstacle in obstacles:
+        u0, v0, u1, v1 = (round(value) for value in obstacle.box_px)
+        cv2.rectangle(canvas, (u0, v0), (u1, v1), _YELLOW, 2, cv2.LINE_AA)
+        _text(canvas, f"#{obstacle.id}  {obstacle.speed:.2f} m/s", (u0, max(v0 - 6, 12)), _YELLOW)
+
+
+def _text(canvas: Image, text: str, at: tuple[int, int], color: tuple[int, int, int]) -> None:
+    for thickness, ink in ((3, (0, 0, 0)), (1, color)):
+        cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, ink, thickness, cv2.LINE_AA)

@@ -1,0 +1,28 @@
+"""What was observed last, in the shape that everything drawn from it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from observer.camera import StereoCamera
+from observer.parameters import Parameters
+from observer.types import Observation, StereoFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """One observed frame with everything that led to its result.
+
+    Attributes:
+        frame: as it was played. observation: the result. trace: the observer's intermediate
+            images and numbers by name (see ``observer.observer``). camera: the rectified pair.
+        parameters: those in force for this frame.
+    """
+
+    frame: StereoFrame
+    observation: Observation
+    trace: Mapping[str, Any]
+    camera: StereoCamera
+    parameters: Parameters
