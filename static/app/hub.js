@@ -1,0 +1,154 @@
+/** What the page knows of the server, and the events by which its parts hear of changes. */
+
+import { LiveSocket } from "./live-socket.js";
+
+/** @typedef {import("./types.js").Status} Status */
+/** @typedef {import("./types.js").ObservationMessage} ObservationMessage */
+/** @typedef {import("./types.js").Freshness} Freshness */
+
+const STALE_AFTER_S = 1;
+
+/**
+ * Events, all without detail (read the property of the same name):
+ * `status`, `observation` (inside an animation frame), `connection`, `freshness`,
+ * `reconnected` (the socket is back after a loss), `runs`, `calibrations`, `parameters`
+ * (somebody changed what that list shows: read it again).
+ */
+export class Hub extends EventTarget {
+  /** @type {Status | null} */
+  status = null;
+  /** @type {ObservationMessage | null} */
+  observation = null;
+  /** @type {import("./types.js").Connection} */
+  connection = "connecting";
+  /** @type {Freshness} */
+  freshness = { state: "none", reason: "Connecting to the server.", age_s: 0 };
+
+  #lost = false;
+  #frameAsked = false;
+  /** @type {number[]} */
+  #unpainted = [];
+  /** @type {{at: number, age_s: number | null} | null} */
+  #beat = null;
+  // Posting to it runs right after the frame has been painted, unlike requestAnimationFrame.
+  #afterPaint = new MessageChannel();
+
+  constructor() {
+    super();
+    this.socket = new LiveSocket("/api/live", {
+      message: (message) => this.#receive(message),
+      state: (state) => this.#connectionChanged(state),
+    });
+    this.#afterPaint.port1.onmessage = () => this.#acknowledge();
+    setInterval(() => this.#judgeFreshness(), 200);
+  }
+
+  start() {
+    this.socket.open();
+  }
+
+  /** @param {string} type */
+  tell(type) {
+    this.dispatchEvent(new Event(type));
+  }
+
+  /** @param {Status} status also the answer of a request that changed it */
+  takeStatus(status) {
+    this.status = status;
+    this.tell("status");
+    this.#judgeFreshness();
+  }
+
+  /** @param {any} message */
+  #receive(message) {
+    if (message.type === "observation") {
+      this.#beat = { at: performance.now(), age_s: message.age_ms / 1000 };
+      this.observation = message;
+      this.#unpainted.push(message.sequence);
+      this.#askForFrame();
+    } else if (message.type === "heartbeat") {
+      this.#beat = { at: performance.now(), age_s: message.observation_age_s };
+    } else if (message.type === "status") {
+      this.takeStatus(message);
+    }
+    // Told only once the server speaks: one that accepts and hangs up is not back yet.
+    if (this.#lost) {
+      this.#lost = false;
+      this.tell("reconnected");
+    }
+  }
+
+  #askForFrame() {
+    if (this.#frameAsked) return;
+    this.#frameAsked = true;
+    requestAnimationFrame(() => {
+      this.#frameAsked = false;
+      this.tell("observation");
+      this.#judgeFreshness();
+      this.#afterPaint.port2.postMessage(null);
+    });
+  }
+
+  #acknowledge() {
+    for (const sequence of this.#unpainted.splice(0)) {
+      this.socket.send({ type: "painted", sequence });
+    }
+  }
+
+  /** @param {import("./types.js").Connection} state */
+  #connectionChanged(state) {
+    this.connection = state;
+    this.#unpainted = [];
+    this.tell("connection");
+    this.#lost ||= state === "closed";
+    this.#judgeFreshness();
+  }
+
+  #judgeFreshness() {
+    const before = this.freshness;
+    this.freshness = judge(this.connection, this.status, this.#beat, performance.now());
+    const changed = before.state !== this.freshness.state || before.reason !== this.freshness.reason;
+    if (changed) this.tell("freshness");
+  }
+}
+
+/**
+ * How old what is shown is, and why.
+ *
+ * @param {import("./types.js").Connection} connection
+ * @param {Status | null} status
+ * @param {{at: number, age_s: number | null} | null} beat the last word of how old the newest
+ *   observation was, and when it came (ms of `now`'s clock)
+ * @param {number} now ms
+ * @returns {Freshness}
+ */
+export function judge(connection, status, beat, now) {
+  const silent_s = beat ? (now - beat.at) / 1000 : 0;
+  const age_s = beat && beat.age_s !== null ? beat.age_s + silent_s : 0;
+  if (connection !== "open") {
+    return status
+      ? { state: "stale", age_s, reason: "Connection to the server lost, reconnecting." }
+      : { state: "none", age_s, reason: "Connecting to the server." };
+  }
+  if (!status) return { state: "none", age_s, reason: "Connecting to the server." };
+  if (silent_s > STALE_AFTER_S) {
+    return { state: "stale", age_s, reason: "The server has gone silent, waiting for it." };
+  }
+  const { engine, playback } = status;
+  if (!["idle", "preview", "running"].includes(engine.state)) {
+    const why = engine.reason ?? (engine.state === "failed" ? "it failed" : engine.state);
+    return { state: "stale", age_s, reason: `Engine stopped: ${withoutStop(why)}.` };
+  }
+  if (!status.source) return { state: "none", age_s, reason: "No source is open." };
+  const seen = beat !== null && beat.age_s !== null;
+  if (seen && age_s <= STALE_AFTER_S) return { state: "fresh", age_s, reason: "" };
+  if (playback?.ended) return { state: "held", age_s, reason: "The source has ended." };
+  if (playback?.paused) return { state: "held", age_s, reason: `Paused at frame ${playback.frame}.` };
+  if (!seen) return { state: "none", age_s, reason: "Waiting for the first frame." };
+  return { state: "stale", age_s, reason: "No new frame arrives." };
+}
+
+/** @param {string} text */
+function withoutStop(text) {
+  return text.replace(/\.\s*$/, "");
+}

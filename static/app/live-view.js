@@ -1,0 +1,102 @@
+/** One live view: a canvas that shows the newest image, and says when it is old. */
+
+import { h, setAttribute, setText } from "./dom.js";
+import { Part } from "./part.js";
+import { ViewSocket } from "./view-socket.js";
+
+const STALE_AFTER_MS = 1000;
+
+/** @type {Record<string, {title: string, help: string}>} */
+export const VIEWS = {
+  left: {
+    title: "Left camera",
+    help: "Green stars are features, lines their flow; a yellow box is an obstacle that moves.",
+  },
+  warped: {
+    title: "Warped",
+    help: "The newer image moved back to where the older one was taken; black is outside it.",
+  },
+  disparity: {
+    title: "Disparity",
+    help: "Warm colours are near, cold ones far; black is where the two cameras find no match.",
+  },
+  residual: {
+    title: "Residual flow",
+    help: "Motion that is left after the camera's own is taken away; long arrows are dynamic.",
+  },
+  plain: { title: "Plain left", help: "The rectified left image with nothing drawn on it." },
+};
+
+export class LiveView extends Part {
+  #canvas = h("canvas", { width: 512, height: 256, role: "img" });
+  #mark = h("span", { class: "stale-mark" }, "Waiting for an image");
+  /** @type {ViewSocket | null} */
+  #socket = null;
+  #exposed = -Infinity;
+  #timer = 0;
+
+  /** @type {string} */
+  name = "left";
+
+  build() {
+    const { title, help } = VIEWS[this.name] ?? { title: this.name, help: "" };
+    const helpId = `view-help-${this.name}`;
+    this.#canvas.setAttribute("aria-label", `${title}, live`);
+    this.#canvas.setAttribute("aria-describedby", helpId);
+    this.append(
+      h(
+        "figure",
+        {},
+        h("div", { class: "view-image" }, this.#canvas, this.#mark),
+        h("figcaption", {}, h("b", {}, title), " ", h("span", { id: helpId }, help)),
+      ),
+    );
+    this.#socket = new ViewSocket(this.name, ({ bitmap, ageMs }) => this.#show(bitmap, ageMs));
+    this.#visibilityChanged();
+    this.hear("visibilitychange", () => this.#visibilityChanged(), document);
+    this.hear("freshness", () => this.#judge());
+    this.#timer = setInterval(() => this.#judge(), 250);
+    this.#judge();
+  }
+
+  disconnectedCallback() {
+    super.disconnectedCallback();
+    clearInterval(this.#timer);
+    this.#socket?.close();
+  }
+
+  /** A hidden page asks for no images, so that none are drawn for it. */
+  #visibilityChanged() {
+    if (document.hidden) this.#socket?.close();
+    else this.#socket?.open();
+  }
+
+  /**
+   * @param {ImageBitmap} bitmap
+   * @param {number} ageMs
+   */
+  #show(bitmap, ageMs) {
+    if (this.#canvas.width !== bitmap.width || this.#canvas.height !== bitmap.height) {
+      this.#canvas.width = bitmap.width;
+      this.#canvas.height = bitmap.height;
+    }
+    this.#canvas.getContext("2d")?.drawImage(bitmap, 0, 0);
+    bitmap.close();
+    this.#exposed = performance.now() - ageMs;
+    this.#judge();
+  }
+
+  #judge() {
+    const age = performance.now() - this.#exposed;
+    const { freshness } = this.hub;
+    const old = age > STALE_AFTER_MS;
+    const state = !old ? "fresh" : freshness.state === "held" ? "held" : "stale";
+    setAttribute(this, "data-freshness", state);
+    const seconds = `${(age / 1000).toFixed(0)} s old`;
+    const text = Number.isFinite(age) ? seconds : "Waiting for an image";
+    setText(this.#mark, state === "stale" && Number.isFinite(age) ? `Stale, ${text}` : text);
+    this.#mark.hidden = state === "fresh";
+  }
+}
+
+customElements.define("observer-live-view", LiveView);

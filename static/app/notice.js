@@ -1,0 +1,62 @@
+/** Short messages that pass, and the question before something is deleted. */
+
+import { h, icon } from "./dom.js";
+
+const SHOWN_MS = 8000;
+
+/**
+ * Show one sentence in the page's corner; errors are spoken at once.
+ *
+ * @param {string} text
+ * @param {"done" | "error"} [kind]
+ */
+export function notify(text, kind = "done") {
+  const host = document.querySelector("#notices");
+  if (!host) return;
+  const notice = h("p", { class: "notice", "data-kind": kind, role: kind === "error" ? "alert" : "status" });
+  const close = h("button", { class: "quiet", type: "button", "aria-label": "Close this message" }, icon("close"));
+  close.addEventListener("click", () => notice.remove());
+  notice.append(h("span", {}, text), close);
+  host.append(notice);
+  setTimeout(() => notice.remove(), SHOWN_MS);
+}
+
+/** @param {unknown} error */
+export function notifyError(error) {
+  notify(error instanceof Error ? error.message : String(error), "error");
+}
+
+/**
+ * Ask before something that cannot be undone.
+ *
+ * @param {string} question
+ * @param {string} consequence one sentence
+ * @param {string} action what the button says
+ * @returns {Promise<boolean>}
+ */
+export function confirmed(question, consequence, action) {
+  return new Promise((resolve) => {
+    const dialog = h(
+      "dialog",
+      { class: "question", "aria-labelledby": "question-title" },
+      h(
+        "form",
+        { method: "dialog" },
+        h("h2", { id: "question-title" }, question),
+        h("p", {}, consequence),
+        h(
+          "div",
+          { class: "row end" },
+          h("button", { value: "no", class: "button" }, "Keep"),
+          h("button", { value: "yes", class: "button danger" }, action),
+        ),
+      ),
+    );
+    dialog.addEventListener("close", () => {
+      dialog.remove();
+      resolve(dialog.returnValue === "yes");
+    });
+    document.body.append(dialog);
+    dialog.showModal();
+  });
+}

@@ -1,0 +1,86 @@
+/** All obstacles of the newest observation, one line each. */
+
+import { h, setAttribute, setText } from "./dom.js";
+import { Part } from "./part.js";
+import { bearingInWords, fixed, speedWithBand, trackColour } from "./words.js";
+
+const COLUMNS = ["Obstacle", "Speed, m/s", "Truth, m/s", "Range, m", "Where", "State"];
+
+class ObstacleTable extends Part {
+  #body = h("tbody");
+  #empty = h("p", { class: "empty" }, "No moving obstacle.");
+  #scroll = h("div", { class: "scroll-x", tabindex: 0, role: "region", "aria-label": "Obstacles" });
+  /** @type {Map<number, ReturnType<typeof makeRow>>} */
+  #rows = new Map();
+
+  build() {
+    const head = h("tr", {}, ...COLUMNS.map((name) => h("th", { scope: "col" }, name)));
+    this.#scroll.append(h("table", {}, h("thead", {}, head), this.#body));
+    this.append(h("div", { class: "pane-head" }, h("h2", {}, "Obstacles")), this.#scroll, this.#empty);
+    this.hear("observation", () => this.#render());
+    this.#render();
+  }
+
+  #render() {
+    const message = this.hub.observation;
+    const obstacles = message?.line.obstacles ?? [];
+    const present = new Set(obstacles.map((o) => o.id));
+    for (const [id, row] of this.#rows) {
+      if (!present.has(id)) {
+        row.forEach((line) => line.remove());
+        this.#rows.delete(id);
+      }
+    }
+    for (const obstacle of obstacles) {
+      let row = this.#rows.get(obstacle.id);
+      if (!row) {
+        row = makeRow(obstacle.id);
+        this.#rows.set(obstacle.id, row);
+        this.#body.append(...row);
+      }
+      const body = message?.truth.find((b) => b.track_id === obstacle.id);
+      fillRow(row, obstacle, body?.speed ?? null);
+    }
+    this.#empty.hidden = obstacles.length > 0;
+    this.#scroll.hidden = obstacles.length === 0;
+  }
+}
+
+/**
+ * Two lines: the figures, and why it counts as dynamic.
+ *
+ * @param {number} id
+ * @returns {[HTMLTableRowElement, HTMLTableRowElement]}
+ */
+function makeRow(id) {
+  const swatch = h("span", { class: "swatch", "data-track": trackColour(id), "aria-hidden": "true" });
+  const cells = COLUMNS.slice(1).map(() => h("td"));
+  const figures = h("tr", {}, h("th", { scope: "row" }, swatch, String(id)), ...cells);
+  const why = h("tr", { class: "why" }, h("td", { colspan: COLUMNS.length }));
+  return [figures, why];
+}
+
+/**
+ * @param {[HTMLTableRowElement, HTMLTableRowElement]} rows
+ * @param {import("./types.js").Obstacle} obstacle
+ * @param {number | null} truth m/s
+ */
+function fillRow([figures, why], obstacle, truth) {
+  const state = obstacle.state === "coasting" ? "not seen now" : obstacle.motion;
+  const texts = [
+    speedWithBand(obstacle),
+    fixed(truth, 2),
+    fixed(obstacle.range, 2),
+    `${bearingInWords(obstacle.bearing)} (${fixed((obstacle.bearing * 180) / Math.PI, 0)}°)`,
+    state,
+  ];
+  texts.forEach((text, index) => {
+    const cell = figures.cells[index + 1];
+    if (cell) setText(cell, text);
+  });
+  setAttribute(figures, "data-state", obstacle.state);
+  const cell = why.cells[0];
+  if (cell) setText(cell, obstacle.why ?? "");
+}
+
+customElements.define("observer-obstacles", ObstacleTable);

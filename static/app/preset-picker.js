@@ -1,0 +1,84 @@
+/** Presets: choose one, keep the present values as one. */
+
+import { ApiError } from "./api.js";
+import { h, icon, setText } from "./dom.js";
+import { confirmed, notify, notifyError } from "./notice.js";
+
+/** @typedef {import("./parameter-store.js").ParameterStore} ParameterStore */
+
+export class PresetPicker extends HTMLElement {
+  #select = h("select", { id: "preset", "aria-describedby": "preset-help" });
+  #help = h("p", { class: "hint", id: "preset-help" });
+  #name = h("input", { type: "text", id: "preset-name", maxlength: 60, autocomplete: "off", "aria-describedby": "preset-error", required: true });
+  #error = h("p", { class: "field-error", id: "preset-error", role: "alert" });
+  #delete = h("button", { type: "button", class: "button icon-button", "aria-label": "Delete this preset", title: "Delete this preset" }, icon("trash"));
+
+  /** @param {ParameterStore} store */
+  build(store) {
+    const save = h("form", { class: "row", novalidate: true },
+      h("label", { for: "preset-name", class: "visually-hidden" }, "Name of the new preset"), this.#name,
+      h("button", { type: "submit", class: "button" }, "Save preset"));
+    this.#name.placeholder = "New preset's name";
+    save.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#save(store);
+    });
+    this.#select.addEventListener("change", () => {
+      const preset = store.presets.find((p) => p.name === this.#select.value);
+      if (preset) void store.changeUndoably(store.differing(store.valuesOf(preset)));
+    });
+    this.#delete.addEventListener("click", () => void this.#remove(store));
+    this.append(
+      h("div", { class: "row" }, h("label", { for: "preset" }, "Preset"), this.#select, this.#delete),
+      this.#help,
+      save,
+      this.#error,
+    );
+    store.addEventListener("loaded", () => this.#fill(store));
+    store.addEventListener("values", () => this.#render(store));
+  }
+
+  /** @param {ParameterStore} store */
+  #fill(store) {
+    this.#select.replaceChildren(
+      h("option", { value: "", disabled: true }, "your own values"),
+      ...store.presets.map((preset) => h("option", { value: preset.name }, preset.name)),
+    );
+  }
+
+  /** @param {ParameterStore} store */
+  #render(store) {
+    const preset = store.matchingPreset;
+    this.#select.value = preset?.name ?? "";
+    this.#delete.hidden = preset === null || preset.built_in;
+    setText(this.#help, preset?.help || "Differs from every preset.");
+  }
+
+  /** @param {ParameterStore} store */
+  async #save(store) {
+    const name = this.#name.value.trim();
+    setText(this.#error, name ? "" : "Give the preset a name first.");
+    if (!name) return;
+    try {
+      await store.savePreset(name);
+      this.#name.value = "";
+      notify(`Preset ${name} saved.`);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      setText(this.#error, error.message);
+    }
+  }
+
+  /** @param {ParameterStore} store */
+  async #remove(store) {
+    const name = this.#select.value;
+    if (!(await confirmed(`Delete preset ${name}?`, "The values in force stay as they are.", "Delete preset"))) return;
+    try {
+      await store.deletePreset(name);
+    } catch (error) {
+      notifyError(error);
+    }
+  }
+}
+
+customElements.define("observer-presets", PresetPicker);

@@ -1,0 +1,99 @@
+/** Start and stop of a run, and what the server is doing. */
+
+import { ApiError, request } from "./api.js";
+import { h, icon, setAttribute, setText } from "./dom.js";
+import { notify, notifyError } from "./notice.js";
+import { Part } from "./part.js";
+import { duration } from "./words.js";
+
+/** @type {Record<string, string>} */
+const STATES = {
+  idle: "Idle",
+  preview: "Preview",
+  running: "Running",
+  failed: "Failed",
+};
+
+class RunBar extends Part {
+  #state = h("span", { class: "state-chip" });
+  #name = h("input", { type: "text", id: "run-name", maxlength: 80, placeholder: "Run name (optional)", autocomplete: "off" });
+  #start = h("button", { class: "button primary", type: "submit" }, icon("record"), "Start run");
+  #stop = h("button", { class: "button danger", type: "button", hidden: true }, icon("stop"), "Stop run");
+  #running = h("span", { class: "run-clock figure", hidden: true });
+  #busy = false;
+
+  build() {
+    const form = h(
+      "form",
+      { class: "row" },
+      h("label", { for: "run-name", class: "visually-hidden" }, "Name of the run"),
+      this.#name,
+      this.#running,
+      this.#start,
+      this.#stop,
+    );
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#do(() => this.#begin());
+    });
+    this.#stop.addEventListener("click", () => void this.#do(() => this.#end()));
+    this.append(this.#state, form);
+    this.hear("status", () => this.#render());
+    this.hear("connection", () => this.#render());
+    this.#render();
+  }
+
+  #render() {
+    const { status, connection } = this.hub;
+    const state = connection === "open" && status ? status.engine.state : connection;
+    const words = { connecting: "Connecting", closed: "Reconnecting" }[state] ?? STATES[state] ?? state;
+    setText(this.#state, words);
+    setAttribute(this.#state, "data-state", state);
+    setAttribute(this.#state, "title", status?.engine.reason ?? null);
+    const run = status?.run ?? null;
+    this.#name.hidden = run !== null;
+    this.#start.hidden = run !== null;
+    this.#stop.hidden = run === null;
+    this.#running.hidden = run === null;
+    if (run) setText(this.#running, `${run.name} · ${duration(run.started_at, null)}`);
+    const ready = connection === "open" && !this.#busy;
+    this.#start.disabled = !ready || !status?.source;
+    this.#stop.disabled = !ready;
+  }
+
+  async #begin() {
+    const name = this.#name.value.trim();
+    /** @type {import("./types.js").Run} */
+    const run = await request("POST", "/runs", name ? { name } : {});
+    this.#name.value = "";
+    notify(`Run ${run.name} started.`);
+    this.hub.tell("runs");
+  }
+
+  async #end() {
+    const run = this.hub.status?.run;
+    if (!run) return;
+    await request("POST", `/runs/${encodeURIComponent(run.id)}/stop`);
+    notify(`Run ${run.name} stopped and kept.`);
+    this.hub.tell("runs");
+  }
+
+  /** @param {() => Promise<void>} action */
+  async #do(action) {
+    this.#busy = true;
+    this.#render();
+    try {
+      await action();
+    } catch (error) {
+      notifyError(error);
+      if (!(error instanceof ApiError)) throw error;
+    } finally {
+      this.#busy = false;
+      const status = await request("GET", "/status").catch(() => null);
+      if (status) this.hub.takeStatus(/** @type {import("./types.js").Status} */ (status));
+      this.#render();
+    }
+  }
+}
+
+customElements.define("observer-run-bar", RunBar);

@@ -1,0 +1,114 @@
+/** What frames come from: the sources the server offers, and any other by its spec. */
+
+import { ApiError, request } from "./api.js";
+import { h, setAttribute, setText } from "./dom.js";
+import { notify } from "./notice.js";
+import { Part } from "./part.js";
+
+class SourcePicker extends Part {
+  #list = h("div", { class: "source-list", role: "group", "aria-label": "Sources" });
+  #spec = h("input", { type: "text", id: "source-spec", autocomplete: "off", spellcheck: "false", "aria-describedby": "source-help source-error", required: true });
+  #calibration = h("select", { id: "source-calibration" });
+  #open = h("button", { class: "button primary", type: "submit" }, "Open source");
+  #error = h("p", { class: "field-error", id: "source-error", role: "alert" });
+  #inRun = h("p", { class: "hint", hidden: true }, "Stop the run to open another source.");
+  #busy = false;
+  #followed = "";
+
+  build() {
+    const form = h(
+      "form",
+      { class: "stack", novalidate: true },
+      h("div", { class: "field" }, h("label", { for: "source-spec" }, "Source"), this.#spec, this.#error,
+        h("p", { class: "hint", id: "source-help" },
+          "simulated:SCENARIO, video:LEFT,RIGHT, or the path of a folder with stereo images on the server.")),
+      h("div", { class: "field" }, h("label", { for: "source-calibration" }, "Calibration"), this.#calibration),
+      h("div", { class: "row" }, this.#open, this.#inRun),
+    );
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#openSource();
+    });
+    this.append(h("h2", {}, "Source"), this.#list, form);
+    this.hear("status", () => this.#render());
+    this.hear("calibrations", () => void this.#loadCalibrations());
+    this.hear("reconnected", () => void this.#load());
+    void this.#load();
+    void this.#loadCalibrations();
+  }
+
+  async #load() {
+    /** @type {import("./types.js").SourceChoice[]} */
+    const sources = await request("GET", "/sources").catch(() => []);
+    this.#list.replaceChildren(
+      ...sources.map(({ spec, title, help }) => {
+        const button = h("button", { type: "button", class: "source", "data-spec": spec },
+          h("b", {}, title), h("code", {}, spec), h("span", {}, help));
+        button.addEventListener("click", () => {
+          this.#spec.value = spec;
+          void this.#openSource();
+        });
+        return button;
+      }),
+    );
+    this.#render();
+  }
+
+  async #loadCalibrations() {
+    /** @type {import("./types.js").Calibration[]} */
+    const all = await request("GET", "/calibrations").catch(() => []);
+    const chosen = this.#calibration.value;
+    this.#calibration.replaceChildren(
+      h("option", { value: "" }, "The source's own"),
+      ...all.map((c) => h("option", { value: c.id }, `${c.name} (${c.width} × ${c.height})`)),
+    );
+    this.#calibration.value = all.some((c) => c.id === chosen) ? chosen : "";
+  }
+
+  #render() {
+    const { status } = this.hub;
+    const current = status?.source?.spec ?? "";
+    // Follow what is open, but never overwrite what is being typed.
+    if (current !== this.#followed && document.activeElement !== this.#spec) {
+      this.#spec.value = current;
+      this.#followed = current;
+    }
+    const inRun = Boolean(status?.run);
+    this.#inRun.hidden = !inRun;
+    this.#open.disabled = inRun || this.#busy;
+    for (const button of this.#list.querySelectorAll("button")) {
+      setAttribute(button, "aria-current", button.dataset.spec === current ? "true" : null);
+      button.disabled = inRun || this.#busy;
+    }
+  }
+
+  async #openSource() {
+    this.#busy = true;
+    this.#fail("");
+    setText(this.#open, "Opening…");
+    this.#render();
+    try {
+      const source = this.#spec.value.trim();
+      /** @type {import("./types.js").Status} */
+      const status = await request("PUT", "/source", { source, calibration: this.#calibration.value || null });
+      this.#followed = status.source?.spec ?? source;
+      this.hub.takeStatus(status);
+      notify(`${this.#followed} is open.`);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      this.#fail(error.message);
+    } finally {
+      this.#busy = false;
+      setText(this.#open, "Open source");
+      this.#render();
+    }
+  }
+
+  /** @param {string} message empty takes the error away */
+  #fail(message) {
+    setText(this.#error, message);
+    setAttribute(this.#spec, "aria-invalid", message ? "true" : null);
+  }
+}
+
+customElements.define("observer-source-picker", SourcePicker);

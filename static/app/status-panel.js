@@ -1,0 +1,110 @@
+/** How the server does: rates, latency, time of each stage, what was dropped and why. */
+
+import { h, setText } from "./dom.js";
+import { Part } from "./part.js";
+import { fixed } from "./words.js";
+
+/** @typedef {import("./types.js").Status} Status */
+
+class StatusPanel extends Part {
+  /** @type {Map<string, HTMLElement>} */
+  #figures = new Map();
+  #bars = h("ul", { class: "bars", "aria-label": "Time of each stage" });
+  #total = h("span", { class: "figure" });
+  #skipped = h("ul", { class: "plain-list" });
+  #noneSkipped = h("p", { class: "hint" }, "No frame was skipped.");
+
+  build() {
+    this.append(
+      h("h2", {}, "Status"),
+      h("dl", { class: "figures" },
+        this.#figure("rate", "Unique frames", "frames observed each second, each counted once"),
+        this.#figure("median", "Exposure to page", "median from reception to painted here"),
+        this.#figure("p95", "Exposure to page, 95 %", "19 of 20 frames are faster"),
+        this.#figure("viewers", "Open pages", "that receive live data now"),
+        this.#figure("restarts", "Engine restarts", "since the server was started"),
+        this.#figure("frames_skipped", "Frames skipped", "that the source could not read"),
+        this.#figure("observations_lost", "Observations lost", "between engine and server"),
+        this.#figure("live_messages_dropped", "Messages left out", "for pages slower than the frames")),
+      h("h3", {}, "Stage timings ", this.#total),
+      this.#bars,
+      h("h3", {}, "Skipped frames"),
+      this.#noneSkipped,
+      this.#skipped,
+      h("p", { class: "hint" }, this.#value("version")),
+    );
+    this.hear("status", () => this.#render());
+    this.#render();
+  }
+
+  /**
+   * @param {string} key
+   * @param {string} term
+   * @param {string} help
+   */
+  #figure(key, term, help) {
+    return h("div", { title: help }, h("dt", {}, term), h("dd", { class: "figure" }, this.#value(key)));
+  }
+
+  /** @param {string} key */
+  #value(key) {
+    const node = h("span", {}, "–");
+    this.#figures.set(key, node);
+    return node;
+  }
+
+  #render() {
+    const { status } = this.hub;
+    if (!status || this.offsetParent === null) return;
+    for (const [key, text] of Object.entries(figuresOf(status))) {
+      const node = this.#figures.get(key);
+      if (node) setText(node, text);
+    }
+    this.#renderBars(status.timings_ms);
+    this.#noneSkipped.hidden = status.skipped.length > 0;
+    const lines = status.skipped.map(({ index, reason }) => `Frame ${index}: ${reason}`);
+    if (this.#skipped.childElementCount !== lines.length || this.#skipped.textContent !== lines.join("")) {
+      this.#skipped.replaceChildren(...lines.map((line) => h("li", {}, line)));
+    }
+  }
+
+  /** @param {Record<string, number>} timings stage -> median ms; a "total" is no stage */
+  #renderBars(timings) {
+    const stages = Object.entries(timings).filter(([name]) => name !== "total");
+    const sum = stages.reduce((total, [, ms]) => total + ms, 0);
+    const total = timings.total ?? sum;
+    setText(this.#total, stages.length ? `${fixed(total, 1)} ms together` : "");
+    const longest = Math.max(1, ...stages.map(([, ms]) => ms));
+    if (this.#bars.childElementCount !== stages.length) {
+      this.#bars.replaceChildren(
+        ...stages.map(() => h("li", {}, h("span"), h("meter", { min: 0, max: 1, value: 0 }), h("span", { class: "figure" }))),
+      );
+    }
+    stages.forEach(([name, ms], index) => {
+      const [label, meter, value] = this.#bars.children[index]?.children ?? [];
+      if (!label || !(meter instanceof HTMLMeterElement) || !value) return;
+      const words = name.replaceAll("_", " ");
+      setText(label, words);
+      meter.value = ms / longest;
+      meter.setAttribute("aria-label", `${words}: ${fixed(ms, 1)} ms`);
+      setText(value, `${fixed(ms, 1)} ms`);
+    });
+  }
+}
+
+/** @param {Status} status @returns {Record<string, string>} */
+function figuresOf({ rates, latency_ms, viewers, engine, drops, version }) {
+  return {
+    rate: `${fixed(rates.unique_frames_per_s, 1)} /s`,
+    median: `${fixed(latency_ms.median, 0)} ms`,
+    p95: `${fixed(latency_ms.p95, 0)} ms`,
+    viewers: String(viewers),
+    restarts: String(engine.restarts),
+    frames_skipped: String(drops.frames_skipped),
+    observations_lost: String(drops.observations_lost),
+    live_messages_dropped: String(drops.live_messages_dropped),
+    version: `Dynamic Observer ${version}${engine.pid ? `, engine process ${engine.pid}` : ""}`,
+  };
+}
+
+customElements.define("observer-status", StatusPanel);

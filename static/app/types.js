@@ -1,0 +1,145 @@
+/**
+ * What the server says, as types. Units are in the names or beside them; see the REST
+ * documentation at /docs for the same in full.
+ *
+ * @typedef {"number" | "integer" | "boolean" | "choice"} ParameterType
+ * @typedef {number | boolean | string} ParameterValue
+ *
+ * @typedef {object} ParameterEntry one line of GET /api/parameters/schema
+ * @property {string} name dotted, as in "ego_motion.ransac_threshold_px"
+ * @property {string} group
+ * @property {string} group_help
+ * @property {string} title
+ * @property {string} help
+ * @property {ParameterType} type
+ * @property {string} unit
+ * @property {ParameterValue} default
+ * @property {number} [minimum]
+ * @property {number} [maximum]
+ * @property {number} [step]
+ * @property {string[]} [choices]
+ *
+ * @typedef {object} ParameterState answer of GET and PATCH /api/parameters
+ * @property {number} revision
+ * @property {Record<string, ParameterValue>} values
+ * @property {string | null} preset
+ * @property {number | null} frame the first frame these values act on
+ *
+ * @typedef {object} Preset
+ * @property {string} name
+ * @property {string} help
+ * @property {Record<string, ParameterValue>} values
+ * @property {boolean} built_in
+ *
+ * @typedef {object} Obstacle
+ * @property {number} id
+ * @property {"tentative" | "confirmed" | "coasting"} state
+ * @property {"moving" | "stopped"} motion
+ * @property {number[] | null} position world, metres
+ * @property {number[] | null} velocity world, m/s
+ * @property {number} speed m/s
+ * @property {number | null} speed_std m/s, one standard deviation
+ * @property {number} range metres
+ * @property {number} bearing radians, positive to the right
+ * @property {number | null} closing_speed m/s, positive while the range shrinks
+ * @property {number} points
+ * @property {string} [why]
+ *
+ * @typedef {object} TrueBody
+ * @property {number} id
+ * @property {string} name
+ * @property {string} role
+ * @property {number} speed m/s
+ * @property {number | null} visible share that the left camera sees, 0 to 1
+ * @property {number | null} commanded_speed m/s
+ * @property {number | null} track_id the reported obstacle it was matched to
+ *
+ * @typedef {object} Line one observation
+ * @property {number} frame
+ * @property {number} time seconds, source clock
+ * @property {number} segment
+ * @property {"ok" | "degraded" | "lost"} status
+ * @property {string[]} reasons
+ * @property {number} parameters_revision
+ * @property {{position: number[], orientation_wxyz: number[]} | null} pose
+ * @property {Obstacle[]} obstacles
+ * @property {Record<string, number>} timings_ms
+ *
+ * @typedef {object} ObservationMessage
+ * @property {"observation"} type
+ * @property {number} sequence
+ * @property {Line} line
+ * @property {TrueBody[]} truth
+ * @property {number} age_ms
+ *
+ * @typedef {object} Playback
+ * @property {boolean} paused
+ * @property {number} rate
+ * @property {boolean} loop
+ * @property {number} frame
+ * @property {number | null} frame_count
+ * @property {boolean} ended
+ *
+ * @typedef {object} SourceInfo
+ * @property {string} spec
+ * @property {string} kind
+ * @property {number} width
+ * @property {number} height
+ * @property {number} frame_rate
+ * @property {number | null} frame_count
+ * @property {boolean} live
+ *
+ * @typedef {object} Status
+ * @property {{state: string, reason: string | null, pid: number | null, generation: number,
+ *   restarts: number, heartbeat_age_s: number | null}} engine
+ * @property {SourceInfo | null} source
+ * @property {Playback | null} playback
+ * @property {{id: string, name: string, started_at: string} | null} run
+ * @property {{id: string, name: string} | null} calibration
+ * @property {number} parameters_revision
+ * @property {{unique_frames_per_s: number | null}} rates
+ * @property {{median: number | null, p95: number | null, count: number}} latency_ms
+ * @property {Record<string, number>} timings_ms
+ * @property {{frames_skipped: number, observations_lost: number,
+ *   live_messages_dropped: number}} drops
+ * @property {{index: number, reason: string}[]} skipped
+ * @property {number} viewers
+ * @property {boolean} has_truth
+ * @property {string} version
+ *
+ * @typedef {object} SourceChoice
+ * @property {string} spec
+ * @property {string} title
+ * @property {string} help
+ *
+ * @typedef {object} Run
+ * @property {string} id
+ * @property {string} name
+ * @property {"running" | "finished" | "interrupted" | "failed"} state
+ * @property {string} source
+ * @property {string} started_at ISO 8601
+ * @property {string | null} ended_at ISO 8601
+ * @property {number} frames
+ * @property {number} segments
+ * @property {string | null} reason
+ *
+ * @typedef {object} Calibration
+ * @property {string} id content hash
+ * @property {string} name
+ * @property {number} width
+ * @property {number} height
+ * @property {number} baseline_m
+ * @property {number} hfov_deg
+ * @property {boolean} rectified
+ * @property {string} created_at ISO 8601
+ * @property {boolean} active
+ *
+ * @typedef {"connecting" | "open" | "closed"} Connection
+ *
+ * @typedef {object} Freshness how old what the page shows is
+ * @property {"fresh" | "held" | "stale" | "none"} state held: paused or ended on purpose
+ * @property {string} reason one sentence, empty while fresh
+ * @property {number} age_s
+ */
+
+export {};
