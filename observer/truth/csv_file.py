@@ -252,7 +252,7 @@ def _rows(lines: Iterable[str], name: str) -> Iterator[_Row]:
             yield _Row(cells, where)
     except csv.Error as error:
         raise TruthError(
-            f"{name} line {reader.line_num}: the line is not valid CSV: {error}"
+            f"{name} line {reader.reader.line_num}: the line is not valid CSV: {error}"
         ) from None
 
 
