@@ -1,0 +1,113 @@
+"""The parameters in force, their revision, and the preset they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from observer.errors import InputError, ParameterError
+from observer.parameters import Parameters, ParameterValue, preset, preset_names
+
+BUILT_IN = preset_names()
+
+
+@dataclass(frozen=True)
+class ParametersInForce:
+    """One state of the parameters.
+
+    Attributes:
+        values: all of them. revision: grows by one with every change, over restarts too.
+        preset: the preset that these values are, or None once one differs.
+        frame: the first frame they act on; None where no source was open or none is yet known.
+    """
+
+    values: Parameters
+    revision: int
+    preset: str | None
+    frame: int | None = None
+
+
+@dataclass(frozen=True)
+class Revision:
+    """A change that was accepted, and what it changed."""
+
+    after: ParametersInForce
+    difference: dict[str, ParameterValue]
+
+
+def first_parameters() -> ParametersInForce:
+    """Those of a new installation."""
+    return ParametersInForce(preset("default"), 0, "default")
+
+
+def restored_parameters(
+    values: Mapping[str, Any], revision: int, preset_name: str | None
+) -> tuple[ParametersInForce, str | None]:
+    """The parameters as they were left.
+
+    A later version may have other parameters or bounds; what it does not take is left at its
+    default, and said.
+
+    Returns:
+        The parameters, and a warning of one sentence where some could not be restored.
+    """
+    try:
+        return ParametersInForce(Parameters().changed(values), revision, preset_name), None
+    except ParameterError as error:
+        refused = error.problems
+    kept = {name: value for name, value in values.items() if name not in refused}
+    restored = ParametersInForce(Parameters().changed(kept), revision + 1, None)
+    return restored, (
+        f"saved parameters were refused and are at their defaults again: {', '.join(refused)}"
+    )
+
+
+def change(
+    current: ParametersInForce,
+    changes: Mapping[str, Any],
+    presets: Mapping[str, Mapping[str, ParameterValue]],
+    start: Parameters | None = None,
+) -> Revision:
+    """The parameters after a change, all or nothing.
+
+    Args:
+        changes: dotted name -> new value.
+        presets: the saved presets, by name; the built-in ones are known.
+        start: what the changes are made to; the current values if left out.
+
+    Raises:
+        ParameterError: naming every refused field and its range.
+    """
+    values = (start or current.values).changed(changes)
+    difference = current.values.difference(values)
+    if not difference:
+        return Revision(current, {})
+    after = ParametersInForce(values, current.revision + 1, matching_preset(values, presets))
+    return Revision(after, difference)
+
+
+def matching_preset(
+    values: Parameters, presets: Mapping[str, Mapping[str, ParameterValue]]
+) -> str | None:
+    """The name of the preset with exactly these values; built-in ones come first."""
+    flat = values.flat()
+    for name in reversed(BUILT_IN):
+        if preset(name).flat() == flat:
+            return name
+    return next((name for name, saved in presets.items() if dict(saved) == flat), None)
+
+
+def preset_values(name: str, presets: Mapping[str, Mapping[str, ParameterValue]]) -> Parameters:
+    """The parameters of a built-in or saved preset.
+
+    Raises:
+        InputError: there is none of that name.
+        ParameterError: a saved one holds values that this version refuses.
+    """
+    if name in BUILT_IN:
+        return preset(name)
+    if name not in presets:
+        known = ", ".join((*BUILT_IN, *presets))
+        raise InputError(f"there is no preset {name!r}; there are: {known}")
+    return Parameters().changed(presets[name])

@@ -1,0 +1,109 @@
+"""What the person who starts the server may choose: arguments, then environment, then defaults.
+
+Environment variables are named ``DYNAMIC_OBSERVER_`` and the setting, as in
+``DYNAMIC_OBSERVER_PORT``; several host names are separated by commas.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+ENVIRONMENT_PREFIX = "DYNAMIC_OBSERVER_"
+
+_MEGABYTE = 1024 * 1024
+
+
+def default_data_folder() -> Path:
+    """Where a program keeps what must outlive it (XDG base directories)."""
+    base = os.environ.get("XDG_DATA_HOME", "")
+    # The specification asks for relative paths to be ignored.
+    root = Path(base) if base.startswith("/") else Path.home() / ".local" / "share"
+    return root / "dynamic-observer"
+
+
+class Settings(BaseSettings):
+    """The server's settings. Unknown keys are refused, wherever they come from.
+
+    Attributes:
+        source: what is opened first.
+        host, port: where to listen; port 0 takes a free one.
+        data: folder of the database. database: an SQLAlchemy URL in place of it.
+        token_file: keeps the sign-in token over restarts; without it every start makes a new one.
+        allowed_hosts: further names under which browsers may reach the server; a name with a
+            port is allowed with this port only.
+        tls_cert, tls_key: PEM files; both or neither.
+        viewer_points, viewer_rate_hz: the 3D scene's cloud: points drawn, updates per second.
+        calibration_max_bytes: largest calibration file. body_max_bytes: largest other request.
+    """
+
+    model_config = SettingsConfigDict(
+        env_prefix=ENVIRONMENT_PREFIX, extra="forbid", frozen=True, hide_input_in_errors=True
+    )
+
+    source: str = Field("simulated:lab", min_length=1)
+    host: str = Field("127.0.0.1", min_length=1)
+    port: int = Field(8080, ge=0, le=65535)
+    data: Path = Field(default_factory=default_data_folder)
+    database: str | None = None
+    token_file: Path | None = None
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = ()
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
+    viewer_points: int = Field(20_000, ge=500, le=20_000)
+    viewer_rate_hz: float = Field(10.0, ge=0.5, le=30.0, allow_inf_nan=False)
+    calibration_max_bytes: int = Field(_MEGABYTE, ge=1024, le=64 * _MEGABYTE)
+    body_max_bytes: int = Field(256 * 1024, ge=1024, le=64 * _MEGABYTE)
+    log_level: Literal["debug", "info", "warning", "error"] = "warning"
+
+    @field_validator("allowed_hosts", mode="before")
+    @classmethod
+    def _split_hosts(cls, value: Any) -> Any:
+        if isinstance(value, str):
+            return tuple(part.strip() for part in value.split(",") if part.strip())
+        return value
+
+    @field_validator("allowed_hosts")
+    @classmethod
+    def _plain_hosts(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        for name in value:
+            if not name or "/" in name or "*" in name or any(c.isspace() for c in name):
+                raise ValueError(f"give a host name such as lab.example, not {name!r}")
+        return tuple(name.lower() for name in value)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown_environment(cls, values: Any) -> Any:
+        # pydantic-settings looks only for names it knows, so a mistyped one would do nothing.
+        known = {f"{ENVIRONMENT_PREFIX}{name}".upper() for name in cls.model_fields}
+        unknown = sorted(
+            name
+            for name in os.environ
+            if name.upper().startswith(ENVIRONMENT_PREFIX) and name.upper() not in known
+        )
+        if unknown:
+            raise ValueError(
+                f"the environment variable {unknown[0]} names no setting; there are: "
+                f"{', '.join(sorted(known))}"
+            )
+        return values
+
+    @model_validator(mode="after")
+    def _certificate_and_key(self) -> Self:
+        if (self.tls_cert is None) != (self.tls_key is None):
+            raise ValueError("--tls-cert and --tls-key are given together or not at all")
+        return self
+
+    @property
+    def tls(self) -> bool:
+        """Whether the server speaks https."""
+        return self.tls_cert is not None
+
+    @property
+    def database_location(self) -> str | Path:
+        """What ``Storage`` is opened with."""
+        return self.database if self.database is not None else self.data / "observer.sqlite"

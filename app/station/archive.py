@@ -1,0 +1,50 @@
+"""Runs that were kept, for reading; the one that is going is shown as it stands."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+
+from app.station.errors import NotThere
+from app.storage import RunRecord, SpeedRow, Storage
+
+
+class RunArchive:
+    """Args:
+    current: the run that is going, or None.
+    """
+
+    def __init__(self, storage: Storage, current: Callable[[], RunRecord | None]) -> None:
+        self._storage = storage
+        self._current = current
+
+    async def newest(self) -> list[RunRecord]:
+        """Newest first."""
+        current = self._current()
+        records = await asyncio.to_thread(self._storage.list_runs)
+        return [current if current and record.id == current.id else record for record in records]
+
+    async def find(self, run_id: str) -> RunRecord:
+        """One run.
+
+        Raises:
+            NotThere: there is none of that id.
+        """
+        current = self._current()
+        if current is not None and current.id == run_id:
+            return current
+        record = await asyncio.to_thread(self._storage.get_run, run_id)
+        if record is None:
+            raise no_such_run(run_id)
+        return record
+
+    async def speeds(self, run_id: str) -> list[SpeedRow]:
+        """All speeds of a run, those of the last half second excepted while it is going."""
+        await self.find(run_id)
+        return await asyncio.to_thread(partial(self._storage.speeds, run_id))
+
+
+def no_such_run(run_id: str) -> NotThere:
+    """What to say of an unknown id."""
+    return NotThere(f"there is no run {run_id[:80]!r}; GET /api/runs lists them")

@@ -1,0 +1,85 @@
+"""What the station needs of the engine's supervisor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from app.channel.latest import Latest
+from app.messages import Command, Event, ObservationEvent
+
+
+class LatestValue(Protocol):
+    """The reading side of one latest-value slot."""
+
+    def read(self, after: int = 0) -> Latest | None:
+        """The newest value if its sequence is above ``after``; never waits."""
+        ...
+
+
+class Health(Protocol):
+    """How the engine process is."""
+
+    @property
+    def generation(self) -> int: ...
+
+    @property
+    def pid(self) -> int | None: ...
+
+    @property
+    def alive(self) -> bool: ...
+
+    @property
+    def restarts(self) -> int: ...
+
+    @property
+    def heartbeat_age_s(self) -> float | None: ...
+
+    @property
+    def observations_lost(self) -> int: ...
+
+
+class Engine(Protocol):
+    """The engine process as the web process sees it; ``app.supervisor.Supervisor`` fulfils it."""
+
+    async def start(self) -> None:
+        """Start the process; ``EngineStartedEvent`` follows."""
+        ...
+
+    async def stop(self) -> None:
+        """End the process; safe to call twice."""
+        ...
+
+    async def request(self, command: Command, timeout_s: float = 10.0) -> dict[str, Any]:
+        """Send a command and wait for its reply's value.
+
+        Raises:
+            EngineRefused: the engine said why not.
+            EngineUnavailable: there is no engine to ask at this moment, or it did not answer.
+        """
+        ...
+
+    def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
+        """Have every event handed to ``callback`` in the event loop; returns the unsubscription."""
+        ...
+
+    @property
+    def health(self) -> Health: ...
+
+    @property
+    def views(self) -> Mapping[str, LatestValue]: ...
+
+    @property
+    def cloud(self) -> LatestValue: ...
+
+
+class Listener(Protocol):
+    """Somebody who follows the station; called in the event loop, must not block."""
+
+    def observed(self, event: ObservationEvent) -> None:
+        """A frame was observed."""
+        ...
+
+    def status_changed(self) -> None:
+        """Something in ``Station.status`` changed, beside figures that always move."""
+        ...

@@ -1,0 +1,122 @@
+"""The run that is being kept: what of it goes into the database, and when."""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import platform
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from app.messages import ObservationEvent
+from app.station.writer import Writer
+from app.storage import RunRecord, RunState, SpeedRow, Storage, utc_now
+
+# At most this much is lost when the machine stops.
+_FLUSH_S = 0.5
+
+
+class CurrentRun:
+    """Collects a run's rows and hands them to the writer twice a second.
+
+    Args:
+        record: as it was created.
+        clock: monotonic seconds.
+    """
+
+    def __init__(
+        self, record: RunRecord, storage: Storage, writer: Writer, clock: Callable[[], float]
+    ) -> None:
+        self.record = record
+        self.frames = 0
+        self.segments = 1
+        # Engines lost in a row without a single observation between.
+        self.fruitless_restarts = 0
+        self._storage = storage
+        self._writer = writer
+        self._clock = clock
+        self._rows: list[SpeedRow] = []
+        self._flushed = clock()
+
+    @property
+    def id(self) -> str:
+        return self.record.id
+
+    def observed(self, event: ObservationEvent) -> None:
+        """Keep what one frame said of speeds."""
+        self.frames += 1
+        self.fruitless_restarts = 0
+        self.segments = max(self.segments, int(event.line["segment"]) + 1)
+        self._rows.extend(speed_rows(self.id, event))
+        if self._clock() - self._flushed >= _FLUSH_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Give the rows so far to the writer."""
+        rows, self._rows = self._rows, []
+        self._flushed = self._clock()
+        self._writer.post(partial(self._write, rows, self.frames, self.segments))
+
+    def snapshot(self) -> RunRecord:
+        """The record as it stands now."""
+        return replace(
+            self.record, frames=self.frames, segments=self.segments, updated_at=utc_now()
+        )
+
+    def ended(self, state: RunState, reason: str | None) -> RunRecord:
+        """The record of the run's end."""
+        now = utc_now()
+        return replace(self.snapshot(), state=state, reason=reason, updated_at=now, ended_at=now)
+
+    def _write(self, rows: list[SpeedRow], frames: int, segments: int) -> None:
+        self._storage.append_speeds(rows)
+        self._storage.update_run(self.id, frames=frames, segments=segments)
+
+
+def speed_rows(run_id: str, event: ObservationEvent) -> Iterator[SpeedRow]:
+    """The rows of one observation: estimates, truth and commands, each where there is one.
+
+    A coasting obstacle was not seen, so its speed is a gap.
+    """
+    line = event.line
+    segment = int(line["segment"])
+
+    def row(time: float, role: str, source: Any, track: int, speed: Any, std: Any) -> SpeedRow:
+        return SpeedRow(run_id, float(time), role, source, track, speed, std, segment)
+
+    for obstacle in line["obstacles"]:
+        seen = obstacle["state"] == "confirmed"
+        yield row(
+            obstacle["velocity_time"],
+            "obstacle",
+            "estimate",
+            int(obstacle["id"]),
+            obstacle["speed"] if seen else None,
+            obstacle["speed_std"] if seen else None,
+        )
+    for body in event.truth:
+        identity, role = int(body["id"]), str(body["role"])
+        yield row(line["time"], role, "truth", identity, body["speed"], None)
+        if body["commanded_speed"] is not None:
+            yield row(line["time"], role, "commanded", identity, body["commanded_speed"], None)
+
+
+@functools.cache
+def app_version() -> str:
+    """The installed version; what runs from a bare source tree says so."""
+    try:
+        return importlib.metadata.version("dynamic-observer")
+    except importlib.metadata.PackageNotFoundError:
+        return "source"
+
+
+def versions() -> dict[str, str]:
+    """What computes a run, by name."""
+    packages = ("numpy", "opencv-python-headless")
+    return {
+        "dynamic-observer": app_version(),
+        "python": platform.python_version(),
+        **{name: importlib.metadata.version(name) for name in packages},
+    }

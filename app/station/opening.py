@@ -1,0 +1,69 @@
+"""What shall be open, and the command that opens it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from app.messages import OpenSource
+from app.parameter_store import ParametersInForce
+from app.station.calibrations import find_calibration
+from app.station.errors import FieldError, NotThere
+from app.storage import CalibrationRecord, Storage
+
+_LONGEST_SPEC = 1000
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A source, and the calibration that replaces its own."""
+
+    source: str
+    calibration: CalibrationRecord | None
+
+    @property
+    def endless(self) -> bool:
+        """Whether a run of it goes on until somebody ends it; a recording ends by itself."""
+        return self.source.lower().startswith("simulated:")
+
+    def command(
+        self,
+        parameters: ParametersInForce,
+        *,
+        playback: dict[str, Any] | None,
+        run_id: str | None = None,
+        segment: int = 0,
+    ) -> OpenSource:
+        """Open it from its beginning, at the rate that is being played.
+
+        Args:
+            playback: as it is now; None where nothing is open.
+        """
+        return OpenSource(
+            source=self.source,
+            calibration_yaml=None if self.calibration is None else self.calibration.text,
+            parameters=dict(parameters.values.flat()),
+            parameters_revision=parameters.revision,
+            loop=run_id is None or self.endless,
+            rate=float((playback or {}).get("rate", 1.0)),
+            run_id=run_id,
+            segment=segment,
+        )
+
+
+def make_opening(storage: Storage, source: str, calibration_id: str | None) -> Opening:
+    """What a request named.
+
+    Raises:
+        FieldError: the text names no source, or there is no such calibration.
+    """
+    if not source.isprintable() or not 0 < len(source) <= _LONGEST_SPEC:
+        raise FieldError(
+            ("body", "source"), "give simulated:SCENARIO, video:LEFT,RIGHT or the path of a folder"
+        )
+    if calibration_id is None:
+        return Opening(source, None)
+    try:
+        return Opening(source, find_calibration(storage, calibration_id))
+    except NotThere as error:
+        raise FieldError(("body", "calibration"), str(error)) from error

@@ -1,0 +1,67 @@
+"""The station's state as one plain dictionary: ``GET /api/status`` and the live socket's."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from app.station.current_run import app_version
+from app.station.service import Station
+
+
+def status(station: Station) -> dict[str, Any]:
+    """Everything the page shows about the server; finite numbers, no arrays."""
+    health = station.engine.health
+    telemetry = station.telemetry
+    state = station.state
+    run = station.run
+    calibration = station.wanted.calibration
+    return {
+        "engine": {
+            "state": state.state.value,
+            "reason": state.reason,
+            "pid": health.pid,
+            "generation": health.generation,
+            "restarts": health.restarts,
+            "heartbeat_age_s": _rounded(health.heartbeat_age_s),
+        },
+        "source": state.source,
+        "playback": state.playback,
+        "camera": state.camera,
+        "run": None
+        if run is None
+        else {"id": run.id, "name": run.name, "started_at": run.started_at},
+        "calibration": None
+        if calibration is None
+        else {"id": calibration.id, "name": calibration.name},
+        "parameters_revision": station.parameters.current.revision,
+        "rates": {"unique_frames_per_s": round(telemetry.rate(station.clock()), 2)},
+        "frames_observed": telemetry.frames_observed,
+        "latency_ms": asdict(telemetry.latency),
+        "timings_ms": telemetry.timings_ms,
+        "drops": {
+            "frames_skipped": telemetry.frame_skips,
+            "observations_lost": health.observations_lost,
+            "live_messages_dropped": telemetry.live_messages_dropped,
+            "writes_dropped": station.writer.dropped,
+        },
+        "skipped": telemetry.skipped,
+        "viewers": station.viewers,
+        "has_truth": state.has_truth,
+        "warnings": [*station.warnings, *_trouble(station)],
+        "version": app_version(),
+    }
+
+
+def observation_age_s(station: Station) -> float | None:
+    """Since the newest observation's frame was received; None before the first."""
+    latest = station.latest
+    return None if latest is None else round(max(0.0, station.clock() - latest.received), 3)
+
+
+def _trouble(station: Station) -> list[str]:
+    return [] if station.writer.trouble is None else [station.writer.trouble]
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)

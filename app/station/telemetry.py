@@ -1,0 +1,113 @@
+"""Figures of the running loop: rates, timings, latency, losses; time comes in from outside."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from app.messages import ObservationEvent, SkippedFrameEvent
+
+_RATE_WINDOW_S = 2.0
+_TIMED_FRAMES = 90
+_LATENCY_SAMPLES = 600
+_SKIPPED_SHOWN = 5
+
+
+@dataclass(frozen=True)
+class Latency:
+    """From a frame's reception to its acknowledgement after painting, milliseconds."""
+
+    median: float | None
+    p95: float | None
+    count: int
+
+
+class Telemetry:
+    """Collects what ``status`` shows of the last seconds."""
+
+    def __init__(self) -> None:
+        self._arrivals: deque[float] = deque()
+        self._timings: deque[dict[str, float]] = deque(maxlen=_TIMED_FRAMES)
+        self._latency: deque[float] = deque(maxlen=_LATENCY_SAMPLES)
+        self._skipped: deque[SkippedFrameEvent] = deque(maxlen=_SKIPPED_SHOWN)
+        self._last: tuple[int, int] | None = None
+        self._observed_before = 0
+        self._observed_now = 0
+        self.frame_skips = 0
+        self.live_messages_dropped = 0
+
+    @property
+    def frames_observed(self) -> int:
+        """Frames that all engine processes observed, those whose message was lost included."""
+        return self._observed_before + self._observed_now
+
+    @property
+    def skipped(self) -> list[dict[str, Any]]:
+        """The frames last skipped, oldest first."""
+        return [{"index": event.index, "reason": event.reason} for event in self._skipped]
+
+    def new_engine(self) -> None:
+        """The engine counts from 0 again."""
+        self._observed_before += self._observed_now
+        self._observed_now = 0
+        self._last = None
+
+    def new_source(self) -> None:
+        """What was measured with another source does not describe this one."""
+        self._arrivals.clear()
+        self._timings.clear()
+        self._skipped.clear()
+        self._latency.clear()
+        self._last = None
+        self.frame_skips = 0
+
+    def observed(self, event: ObservationEvent, now: float) -> None:
+        """Count one observation; a frame that is observed twice counts once."""
+        self._observed_now = max(self._observed_now, event.sequence + 1)
+        self.frame_skips = event.frame_skips
+        unique = (int(event.line["segment"]), int(event.line["frame"]))
+        if unique != self._last:
+            self._last = unique
+            self._arrivals.append(now)
+        self._timings.append(event.line["timings_ms"])
+
+    def frame_skipped(self, event: SkippedFrameEvent) -> None:
+        self._skipped.append(event)
+
+    def painted(self, latency_s: float) -> None:
+        """A page acknowledged a painted observation."""
+        self._latency.append(1000.0 * latency_s)
+
+    def rate(self, now: float) -> float:
+        """Unique frames per second over the last 2 s."""
+        while self._arrivals and self._arrivals[0] < now - _RATE_WINDOW_S:
+            self._arrivals.popleft()
+        if len(self._arrivals) < 2:
+            return 0.0
+        span = max(now - self._arrivals[0], 1e-3)
+        # Intervals, not frames: the first one only starts the clock.
+        return (len(self._arrivals) - 1) / span
+
+    @property
+    def timings_ms(self) -> dict[str, float]:
+        """Median of every stage over the last frames, in the order of the newest."""
+        stages = list(self._timings[-1]) if self._timings else []
+        return {
+            stage: round(median(t[stage] for t in self._timings if stage in t), 3)
+            for stage in stages
+        }
+
+    @property
+    def latency(self) -> Latency:
+        values = sorted(self._latency)
+        if not values:
+            return Latency(None, None, 0)
+        return Latency(round(median(values), 1), round(_percentile(values, 0.95), 1), len(values))
+
+
+def _percentile(ordered: list[float], share: float) -> float:
+    """The smallest value that is not below the given share of all (nearest rank)."""
+    return ordered[min(math.ceil(share * len(ordered)), len(ordered)) - 1]

@@ -1,0 +1,1 @@
+"""The REST interface: thin routers over the station."""

@@ -1,0 +1,64 @@
+"""Limits on what a request's body may be: its real size, and its kind."""
+
+from __future__ import annotations
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+JSON_KIND = "application/json"
+FORM_KIND = "application/x-www-form-urlencoded"
+UPLOAD_KIND = "multipart/form-data"
+
+# A cross-site page can send forms and plain text without asking first, so no route takes these
+# unless it is named here.
+_FURTHER_KINDS = {"/sign-in": FORM_KIND, "/api/calibrations": UPLOAD_KIND}
+
+
+def accepts_kind(path: str, content_type: str | None, has_body: bool) -> bool:
+    """Whether a request of this ``Content-Type`` may come in at ``path``."""
+    if content_type is None:
+        return not has_body
+    kind = content_type.partition(";")[0].strip().lower()
+    return kind == JSON_KIND or kind == _FURTHER_KINDS.get(path)
+
+
+class BodyTooLarge(Exception):
+    """More bytes arrived than the route takes."""
+
+
+class LimitedBody:
+    """Counts a body as it arrives, whatever ``Content-Length`` said of it.
+
+    Use ``receive`` and ``send`` in place of the connection's own: once the limit is passed, the
+    application's reading fails and what it answers is dropped, so that the caller can refuse.
+    """
+
+    def __init__(self, receive: Receive, send: Send, most_bytes: int) -> None:
+        self._receive = receive
+        self._send = send
+        self._left = most_bytes
+        self._started = False
+        self.exceeded = False
+
+    async def receive(self) -> Message:
+        message = await self._receive()
+        if message["type"] == "http.request":
+            self._left -= len(message.get("body", b""))
+            if self._left < 0:
+                self.exceeded = True
+                raise BodyTooLarge
+        return message
+
+    async def send(self, message: Message) -> None:
+        if self.exceeded and not self._started:
+            return
+        self._started = True
+        await self._send(message)
+
+    async def run(self, app: ASGIApp, scope: Scope) -> bool:
+        """Let the application answer; True if its body was too large and nothing was answered."""
+        try:
+            await app(scope, self.receive, self.send)
+        except BodyTooLarge:
+            if self._started:
+                raise
+        return self.exceeded and not self._started

@@ -1,0 +1,150 @@
+"""The one token that opens the server, and the limit on guessing it."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import ipaddress
+import os
+import secrets
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterable
+from enum import Enum, auto
+from pathlib import Path
+
+from observer.errors import InputError
+
+COOKIE_NAME = "dynamic_observer_token"
+
+_TOKEN_BYTES = 32
+# 128 bits in URL-safe base64.
+_LEAST_CHARACTERS = 22
+_MOST_CHARACTERS = 512
+_WRONG_PER_WINDOW = 5
+_WINDOW_S = 60.0
+# Bounds the memory that a crowd of addresses can take; the oldest is forgotten first.
+_MOST_ADDRESSES = 4096
+
+
+def new_token() -> str:
+    """256 random bits as URL-safe text."""
+    return secrets.token_urlsafe(_TOKEN_BYTES)
+
+
+def load_token(path: Path | None) -> str:
+    """The token of this start: from the file, made and kept there if it does not exist.
+
+    Raises:
+        InputError: the file cannot be used or holds no safe token.
+    """
+    if path is None:
+        return new_token()
+    try:
+        return _read_token(path)
+    except FileNotFoundError:
+        return _write_token(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"the token file {path} cannot be read ({error}); name a text file of your own"
+        ) from error
+
+
+def _read_token(path: Path) -> str:
+    with path.open("rb") as file:
+        token = file.read(_MOST_CHARACTERS + 2).decode("ascii").strip()
+    plain = token.replace("-", "").replace("_", "").isalnum()
+    if not plain or not _LEAST_CHARACTERS <= len(token) <= _MOST_CHARACTERS:
+        raise InputError(
+            f"the token file {path} must hold {_LEAST_CHARACTERS} to {_MOST_CHARACTERS} letters, "
+            f"digits, - or _ and nothing else; delete it and a new token is made"
+        )
+    return token
+
+
+def _write_token(path: Path) -> str:
+    token = new_token()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # Readable by its owner only, from the first moment on.
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except OSError as error:
+        raise InputError(
+            f"the token file {path} cannot be written ({error.strerror}); choose a folder that "
+            f"you may write to"
+        ) from error
+    with os.fdopen(descriptor, "w") as file:
+        file.write(token + "\n")
+    return token
+
+
+class Verdict(Enum):
+    """What became of the tokens that a request carried."""
+
+    RIGHT = auto()
+    MISSING = auto()
+    WRONG = auto()
+    LIMITED = auto()
+
+
+class TokenGuard:
+    """Compares tokens in constant time and counts wrong ones by the client's address.
+
+    The right token opens always: nobody can lock the operator out by guessing beside him.
+
+    Args:
+        clock: monotonic seconds.
+    """
+
+    def __init__(self, token: str, clock: Callable[[], float]) -> None:
+        self._digest = _digest(token)
+        self._clock = clock
+        self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
+
+    def check(self, address: str | None, candidates: Iterable[str]) -> Verdict:
+        """Whether one of the tokens is the right one.
+
+        Args:
+            address: the client's network address; None where there is none.
+            candidates: the tokens the request carried.
+        """
+        given = [_digest(candidate) for candidate in candidates]
+        # Every candidate is compared, so that the time tells nothing of which was right.
+        if sum([hmac.compare_digest(digest, self._digest) for digest in given]):
+            return Verdict.RIGHT
+        if not given:
+            return Verdict.MISSING
+        return Verdict.WRONG if self._count(_network(address)) else Verdict.LIMITED
+
+    def _count(self, network: str) -> bool:
+        """Note one wrong token; False where the network has used its tries up."""
+        now = self._clock()
+        times = self._wrong.setdefault(network, deque())
+        self._wrong.move_to_end(network)
+        while len(self._wrong) > _MOST_ADDRESSES:
+            self._wrong.popitem(last=False)
+        while times and times[0] <= now - _WINDOW_S:
+            times.popleft()
+        if len(times) >= _WRONG_PER_WINDOW:
+            return False
+        times.append(now)
+        return True
+
+
+def _digest(token: str) -> bytes:
+    # Equal lengths, so that the comparison does not tell the token's.
+    return hashlib.sha256(token.encode("utf-8", "surrogatepass")).digest()
+
+
+def _network(address: str | None) -> str:
+    """Whom to count together: one IPv4 address, or one IPv6 site, whose holder has 2**64."""
+    if address is None:
+        return ""
+    try:
+        ip = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    if ip.version == 6:
+        if ip.ipv4_mapped is not None:
+            return str(ip.ipv4_mapped)
+        return str(ipaddress.ip_network((ip, 64), strict=False))
+    return str(ip)
