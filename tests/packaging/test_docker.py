@@ -1,0 +1,125 @@
+"""The container's files, as far as they can be checked without a Docker engine."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from app.settings import ENVIRONMENT_PREFIX, Settings
+
+# https://github.com/compose-spec/compose-spec/blob/main/05-services.md, those of one service.
+SERVICE_KEYS = {
+    "build", "cap_drop", "command", "devices", "group_add", "healthcheck", "image", "init",
+    "ports", "read_only", "restart", "security_opt", "stop_grace_period", "tmpfs", "volumes",
+}  # fmt: skip
+HEALTHCHECK_KEYS = {"test", "interval", "timeout", "start_period", "retries"}
+
+
+@pytest.fixture(scope="module")
+def dockerfile(repository: Path) -> dict[str, list[str]]:
+    """Instruction -> its arguments in order, continued lines joined."""
+    text = (repository / "docker" / "Dockerfile").read_text()
+    text = re.sub(r"^#.*\n", "", text, flags=re.MULTILINE)
+    instructions: dict[str, list[str]] = {}
+    for line in re.sub(r"\\\n\s*", " ", text).splitlines():
+        if line.strip():
+            name, _, arguments = line.partition(" ")
+            instructions.setdefault(name, []).append(" ".join(arguments.split()))
+    return instructions
+
+
+@pytest.fixture(scope="module")
+def compose(repository: Path) -> dict[str, Any]:
+    loaded: dict[str, Any] = yaml.safe_load((repository / "docker" / "compose.yaml").read_text())
+    return loaded
+
+
+def test_hadolint_finds_nothing(repository: Path) -> None:
+    hadolint = shutil.which("hadolint", path=str(Path(sys.executable).parent))
+    if hadolint is None:
+        pytest.skip("hadolint is not installed: its package is for Linux on x86-64 only")
+    done = subprocess.run(
+        [hadolint, str(repository / "docker" / "Dockerfile")],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_image_is_set_up_by_make_and_runs_without_privileges(
+    dockerfile: dict[str, list[str]], repository: Path
+) -> None:
+    (setup,) = (run for run in dockerfile["RUN"] if "make setup" in run)
+    assert setup.startswith("make setup ")
+    assert not [run for run in dockerfile["RUN"] if re.search(r"pip install|npm ", run)]
+    assert dockerfile["USER"] == ["1000:1000"]
+    # Started as `make run` starts it.
+    makefile = (repository / "Makefile").read_text()
+    assert re.search(r"^run: setup\n\t@exec \$\(BIN\)/dynamic-observer serve", makefile, re.M)
+    assert dockerfile["ENTRYPOINT"] == ['[".venv/bin/dynamic-observer"]']
+    assert yaml.safe_load(dockerfile["CMD"][0])[:2] == ["serve", "simulated:lab"]
+
+
+def test_the_environment_names_settings(dockerfile: dict[str, list[str]]) -> None:
+    names = re.findall(r"(\w+)=", " ".join(dockerfile["ENV"]))
+    assert names
+    for name in names:
+        assert name.startswith(ENVIRONMENT_PREFIX)
+        assert name.removeprefix(ENVIRONMENT_PREFIX).lower() in Settings.model_fields
+
+
+def test_the_image_holds_what_set_up_needs_and_no_more(repository: Path) -> None:
+    lines = (repository / "docker" / "Dockerfile.dockerignore").read_text().splitlines()
+    rules = [line for line in lines if line and not line.startswith("#")]
+    assert rules[0] == "*"
+    taken = {rule[1:] for rule in rules if rule.startswith("!")}
+    needed = {"Makefile", "pyproject.toml", "constraints.txt", "README.md", "LICENSE"}
+    assert needed | {"app", "observer", "static"} == taken
+    left_out = [rule for rule in rules[1:] if not rule.startswith("!")]
+    for made in ("static/vendor", "static/node_modules", "app/__pycache__"):
+        assert any(fnmatch.fnmatch(made, rule) for rule in left_out)
+
+
+def test_the_compose_file(
+    compose: dict[str, Any], dockerfile: dict[str, list[str]], repository: Path
+) -> None:
+    assert set(compose) == {"name", "services", "volumes"}
+    service = compose["services"]["observer"]
+    assert set(service) <= SERVICE_KEYS
+    assert set(service["healthcheck"]) <= HEALTHCHECK_KEYS
+    assert (repository / "docker" / service["build"]["context"]).resolve() == repository
+    assert (repository / service["build"]["dockerfile"]).is_file()
+    assert service["ports"] == ["127.0.0.1:8080:8080"], "published to this machine only"
+    assert service["volumes"] == ["data:/data"]
+    assert set(compose["volumes"]) == {"data"}
+    assert service["command"] == yaml.safe_load(dockerfile["CMD"][0])
+
+
+def test_the_commented_devices_become_valid_when_taken_in(repository: Path) -> None:
+    text = (repository / "docker" / "compose.yaml").read_text()
+    opened = re.sub(r"^    # ((?:devices|group_add):|  - )", r"    \1", text, flags=re.MULTILINE)
+    service = yaml.safe_load(opened)["services"]["observer"]
+    assert set(service) <= SERVICE_KEYS
+    assert any(device.startswith("/dev/video") for device in service["devices"])
+    assert any(device.startswith("/dev/ttyUSB") for device in service["devices"])
+    assert service["group_add"] == ["video", "dialout"]
+
+
+def test_health_is_asked_the_same_way_in_both(
+    compose: dict[str, Any], dockerfile: dict[str, list[str]]
+) -> None:
+    kind, *command = compose["services"]["observer"]["healthcheck"]["test"]
+    assert kind == "CMD"
+    assert "/healthz" in command[-1]
+    (instruction,) = dockerfile["HEALTHCHECK"]
+    assert yaml.safe_load(instruction[instruction.index("[") :]) == command

@@ -1,0 +1,146 @@
+"""A missing prerequisite gives one sentence with the next command; a second set-up is nothing."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+TOOLS = ("sh", "make", "sed", "cat", "id", "touch", "printf", "rm", "uname", "env", "dirname")
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> Path:
+    """A folder of commands that holds a shell and make, but neither Python nor npm."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for tool in TOOLS:
+        path = shutil.which(tool)
+        assert path is not None, f"{tool} is needed to test the Makefile"
+        (folder / tool).symlink_to(path)
+    return folder
+
+
+def make(
+    clone: Path, *arguments: str, path: str | None = None, timeout: float = 60
+) -> subprocess.CompletedProcess[str]:
+    environment: Mapping[str, str] = {
+        name: value for name, value in os.environ.items() if not name.startswith("MAKE")
+    }
+    if path is not None:
+        environment = {**environment, "PATH": path}
+    return subprocess.run(
+        ["make", *arguments],
+        cwd=clone,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
+    )
+
+
+def sentences(done: subprocess.CompletedProcess[str]) -> list[str]:
+    """What was said on stderr, without make's own closing line."""
+    return [line for line in done.stderr.splitlines() if not line.startswith("make")]
+
+
+def fake_python(folder: Path, name: str, version: str, answers: str) -> None:
+    script = folder / name
+    script.write_text(
+        f'#!/bin/sh\n[ "$1" = --version ] && {{ echo "Python {version}"; exit 0; }}\n{answers}\n'
+    )
+    script.chmod(0o755)
+
+
+def test_no_python(clone: Path, bare: Path) -> None:
+    done = make(clone, "setup", path=str(bare))
+    assert done.returncode != 0
+    (sentence,) = sentences(done)
+    assert "Python 3.11 or newer is needed and no Python was found" in sentence
+    assert "apt-get install python3.11" in sentence
+    assert not (clone / ".venv").exists()
+
+
+def test_an_old_python(clone: Path, bare: Path) -> None:
+    fake_python(bare, "python3", "3.10.12", "exit 1")
+    done = make(clone, "run", path=str(bare))
+    assert done.returncode != 0
+    (sentence,) = sentences(done)
+    assert "Python 3.11 or newer is needed and Python 3.10.12 was found" in sentence
+
+
+def test_a_newer_python_beside_an_old_one_is_taken(clone: Path, bare: Path) -> None:
+    fake_python(bare, "python3", "3.10.12", "exit 1")
+    fake_python(bare, "python3.12", "3.12.1", 'echo "asked: $*"; exit 0')
+    done = make(clone, ".venv/.made", path=str(bare))
+    assert "asked: -m venv .venv" in done.stdout
+
+
+def test_python_without_venv(clone: Path, bare: Path) -> None:
+    answers = 'case "$2" in *ensurepip*) exit 1;; *print*) echo python3.12;; esac'
+    fake_python(bare, "python3", "3.12.1", answers)
+    done = make(clone, "test", path=str(bare))
+    assert done.returncode != 0
+    (sentence,) = sentences(done)
+    assert "lacks the module venv" in sentence
+    assert "apt-get install python3.12-venv" in sentence
+
+
+def test_no_npm_and_no_pip_to_bring_it(clone: Path, tmp_path: Path) -> None:
+    environment = tmp_path / "venv"
+    subprocess.run(
+        [sys.executable, "-m", "venv", "--without-pip", str(environment)], check=True, timeout=60
+    )
+    done = subprocess.run(
+        [str(environment / "bin" / "python"), "app/packaging/frontend.py", "vendor"],
+        cwd=clone,
+        env={"PATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 1
+    (sentence,) = done.stderr.splitlines()
+    assert "npm 7 or newer is missing" in sentence
+    assert "apt-get install npm" in sentence
+    assert not (clone / "static" / "vendor").exists()
+
+
+def test_make_alone_lists_the_targets(clone: Path) -> None:
+    done = make(clone)
+    assert done.returncode == 0
+    for target in ("run", "test", "lint", "bench", "wheel", "setup", "clean"):
+        assert f"make {target} " in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_fresh_clone_is_set_up_once(clone: Path) -> None:
+    started = time.monotonic()
+    done = make(clone, "setup", timeout=540)
+    assert done.returncode == 0, done.stderr
+    print(f"set-up of a fresh clone: {time.monotonic() - started:.1f} s")  # noqa: T201
+    assert (clone / "static" / "vendor" / "uplot" / "uPlot.esm.js").is_file()
+    assert not list((clone / ".venv" / "lib").glob("python3.*/site-packages/app"))
+    where = subprocess.run(
+        [clone / ".venv" / "bin" / "python", "-c", "import app; print(app.__file__)"],
+        cwd=clone.parent,
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert where.stdout.strip() == str(clone / "app" / "__init__.py")
+    second = make(clone, "setup")
+    assert (second.returncode, second.stdout) == (0, "")
+    assert make(clone, "clean").returncode == 0
+    assert not (clone / ".venv").exists()
+    assert not (clone / "static" / "vendor").exists()

@@ -1,0 +1,64 @@
+"""What a set-up installs is pinned, and no file names a registry's address."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+
+@pytest.fixture(scope="module")
+def pins(repository: Path) -> dict[str, str]:
+    lines = (repository / "constraints.txt").read_text().splitlines()
+    pinned = [line.split("==") for line in lines if line and not line.startswith("#")]
+    assert all(len(each) == 2 for each in pinned), "every line is NAME==VERSION"
+    return {canonicalize_name(name): version for name, version in pinned}
+
+
+@pytest.fixture(scope="module")
+def project(repository: Path) -> dict[str, Any]:
+    project: dict[str, Any] = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
+    return project
+
+
+def test_every_dependency_is_pinned_within_its_range(
+    pins: dict[str, str], project: dict[str, Any]
+) -> None:
+    asked = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    for requirement in map(Requirement, asked):
+        version = pins.get(canonicalize_name(requirement.name))
+        assert version is not None, f"{requirement.name} is not in constraints.txt"
+        assert version in requirement.specifier, f"{requirement} does not allow {version}"
+
+
+def test_the_lock_file_names_no_address(repository: Path) -> None:
+    text = (repository / "static" / "package-lock.json").read_text()
+    packages = json.loads(text)["packages"]
+    assert "node_modules/uplot" in packages
+    assert [name for name, package in packages.items() if "resolved" in package] == []
+    assert all("integrity" in package for name, package in packages.items() if name)
+    assert "://" not in text.replace('"url": "https://opencollective.com', "")
+
+
+def test_the_lock_file_is_of_this_package_json(repository: Path) -> None:
+    static = repository / "static"
+    wanted = json.loads((static / "package.json").read_text())
+    locked = json.loads((static / "package-lock.json").read_text())["packages"][""]
+    for kind in ("dependencies", "devDependencies"):
+        assert locked[kind] == wanted[kind]
+
+
+def test_ci_run_is_a_script(repository: Path) -> None:
+    script = repository / ".ci" / "run"
+    assert os.access(script, os.X_OK)
+    subprocess.run(["bash", "-n", str(script)], check=True, timeout=20)
+    text = script.read_text()
+    assert "set -euo pipefail" in text
+    assert text.index("make lint") < text.index("make test")

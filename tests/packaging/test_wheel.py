@@ -1,0 +1,113 @@
+"""A wheel is whole: installed alone into an empty environment it serves the panel."""
+
+from __future__ import annotations
+
+import http.client
+import re
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+
+@pytest.fixture
+def wheel(clone: Path, tmp_path: Path) -> Path:
+    done = subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "--outdir", str(tmp_path / "dist"), str(clone)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    (made,) = (tmp_path / "dist").glob("*.whl")
+    return made
+
+
+def test_what_is_in_it(wheel: Path, repository: Path) -> None:
+    names = set(zipfile.ZipFile(wheel).namelist())
+    for name in (
+        "app/static/index.html",
+        "app/static/vendor/uplot/uPlot.esm.js",
+        "app/static/vendor/uplot/uPlot.min.css",
+        "app/static/vendor/uplot/LICENSE.txt",
+        "app/static/vendor/swagger-ui/swagger-ui-bundle.js",
+        "app/static/vendor/swagger-ui/swagger-ui.css",
+        "app/static/vendor/swagger-ui/LICENSE.txt",
+        "app/storage/migrations/env.py",
+        "app/storage/migrations/versions/0001_runs_and_parameters.py",
+    ):
+        assert name in names
+    for source in (repository / "static" / "app").rglob("*.js"):
+        assert f"app/static/{source.relative_to(repository / 'static').as_posix()}" in names
+    for package in ("app", "observer"):
+        for source in (repository / package).rglob("*.py"):
+            name = source.relative_to(repository).as_posix()
+            assert (name in names) is not name.startswith("app/packaging/"), name
+    unwanted = re.compile(r"node_modules|package(-lock)?\.json|tsconfig|\.d\.ts$|/\.|^tests|\.pyc$")
+    assert [name for name in names if unwanted.search(name)] == []
+
+
+def test_it_serves_from_an_empty_environment(
+    wheel: Path, repository: Path, tmp_path: Path, free_port: int
+) -> None:
+    environment = tmp_path / "empty"
+    python = environment / "bin" / "python"
+    pip = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
+    subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True, timeout=120)
+    constraints = ["-c", str(repository / "constraints.txt")]
+    subprocess.run([*pip, *constraints, str(wheel)], check=True, timeout=400)
+
+    log = tmp_path / "serve.log"
+    command = [str(environment / "bin" / "dynamic-observer"), "serve"]
+    command += ["--port", str(free_port), "--data", str(tmp_path / "data")]
+    with log.open("wb") as output:
+        server = subprocess.Popen(command, cwd=tmp_path, stdout=output, stderr=subprocess.STDOUT)
+    try:
+        token = wait_for_token(server, log)
+        for path, content in (
+            ("/", "html"),
+            ("/app/main.js", "javascript"),
+            ("/vendor/uplot/uPlot.esm.js", "javascript"),
+            ("/vendor/swagger-ui/swagger-ui.css", "css"),
+        ):
+            status, kind = get(free_port, path, token)
+            assert (status, content in kind) == (200, True), f"{path}: {status} {kind}"
+    finally:
+        server.terminate()
+        server.wait(timeout=20)
+    assert (tmp_path / "data").is_dir()
+
+
+def wait_for_token(server: subprocess.Popen[bytes], log: Path) -> str:
+    """The token of the link that the server prints once it can be reached."""
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        found = re.search(r"\?token=([\w-]+)", log.read_text())
+        if found:
+            return found.group(1)
+        assert server.poll() is None, log.read_text()
+        time.sleep(0.1)
+    raise AssertionError(f"no link within 60 s: {log.read_text()}")
+
+
+def get(port: int, path: str, token: str) -> tuple[int, str]:
+    deadline = time.monotonic() + 30
+    while True:
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+        try:
+            connection.request("GET", path, headers={"Authorization": f"Bearer {token}"})
+            answer = connection.getresponse()
+            answer.read()
+            return answer.status, answer.headers.get("Content-Type", "")
+        except ConnectionRefusedError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.2)
+        finally:
+            connection.close()
