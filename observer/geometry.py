@@ -70,6 +70,12 @@ class Pose:
             np.asarray(translation, dtype=np.float64).reshape(3),
         )
 
+    @staticmethod
+    def from_quaternion(wxyz: ArrayLike, translation: ArrayLike) -> Pose:
+        """From a quaternion (4,), scalar first, of any length but zero, and metres (3,)."""
+        w, x, y, z = np.asarray(wxyz, dtype=np.float64).reshape(4)
+        return Pose(Rotation.from_quat([x, y, z, w]).as_matrix(), np.asarray(translation))
+
     @property
     def matrix(self) -> Float64Array:
         """(4, 4) homogeneous matrix."""

@@ -1,0 +1,180 @@
+"""The figures by which methods are compared (definitions: ``observer.evaluation.tally``)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from observer.evaluation.lines import Line, checked_lines
+from observer.evaluation.tally import GATE_M, Tally, tally
+from observer.truth.contract import Truth
+
+# Three components of velocity, 95 %.
+_MAHALANOBIS2_95 = float(chi2.ppf(0.95, df=3))
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """How good one or several runs were. A figure that nothing was there to draw from is None.
+
+    Attributes:
+        frames: compared. frames_without_world: left out, their world being unrelated to truth's.
+        truth_count: obstacles that count, summed over frames. matched: of these were found.
+        recall: matched / truth_count.
+        false: instances with no moving truth near. false_per_100_frames. duplicates: second
+            instances on one obstacle.
+        surface_rmse_m: of the position, from the middle of the visible surface.
+        centre_rmse_m: of the position, from the centre, once two faces were seen.
+        speed_rmse_mps, velocity_rmse_mps: of the length, and of the vector.
+        speed_bias_mps: mean of estimate minus truth.
+        identity_switches: how often a true obstacle got another identity.
+        episodes: stretches of motion in sight; episodes_missed: without any report.
+        delay_median_s: from both began to the first confirmed report; None also where half of
+            the episodes or more were missed.
+        coverage: share of joint 3D Mahalanobis distances of velocity inside 95 %.
+        mota, motp_m: CLEAR-MOT's accuracy (1 at best, no lower limit) and precision (mean
+            distance of pairs).
+    """
+
+    frames: int
+    frames_without_world: int
+    truth_count: int
+    matched: int
+    recall: float | None
+    false: int
+    false_per_100_frames: float | None
+    duplicates: int
+    surface_rmse_m: float | None
+    centre_rmse_m: float | None
+    speed_rmse_mps: float | None
+    speed_bias_mps: float | None
+    velocity_rmse_mps: float | None
+    identity_switches: int
+    episodes: int
+    episodes_missed: int
+    delay_median_s: float | None
+    coverage: float | None
+    mota: float | None
+    motp_m: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; what is unknown is None."""
+        return asdict(self)
+
+    def markdown(self) -> str:
+        """A table of two columns, figure and value."""
+        return markdown_table(["figure", "value"], [[title, v] for title, v in self.rows()])
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Title with unit, and the value as text, for tables."""
+        return [(title, shown(getattr(self, name))) for name, title in FIGURE_TITLES.items()]
+
+
+FIGURE_TITLES: dict[str, str] = {
+    "frames": "frames compared",
+    "frames_without_world": "frames without a common world",
+    "truth_count": "moving obstacles in sight, summed over frames",
+    "recall": "recall",
+    "false_per_100_frames": "false per 100 frames",
+    "duplicates": "duplicates",
+    "surface_rmse_m": "position RMSE, visible surface, m",
+    "centre_rmse_m": "position RMSE, centre, m",
+    "speed_rmse_mps": "speed RMSE, m/s",
+    "speed_bias_mps": "speed bias, m/s",
+    "velocity_rmse_mps": "velocity RMSE, m/s",
+    "identity_switches": "identity switches",
+    "episodes": "episodes of motion",
+    "episodes_missed": "episodes missed",
+    "delay_median_s": "delay to first report, median, s",
+    "coverage": "coverage of velocity at 95 %",
+    "mota": "MOTA",
+    "motp_m": "MOTP, m",
+}
+
+
+def evaluate(
+    lines: Iterable[Mapping[str, Any] | Line], truth: Truth, *, gate_m: float = GATE_M
+) -> Evaluation:
+    """Compare the JSON lines of one run with the truth.
+
+    Args:
+        lines: dictionaries as ``observation_line`` makes them, or what ``read_lines`` returns.
+        truth: for a file ``CsvTruth(path)``. Bodies with the role ``observer`` are ignored.
+        gate_m: how far an instance may lie from what it is; ``ROAD_GATE_M`` on the road.
+
+    Raises:
+        InputError: a line is not as it should be.
+    """
+    return summarise([tally(checked_lines(lines), truth, gate_m)])
+
+
+def summarise(tallies: Sequence[Tally]) -> Evaluation:
+    """The figures of several runs together."""
+    samples = [s for t in tallies for s in t.samples]
+    pairs = [s for s in samples if s.matched]
+    episodes = [e for t in tallies for e in t.episodes]
+    frames = sum(t.frames for t in tallies)
+    false = sum(t.false for t in tallies)
+    duplicates = sum(t.duplicates for t in tallies)
+    switches = sum(s.switched for s in pairs)
+    misses = len(samples) - len(pairs)
+    inside = [s.mahalanobis2 <= _MAHALANOBIS2_95 for s in pairs if s.mahalanobis2 is not None]
+    delay = float(np.median([e.delay_s for e in episodes])) if episodes else float("inf")
+    errors = misses + false + duplicates + switches
+    return Evaluation(
+        frames=frames,
+        frames_without_world=sum(t.frames_without_world for t in tallies),
+        truth_count=len(samples),
+        matched=len(pairs),
+        recall=len(pairs) / len(samples) if samples else None,
+        false=false,
+        false_per_100_frames=100 * false / frames if frames else None,
+        duplicates=duplicates,
+        surface_rmse_m=_rms([s.surface_error_m for s in pairs]),
+        centre_rmse_m=_rms([s.centre_error_m for s in pairs]),
+        speed_rmse_mps=_rms([s.speed_error_mps for s in pairs]),
+        speed_bias_mps=_mean([s.speed_error_mps for s in pairs]),
+        velocity_rmse_mps=_rms([s.velocity_error_mps for s in pairs]),
+        identity_switches=switches,
+        episodes=len(episodes),
+        episodes_missed=sum(e.first_seen is None for e in episodes),
+        delay_median_s=delay if np.isfinite(delay) else None,
+        coverage=_mean([float(i) for i in inside]),
+        mota=1 - errors / len(samples) if samples else None,
+        motp_m=_mean([s.distance_m for s in pairs]),
+    )
+
+
+def shown(value: float | int | None) -> str:
+    """A figure as text: three decimals, and a dash for what is unknown."""
+    if value is None:
+        return "-"
+    return str(value) if isinstance(value, int) else f"{value:.3f}"
+
+
+def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table; the first column is text, the others are aligned to the right."""
+    lines = [
+        "| " + " | ".join(header) + " |",
+        "|---|" + "---:|" * (len(header) - 1),
+        *("| " + " | ".join(row) + " |" for row in rows),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _known(values: Iterable[float | None]) -> list[float]:
+    return [v for v in values if v is not None]
+
+
+def _rms(values: Iterable[float | None]) -> float | None:
+    known = _known(values)
+    return float(np.sqrt(np.mean(np.square(known)))) if known else None
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    known = _known(values)
+    return float(np.mean(known)) if known else None

@@ -1,0 +1,108 @@
+"""The JSON lines of ``observe``, read back and checked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from observer.errors import InputError
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Vector = tuple[Finite, Finite, Finite]
+Matrix = tuple[Vector, Vector, Vector]
+Quaternion = tuple[Finite, Finite, Finite, Finite]
+
+
+class _Entry(BaseModel):
+    # Lines may hold more than evaluation needs.
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class PoseEntry(_Entry):
+    """The camera's pose in the segment's world."""
+
+    position: Vector
+    orientation_wxyz: Quaternion
+
+
+class ObstacleEntry(_Entry):
+    """What evaluation needs of one reported obstacle; see DESIGN's JSON lines."""
+
+    id: int
+    state: str
+    motion: str
+    position: Vector | None
+    velocity: Vector | None
+    speed: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    velocity_cov: Matrix | None
+    velocity_time: Finite
+
+
+class Line(_Entry):
+    """One frame."""
+
+    frame: int
+    time: Finite
+    segment: int
+    status: str
+    pose: PoseEntry | None
+    obstacles: tuple[ObstacleEntry, ...]
+
+
+def checked_lines(lines: Iterable[Mapping[str, Any] | Line]) -> tuple[Line, ...]:
+    """Lines as ``observer.jsonl.observation_line`` makes them, checked.
+
+    Raises:
+        InputError: naming the first line and field that is not as it should be, or lines that
+            are not in the order of their times.
+    """
+    return _ordered([_line(content, number) for number, content in enumerate(lines, 1)])
+
+
+def read_lines(path: Path | str) -> tuple[Line, ...]:
+    """Read a file of JSON lines.
+
+    Raises:
+        InputError: the file cannot be read, or as for ``checked_lines``.
+    """
+    path = Path(path)
+    try:
+        with path.open(encoding="utf-8") as file:
+            contents = [(n, text) for n, text in enumerate(file, 1) if text.strip()]
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path.name}: the file must be JSON lines in UTF-8") from None
+    lines = []
+    for number, text in contents:
+        try:
+            lines.append(_line(json.loads(text), number))
+        except (json.JSONDecodeError, RecursionError):
+            raise InputError(f"{path.name} line {number} is not valid JSON") from None
+    if not lines:
+        raise InputError(f"{path.name} holds no lines")
+    return _ordered(lines)
+
+
+def _line(content: Any, number: int) -> Line:
+    try:
+        return Line.model_validate(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the line"
+        raise InputError(f"line {number}, {place}: {first['msg']}") from None
+
+
+def _ordered(lines: Sequence[Line]) -> tuple[Line, ...]:
+    for number, (before, after) in enumerate(pairwise(lines), 2):
+        if after.segment == before.segment and after.time < before.time:
+            raise InputError(
+                f"line {number} has the time {after.time:g} s, which is before the {before.time:g} "
+                f"s of the line above, in the same segment"
+            )
+    return tuple(lines)

@@ -1,0 +1,311 @@
+"""Comparing one run with truth, frame by frame; the figures are drawn from what is counted here.
+
+The definitions, the same for every method:
+
+* An **instance** is a reported obstacle that is ``confirmed`` and ``moving`` and has a position.
+  Coasting ones are neither right nor wrong.
+* A true obstacle **moves** above 0.05 m/s. It **counts** while it moves and at least half of it
+  is visible, from 0.6 s after both began. One whose visibility is unknown is taken as visible.
+* An instance and a true obstacle **belong together** within the gate (0.5 m, 3 m on the road),
+  one to one. As CLEAR-MOT has it (Bernardin and Stiefelhagen, 2008), a pair of the frame before
+  stays together while it can, and the rest are paired at the least total distance.
+* An instance is **false** if no moving true obstacle, visible or not, lies within the gate.
+* A second instance on one obstacle is not false but a **duplicate**; MOTA counts both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from observer.evaluation.lines import Line, ObstacleEntry
+from observer.evaluation.surface import visible_surface
+from observer.geometry import Float64Array, Pose
+from observer.truth.contract import TrueBody, Truth
+
+MOVING_MPS = 0.05
+VISIBLE_SHARE = 0.5
+SETTLING_S = 0.6
+GATE_M = 0.5
+ROAD_GATE_M = 3.0
+
+_REFUSED = 1e9
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One true obstacle that counts, in one frame.
+
+    Attributes:
+        range_m: from the camera. speed_mps: true. radial: share of the true velocity along the
+            line of sight, 0 (lateral) to 1 (radial).
+        matched: whether an instance belongs to it; what follows is None otherwise.
+        distance_m: to the instance. surface_error_m: from the middle of the visible surface.
+            centre_error_m: from the centre, None before two faces were seen.
+        speed_error_mps, velocity_error_mps: signed difference of lengths; length of the difference.
+        mahalanobis2: squared distance of the velocity by its covariance; None without one.
+        switched: the instance has another identity than the one this obstacle had before.
+    """
+
+    range_m: float
+    speed_mps: float
+    radial: float
+    matched: bool
+    distance_m: float | None = None
+    surface_error_m: float | None = None
+    centre_error_m: float | None = None
+    speed_error_mps: float | None = None
+    velocity_error_mps: float | None = None
+    mahalanobis2: float | None = None
+    switched: bool = False
+
+
+@dataclass
+class Episode:
+    """One stretch of time in which a true obstacle moved and was visible.
+
+    Attributes:
+        body: its id. began, ended: seconds. first_seen: time of the first instance that belongs
+            to it, None if there never was one.
+        radial: mean share of the motion along the line of sight. range_m: at its beginning.
+    """
+
+    body: int
+    began: float
+    ended: float
+    first_seen: float | None = None
+    range_m: float = 0.0
+    radial: float = 0.0
+
+    @property
+    def delay_s(self) -> float:
+        """From its beginning to the first report, infinite without one."""
+        return float("inf") if self.first_seen is None else self.first_seen - self.began
+
+
+@dataclass
+class Tally:
+    """What one run came to; several runs are summed up together.
+
+    Attributes:
+        frames: compared frames. frames_without_world: those left out because the segment's
+            world cannot be related to the truth's. false, duplicates: instances.
+    """
+
+    frames: int = 0
+    frames_without_world: int = 0
+    false: int = 0
+    duplicates: int = 0
+    samples: list[Sample] = field(default_factory=list)
+    episodes: list[Episode] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class _Instance:
+    """A reported obstacle in the truth's world."""
+
+    identity: tuple[int, int]
+    position: Float64Array
+    velocity: Float64Array
+    velocity_cov: Float64Array | None
+    velocity_time: float
+    speed: float
+
+
+def tally(lines: Sequence[Line], truth: Truth, gate_m: float = GATE_M) -> Tally:
+    """Compare one run's lines with the truth."""
+    return _Comparison(truth, gate_m).run(lines)
+
+
+class _Comparison:
+    def __init__(self, truth: Truth, gate_m: float) -> None:
+        self._truth = truth
+        self._gate = gate_m
+        self._tally = Tally()
+        # By the body's id: its present episode, the identity it last had, the sides seen so far.
+        self._running: dict[int, Episode] = {}
+        self._identity: dict[int, tuple[int, int]] = {}
+        self._sides: dict[int, frozenset[int]] = {}
+        self._together: dict[int, tuple[int, int]] = {}
+        self._worlds: dict[int, Pose] = {}
+
+    def run(self, lines: Sequence[Line]) -> Tally:
+        for line in lines:
+            world = self._world(line)
+            if world is None:
+                self._tally.frames_without_world += 1
+                continue
+            self._tally.frames += 1
+            self._compare(line, world)
+        self._tally.episodes += self._running.values()
+        # What moved in sight for a moment only never came to count.
+        self._tally.episodes = [e for e in self._tally.episodes if e.ended - e.began >= SETTLING_S]
+        return self._tally
+
+    def _world(self, line: Line) -> Pose | None:
+        """``T_truth_world`` of the line's segment; None where it cannot be told.
+
+        The first segment begins where the truth's world does, if it begins with frame 0. Others
+        are placed by the camera's true pose, at their first line with a pose.
+        """
+        if line.segment not in self._worlds:
+            true_pose = self._truth.camera_pose(line.time)
+            if line.pose is None:
+                return None
+            if true_pose is not None:
+                self._worlds[line.segment] = true_pose @ _pose(line).inverse()
+            elif line.segment == 0 and line.frame == 0:
+                self._worlds[line.segment] = Pose.identity()
+            else:
+                return None
+        return self._worlds[line.segment]
+
+    def _compare(self, line: Line, world: Pose) -> None:
+        instances = [
+            _instance(entry, line.segment, world)
+            for entry in line.obstacles
+            if entry.state == "confirmed"
+            and entry.motion == "moving"
+            and entry.position is not None
+            and entry.velocity is not None
+        ]
+        moving = [
+            b
+            for b in self._truth.bodies(line.time)
+            if b.role != "observer" and b.speed > MOVING_MPS
+        ]
+        camera = self._camera_position(line, world)
+        for body in moving:
+            self._note_sides(body, camera)
+        counting = self._counting(moving, line.time, camera)
+        pairs = self._pair(counting, instances)
+        self._together = {body.id: instances[j].identity for body, j in pairs}
+        matched = {body.id: instances[j] for body, j in pairs}
+        for body in counting:
+            self._sample(body, matched.get(body.id), camera)
+        taken = {j for _, j in pairs}
+        counted = {b.id for b in counting}
+        for j, instance in enumerate(instances):
+            near = [b for b in moving if _distance(b, instance) <= self._gate]
+            for body in near:
+                episode = self._running.get(body.id)
+                if episode is not None and episode.first_seen is None:
+                    episode.first_seen = line.time
+            if not near:
+                self._tally.false += 1
+            elif j not in taken and all(b.id in counted for b in near):
+                self._tally.duplicates += 1
+
+    def _camera_position(self, line: Line, world: Pose) -> Float64Array:
+        true_pose = self._truth.camera_pose(line.time)
+        if true_pose is not None:
+            return true_pose.translation
+        if line.pose is not None:
+            return world.apply(line.pose.position)
+        return world.translation
+
+    def _note_sides(self, body: TrueBody, camera: Float64Array) -> None:
+        if body.visible is None or body.visible >= VISIBLE_SHARE:
+            seen = visible_surface(body, camera).sides
+            self._sides[body.id] = self._sides.get(body.id, frozenset()) | seen
+
+    def _counting(
+        self, moving: list[TrueBody], time: float, camera: Float64Array
+    ) -> list[TrueBody]:
+        """Those that count at this frame; begins and ends episodes."""
+        in_sight = {b.id: b for b in moving if b.visible is None or b.visible >= VISIBLE_SHARE}
+        for number in [n for n in self._running if n not in in_sight]:
+            self._tally.episodes.append(self._running.pop(number))
+        for number, body in in_sight.items():
+            if number not in self._running:
+                self._running[number] = Episode(
+                    number,
+                    time,
+                    time,
+                    range_m=float(np.linalg.norm(body.position - camera)),
+                    radial=_radial(body, camera),
+                )
+            self._running[number].ended = time
+        return [b for n, b in in_sight.items() if time - self._running[n].began >= SETTLING_S]
+
+    def _pair(
+        self, bodies: list[TrueBody], instances: list[_Instance]
+    ) -> list[tuple[TrueBody, int]]:
+        if not bodies or not instances:
+            return []
+        distance = np.array([[_distance(b, i) for i in instances] for b in bodies])
+        distance[distance > self._gate] = _REFUSED
+        for row, body in enumerate(bodies):
+            for column, instance in enumerate(instances):
+                kept = self._together.get(body.id) == instance.identity
+                if kept and distance[row, column] < _REFUSED:
+                    # Together before and still near: better than any other pairing.
+                    distance[row, column] -= _REFUSED
+        rows, columns = linear_sum_assignment(distance)
+        return [
+            (bodies[r], int(c))
+            for r, c in zip(rows, columns, strict=True)
+            if distance[r, c] < _REFUSED
+        ]
+
+    def _sample(self, body: TrueBody, instance: _Instance | None, camera: Float64Array) -> None:
+        common = (float(np.linalg.norm(body.position - camera)), body.speed, _radial(body, camera))
+        if instance is None:
+            self._tally.samples.append(Sample(*common, matched=False))
+            return
+        before = self._identity.get(body.id)
+        self._identity[body.id] = instance.identity
+        # The velocity belongs to an instant of its own, the middle of the displacement.
+        then = {b.id: b for b in self._truth.bodies(instance.velocity_time)}.get(body.id, body)
+        error = instance.velocity - then.velocity
+        mahalanobis2 = None
+        if instance.velocity_cov is not None:
+            mahalanobis2 = float(error @ np.linalg.pinv(instance.velocity_cov) @ error)
+        surface = visible_surface(body, camera).centre
+        two_faces = len(self._sides.get(body.id, ())) >= 2
+        self._tally.samples.append(
+            Sample(
+                *common,
+                matched=True,
+                distance_m=_distance(body, instance),
+                surface_error_m=float(np.linalg.norm(instance.position - surface)),
+                centre_error_m=_distance(body, instance) if two_faces else None,
+                speed_error_mps=instance.speed - then.speed,
+                velocity_error_mps=float(np.linalg.norm(error)),
+                mahalanobis2=mahalanobis2,
+                switched=before is not None and before != instance.identity,
+            )
+        )
+
+
+def _instance(entry: ObstacleEntry, segment: int, world: Pose) -> _Instance:
+    assert entry.position is not None
+    assert entry.velocity is not None
+    R = world.rotation
+    cov = None if entry.velocity_cov is None else R @ np.array(entry.velocity_cov) @ R.T
+    return _Instance(
+        identity=(segment, entry.id),
+        position=world.apply(entry.position),
+        velocity=world.rotate(entry.velocity),
+        velocity_cov=cov,
+        velocity_time=entry.velocity_time,
+        speed=entry.speed,
+    )
+
+
+def _pose(line: Line) -> Pose:
+    assert line.pose is not None
+    return Pose.from_quaternion(line.pose.orientation_wxyz, line.pose.position)
+
+
+def _distance(body: TrueBody, instance: _Instance) -> float:
+    return float(np.linalg.norm(body.position - instance.position))
+
+
+def _radial(body: TrueBody, camera: Float64Array) -> float:
+    sight = body.position - camera
+    length = float(np.linalg.norm(sight)) * body.speed
+    return abs(float(sight @ body.velocity)) / length if length > 0 else 0.0
