@@ -70,7 +70,7 @@ class SupervisorLimits:
         stop_s: how long an engine is given to leave by itself.
     """
 
-    hang_s: float = 1.4
+    hang_s: float = 1.6
     start_s: float = 30.0
     tick_s: float = 0.05
     standby_delay_s: float | None = 3.0

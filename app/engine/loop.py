@@ -283,6 +283,8 @@ class Engine:
             reply = Reply(number, value=asdict(self._state()))
         self._publish_state()
         self._send(reply)
+        for skipped in () if session is None else session.skipped:
+            self._send(SkippedFrameEvent(skipped.index, skipped.reason))
 
     def _abandon_opening(self) -> None:
         opening, self._opening = self._opening, None

@@ -17,7 +17,7 @@ from observer.parameters import Parameters
 from observer.sources.contract import SkippedFrame, Source
 from observer.types import Observation, StereoFrame, Trace
 
-# How many unreadable frames are passed over to find one picture to check a calibration with.
+# How many unreadable frames are passed over while opening to find the first readable one.
 _TRIES_FOR_A_PAIR = 20
 
 
@@ -75,7 +75,13 @@ class Session:
         opened: OpenedSource,
         observer: FrameObserver,
         player: Player,
+        skipped: tuple[SkippedFrame, ...],
     ) -> None:
+        """
+        Args:
+            skipped: frames that could not be read while opening, before the first one.
+        """
+        self.skipped = skipped
         self.source = opened.source
         self.observer = observer
         self.player = player
@@ -118,7 +124,8 @@ def open_session(
     make_observer: ObserverFactory,
     clock: Callable[[], float],
 ) -> Session:
-    """Open the source and all that belongs to it; on any refusal nothing stays open.
+    """Open the source and all that belongs to it, its first frame already read; on any refusal
+    nothing stays open.
 
     Raises:
         InputError: one sentence of what is wrong with the source, calibration or a parameter.
@@ -146,7 +153,7 @@ def open_session(
             clock=clock,
         )
         player = Player(opened.source, paused=command.paused, rate=command.rate, loop=command.loop)
-        return Session(command, opened, observer, player)
+        return Session(command, opened, observer, player, _read_first(player))
     except BaseException:
         opened.source.close()
         raise
@@ -159,6 +166,16 @@ def parse_parameters(values: Mapping[str, Any]) -> Parameters:
         ParameterError: naming every refused field and its range.
     """
     return Parameters().changed(values)
+
+
+def _read_first(player: Player) -> tuple[SkippedFrame, ...]:
+    # Some sources do their heavy work at the first frame, which would stop the engine's heart.
+    skipped: list[SkippedFrame] = []
+    while player.wants_reading and len(skipped) < _TRIES_FOR_A_PAIR:
+        frame = player.read_ahead()
+        if frame is not None:
+            skipped.append(frame)
+    return tuple(skipped)
 
 
 def _check_size(calibration: StereoCalibration, source: Source) -> None:
