@@ -46,7 +46,7 @@ run: setup
 	@exec $(BIN)/dynamic-observer serve $(ARGS)
 
 test: setup-dev
-	@$(MAKE) --no-print-directory chromium || true
+	@( $(install_chromium) ) || true
 	$(BIN)/pytest $(ARGS)
 
 lint: setup-dev
@@ -84,20 +84,7 @@ $(VENDORED): static/package-lock.json app/packaging/frontend.py | $(MADE)
 
 # The browser tests drive the system's Chromium. Fails, and says so, where it cannot be installed.
 chromium:
-	@$(find_chromium) && exit 0; \
-	if ! command -v apt-get >/dev/null; then as=; \
-	elif [ "$$(id -u)" = 0 ]; then as=env; \
-	elif sudo -n true 2>/dev/null; then as="sudo -n"; \
-	else as=; fi; \
-	if [ -n "$$as" ]; then \
-	  echo "Installing Chromium for the browser tests"; \
-	  $$as apt-get update -qq && \
-	  $$as env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium >/dev/null; \
-	  $(find_chromium) && exit 0; \
-	fi; \
-	echo "Chromium is missing, so the tests in tests/browser are left out;" \
-	  "to run them: sudo apt-get install chromium" >&2; \
-	exit 1
+	@$(install_chromium)
 
 constraints: setup-dev
 	@{ echo "# Every package that a set-up may install, pinned. Renewed by: make constraints"; \
@@ -139,6 +126,25 @@ endef
 
 define find_chromium
 { command -v chromium || command -v chromium-browser || command -v google-chrome; } >/dev/null
+endef
+
+# With apt-get, as root or where sudo asks for no password; otherwise says what is left out.
+define install_chromium
+$(find_chromium) && exit 0; \
+as=; \
+if command -v apt-get >/dev/null; then \
+  if [ "$$(id -u)" = 0 ]; then as=env; \
+  elif sudo -n true 2>/dev/null; then as="sudo -n env"; fi; \
+fi; \
+if [ -n "$$as" ]; then \
+  echo "Installing Chromium for the browser tests"; \
+  $$as apt-get update -qq && \
+  $$as DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium >/dev/null; \
+  $(find_chromium) && exit 0; \
+fi; \
+echo "Chromium is missing, so the tests in tests/browser are left out;" \
+  "to run them: sudo apt-get install chromium" >&2; \
+exit 1
 endef
 
 define registry_hint

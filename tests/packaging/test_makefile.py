@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-TOOLS = ("sh", "make", "sed", "cat", "id", "touch", "printf", "rm", "uname", "env", "dirname")
+TOOLS = ("sh", "make", "sed", "cat", "id", "touch", "printf", "rm", "uname", "env", "chmod")
 
 
 @pytest.fixture
@@ -112,6 +112,31 @@ def test_no_npm_and_no_pip_to_bring_it(clone: Path, tmp_path: Path) -> None:
     assert "npm 7 or newer is missing" in sentence
     assert "apt-get install npm" in sentence
     assert not (clone / "static" / "vendor").exists()
+
+
+def test_no_chromium_and_no_way_to_install_it(clone: Path, bare: Path) -> None:
+    done = make(clone, "chromium", path=str(bare))
+    assert done.returncode != 0
+    (sentence,) = sentences(done)
+    assert "tests/browser are left out" in sentence
+    assert "apt-get install chromium" in sentence
+
+
+def test_chromium_is_installed_where_that_is_permitted(clone: Path, bare: Path) -> None:
+    log = clone / "asked"
+    install = f'printf "#!/bin/sh\n" > {bare}/chromium; chmod +x {bare}/chromium'
+    for name, body in (
+        ("apt-get", f'echo "$1" >> "{log}"; [ "$1" = install ] || exit 0; {install}'),
+        ("id", "echo 0"),
+    ):
+        (bare / name).unlink(missing_ok=True)
+        (bare / name).write_text(f"#!/bin/sh\n{body}\n")
+        (bare / name).chmod(0o755)
+    done = make(clone, "chromium", path=str(bare))
+    assert done.returncode == 0, done.stderr
+    assert log.read_text().split() == ["update", "install"]
+    assert make(clone, "chromium", path=str(bare)).returncode == 0
+    assert log.read_text().split() == ["update", "install"]
 
 
 def test_make_alone_lists_the_targets(clone: Path) -> None:
