@@ -20,7 +20,7 @@ flow_px               (M, 2) features at t that could be followed
 flow_observed_px      (M, 2) where they are in the transformed image
 flow_residual_px      (M, 2) the difference
 dynamic               (M,) which of them are dynamic
-warped_disparity      (H, W) of the transformed pair, pixels, NaN = unknown
+warped_disparity      (H, W) of the transformed pair, computed around the dynamic features only
 points_previous       (K, 3) metres, dynamic points at t, camera frame of t
 points_current        (K, 3) metres, the same points at t+dt, in the same frame
 detections            the obstacles of this frame before they get an identity
@@ -50,7 +50,7 @@ from observer.stages.motion import measure_motion
 from observer.stages.rectification import Rectification
 from observer.stages.reporting import describe_obstacle
 from observer.stages.residual_flow import residual_flow
-from observer.stages.stereo import disparity_map, sample_disparity
+from observer.stages.stereo import disparity_around, disparity_map, sample_disparity
 from observer.stages.tracking import Tracker
 from observer.types import (
     Detection,
@@ -192,9 +192,10 @@ class Observer:
             with timer("residual_flow"):
                 flow = residual_flow(previous.left, warped.left, warped.valid, features.px, p.flow)
             with timer("stereo"):
-                warped_disparity = disparity_map(warped.left, warped.right, p.stereo)
+                moved = flow.observed_px[flow.dynamic]
+                warped_disparity = disparity_around(warped.left, warped.right, moved, p.stereo)
                 before = sample_disparity(disparity, flow.px[flow.dynamic])
-                after = sample_disparity(warped_disparity, flow.observed_px[flow.dynamic])
+                after = sample_disparity(warped_disparity, moved)
             with timer("motion"):
                 dt = frame.time - previous.time
                 motions = measure_motion(flow, before, after, dt, ego, self.camera, p)

@@ -18,6 +18,8 @@ _SPECKLE_RANGE_PX = 2
 _LEFT_RIGHT_TOLERANCE_PX = 1
 # Neighbouring pixels that differ by more than this belong to different surfaces.
 _EDGE_PX = 1.0
+# Around the points that are asked for, so that they are matched with their surroundings.
+_MARGIN_PX = 32
 
 
 def disparity_map(left: Image, right: Image, parameters: StereoParameters) -> NDArray[np.float32]:
@@ -33,7 +35,7 @@ def disparity_map(left: Image, right: Image, parameters: StereoParameters) -> ND
     Returns:
         (H, W) pixels, NaN where unknown.
     """
-    count = -(-parameters.max_disparity_px // 16) * 16
+    count = _disparities(parameters)
     block = parameters.block_px | 1
     height, width = left.shape
     # The matchers leave the first ``count`` columns out, although points there may well be seen
@@ -67,6 +69,34 @@ def disparity_map(left: Image, right: Image, parameters: StereoParameters) -> ND
     columns = np.arange(width, dtype=np.float32)
     known = (fixed > 0) & (disparity <= columns)
     return np.where(known, disparity, np.float32(np.nan))
+
+
+def disparity_around(
+    left: Image, right: Image, px: NDArray[np.float32], parameters: StereoParameters
+) -> NDArray[np.float32]:
+    """Disparity as by ``disparity_map``, but only in the rectangle around some points.
+
+    Matching is the most expensive step of all, and the transformed pair is needed only where
+    something moves.
+
+    Args:
+        left, right: (H, W) grey.
+        px: (N, 2) pixels in the left image.
+
+    Returns:
+        (H, W) pixels, NaN where unknown or not computed.
+    """
+    height, width = left.shape
+    disparity = np.full((height, width), np.nan, np.float32)
+    if len(px) == 0:
+        return disparity
+    u0, v0 = np.maximum(np.floor(px.min(axis=0)).astype(int) - _MARGIN_PX, 0)
+    u1, v1 = np.minimum(np.ceil(px.max(axis=0)).astype(int) + _MARGIN_PX, (width, height))
+    # The right camera sees a point further to the left by its disparity.
+    begin = max(0, u0 - _disparities(parameters))
+    part = disparity_map(left[v0:v1, begin:u1], right[v0:v1, begin:u1], parameters)
+    disparity[v0:v1, u0:u1] = part[:, u0 - begin :]
+    return disparity
 
 
 def sample_disparity(disparity: NDArray[np.float32], px: NDArray[np.float32]) -> Float64Array:
@@ -127,3 +157,8 @@ def point_cloud(
     grey_or_bgr = image[v, u]
     colors = grey_or_bgr[:, ::-1] if image.ndim == 3 else np.repeat(grey_or_bgr[:, None], 3, axis=1)
     return points.astype(np.float32), np.ascontiguousarray(colors)
+
+
+def _disparities(parameters: StereoParameters) -> int:
+    """How many disparities are searched: OpenCV wants a multiple of 16."""
+    return -(-parameters.max_disparity_px // 16) * 16
