@@ -9,7 +9,7 @@ const STALE_AFTER_MS = 1000;
 /** @type {Record<string, {title: string, help: string}>} */
 export const VIEWS = {
   left: {
-    title: "Left camera",
+    title: "Left",
     help: "Green stars are features, lines their flow; a yellow box is an obstacle that moves.",
   },
   warped: {
@@ -21,7 +21,7 @@ export const VIEWS = {
     help: "Warm colours are near, cold ones far; black is where the two cameras find no match.",
   },
   residual: {
-    title: "Residual flow",
+    title: "Residual",
     help: "Motion that is left after the camera's own is taken away; long arrows are dynamic.",
   },
   plain: { title: "Plain left", help: "The rectified left image with nothing drawn on it." },

@@ -16,7 +16,7 @@ class LiveViews extends Part {
   #shown = new Map();
 
   build() {
-    const heading = h("div", { class: "pane-head" }, h("h2", {}, "Live views"), this.#choice);
+    const heading = h("div", { class: "pane-head" }, h("h2", { class: "visually-hidden" }, "Live views"), this.#choice);
     this.append(heading, this.#grid);
     void this.#offer();
   }

@@ -4,7 +4,10 @@ import { h, setAttribute, setText } from "./dom.js";
 import { Part } from "./part.js";
 import { bearingInWords, fixed, speedWithBand, trackColour } from "./words.js";
 
-const COLUMNS = ["Obstacle", "Speed, m/s", "Truth, m/s", "Range, m", "Where", "State"];
+const COLUMNS = ["Obstacle", "Speed, m/s", "Truth, m/s", "Where"];
+
+/** @type {Record<string, string>} */
+const STATES = { moving: "Moving", stopped: "Stopped" };
 
 class ObstacleTable extends Part {
   #body = h("tbody");
@@ -66,13 +69,10 @@ function makeRow(id) {
  * @param {number | null} truth m/s
  */
 function fillRow([figures, why], obstacle, truth) {
-  const state = obstacle.state === "coasting" ? "not seen now" : obstacle.motion;
   const texts = [
     speedWithBand(obstacle),
     fixed(truth, 2),
-    fixed(obstacle.range, 2),
-    `${bearingInWords(obstacle.bearing)} (${fixed((obstacle.bearing * 180) / Math.PI, 0)}°)`,
-    state,
+    `${fixed(obstacle.range, 2)} m ${bearingInWords(obstacle.bearing)}`,
   ];
   texts.forEach((text, index) => {
     const cell = figures.cells[index + 1];
@@ -80,7 +80,8 @@ function fillRow([figures, why], obstacle, truth) {
   });
   setAttribute(figures, "data-state", obstacle.state);
   const cell = why.cells[0];
-  if (cell) setText(cell, obstacle.why ?? "");
+  const state = obstacle.state === "coasting" ? "Not seen now" : STATES[obstacle.motion];
+  if (cell) setText(cell, `${state ?? obstacle.motion}. ${obstacle.why ?? ""}`);
 }
 
 customElements.define("observer-obstacles", ObstacleTable);

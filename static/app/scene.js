@@ -3,9 +3,10 @@
 import { h, setAttribute, setText } from "./dom.js";
 import { Part } from "./part.js";
 
-// The viewer's own panel of settings; the page has its own.
+// The viewer's own panel of settings (a window, or a drawer where it is narrow) and its notices;
+// the page has its own. viser offers no setting for that.
 const HIDE_PANEL =
-  '[data-floating-window]:has([data-dock-tab="viser-control-panel"]){display:none!important}';
+  "#root .mantine-Paper-root, .mantine-Notifications-root { display: none !important }";
 
 class Scene extends Part {
   #frame = h("iframe", {

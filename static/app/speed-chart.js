@@ -21,6 +21,7 @@ class SpeedChart extends Part {
   #host = h("div", { class: "chart", role: "img" });
   #legend = h("ul", { class: "legend" });
   #empty = h("p", { class: "empty" }, "No speed yet. Curves appear as soon as an obstacle moves or truth is known.");
+  #probe = h("span", { hidden: true });
   #csv = h("a", { class: "button", hidden: true, download: true }, icon("download"), "CSV");
   /** @type {uPlot | null} */
   #plot = null;
@@ -33,7 +34,7 @@ class SpeedChart extends Part {
     this.append(
       h("div", { class: "pane-head" }, h("h2", {}, "Speed"),
         h("span", { class: "hint" }, "m/s over the last 60 s of the source's time"), this.#csv),
-      this.#empty, this.#host, this.#legend);
+      this.#empty, this.#host, this.#legend, this.#probe);
     this.hear("observation", () => this.#observed());
     this.hear("status", () => this.#renderLink());
     this.hear("runs", () => void this.#findLastRun());
@@ -74,13 +75,13 @@ class SpeedChart extends Part {
     this.#plot = null;
     const columns = this.#columns();
     if (columns.length === 0 || this.#host.clientWidth === 0) return;
-    const style = getComputedStyle(this);
-    const colour = (/** @type {string} */ name) => style.getPropertyValue(name).trim();
+    const colour = (/** @type {string} */ name) => this.#resolved(name);
     this.#plot = new uPlot(
       {
         width: this.#host.clientWidth,
         height: HEIGHT_PX,
         legend: { show: false },
+        padding: [8, 12, 0, 0],
         cursor: { drag: { x: false, y: false } },
         hooks: { setCursor: [() => this.#renderLegend(this.#columns())] },
         scales: {
@@ -88,8 +89,8 @@ class SpeedChart extends Part {
           y: { range: (_plot, _low, high) => [0, Math.max(TOP_AT_LEAST_MPS, (high ?? 0) * 1.12)] },
         },
         axes: [
-          axis(colour, (seconds) => (seconds === 0 ? "now" : `${seconds} s`), 30),
-          { ...axis(colour, (speed) => String(speed), 44), size: 44 },
+          { ...axis(colour, (seconds) => (seconds === 0 ? "now" : `${seconds} s`), 50), size: 28 },
+          { ...axis(colour, (speed) => String(speed), 36), size: 44 },
         ],
         series: [{}, ...columns.flatMap((column) => seriesOf(column, colour))],
         bands: bandsOf(columns, colour),
@@ -97,6 +98,12 @@ class SpeedChart extends Part {
       this.#data(columns),
       this.#host,
     );
+  }
+
+  /** A colour of tokens.css as the canvas understands it. @param {string} name */
+  #resolved(name) {
+    this.#probe.style.color = `var(${name})`;
+    return getComputedStyle(this.#probe).color;
   }
 
   /** @param {Column[]} columns @returns {import("../vendor/uplot/uPlot.esm.js").AlignedData} */
@@ -183,7 +190,7 @@ function valueInWords(column, at) {
 function axis(colour, words, space) {
   return {
     stroke: colour("--muted"),
-    font: `11px ${colour("--font")}`,
+    font: "11px sans-serif",
     space,
     grid: { stroke: colour("--grid"), width: 1 },
     ticks: { stroke: colour("--grid"), width: 1, size: 4 },

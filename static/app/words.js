@@ -29,7 +29,7 @@ export function bearingInWords(bearing) {
   const side = bearing > 0 ? "right" : "left";
   const size = Math.abs(bearing);
   if (size < STRAIGHT_RAD) return "ahead";
-  return size < 3 * STRAIGHT_RAD ? `ahead to the ${side}` : `far to the ${side}`;
+  return size < 3 * STRAIGHT_RAD ? `ahead to the ${side}` : `off to the ${side}`;
 }
 
 /**
