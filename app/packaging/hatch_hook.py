@@ -31,9 +31,9 @@ class StaticFilesHook(BuildHookInterface[Any]):
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         if version == "editable":
             return
-        if not self._vendored:
-            frontend = Path(self.root) / "app" / "packaging" / "frontend.py"
-            subprocess.run([sys.executable, str(frontend), "vendor"], check=True)
+        # Does nothing when what is there is what the lock file says.
+        frontend = Path(self.root) / "app" / "packaging" / "frontend.py"
+        subprocess.run([sys.executable, str(frontend), "vendor"], check=True)
         if self.target_name == "wheel":
             static = Path(self.root) / "static"
             build_data["force_include"].update(
