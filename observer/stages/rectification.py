@@ -67,6 +67,13 @@ class Rectification:
             _maps(calibration.K1, calibration.D1, R1, P1, size),
             _maps(calibration.K2, calibration.D2, R2, P2, size),
         )
+        for name, maps in zip(("D1", "D2"), self._maps, strict=True):
+            if not _is_one_view(maps[0], size):
+                raise CalibrationError(
+                    f"this calibration cannot be rectified: with {name} the image would fold over "
+                    f"or leave its frame; check that K1, D1, K2 and D2 belong to "
+                    f"{size[0]}x{size[1]} images of these cameras"
+                )
 
     def apply(self, left: Image, right: Image) -> tuple[Image, Image]:
         """The rectified pair: same sizes and channels as the input.
@@ -92,8 +99,8 @@ class Rectification:
     def _check_result(self, P1: Float64Array, P2: Float64Array) -> None:
         focal = float(P1[0, 0])
         usual = float(self._calibration.K1[0, 0])
-        # Distortion coefficients that belong to another lens or size fold the image over, and
-        # alpha 0 then zooms into (or out to) nothing.
+        # Coefficients that belong to another lens or size make alpha 0 zoom into (or out to)
+        # nothing.
         if not (
             np.isfinite(P1).all()
             and np.isfinite(P2).all()
@@ -145,6 +152,15 @@ def _maps(
     # Fixed point maps: a third of the memory of float maps, and remap is about twice as fast.
     fixed, fraction = cv2.initUndistortRectifyMap(K, _distortion(D), R, P, size, cv2.CV_16SC2)
     return np.asarray(fixed, dtype=np.int16), np.asarray(fraction, dtype=np.uint16)
+
+
+def _is_one_view(fixed: NDArray[np.int16], size: tuple[int, int]) -> bool:
+    """Whether a map takes its pixels from inside the image, neighbours from neighbours."""
+    # Every 16th pixel shows a fold. alpha 0 rests on a grid of 9 x 9 points, hence the margin.
+    u, v = fixed[::16, ::16, 0].astype(int), fixed[::16, ::16, 1].astype(int)
+    margin = 0.02 * max(size)
+    inside = (u > -margin) & (u < size[0] + margin) & (v > -margin) & (v < size[1] + margin)
+    return bool(inside.all() and (np.diff(u, axis=1) > 0).all() and (np.diff(v, axis=0) > 0).all())
 
 
 def _remap(image: Image, maps: _Maps) -> Image:

@@ -1,0 +1,86 @@
+"""Rows set straight: the turn by construction, and when nothing may be changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from observer.calibration.refinement import matched_points, refine_rows
+from observer.camera import StereoCalibration
+from observer.types import Image
+
+WIDTH, HEIGHT, FOCAL = 640, 360, 500.0
+TRUE = StereoCalibration.rectified(WIDTH, HEIGHT, FOCAL, FOCAL, 319.5, 179.5, 0.12)
+
+
+def pair_seen_by(calibration: StereoCalibration, seed: int = 0) -> tuple[Image, Image]:
+    """A textured wall 4 m away, seen by a true left and a turned right camera."""
+    rng = np.random.default_rng(seed)
+    wall = np.zeros((HEIGHT, WIDTH))
+    for scale in (2, 4, 8, 16, 32):  # structure on every level of a pyramid
+        wall += scale * cv2.GaussianBlur(rng.normal(0, 1, wall.shape), None, scale)
+    left = cv2.normalize(wall, None, 0, 255, cv2.NORM_MINMAX)
+    # The plane-induced homography of the wall z = 4: K (R + T n^T / 4) K^-1.
+    H = (
+        calibration.K2
+        @ (calibration.R + np.outer(calibration.T, [0, 0, 1]) / 4)
+        @ np.linalg.inv(calibration.K1)
+    )
+    right = cv2.warpPerspective(left, H, (WIDTH, HEIGHT), flags=cv2.INTER_CUBIC)
+    return left.astype(np.uint8), np.clip(right, 0, 255).astype(np.uint8)
+
+
+def turned(pitch_deg: float, yaw_deg: float, roll_deg: float) -> StereoCalibration:
+    turn = Rotation.from_euler("xyz", [pitch_deg, yaw_deg, roll_deg], degrees=True).as_matrix()
+    return replace(TRUE, R=turn @ TRUE.R, T=turn @ TRUE.T)
+
+
+@pytest.mark.parametrize(("pitch", "roll"), [(0.1, 0.0), (0.0, -0.15), (-0.12, 0.08)])
+def test_finds_the_turn_that_happened(pitch: float, roll: float) -> None:
+    real = turned(pitch, 0, roll)
+    refinement = refine_rows(TRUE, [pair_seen_by(real, seed) for seed in (0, 1)])
+    assert refinement is not None
+    # Bilinear interpolation in rendering and tracking shifts corners by up to 0.05 px.
+    left = Rotation.from_matrix(refinement.calibration.R @ real.R.T).magnitude()
+    assert left < np.deg2rad(0.02)
+    assert pytest.approx(real.T, abs=5e-5) == refinement.calibration.T
+    assert refinement.before_px > 0.3
+    assert refinement.after_px < 0.05
+    assert refinement.matches > 300
+    # The rectified right camera turns back.
+    turn = np.rad2deg([refinement.pitch_rad, refinement.roll_rad])
+    assert turn == pytest.approx([-pitch, -roll], abs=0.02)
+
+
+def test_holds_vergence_and_lenses() -> None:
+    refinement = refine_rows(TRUE, [pair_seen_by(turned(0.1, 0.1, 0))])
+    assert refinement is not None
+    refined = refinement.calibration
+    vergence = Rotation.from_matrix(refined.R).as_euler("xyz", degrees=True)[1]
+    assert vergence == pytest.approx(0, abs=1e-3)
+    assert refined.baseline == pytest.approx(TRUE.baseline)
+    assert np.array_equal(refined.K1, TRUE.K1)
+    assert np.array_equal(refined.K2, TRUE.K2)
+
+
+def test_changes_nothing_without_evidence() -> None:
+    blank = np.full((HEIGHT, WIDTH), 128, np.uint8)
+    assert refine_rows(TRUE, [(blank, blank)]) is None
+    assert refine_rows(TRUE, []) is None
+    unrelated = pair_seen_by(TRUE, 0)[0], pair_seen_by(TRUE, 1)[1]
+    assert refine_rows(TRUE, [unrelated]) is None
+
+
+def test_refuses_more_than_a_drift() -> None:
+    assert refine_rows(TRUE, [pair_seen_by(turned(0.5, 0, 0))]) is None
+
+
+def test_matched_points_agree_with_the_wall() -> None:
+    left, right = matched_points(*pair_seen_by(TRUE))
+    assert len(left) > 300
+    assert np.median(left[:, 0] - right[:, 0]) == pytest.approx(FOCAL * 0.12 / 4, abs=0.05)
+    assert np.median(np.abs(left[:, 1] - right[:, 1])) < 0.03
