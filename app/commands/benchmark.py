@@ -1,0 +1,154 @@
+"""``dynamic-observer benchmark``: what the method and the server cost, and how good presets are."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import random
+from dataclasses import asdict
+from typing import Annotated, Any
+
+import cv2
+import typer
+
+from app.benchmark.browser import PageFigures
+from app.benchmark.served import ServedFigures, served_figures
+from app.commands.progress import progress_bar
+from observer.evaluation.benchmark import (
+    DEFAULT_MAX_FRAMES,
+    Benchmark,
+    Progress,
+    run_benchmark,
+    simulated_sources,
+)
+from observer.evaluation.evaluate import markdown_table
+from observer.evaluation.tally import GATE_M, ROAD_GATE_M
+from observer.parameters import preset, preset_names
+from observer.simulation.scenarios import load_scenario, scenario_names
+
+_SERVED_SOURCE = "simulated:lab"
+
+
+def benchmark(
+    source: Annotated[
+        str | None,
+        typer.Argument(help="A source of your own; all benchmark scenarios if left out."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Figures as JSON on stdout.")] = False,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=100, help="Seeds of each scenario, drawn at run time.")
+    ] = 1,
+    seed: Annotated[
+        list[int] | None, typer.Option(help="A certain seed in place of drawn ones.")
+    ] = None,
+    frames: Annotated[
+        int, typer.Option(min=5, help="Most frames of each source.")
+    ] = DEFAULT_MAX_FRAMES,
+    road: Annotated[
+        bool, typer.Option("--road", help="Match truth within 3 m instead of 0.5 m.")
+    ] = False,
+    served: Annotated[
+        bool, typer.Option(help="Measure a running server, too: viewers, page, latency.")
+    ] = True,
+    seconds: Annotated[
+        float, typer.Option(min=2, help="Length of each measurement on the server.")
+    ] = 15.0,
+    viewers: Annotated[int, typer.Option(min=1, max=50, help="Viewers on the server.")] = 5,
+) -> None:
+    """Compare the presets over scenarios and seeds, and time the loop and the server."""
+    drawn = seed or random.SystemRandom().sample(range(1, 10_000), seeds)
+    sources = [source] if source else list(simulated_sources(_benchmark_scenarios(), drawn))
+    with progress_bar("observing") as progress:
+
+        def report(at: Progress) -> None:
+            progress(at.done, at.total)
+
+        method = run_benchmark(
+            sources,
+            {name: preset(name) for name in preset_names()},
+            max_frames=frames,
+            gate_m=ROAD_GATE_M if road else GATE_M,
+            progress=report,
+        )
+    figures: ServedFigures | None = None
+    if served:
+        figures = served_figures(
+            source or _SERVED_SOURCE,
+            seconds=seconds,
+            viewer_count=viewers,
+            say=lambda what: typer.echo(f"measuring {what}", err=True),
+        )
+    shown_seeds = None if source else drawn
+    if as_json:
+        result = _as_dict(method, figures, shown_seeds)
+        typer.echo(json.dumps(result, indent=2, allow_nan=False))
+    else:
+        typer.echo(_markdown(method, figures, shown_seeds))
+
+
+def _benchmark_scenarios() -> list[str]:
+    return [name for name in scenario_names() if load_scenario(name).benchmark]
+
+
+def _machine() -> dict[str, Any]:
+    return {
+        "platform": platform.platform(),
+        "python": platform.python_version(),
+        "opencv": cv2.__version__,
+        "cores": os.cpu_count(),
+    }
+
+
+def _as_dict(
+    method: Benchmark, served: ServedFigures | None, seeds: list[int] | None
+) -> dict[str, Any]:
+    result: dict[str, Any] = {"machine": _machine(), "seeds": seeds} | method.as_dict()
+    if served is not None:
+        result["served"] = {
+            "loop": [asdict(r) | {"ratio": r.ratio} for r in served.rates],
+            "page": asdict(served.page) if isinstance(served.page, PageFigures) else served.page,
+        }
+    return result
+
+
+def _markdown(method: Benchmark, served: ServedFigures | None, seeds: list[int] | None) -> str:
+    machine = ", ".join(f"{key} {value}" for key, value in _machine().items())
+    parts = [f"Machine: {machine}."]
+    if seeds:
+        parts.append(f"Seeds: {', '.join(map(str, seeds))}.")
+    parts += ["", method.markdown()]
+    if served is not None:
+        parts += [
+            "\n## The loop in a running server, unique frames per second\n",
+            markdown_table(
+                ["played at", "alone", "with viewers", "ratio", "viewers", "scene messages",
+                 "observations", "images", "failures"],
+                [
+                    [
+                        f"{r.playback_rate:g} x", f"{r.alone:.1f}", f"{r.with_viewers:.1f}",
+                        f"{r.ratio:.2f}", str(r.viewers), str(r.scene_messages),
+                        str(r.observation_messages), str(r.image_messages), str(len(r.failures)),
+                    ]
+                    for r in served.rates
+                ],
+            ),
+            "\n## One visible page\n",
+            served.page if isinstance(served.page, str) else _page_table(served.page),
+        ]  # fmt: skip
+    return "\n".join(parts).rstrip()
+
+
+def _page_table(page: PageFigures) -> str:
+    def shown(value: float | None, unit: str) -> str:
+        return "never" if value is None else f"{value:.1f} {unit}"
+
+    return markdown_table(
+        ["figure", "value"],
+        [
+            ["first obstacle after the server's start", shown(page.first_obstacle_s, "s")],
+            ["received to painted, median", shown(page.latency_median_ms, "ms")],
+            ["received to painted, p95", shown(page.latency_p95_ms, "ms")],
+            ["observations acknowledged", str(page.count)],
+        ],
+    )
