@@ -1,15 +1,12 @@
 /** Calibrations: send one in, see the rectified pair, then use it. */
 
-import { ApiError, request, requestImage } from "./api.js";
+import { ApiError, request } from "./api.js";
+import { describe, previewed } from "./calibration-preview.js";
 import { h, icon, setText } from "./dom.js";
 import { confirmed, notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
-import { fixed } from "./words.js";
 
 /** @typedef {import("./types.js").Calibration} Calibration */
-
-const GOOD_PX = 0.5;
-const POOR_PX = 1.5;
 
 class CalibrationPanel extends Part {
   #file = h("input", { type: "file", id: "calibration-file", accept: ".yaml,.yml,.xml,.txt", "aria-describedby": "calibration-help calibration-error" });
@@ -18,7 +15,6 @@ class CalibrationPanel extends Part {
   #list = h("ul", { class: "item-list" });
   #empty = h("p", { class: "empty" }, "None yet; the source's own calibration is in use.");
   #own = h("button", { class: "button", type: "button" }, "Back to the source's own");
-  #preview = h("section", { class: "preview", hidden: true, "aria-label": "Preview of a calibration" });
   /** @type {Calibration[]} */
   #all = [];
   #active = "";
@@ -34,7 +30,7 @@ class CalibrationPanel extends Part {
     this.#file.addEventListener("change", () => void this.#send(this.#file.files?.[0]));
     this.#own.addEventListener("click", () => void this.#deactivate());
     this.#listenForDrop();
-    this.append(h("h2", {}, "Calibration"), this.#drop, this.#preview, h("h3", {}, "Kept calibrations"), this.#empty, this.#list, this.#own);
+    this.append(h("h2", {}, "Calibration"), this.#drop, h("h3", {}, "Kept calibrations"), this.#empty, this.#list, this.#own);
     this.hear("reconnected", () => void this.#load());
     this.hear("calibrations", () => void this.#load());
     this.hear("status", () => {
@@ -102,7 +98,6 @@ class CalibrationPanel extends Part {
       await this.#look(calibration);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      this.#preview.hidden = true;
       setText(this.#error, `${file.name} was not taken: ${error.message}`);
     } finally {
       // The same file, corrected, can be chosen again.
@@ -112,39 +107,10 @@ class CalibrationPanel extends Part {
 
   /** @param {Calibration} calibration */
   async #look(calibration) {
-    const canvas = h("canvas", { width: 2, height: 1, role: "img", "aria-label": "The rectified pair, left and right, with level lines across both" });
-    const verdict = h("p", { class: "verdict" }, "Rectifying the newest pair…");
-    const use = h("button", { type: "button", class: "button primary" }, "Use this calibration");
-    const close = h("button", { type: "button", class: "button" }, "Close");
-    use.addEventListener("click", () => void this.#use(calibration));
-    close.addEventListener("click", () => (this.#preview.hidden = true));
-    this.#preview.replaceChildren(
-      h("h3", {}, calibration.name),
-      h("dl", { class: "figures" }, ...understood(calibration)),
-      canvas,
-      verdict,
-      h("div", { class: "row" }, use, close),
-    );
-    this.#preview.hidden = false;
-    try {
-      const { blob, headers } = await requestImage(`/calibrations/${encodeURIComponent(calibration.id)}/preview`);
-      const bitmap = await createImageBitmap(blob);
-      canvas.width = bitmap.width;
-      canvas.height = bitmap.height;
-      canvas.getContext("2d")?.drawImage(bitmap, 0, 0);
-      bitmap.close();
-      const text = headers.get("x-vertical-error-px");
-      judgeVertical(verdict, text ? Number(text) : null);
-    } catch (error) {
-      canvas.hidden = true;
-      verdict.dataset.tone = "bad";
-      setText(verdict, `No preview: ${error instanceof Error ? error.message : String(error)}`);
-    }
-  }
-
-  /** @param {Calibration} calibration */
-  async #use(calibration) {
-    await this.#change(`/calibrations/${encodeURIComponent(calibration.id)}/activate`, `${calibration.name} is in use.`);
+    const use = await previewed(calibration, calibration.id === this.#active);
+    if (!use) return;
+    const path = `/calibrations/${encodeURIComponent(calibration.id)}/activate`;
+    await this.#change(path, `${calibration.name} is in use.`);
   }
 
   async #deactivate() {
@@ -157,11 +123,9 @@ class CalibrationPanel extends Part {
    */
   async #change(path, done) {
     try {
-      await request("POST", path);
       /** @type {import("./types.js").Status} */
-      const status = await request("GET", "/status");
+      const status = await request("POST", path);
       this.hub.takeStatus(status);
-      this.#preview.hidden = true;
       notify(done);
       this.hub.tell("calibrations");
     } catch (error) {
@@ -175,49 +139,12 @@ class CalibrationPanel extends Part {
     if (!sure) return;
     try {
       await request("DELETE", `/calibrations/${encodeURIComponent(calibration.id)}`);
-      this.#preview.hidden = true;
       notify(`Calibration ${calibration.name} deleted.`);
     } catch (error) {
       notifyError(error);
     }
     this.hub.tell("calibrations");
   }
-}
-
-/** @param {Calibration} c */
-function describe(c) {
-  return `${c.width} × ${c.height} · baseline ${fixed(c.baseline_m, 3)} m · ${fixed(c.hfov_deg, 1)}° wide`;
-}
-
-/** @param {Calibration} c */
-function understood(c) {
-  /** @type {[string, string][]} */
-  const facts = [
-    ["Image size", `${c.width} × ${c.height} px`],
-    ["Baseline", `${fixed(c.baseline_m, 4)} m`],
-    ["Field of view", `${fixed(c.hfov_deg, 1)}° wide`],
-    ["Images", c.rectified ? "rectified already" : "rectified by it"],
-  ];
-  return facts.map(([term, value]) => h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value)));
-}
-
-/**
- * @param {HTMLElement} verdict
- * @param {number | null} px median vertical error of matches between left and right
- */
-function judgeVertical(verdict, px) {
-  if (px === null || !Number.isFinite(px)) {
-    verdict.dataset.tone = "poor";
-    return setText(verdict, "The vertical error could not be measured: too few matches between left and right.");
-  }
-  const tone = px < GOOD_PX ? "good" : px < POOR_PX ? "poor" : "bad";
-  const words = {
-    good: "the same point lies on the same line in both images",
-    poor: "depth will be noisy; a better calibration is worth the while",
-    bad: "this calibration does not fit these cameras",
-  }[tone];
-  verdict.dataset.tone = tone;
-  setText(verdict, `Vertical error ${px.toFixed(2)} px: ${words}.`);
 }
 
 customElements.define("observer-calibration", CalibrationPanel);

@@ -62,6 +62,7 @@ class FirstLine extends Part {
           `${source.width} × ${source.height} at ${Number(source.frame_rate.toFixed(1))} fps`,
           calibration ? `calibration ${calibration.name}` : null,
           status.has_truth ? "with truth" : "without truth",
+          this.hub.freshness.state === "held" ? this.hub.freshness.reason.replace(/\.$/, "") : null,
           run ? `kept as run ${run.name}` : "preview, nothing is kept",
         ]
       : ["No source is open; choose one under Source."];

@@ -136,19 +136,18 @@ export function judge(connection, status, beat, now) {
   }
   const { engine, playback } = status;
   if (!["idle", "preview", "running"].includes(engine.state)) {
-    const why = engine.reason ?? (engine.state === "failed" ? "it failed" : engine.state);
-    return { state: "stale", age_s, reason: `Engine stopped: ${withoutStop(why)}.` };
+    return { state: "stale", age_s, reason: sentence(engine.reason ?? "the engine has failed") };
   }
   if (!status.source) return { state: "none", age_s, reason: "No source is open." };
   const seen = beat !== null && beat.age_s !== null;
   if (seen && age_s <= STALE_AFTER_S) return { state: "fresh", age_s, reason: "" };
   if (playback?.ended) return { state: "held", age_s, reason: "The source has ended." };
-  if (playback?.paused) return { state: "held", age_s, reason: `Paused at frame ${playback.frame}.` };
+  if (playback?.paused) return { state: "held", age_s, reason: playback.frame === null ? "Paused." : `Paused at frame ${playback.frame}.` };
   if (!seen) return { state: "none", age_s, reason: "Waiting for the first frame." };
   return { state: "stale", age_s, reason: "No new frame arrives." };
 }
 
 /** @param {string} text */
-function withoutStop(text) {
-  return text.replace(/\.\s*$/, "");
+function sentence(text) {
+  return `${text.charAt(0).toUpperCase()}${text.slice(1).replace(/\.\s*$/, "")}.`;
 }

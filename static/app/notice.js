@@ -2,7 +2,7 @@
 
 import { h, icon } from "./dom.js";
 
-const SHOWN_MS = 8000;
+const SHOWN_MS = { done: 5000, error: 12000 };
 
 /**
  * Show one sentence in the page's corner; errors are spoken at once.
@@ -18,7 +18,7 @@ export function notify(text, kind = "done") {
   close.addEventListener("click", () => notice.remove());
   notice.append(h("span", {}, text), close);
   host.append(notice);
-  setTimeout(() => notice.remove(), SHOWN_MS);
+  setTimeout(() => notice.remove(), SHOWN_MS[kind]);
 }
 
 /** @param {unknown} error */

@@ -4,7 +4,7 @@ import { h, setAttribute, setText } from "./dom.js";
 import { Part } from "./part.js";
 import { bearingInWords, fixed, speedWithBand, trackColour } from "./words.js";
 
-const COLUMNS = ["Obstacle", "Speed, m/s", "Truth, m/s", "Where"];
+const COLUMNS = ["Id", "Speed, m/s", "Truth", "Where"];
 
 /** @type {Record<string, string>} */
 const STATES = { moving: "Moving", stopped: "Stopped" };

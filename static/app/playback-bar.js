@@ -72,10 +72,10 @@ class PlaybackBar extends Part {
   #renderPosition() {
     const playback = this.hub.status?.playback;
     if (!playback) return setText(this.#position, "–");
-    const { frame_count: count } = playback;
+    const { frame, frame_count: count } = playback;
     this.#progress.hidden = count === null;
-    if (count) this.#progress.value = Math.min(1, (playback.frame + 1) / count);
-    setText(this.#position, `frame ${playback.frame}${count ? ` / ${count}` : ""}`);
+    if (count) this.#progress.value = Math.min(1, ((frame ?? -1) + 1) / count);
+    setText(this.#position, `frame ${frame ?? "–"}${count ? ` / ${count}` : ""}`);
   }
 
   /** @param {number} rate */

@@ -5,6 +5,8 @@ import { h, setAttribute, setText } from "./dom.js";
 import { notify } from "./notice.js";
 import { Part } from "./part.js";
 
+const PLACEHOLDER = /\b[A-Z]{3,}\b/;
+
 class SourcePicker extends Part {
   #list = h("div", { class: "source-list", role: "group", "aria-label": "Sources" });
   #spec = h("input", { type: "text", id: "source-spec", autocomplete: "off", spellcheck: "false", "aria-describedby": "source-help source-error", required: true });
@@ -46,7 +48,9 @@ class SourcePicker extends Part {
           h("b", {}, title), h("code", {}, spec), h("span", {}, help));
         button.addEventListener("click", () => {
           this.#spec.value = spec;
-          void this.#openSource();
+          // A word in capitals stands for something to be typed, as in video:LEFT,RIGHT.
+          if (PLACEHOLDER.test(spec)) this.#spec.select();
+          else void this.#openSource();
         });
         return button;
       }),

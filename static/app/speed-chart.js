@@ -11,7 +11,7 @@ import { fixed } from "./words.js";
 
 const SPAN_S = 60;
 const DRAW_EVERY_MS = 200;
-const HEIGHT_PX = 220;
+const HEIGHT_PX = 190;
 // The chart's top is at least this, so that noise around standing still stays small.
 const TOP_AT_LEAST_MPS = 0.5;
 const LEGEND_ORDER = { estimate: 0, truth: 1, commanded: 2 };

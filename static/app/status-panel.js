@@ -12,6 +12,7 @@ class StatusPanel extends Part {
   #bars = h("ul", { class: "bars", "aria-label": "Time of each stage" });
   #total = h("span", { class: "figure" });
   #skipped = h("ul", { class: "plain-list" });
+  #warnings = h("ul", { class: "plain-list warnings", "aria-label": "Warnings" });
   #noneSkipped = h("p", { class: "hint" }, "No frame was skipped.");
 
   build() {
@@ -25,7 +26,9 @@ class StatusPanel extends Part {
         this.#figure("restarts", "Engine restarts", "since the server was started"),
         this.#figure("frames_skipped", "Frames skipped", "that the source could not read"),
         this.#figure("observations_lost", "Observations lost", "between engine and server"),
-        this.#figure("live_messages_dropped", "Messages left out", "for pages slower than the frames")),
+        this.#figure("live_messages_dropped", "Messages left out", "for pages slower than the frames"),
+        this.#figure("writes_dropped", "Not kept", "because the database was not to be had")),
+      this.#warnings,
       h("h3", {}, "Stage timings ", this.#total),
       this.#bars,
       h("h3", {}, "Skipped frames"),
@@ -62,10 +65,8 @@ class StatusPanel extends Part {
     }
     this.#renderBars(status.timings_ms);
     this.#noneSkipped.hidden = status.skipped.length > 0;
-    const lines = status.skipped.map(({ index, reason }) => `Frame ${index}: ${reason}`);
-    if (this.#skipped.childElementCount !== lines.length || this.#skipped.textContent !== lines.join("")) {
-      this.#skipped.replaceChildren(...lines.map((line) => h("li", {}, line)));
-    }
+    fillList(this.#skipped, status.skipped.map(({ index, reason }) => `Frame ${index}: ${reason}`));
+    fillList(this.#warnings, status.warnings);
   }
 
   /** @param {Record<string, number>} timings stage -> median ms; a "total" is no stage */
@@ -92,6 +93,15 @@ class StatusPanel extends Part {
   }
 }
 
+/**
+ * @param {HTMLUListElement} list
+ * @param {string[]} lines
+ */
+function fillList(list, lines) {
+  if (list.childElementCount === lines.length && list.textContent === lines.join("")) return;
+  list.replaceChildren(...lines.map((line) => h("li", {}, line)));
+}
+
 /** @param {Status} status @returns {Record<string, string>} */
 function figuresOf({ rates, latency_ms, viewers, engine, drops, version }) {
   return {
@@ -103,6 +113,7 @@ function figuresOf({ rates, latency_ms, viewers, engine, drops, version }) {
     frames_skipped: String(drops.frames_skipped),
     observations_lost: String(drops.observations_lost),
     live_messages_dropped: String(drops.live_messages_dropped),
+    writes_dropped: String(drops.writes_dropped),
     version: `Dynamic Observer ${version}${engine.pid ? `, engine process ${engine.pid}` : ""}`,
   };
 }

@@ -76,9 +76,10 @@
  * @property {boolean} paused
  * @property {number} rate
  * @property {boolean} loop
- * @property {number} frame
+ * @property {number | null} frame
  * @property {number | null} frame_count
  * @property {boolean} ended
+ * @property {number | null} [achieved_rate] source seconds per second, measured
  *
  * @typedef {object} SourceInfo
  * @property {string} spec
@@ -101,10 +102,11 @@
  * @property {{median: number | null, p95: number | null, count: number}} latency_ms
  * @property {Record<string, number>} timings_ms
  * @property {{frames_skipped: number, observations_lost: number,
- *   live_messages_dropped: number}} drops
+ *   live_messages_dropped: number, writes_dropped: number}} drops
  * @property {{index: number, reason: string}[]} skipped
  * @property {number} viewers
  * @property {boolean} has_truth
+ * @property {string[]} warnings one sentence each
  * @property {string} version
  *
  * @typedef {object} SourceChoice
