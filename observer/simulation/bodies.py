@@ -1,0 +1,184 @@
+"""What stands and drives in the lab, built of convex parts: room, posters, boxes, P3-DX."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.simulation.facets import (
+    Facet,
+    Material,
+    Part,
+    box_outline,
+    prism,
+    rectangle,
+    wheel,
+)
+from observer.simulation.scenarios import (
+    P3DX_SIZE,
+    BoxSpec,
+    PosterSpec,
+    RoomSpec,
+    TextureSpec,
+)
+
+# How far a picture hangs in front of its wall, so that visibility is decided, metres.
+_POSTER_GAP_M = 0.004
+WALLS = ("front", "left", "back", "right")
+
+
+def wall_frame(room: RoomSpec, wall: str) -> tuple[Float64Array, Float64Array, float]:
+    """Upper left corner (3,), direction to the right (3,) and length of a wall, seen from inside.
+
+    Room frame, metres.
+    """
+    (x0, x1), (y0, y1), h = room.x, room.y, room.height_m
+    corners = {"front": (x1, y1), "right": (x1, y0), "back": (x0, y0), "left": (x0, y1)}
+    along = {"front": (0, -1), "right": (-1, 0), "back": (0, 1), "left": (1, 0)}
+    length = y1 - y0 if wall in ("front", "back") else x1 - x0
+    return np.array([*corners[wall], h]), np.array([*along[wall], 0.0]), length
+
+
+def room_part(room: RoomSpec, texture: TextureSpec, seed: int) -> Part:
+    """The room from inside: four walls, ceiling, floor, drawn in this order."""
+    down = np.array([0.0, 0.0, -1.0])
+    facets: list[Facet] = []
+    for k, wall in enumerate(WALLS):
+        origin, along, length = wall_frame(room, wall)
+        material = _surface(f"wall_{room.walls}", seed + k, texture, wall)
+        # WALLS runs to the left: what follows a wall adjoins its left edge.
+        neighbours = ((k + 1) % 4, 5, (k - 1) % 4, 4)
+        facets.append(rectangle(origin, along, down, (length, room.height_m), material, neighbours))
+    (x0, x1), (y0, y1), h = room.x, room.y, room.height_m
+    left, back = np.array([0.0, -1.0, 0.0]), np.array([-1.0, 0.0, 0.0])
+    facets.append(
+        rectangle([x0, y1, h], left, -back, (y1 - y0, x1 - x0), Material("ceiling"), (1, 0, 3, 2))
+    )
+    facets.append(
+        rectangle(
+            [x1, y1, 0.0],
+            left,
+            back,
+            (y1 - y0, x1 - x0),
+            _surface(f"floor_{room.floor}", seed + 9, texture, "floor"),
+            (1, 2, 3, 0),
+        )
+    )
+    return Part(tuple(facets))
+
+
+def _surface(kind: str, seed: int, texture: TextureSpec, where: str) -> Material:
+    return Material(
+        kind,
+        seed,
+        (
+            ("contrast", texture.contrast),
+            ("share_without", texture.share_without),
+            ("where", where),
+        ),
+    )
+
+
+def poster_facet(spec: PosterSpec, room: RoomSpec, texture: TextureSpec, seed: int) -> Facet:
+    """A picture a few millimetres in front of its wall, room frame."""
+    corner, along, _ = wall_frame(room, spec.wall)
+    down = np.array([0.0, 0.0, -1.0])
+    inward = np.cross(down, along)
+    axis = 1 if spec.wall in ("front", "back") else 0
+    sign = along[axis]
+    w, h = spec.size
+    to_centre = (spec.along_m - corner[axis]) * sign
+    origin = (
+        corner
+        + (to_centre - w / 2) * along
+        + (room.height_m - spec.height_m - h / 2) * down
+        + _POSTER_GAP_M * inward
+    )
+    material = Material(f"poster_{spec.design}", seed, (("contrast", texture.contrast),))
+    return rectangle(origin, along, down, (w, h), material)
+
+
+def box_parts(spec: BoxSpec, texture: TextureSpec, seed: int) -> tuple[Part, ...]:
+    """A crate, cardboard box or cabinet, in its own frame."""
+    length, width, height = spec.size
+    options = (
+        ("contrast", texture.contrast),
+        ("share_without", texture.share_without),
+        ("length", length),
+        ("width", width),
+    )
+    return (
+        prism(
+            box_outline(length, width),
+            spec.above_m,
+            spec.above_m + height,
+            Material(f"{spec.kind}_side", seed, options),
+            Material(f"{spec.kind}_top", seed, options),
+        ),
+    )
+
+
+def p3dx_parts(
+    size: tuple[float, float, float], texture: TextureSpec, seed: int
+) -> tuple[Part, ...]:
+    """A P3-DX: red body with a ring of sonars, black deck and wheels, a payload when higher.
+
+    The proportions are the real robot's, scaled to ``size`` (length, width, height).
+    """
+    length, width, height = size
+    kx, ky = length / P3DX_SIZE[0], width / P3DX_SIZE[1]
+    deck = min(height, P3DX_SIZE[2])
+    kz = deck / P3DX_SIZE[2]
+    dark = texture.robot == "dark"
+    options = (
+        ("contrast", texture.contrast),
+        ("length", length),
+        ("width", width * 0.76),
+        ("chamfer", 0.075 * ky),
+    )
+    kind = "dark_robot" if dark else "p3dx"
+    radius, breadth = 0.0975 * kz, 0.045 * ky
+    parts = [
+        prism(
+            box_outline(length, width * 0.76, 0.075 * min(kx, ky)),
+            0.045 * kz,
+            deck,
+            Material(f"{kind}_side", seed, options),
+            Material(f"{kind}_deck", seed, options),
+        )
+    ]
+    tread = Material("rubber", seed, (("contrast", texture.contrast),))
+    disc = Material("wheel_dark" if dark else "wheel_disc", seed, (("contrast", texture.contrast),))
+    for left in (True, False):
+        side = (width - breadth) / 2 * (1 if left else -1)
+        parts.append(wheel([0.03 * kx, side, radius], radius, breadth, left, disc, tread))
+    payload = height - deck
+    if payload > 0.005:
+        angles = 2 * math.pi * np.arange(8) / 8
+        outline = np.column_stack([np.cos(angles), np.sin(angles)]) * 0.085 * min(kx, ky)
+        parts.append(
+            prism(
+                outline + np.array([0.06 * kx, 0.0]),
+                deck,
+                height,
+                Material(f"{'dark_robot' if dark else 'scanner'}_payload", seed, options),
+                Material(f"{'dark_robot' if dark else 'scanner'}_lid", seed, options),
+            )
+        )
+    return tuple(parts)
+
+
+def shadow_facet(length: float, width: float) -> Facet:
+    """The soft contact shadow below a body, on the floor of the body's frame."""
+    margin = 0.10
+    extent = (width + 2 * margin, length + 2 * margin)
+    material = Material("shadow", 0, (("margin", margin),))
+    return rectangle(
+        [length / 2 + margin, width / 2 + margin, 0.0],
+        [0.0, -1.0, 0.0],
+        [-1.0, 0.0, 0.0],
+        extent,
+        material,
+    )

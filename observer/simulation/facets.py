@@ -1,0 +1,246 @@
+"""Planar convex facets, and the convex parts that bodies are built of.
+
+Frame of a part: its body's frame, x along the heading, y left, z up, metres, the origin on the
+floor below the body's centre; room surfaces lie in the room frame. A facet is seen from the side
+to which its normal points; its vertices run counter-clockwise as seen from there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from observer.geometry import Float64Array
+
+
+@dataclass(frozen=True)
+class Material:
+    """How a surface is painted: a painter's name, its numbers, and the seed of its randomness.
+
+    Equal materials of equal extent look equal, so a texture is painted once.
+
+    Attributes:
+        kind: the painter's name.
+        seed: of the texture.
+        options: names and values that the painter understands.
+    """
+
+    kind: str
+    seed: int = 0
+    options: tuple[tuple[str, float | str], ...] = ()
+
+    def number(self, name: str, default: float) -> float:
+        value = dict(self.options).get(name, default)
+        return float(value)
+
+    def text(self, name: str, default: str) -> str:
+        return str(dict(self.options).get(name, default))
+
+
+@dataclass(frozen=True, eq=False)
+class Facet:
+    """A planar convex polygon with a texture.
+
+    Attributes:
+        vertices: (N, 3) metres.
+        origin: (3,) where the texture's upper left corner lies, metres.
+        along, down: (3,) unit vectors of the texture's columns and rows.
+        extent: metres of the texture along and down.
+        material: what is painted on it.
+        neighbours: for each edge (vertex k to k + 1) the index, within the part, of the facet
+            that shares the edge, or None; by it adjoining facets are drawn without a seam.
+    """
+
+    vertices: Float64Array
+    origin: Float64Array
+    along: Float64Array
+    down: Float64Array
+    extent: tuple[float, float]
+    material: Material
+    neighbours: tuple[int | None, ...]
+
+    @cached_property
+    def normal(self) -> Float64Array:
+        """(3,) unit vector out of the surface. down x along: rows run down, columns right."""
+        return np.asarray(np.cross(self.down, self.along), dtype=np.float64)
+
+    @cached_property
+    def texture_frame(self) -> Float64Array:
+        """(3, 3), columns along, down and origin: metres on the texture (s, t, 1) to a point."""
+        return np.stack([self.along, self.down, self.origin], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A convex solid, or a room seen from inside, made of facets.
+
+    Attributes:
+        facets: in the order in which they are drawn.
+        centre: (3,), radius: of a sphere around all vertices, metres.
+    """
+
+    facets: tuple[Facet, ...]
+    normals: Float64Array = field(init=False)
+    offsets: Float64Array = field(init=False)
+    centre: Float64Array = field(init=False)
+    radius: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        normals = np.array([f.normal for f in self.facets])
+        vertices = np.concatenate([f.vertices for f in self.facets])
+        centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        offsets = np.array([f.normal @ f.origin for f in self.facets])
+        object.__setattr__(self, "normals", normals)
+        object.__setattr__(self, "offsets", offsets)
+        object.__setattr__(self, "centre", centre)
+        object.__setattr__(self, "radius", float(np.linalg.norm(vertices - centre, axis=1).max()))
+
+    def facing(self, eye: Float64Array) -> Float64Array:
+        """(F,) metres by which ``eye`` (3,), in the part's frame, lies in front of each facet."""
+        return np.asarray(self.normals @ eye - self.offsets, dtype=np.float64)
+
+
+def rectangle(
+    origin: ArrayLike,
+    along: ArrayLike,
+    down: ArrayLike,
+    extent: tuple[float, float],
+    material: Material,
+    neighbours: tuple[int | None, int | None, int | None, int | None] = (None, None, None, None),
+) -> Facet:
+    """A rectangle filled by its texture; edges in the order left, bottom, right, top."""
+    o = np.asarray(origin, dtype=np.float64)
+    a = np.asarray(along, dtype=np.float64)
+    d = np.asarray(down, dtype=np.float64)
+    w, h = extent
+    vertices = np.array([o, o + h * d, o + h * d + w * a, o + w * a])
+    return Facet(vertices, o, a, d, extent, material, neighbours)
+
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+def prism(outline: ArrayLike, bottom: float, top: float, sides: Material, lid: Material) -> Part:
+    """An upright prism without its underside.
+
+    Args:
+        outline: (N, 2) convex, counter-clockwise as seen from above, metres.
+        bottom, top: heights, metres.
+        sides: one texture that runs around the whole outline, from its first vertex on.
+        lid: of the upper face; the texture's rows run backwards along -x.
+    """
+    points = np.asarray(outline, dtype=np.float64)
+    n = len(points)
+    edges = np.roll(points, -1, axis=0) - points
+    lengths = np.linalg.norm(edges, axis=1)
+    starts = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+    girth = float(lengths.sum())
+    facets = []
+    for k in range(n):
+        a = points[k]
+        b = points[(k + 1) % n]
+        along = np.array([*(edges[k] / lengths[k]), 0.0])
+        vertices = np.array([[*a, top], [*a, bottom], [*b, bottom], [*b, top]])
+        origin = np.array([*a, top]) - starts[k] * along
+        facets.append(
+            Facet(
+                vertices,
+                origin,
+                along,
+                -_UP,
+                (girth, top - bottom),
+                sides,
+                ((k - 1) % n, None, (k + 1) % n, n),
+            )
+        )
+    facets.append(_lid(points, top, lid))
+    return Part(tuple(facets))
+
+
+def _lid(points: Float64Array, height: float, material: Material) -> Facet:
+    low, high = points.min(axis=0), points.max(axis=0)
+    vertices = np.column_stack([points, np.full(len(points), height)])
+    return Facet(
+        vertices,
+        np.array([high[0], high[1], height]),
+        np.array([0.0, -1.0, 0.0]),
+        np.array([-1.0, 0.0, 0.0]),
+        (float(high[1] - low[1]), float(high[0] - low[0])),
+        material,
+        tuple(range(len(points))),
+    )
+
+
+def box_outline(length: float, width: float, chamfer: float = 0.0) -> Float64Array:
+    """(4, 2) or, with cut corners, (8, 2): a rectangle about the origin, counter-clockwise.
+
+    The first edge is the right side, from back to front.
+    """
+    x, y, c = length / 2, width / 2, chamfer
+    if c <= 0:
+        return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
+    return np.array(
+        [
+            [-x + c, -y], [x - c, -y], [x, -y + c], [x, y - c],
+            [x - c, y], [-x + c, y], [-x, y - c], [-x, -y + c],
+        ]
+    )  # fmt: skip
+
+
+def wheel(
+    centre: ArrayLike, radius: float, width: float, left: bool, disc: Material, tread: Material
+) -> Part:
+    """A wheel standing along x: its outer disc and the upper treads; the inner disc is hidden.
+
+    Args:
+        centre: (3,) of the wheel, metres. left: on which side of the body the disc shows.
+    """
+    c = np.asarray(centre, dtype=np.float64)
+    sign = 1.0 if left else -1.0
+    n = 14
+    angles = 2 * math.pi * np.arange(n) / n
+    outer = c + np.array([0.0, sign * width / 2, 0.0])
+    inner = c - np.array([0.0, sign * width / 2, 0.0])
+    spokes = np.column_stack([np.cos(angles), np.zeros(n), np.sin(angles)]) * radius
+    # Seen from the left (+y) counter-clockwise runs from z to x, from the right the other way.
+    order = np.arange(n)[::-1] if left else np.arange(n)
+    along = np.array([-sign, 0.0, 0.0])
+    origin = outer - radius * along + radius * _UP
+    facets = [
+        Facet(
+            outer + spokes[order],
+            origin,
+            along,
+            -_UP,
+            (2 * radius, 2 * radius),
+            disc,
+            (None,) * n,
+        )
+    ]
+    # Only the front and back quarter of the tread below the mudguard can be seen.
+    for k in range(n):
+        a, b = spokes[k], spokes[(k + 1) % n]
+        if abs(a[2] + b[2]) > 1.3 * radius:
+            continue
+        right, lft = (inner, outer) if left else (outer, inner)
+        down = (b - a) / np.linalg.norm(b - a)
+        across = np.array([0.0, -1.0, 0.0])
+        vertices = np.array([lft + a, lft + b, right + b, right + a])
+        facet = Facet(
+            vertices,
+            lft + a,
+            across,
+            down,
+            (width, float(np.linalg.norm(b - a))),
+            tread,
+            (None,) * 4,
+        )
+        if facet.normal @ (a + b) < 0:
+            vertices = np.array([lft + b, lft + a, right + a, right + b])
+            facet = Facet(vertices, lft + b, across, -down, facet.extent, tread, (None,) * 4)
+        facets.append(facet)
+    return Part(tuple(facets))

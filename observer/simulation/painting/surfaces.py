@@ -1,0 +1,160 @@
+"""Painters of the room: floors, walls, ceiling, shadows."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.simulation.painting.canvas import Canvas, Float32Array, mix, smoothstep
+
+# Walls: the accent wall is the one the observer looks at first.
+_WALL_COLOURS = {
+    "front": (168.0, 158.0, 128.0),
+    "left": (205.0, 215.0, 220.0),
+    "right": (196.0, 206.0, 212.0),
+    "back": (200.0, 210.0, 215.0),
+}
+
+
+def _corner_shade(canvas: Canvas, reach_m: float, depth: float) -> Float32Array:
+    """Ambient occlusion towards all four edges, 1 - depth at the very edge."""
+    u, v = canvas.columns(), canvas.rows()
+    w, h = canvas.width / canvas.density, canvas.height / canvas.density
+    near = np.minimum(np.minimum(u, w - u), np.minimum(v, h - v))
+    return np.asarray(1 - depth * np.exp(-near / reach_m), dtype=np.float32)
+
+
+def _patches(canvas: Canvas, cell_m: float, share: float) -> Float32Array:
+    """(height, width) 0 on that share of square cells which is to stay without texture, else 1."""
+    nx = max(1, round(canvas.width / canvas.density / cell_m))
+    ny = max(1, round(canvas.height / canvas.density / cell_m))
+    plain = canvas.rng.permutation(nx * ny).reshape(ny, nx) < round(share * nx * ny)
+    size = (canvas.width, canvas.height)
+    cells = (~plain).astype(np.float32)
+    return np.asarray(cv2.resize(cells, size, interpolation=cv2.INTER_NEAREST), np.float32)
+
+
+def wood(canvas: Canvas) -> NDArray[np.uint8]:
+    """Parquet of planks that run along the room."""
+    image = canvas.filled((104, 145, 186))
+    plank_w, plank_l = 0.16, 1.3
+    rng = canvas.rng
+    tone = np.zeros((canvas.height, canvas.width), np.float32)
+    gap = np.zeros((canvas.height, canvas.width), np.float32)
+    shift = np.zeros((canvas.height, canvas.width), np.float32)
+    step = max(2, canvas.px(plank_w))
+    length = canvas.px(plank_l)
+    for left in range(0, canvas.width, step):
+        right = min(left + step, canvas.width)
+        top = -int(rng.integers(0, length))
+        while top < canvas.height:
+            rows = slice(max(top, 0), min(top + length, canvas.height))
+            tone[rows, left:right] = rng.normal(0, 1)
+            shift[rows, left:right] = rng.uniform(0, 50)
+            gap[rows.start : rows.start + 1, left:right] = 1
+            top += length
+        gap[:, left : left + 1] = 1
+    grain = (
+        canvas.noise(0.008, 0.35) + 0.8 * canvas.noise(0.02, 0.7) + 0.5 * canvas.noise(0.004, 0.05)
+    )
+    # Growth rings: the phase runs across the plank, bent by slow noise, other in every plank.
+    bend = canvas.noise(0.10, 0.9)
+    rings = np.sin(canvas.columns() * 160 + 2.2 * bend + shift)
+    value = 11 * tone + 6 * grain + 5 * rings + 4 * canvas.cloud(0.5, 3)
+    keep = _patches(canvas, 0.8, canvas.material.number("share_without", 0.0))
+    value = value * keep
+    image += value[..., None] * np.array([0.75, 0.9, 1.0], np.float32)
+    image = mix(image, (38, 56, 78), np.asarray(0.75 * gap * keep, np.float32))
+    return canvas.finished(image, _floor_light(canvas))
+
+
+def _floor_light(canvas: Canvas) -> Float32Array:
+    """Pools of light below the lamps, darker towards the walls."""
+    u, v = canvas.columns(), canvas.rows()
+    w, h = canvas.width / canvas.density, canvas.height / canvas.density
+    pool = np.zeros((canvas.height, canvas.width), np.float32)
+    for fx in (0.25, 0.75):
+        for fy in (0.2, 0.6):
+            d2 = (u - fx * w) ** 2 + (v - fy * h) ** 2
+            pool += np.exp(-d2 / 2.2)
+    return np.asarray((0.86 + 0.2 * pool) * _corner_shade(canvas, 0.25, 0.35), np.float32)
+
+
+def tiles(canvas: Canvas) -> NDArray[np.uint8]:
+    """Grey vinyl tiles with speckles; plain ones among them."""
+    image = canvas.filled((150, 152, 150))
+    keep = _patches(canvas, 0.5, canvas.material.number("share_without", 0.0))
+    speckle = canvas.noise(0.012, 0.012) + 0.8 * canvas.noise(0.03, 0.03)
+    cells = _patches(canvas, 0.5, 0.5) * 2 - 1
+    value = (13 * speckle + 9 * canvas.cloud(0.25, 3)) * keep + 7 * cells
+    image += value[..., None]
+    size = max(2, canvas.px(0.5))
+    joint = np.zeros((canvas.height, canvas.width), np.float32)
+    joint[::size], joint[:, ::size] = 1, 1
+    image = mix(image, (96, 98, 98), np.asarray(0.8 * joint, np.float32))
+    return canvas.finished(image, _floor_light(canvas))
+
+
+def _plaster(canvas: Canvas, strength: float) -> Float32Array:
+    keep = _patches(canvas, 0.9, canvas.material.number("share_without", 0.0))
+    rough = canvas.noise(0.012, 0.012) + canvas.noise(0.03, 0.03) + canvas.cloud(0.25, 4)
+    return np.asarray(strength * rough * keep, np.float32)
+
+
+def painted_wall(canvas: Canvas) -> NDArray[np.uint8]:
+    """Painted plaster above a darker dado with a rail, a skirting board below."""
+    where = canvas.material.text("where", "left")
+    base = _WALL_COLOURS.get(where, _WALL_COLOURS["left"])
+    image = canvas.filled(base)
+    height = canvas.height / canvas.density
+    above = height - canvas.rows()
+    image += _plaster(canvas, 3.2)[..., None]
+    ones = np.ones((1, canvas.width), np.float32)
+    edge = 1.0 / canvas.density
+    # The skirting board.
+    board = ones * (1 - smoothstep(above, 0.10 - edge, 0.10 + edge))
+    image = mix(image, (226, 232, 236), board)
+    line = ones * np.exp(-(((above - 0.105) / 0.006) ** 2))
+    image = mix(image, (90, 96, 100), np.asarray(0.8 * line, np.float32))
+    light = 0.80 + 0.22 * smoothstep(above, 0.0, 2.2)
+    return canvas.finished(image, light * _corner_shade(canvas, 0.30, 0.30))
+
+
+def panelled_wall(canvas: Canvas) -> NDArray[np.uint8]:
+    """Light panels with dark joints and a skirting board; a share of the panels is plain."""
+    where = canvas.material.text("where", "left")
+    base = _WALL_COLOURS.get(where, _WALL_COLOURS["left"])
+    image = canvas.filled(base)
+    image += _plaster(canvas, 9.0)[..., None]
+    above = canvas.height / canvas.density - canvas.rows()
+    size = max(2, canvas.px(0.9))
+    joint = np.zeros((canvas.height, canvas.width), np.float32)
+    joint[:, ::size] = 1
+    joint[:, 1::size] = 1
+    image = mix(image, (110, 116, 120), np.asarray(0.8 * joint, np.float32))
+    board = np.ones((1, canvas.width), np.float32) * (above < 0.08)
+    image = mix(image, (88, 92, 96), np.asarray(board, np.float32))
+    light = 0.82 + 0.2 * smoothstep(above, 0.0, 2.2)
+    return canvas.finished(image, light * _corner_shade(canvas, 0.3, 0.25))
+
+
+def ceiling(canvas: Canvas) -> NDArray[np.uint8]:
+    """Plain white with a corner shade."""
+    return canvas.finished(canvas.filled((228, 230, 230)), _corner_shade(canvas, 0.4, 0.2))
+
+
+def shadow(canvas: Canvas) -> NDArray[np.uint8]:
+    """What a contact shadow leaves of the light: 255 outside, dark in the middle."""
+    margin = canvas.material.number("margin", 0.1)
+    image = np.zeros((canvas.height, canvas.width), np.float32)
+    m = canvas.px(margin)
+    image[m : canvas.height - m, m : canvas.width - m] = 1.0
+    soft = cv2.GaussianBlur(image, (0, 0), margin * canvas.density * 0.33)
+    # The very edge must be exactly without effect, or the facet's outline would show.
+    u, v = canvas.columns(), canvas.rows()
+    w, h = canvas.width / canvas.density, canvas.height / canvas.density
+    near = np.minimum(np.minimum(u, w - u), np.minimum(v, h - v))
+    soft = soft * smoothstep(np.asarray(near, np.float32), 0.0, margin * 0.6)
+    light = np.clip(np.rint(255 * (1 - 0.62 * soft)), 0, 255).astype(np.uint8)
+    return np.asarray(cv2.cvtColor(light, cv2.COLOR_GRAY2BGR), np.uint8)

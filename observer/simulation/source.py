@@ -1,0 +1,69 @@
+"""The simulated lab as a source of stereo frames."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+
+from observer.camera import StereoCalibration
+from observer.simulation.imaging import StereoImager
+from observer.simulation.world import World
+from observer.sources.contract import SourceInfo
+from observer.types import StereoFrame
+
+
+class SimulatedSource:
+    """Frames of a world at full speed; frame k has the time k / frame_rate.
+
+    The frames carry images only; the truth about the same world is ``SimulatedTruth``.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._imager = StereoImager(world)
+        self._next = 0
+
+    @property
+    def info(self) -> SourceInfo:
+        s = self._world.scenario
+        return SourceInfo(
+            spec=self._world.spec,
+            kind="simulated",
+            width=s.camera.width,
+            height=s.camera.height,
+            frame_rate=s.frame_rate,
+            frame_count=s.frame_count,
+            mount_height_m=s.camera.height_m,
+            mount_tilt_rad=math.radians(s.camera.tilt_deg),
+        )
+
+    @property
+    def calibration(self) -> StereoCalibration:
+        """The true calibration, unless the scenario hands out a wrong one."""
+        return self._world.calibration
+
+    def read(self) -> StereoFrame | None:
+        """The next frame, or None after the last one."""
+        s = self._world.scenario
+        if self._next >= s.frame_count:
+            return None
+        index = self._next
+        self._next += 1
+        now = index / s.frame_rate
+        left, right = self._imager.pair(index, now)
+        skewed = s.faults.skew_s != 0
+        return StereoFrame(
+            index=index,
+            time=now,
+            left=left,
+            right=right,
+            received=clock.monotonic(),
+            right_time=self._imager.right_time(now) if skewed else None,
+        )
+
+    def rewind(self) -> None:
+        """Begin again with the first frame."""
+        self._next = 0
+
+    def close(self) -> None:
+        """Nothing to release."""

@@ -1,0 +1,113 @@
+"""Textures with their pyramids: painted from a material when first drawn.
+
+A level is chosen so that one texture pixel falls on about one image pixel; half octaves keep the
+error of that choice below a factor of 1.2, so neither aliasing nor blur is seen.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.simulation.facets import Material
+from observer.simulation.painting import posters, surfaces, things
+from observer.simulation.painting.canvas import Canvas
+
+# Levels below this many pixels are never needed: nothing is that small in the image.
+_SMALLEST_PX = 3
+_LEVELS_PER_OCTAVE = 2
+
+Painter = Callable[[Canvas], NDArray[np.uint8]]
+
+# Kind of material: its painter and its density, pixels per metre.
+_PAINTERS: dict[str, tuple[Painter, float]] = {
+    "floor_wood": (surfaces.wood, 260),
+    "floor_tiles": (surfaces.tiles, 260),
+    "wall_painted": (surfaces.painted_wall, 180),
+    "wall_panels": (surfaces.panelled_wall, 180),
+    "ceiling": (surfaces.ceiling, 30),
+    "shadow": (surfaces.shadow, 120),
+    "crate_side": (things.crate_side, 420),
+    "crate_top": (things.crate_top, 420),
+    "cardboard_side": (things.cardboard_side, 420),
+    "cardboard_top": (things.cardboard_top, 420),
+    "cabinet_side": (things.cabinet_side, 420),
+    "cabinet_top": (things.cabinet_top, 420),
+    "p3dx_side": (things.robot_side, 600),
+    "p3dx_deck": (things.robot_deck, 500),
+    "dark_robot_side": (things.dark_robot, 600),
+    "dark_robot_deck": (things.dark_robot, 500),
+    "dark_robot_payload": (things.dark_robot, 600),
+    "dark_robot_lid": (things.dark_robot, 500),
+    "scanner_payload": (things.scanner_payload, 600),
+    "scanner_lid": (things.scanner_lid, 400),
+    "wheel_disc": (things.wheel_disc, 600),
+    "wheel_dark": (things.wheel_disc, 600),
+    "rubber": (things.rubber, 600),
+    "poster_rings": (posters.framed(posters.rings), 320),
+    "poster_blocks": (posters.framed(posters.blocks), 320),
+    "poster_map": (posters.framed(posters.city_map), 320),
+    "poster_waves": (posters.framed(posters.waves), 320),
+    "poster_tag": (posters.framed(posters.tag), 320),
+    "poster_sign": (posters.framed(posters.sign), 320),
+    "poster_checkerboard": (posters.plain(posters.checkerboard), 320),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One level of a pyramid.
+
+    Attributes:
+        image: (h, w, 3) uint8.
+        sx, sy: pixels per metre of this level along its columns and rows, so that the point
+            (s, t) metres lies at pixel (s * sx - 0.5, t * sy - 0.5).
+    """
+
+    image: NDArray[np.uint8]
+    sx: float
+    sy: float
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A painted surface at all its levels, the finest first."""
+
+    levels: tuple[Level, ...]
+    density: float
+
+    def level(self, density: float) -> Level:
+        """The level whose density, pixels per metre, comes closest to the one that is wanted."""
+        if density <= 0:
+            return self.levels[-1]
+        k = round(_LEVELS_PER_OCTAVE * math.log2(self.density / density))
+        return self.levels[min(max(k, 0), len(self.levels) - 1)]
+
+
+def paint(material: Material, extent: tuple[float, float]) -> Texture:
+    """The texture of a material over ``extent`` metres (along, down)."""
+    painter, density = _PAINTERS[material.kind]
+    width = max(4, round(extent[0] * density))
+    height = max(4, round(extent[1] * density))
+    rng = np.random.default_rng(
+        np.random.SeedSequence([material.seed, zlib.crc32(material.kind.encode())])
+    )
+    base = painter(Canvas(width, height, density, rng, material))
+    levels = [Level(base, width / extent[0], height / extent[1])]
+    k = 1
+    while True:
+        shrink = 2 ** (-k / _LEVELS_PER_OCTAVE)
+        w, h = round(width * shrink), round(height * shrink)
+        if max(w, h) < _SMALLEST_PX:
+            break
+        w, h = max(w, 1), max(h, 1)
+        image = np.asarray(cv2.resize(base, (w, h), interpolation=cv2.INTER_AREA), np.uint8)
+        levels.append(Level(image, w / extent[0], h / extent[1]))
+        k += 1
+    return Texture(tuple(levels), density)

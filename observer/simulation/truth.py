@@ -1,0 +1,64 @@
+"""The truth about the simulated lab, in the frame that a method can know.
+
+World frame: the rectified left camera at time 0, see ``world``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+
+import numpy as np
+
+from observer.geometry import Pose
+from observer.simulation.visibility import visible_share
+from observer.simulation.world import Body, World
+from observer.truth.contract import TrueBody
+
+# The page, the recorder and a test may ask for the same instant; a stream never asks further back.
+_REMEMBERED_INSTANTS = 32
+
+
+class SimulatedTruth:
+    """True states of the observer and of every obstacle, exact at any time."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._remembered: OrderedDict[float, tuple[TrueBody, ...]] = OrderedDict()
+
+    def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        """The observer first, then the obstacles, at ``time`` seconds."""
+        found = self._remembered.get(time)
+        if found is None:
+            found = (
+                self._state(self._world.observer, time, None),
+                *(
+                    self._state(body, time, visible_share(self._world, body, time))
+                    for body in self._world.obstacles
+                ),
+            )
+            self._remembered[time] = found
+            if len(self._remembered) > _REMEMBERED_INSTANTS:
+                self._remembered.popitem(last=False)
+        return found
+
+    def camera_pose(self, time: float) -> Pose:
+        """``T_world_camera`` of the rectified left camera."""
+        return self._world.T_world_camera(time)
+
+    def _state(self, body: Body, time: float, visible: float | None) -> TrueBody:
+        T_world_room = self._world.T_world_room
+        state = body.motion.state(time)
+        T_world_body = T_world_room @ body.T_room_body(time)
+        heading = T_world_body.rotate(np.array([1.0, 0.0, 0.0]))
+        return TrueBody(
+            id=body.id,
+            name=body.name,
+            role=body.role,
+            position=T_world_body.apply(body.centre),
+            velocity=T_world_room.rotate(np.array([state.vx, state.vy, 0.0])),
+            size=np.array(body.size),
+            yaw=math.atan2(float(heading[0]), float(heading[2])),
+            visible=visible,
+            commanded_speed=body.motion.commanded_speed(time),
+        )

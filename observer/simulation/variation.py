@@ -1,0 +1,178 @@
+"""From a scenario's words to motions, and from a seed to a variation of the scenario."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from observer.errors import ScenarioError
+from observer.simulation.motion import Course, Leg, Oscillation, Parked, PlanarMotion, Sway
+from observer.simulation.scenarios import (
+    ArcLeg,
+    BoxSpec,
+    CourseSpec,
+    DriveLeg,
+    LegSpec,
+    MotionSpec,
+    PosterSpec,
+    RobotSpec,
+    Scenario,
+    SineSpec,
+    SwaySpec,
+    TurnLeg,
+    VehicleSpec,
+    WaypointsSpec,
+)
+
+
+def build_motion(spec: VehicleSpec | BoxSpec) -> PlanarMotion:
+    """The motion of a vehicle, or of a thing that stands.
+
+    Raises:
+        ScenarioError: a leg is too short for its speed, or waypoints coincide.
+    """
+    heading = math.radians(spec.heading_deg)
+    motion = None if isinstance(spec, BoxSpec) else spec.motion
+    if motion is None:
+        return Parked(spec.x, spec.y, heading)
+    if isinstance(motion, SwaySpec):
+        return Sway(
+            spec.x,
+            spec.y,
+            heading,
+            _sine(motion.forward, 1.0),
+            _sine(motion.left, 1.0),
+            _sine(motion.turn, math.pi / 180),
+        )
+    if isinstance(motion, WaypointsSpec):
+        legs = _legs_between(spec.x, spec.y, heading, motion)
+    else:
+        legs = [_leg(leg) for leg in motion.legs]
+    return Course(
+        spec.x,
+        spec.y,
+        heading,
+        legs,
+        after=motion.after,
+        acceleration=motion.acceleration,
+        angular_acceleration=math.radians(motion.angular_acceleration_deg),
+    )
+
+
+def _sine(spec: SineSpec, unit: float) -> Oscillation:
+    return Oscillation(spec.amplitude * unit, spec.period_s, math.radians(spec.phase_deg))
+
+
+def _leg(spec: LegSpec) -> Leg:
+    if isinstance(spec, DriveLeg):
+        return Leg(distance=spec.distance_m, speed=spec.speed)
+    if isinstance(spec, ArcLeg):
+        angle = math.radians(spec.angle_deg)
+        return Leg(distance=abs(angle) * spec.radius_m, angle=angle, speed=spec.speed)
+    if isinstance(spec, TurnLeg):
+        return Leg(angle=math.radians(spec.angle_deg), rate=math.radians(spec.rate_deg))
+    return Leg(seconds=spec.seconds)
+
+
+def _legs_between(x: float, y: float, heading: float, spec: WaypointsSpec) -> list[Leg]:
+    """Turns on the spot and straight ways; a repeated tour closes to its start and heading."""
+    points = list(spec.points)
+    if spec.after == "repeat":
+        points.append((x, y))
+    first_heading = heading
+    rate = math.radians(spec.turn_rate_deg)
+    legs: list[Leg] = []
+    for px, py in points:
+        way = math.hypot(px - x, py - y)
+        if way < 1e-9:
+            raise ScenarioError(f"the waypoint ({px:g}, {py:g}) is where the vehicle is already")
+        turn = math.remainder(math.atan2(py - y, px - x) - heading, 2 * math.pi)
+        if abs(turn) > 1e-9:
+            legs.append(Leg(angle=turn, rate=rate))
+        legs.append(Leg(distance=way, speed=spec.speed))
+        x, y, heading = px, py, heading + turn
+    back = math.remainder(first_heading - heading, 2 * math.pi)
+    if spec.after == "repeat" and abs(back) > 1e-9:
+        legs.append(Leg(angle=back, rate=rate))
+    return legs
+
+
+def varied(scenario: Scenario, seed: int) -> Scenario:
+    """The scenario as ``seed`` draws it; seed 0 is the scenario as it is written."""
+    if seed == 0:
+        return scenario
+    bounds = scenario.variation
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 0x5EED]))
+
+    def draw(bound: float) -> float:
+        return float(rng.uniform(-bound, bound))
+
+    def moved(spec: VehicleSpec | BoxSpec) -> dict[str, float]:
+        return {
+            "x": spec.x + draw(bounds.position_m),
+            "y": spec.y + draw(bounds.position_m),
+            "heading_deg": spec.heading_deg + draw(bounds.heading_deg),
+        }
+
+    robots: list[RobotSpec] = []
+    for robot in scenario.robots:
+        motion = _faster(robot.motion, 1 + draw(bounds.speed))
+        robots.append(robot.model_copy(update={**moved(robot), "motion": motion}))
+    # The observer keeps its place, which is the room frame's origin; its motion varies.
+    observer = scenario.observer.model_copy(
+        update={"motion": _faster(scenario.observer.motion, 1 + draw(bounds.speed))}
+    )
+    designs = [item.design for item in scenario.objects if isinstance(item, PosterSpec)]
+    rng.shuffle(designs)
+    objects: list[BoxSpec | PosterSpec] = []
+    for item in scenario.objects:
+        if isinstance(item, PosterSpec):
+            along = item.along_m + draw(bounds.position_m)
+            objects.append(item.model_copy(update={"along_m": along, "design": designs.pop()}))
+        else:
+            objects.append(item.model_copy(update=moved(item)))
+    return scenario.model_copy(
+        update={"robots": tuple(robots), "observer": observer, "objects": tuple(objects)}
+    )
+
+
+def _faster(motion: MotionSpec | None, factor: float) -> MotionSpec | None:
+    """The same way at ``factor`` times the speed."""
+    if motion is None:
+        return None
+    if isinstance(motion, SwaySpec):
+        change: Callable[[SineSpec], SineSpec] = lambda s: s.model_copy(  # noqa: E731
+            update={"period_s": s.period_s / factor}
+        )
+        return motion.model_copy(
+            update={n: change(getattr(motion, n)) for n in ("forward", "left", "turn")}
+        )
+    if isinstance(motion, WaypointsSpec):
+        return motion.model_copy(
+            update={
+                "speed": motion.speed * factor, "turn_rate_deg": motion.turn_rate_deg * factor,
+                "acceleration": motion.acceleration * factor**2,
+                "angular_acceleration_deg": motion.angular_acceleration_deg * factor**2,
+            }
+        )  # fmt: skip
+    return _faster_course(motion, factor)
+
+
+def _faster_course(motion: CourseSpec, factor: float) -> CourseSpec:
+    legs: list[LegSpec] = []
+    for leg in motion.legs:
+        if isinstance(leg, TurnLeg):
+            legs.append(leg.model_copy(update={"rate_deg": leg.rate_deg * factor}))
+        elif isinstance(leg, (DriveLeg, ArcLeg)):
+            legs.append(leg.model_copy(update={"speed": leg.speed * factor}))
+        else:
+            legs.append(leg)
+    return motion.model_copy(
+        update={
+            "legs": tuple(legs),
+            "acceleration": motion.acceleration * factor**2,
+            "angular_acceleration_deg": motion.angular_acceleration_deg * factor**2,
+        }
+    )

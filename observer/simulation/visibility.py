@@ -1,0 +1,209 @@
+"""What is seen along each ray, exactly: depth, which body, true flow, visible share.
+
+Independent of the renderer: every ray is intersected with every facet in closed form. On the
+plane n . p = d the inverse depth along the ray (x, y, 1) is n . (x, y, 1) / d.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array, Pose
+from observer.simulation.facets import Part
+from observer.simulation.imaging import undistorted_rays
+from observer.simulation.world import Body, World
+
+# Body number of the room and its posters.
+ROOM = -1
+# Rays per body and axis by which the visible share is measured.
+_SHARE_RAYS = 48
+_NEAR_M = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """What rays meet first.
+
+    Attributes:
+        inverse_depth: (...) float64, 1/m along the camera's z; 0 where nothing is met.
+        body: (...) int, ``Body.id``; ROOM for the room.
+    """
+
+    inverse_depth: Float64Array
+    body: NDArray[np.int64]
+
+
+def cast(
+    world: World, T_camera_room: Pose, rays: Float64Array, time: float, with_room: bool = True
+) -> Hits:
+    """The first hits of rays (..., 2), given by their points on z = 1, from a camera."""
+    inverse = np.zeros(rays.shape[:-1])
+    body = np.full(rays.shape[:-1], ROOM, dtype=np.int64)
+    if with_room:
+        _nearest(world.room, T_camera_room, rays, inverse, body, ROOM)
+        for poster in world.posters:
+            _nearest(Part((poster,)), T_camera_room, rays, inverse, body, ROOM)
+    for thing in world.bodies:
+        T_camera_body = T_camera_room @ thing.T_room_body(time)
+        for part in thing.parts:
+            _nearest(part, T_camera_body, rays, inverse, body, thing.id)
+    return Hits(inverse, body)
+
+
+def _nearest(
+    part: Part,
+    T_camera_part: Pose,
+    rays: Float64Array,
+    inverse: Float64Array,
+    body: NDArray[np.int64],
+    number: int,
+) -> None:
+    for hit, depth in _intersections(part, T_camera_part, rays):
+        nearer = hit & (depth > inverse)
+        inverse[nearer] = depth[nearer]
+        body[nearer] = number
+
+
+def _intersections(
+    part: Part, T_camera_part: Pose, rays: Float64Array
+) -> Iterator[tuple[NDArray[np.bool_], Float64Array]]:
+    """For each facet that faces the camera: which rays meet it, and the inverse depths there."""
+    x, y = rays[..., 0], rays[..., 1]
+    eye = T_camera_part.inverse().translation
+    for index in np.flatnonzero(part.facing(eye) > 1e-9):
+        facet = part.facets[index]
+        points = T_camera_part.apply(facet.vertices)
+        normal = T_camera_part.rotate(facet.normal)
+        plane = normal / (normal @ points[0])
+        depth = plane[0] * x + plane[1] * y + plane[2]
+        hit = depth > 0
+        for k in range(len(points)):
+            # The plane through the eye and an edge; the inside is where the other corners are.
+            edge = np.cross(points[k], points[(k + 1) % len(points)])
+            sign = np.sign(edge @ points.mean(axis=0))
+            hit &= sign * (edge[0] * x + edge[1] * y + edge[2]) >= 0
+        yield hit, depth
+
+
+def left_rays(world: World) -> Float64Array:
+    """(H, W, 2) the rays of the left image's pixels as it is delivered, before rectification."""
+    c = world.true_calibration
+    return undistorted_rays(c.width, c.height, c.K1, c.D1)
+
+
+def left_hits(world: World, time: float) -> Hits:
+    """What the pixels of the left image see (global shutter)."""
+    return cast(world, world.T_room_left(time).inverse(), left_rays(world), time)
+
+
+def render_depth(world: World, time: float) -> Float64Array:
+    """(H, W) metres along the left camera's z, for the left image as it is delivered."""
+    return np.asarray(1 / left_hits(world, time).inverse_depth, dtype=np.float64)
+
+
+def true_flow(world: World, t0: float, t1: float) -> Float64Array:
+    """(H, W, 2) pixels by which what each pixel of the left image shows at t0 has moved at t1.
+
+    For the images as they are delivered and a global shutter; whether the point is hidden or out
+    of the image at t1 is not asked. Points behind the camera at t1 give NaN.
+    """
+    rays = left_rays(world)
+    T_room_left = world.T_room_left(t0)
+    hits = cast(world, T_room_left.inverse(), rays, t0)
+    depth = 1 / hits.inverse_depth
+    points = T_room_left.apply(np.concatenate([rays, np.ones((*depth.shape, 1))], -1)
+                               * depth[..., None])  # fmt: skip
+    for body in world.bodies:
+        mask = hits.body == body.id
+        if mask.any():
+            motion = body.T_room_body(t1) @ body.T_room_body(t0).inverse()
+            points[mask] = motion.apply(points[mask])
+    seen = world.T_room_left(t1).inverse().apply(points)
+    height, width = depth.shape
+    start = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    return project(world, seen) - start
+
+
+def project(world: World, points: Float64Array) -> Float64Array:
+    """Pixels (..., 2) of the left image as delivered, of points (..., 3) in the left frame.
+
+    Points that do not lie in front of the camera give NaN.
+    """
+    c = world.true_calibration
+    front = points[..., 2] > 1e-6
+    safe = np.where(front[..., None], points, np.array([0.0, 0.0, 1.0]))
+    if c.D1.any():
+        flat = safe.reshape(-1, 1, 3)
+        pixels = cv2.projectPoints(flat, np.zeros(3), np.zeros(3), c.K1, c.D1)[0]
+        uv = np.asarray(pixels, np.float64).reshape(*points.shape[:-1], 2)
+    else:
+        uv = safe[..., :2] / safe[..., 2:] * [c.K1[0, 0], c.K1[1, 1]] + c.K1[:2, 2]
+    return np.where(front[..., None], uv, np.nan)
+
+
+def visible_share(world: World, body: Body, time: float) -> float:
+    """Share of a body's outline, as the left camera would see it alone, that it really sees.
+
+    What lies outside the image or behind another body counts as not seen.
+    """
+    T_camera_room = world.T_room_left(time).inverse()
+    T_camera_body = T_camera_room @ body.T_room_body(time)
+    vertices = np.concatenate([f.vertices for part in body.parts for f in part.facets])
+    points = T_camera_body.apply(vertices)
+    if points[:, 2].max() <= _NEAR_M:
+        return 0.0
+    # Points beside or behind the camera lie far outside; a bound keeps the window finite.
+    xy = np.clip(points[:, :2] / np.maximum(points[:, 2:], _NEAR_M), -20, 20)
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    steps = (np.arange(_SHARE_RAYS) + 0.5) / _SHARE_RAYS
+    rays = np.stack(
+        np.meshgrid(low[0] + steps * (high[0] - low[0]), low[1] + steps * (high[1] - low[1])),
+        axis=-1,
+    )
+    own = np.zeros(rays.shape[:-1])
+    for part in body.parts:
+        for hit, depth in _intersections(part, T_camera_body, rays):
+            own = np.where(hit & (depth > own), depth, own)
+    covered = own > 0
+    if not covered.any():
+        return 0.0
+    uv = project(world, np.concatenate([rays, np.ones((*rays.shape[:-1], 1))], axis=-1))
+    c = world.true_calibration
+    inside = ((uv >= -0.5) & (uv <= np.array([c.width, c.height]) - 0.5)).all(axis=-1)
+    seen = covered & inside
+    if not seen.any():
+        return 0.0
+    blocked = np.zeros_like(own)
+    for other in world.bodies:
+        if other is body:
+            continue
+        T_camera_other = T_camera_room @ other.T_room_body(time)
+        for part in other.parts:
+            if _apart(part, T_camera_other, low, high):
+                continue
+            for hit, depth in _intersections(part, T_camera_other, rays):
+                blocked = np.where(hit & (depth > blocked), depth, blocked)
+    seen &= own >= blocked
+    return float(seen.sum() / covered.sum())
+
+
+def _apart(part: Part, T_camera_part: Pose, low: Float64Array, high: Float64Array) -> bool:
+    """Whether a part's bounding sphere surely lies outside a window on z = 1."""
+    x, y, z = T_camera_part.apply(part.centre)
+    if z + part.radius <= 0:
+        return True
+    if z - part.radius <= _NEAR_M:
+        return False
+    reach = part.radius
+    near = z - reach
+    return bool(
+        max((x + reach) / near, (x + reach) / (z + reach)) < low[0]
+        or min((x - reach) / near, (x - reach) / (z + reach)) > high[0]
+        or max((y + reach) / near, (y + reach) / (z + reach)) < low[1]
+        or min((y - reach) / near, (y - reach) / (z + reach)) > high[1]
+    )

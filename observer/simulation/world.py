@@ -1,0 +1,250 @@
+"""A scenario with a seed becomes a world: bodies, motions and cameras as exact functions of time.
+
+Frames
+    room: x forward, y left, z up, metres; the origin on the floor where the observer starts.
+    body: x along the heading, y left, z up; the origin on the floor below the body's centre.
+    left, right: a camera's optical frame as it is mounted (x right, y down, z forward).
+    camera: the *rectified* left camera, by the calibration that the world hands out. It has the
+        left camera's origin and is turned by ``stereoRectify``'s R1; without lens and tilt it is
+        the left camera itself. A method can only know this frame, so truth is given in it, also
+        where the calibration that is handed out is wrong.
+    world: the camera frame at time 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from observer.camera import StereoCalibration
+from observer.errors import ScenarioError
+from observer.geometry import Float64Array, Pose
+from observer.simulation.bodies import (
+    box_parts,
+    p3dx_parts,
+    poster_facet,
+    room_part,
+    shadow_facet,
+)
+from observer.simulation.facets import Facet, Part
+from observer.simulation.motion import Oscillation, PlanarMotion, PlanarState
+from observer.simulation.scenarios import AMIGOBOT_SIZE, Scenario, SineSpec
+from observer.simulation.variation import build_motion, varied
+
+# From a vehicle's axes (x forward, y left, z up) to a camera's (x right, y down, z forward).
+_R_CAMERA_BASE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+# How close to a wall a vehicle's centre may come before the scenario is refused, metres.
+_WALL_MARGIN_M = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A thing with its own frame: a robot, a box or the observer.
+
+    Attributes:
+        id: 0 for the observer, then counted. role: ``observer``, ``obstacle`` or ``scenery``.
+        size: length, width, height, metres. bottom: height of its underside, metres.
+        parts: convex solids in the body's frame; none for the observer, who never sees itself.
+        shadow: drawn on the floor below it, or None.
+    """
+
+    id: int
+    name: str
+    role: str
+    size: tuple[float, float, float]
+    bottom: float
+    motion: PlanarMotion
+    parts: tuple[Part, ...]
+    shadow: Facet | None
+
+    def T_room_body(self, time: float) -> Pose:
+        return pose_on_floor(self.motion.state(time))
+
+    @property
+    def centre(self) -> Float64Array:
+        """(3,) metres, body frame."""
+        return np.array([0.0, 0.0, self.bottom + self.size[2] / 2])
+
+
+def pose_on_floor(state: PlanarState) -> Pose:
+    """``T_room_body`` of a vehicle."""
+    c, s = math.cos(state.heading), math.sin(state.heading)
+    return Pose(
+        np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([state.x, state.y, 0.0])
+    )
+
+
+class World:
+    """The simulated lab at every instant from 0 on.
+
+    Args:
+        scenario: what there is.
+        seed: 0 is the scenario as written; other seeds vary textures, layout and motion.
+
+    Raises:
+        ScenarioError: a vehicle leaves the room, a leg is too short for its speed.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int = 0) -> None:
+        if seed < 0:
+            raise ScenarioError(f"the seed must be a whole number from 0 on, not {seed}")
+        self.seed = seed
+        self.scenario = varied(scenario, seed)
+        s = self.scenario
+        texture_seed = 1000 * seed
+        self.observer = Body(
+            0, "AmigoBot", "observer", AMIGOBOT_SIZE, 0.0, build_motion(s.observer), (), None
+        )
+        bodies: list[Body] = []
+        for k, robot in enumerate(s.robots):
+            parts = p3dx_parts(robot.size, s.texture, texture_seed + 100 + k)
+            shadow = shadow_facet(robot.size[0], robot.size[1])
+            bodies.append(
+                Body(
+                    k + 1, robot.name, "obstacle", robot.size, 0.0, build_motion(robot), parts,
+                    shadow,
+                )
+            )  # fmt: skip
+        posters: list[Facet] = []
+        for k, item in enumerate(s.objects):
+            item_seed = texture_seed + 200 + k
+            if item.kind == "poster":
+                posters.append(poster_facet(item, s.room, s.texture, item_seed))
+                continue
+            bodies.append(
+                Body(
+                    len(s.robots) + k + 1,
+                    f"{item.kind} {k + 1}",
+                    "scenery",
+                    item.size,
+                    item.above_m,
+                    build_motion(item),
+                    box_parts(item, s.texture, item_seed),
+                    None if item.above_m else shadow_facet(item.size[0], item.size[1]),
+                )
+            )
+        self.bodies: tuple[Body, ...] = tuple(bodies)
+        self.posters: tuple[Facet, ...] = tuple(posters)
+        self.room: Part = room_part(s.room, s.texture, texture_seed)
+        self._shake = {
+            name: _oscillation(getattr(s.shake, name)) for name in ("roll", "pitch", "yaw", "up")
+        }
+        self._check_room()
+
+    @property
+    def spec(self) -> str:
+        """The text that opens this world as a source."""
+        suffix = f"?seed={self.seed}" if self.seed else ""
+        return f"simulated:{self.scenario.name}{suffix}"
+
+    @property
+    def obstacles(self) -> tuple[Body, ...]:
+        return tuple(body for body in self.bodies if body.role == "obstacle")
+
+    # ------------------------------------------------------------------ cameras
+
+    @cached_property
+    def true_calibration(self) -> StereoCalibration:
+        """The cameras as they are."""
+        c, f = self.scenario.camera, self.scenario.faults
+        focal = c.width / 2 / math.tan(math.radians(c.hfov_deg) / 2)
+        K = np.array([[focal, 0, (c.width - 1) / 2], [0, focal, (c.height - 1) / 2], [0, 0, 1.0]])
+        D = np.array([f.lens.k1, f.lens.k2, f.lens.p1, f.lens.p2, 0.0])
+        R = _rotation(f.tilt.pitch_deg, f.tilt.vergence_deg, f.tilt.roll_deg)
+        centre_right_in_left = np.array([c.baseline_m, 0.0, 0.0])
+        return StereoCalibration(c.width, c.height, K, D, K, D, R, -R @ centre_right_in_left)
+
+    @cached_property
+    def calibration(self) -> StereoCalibration:
+        """The calibration that is handed out: the truth, unless the scenario miscalibrates."""
+        true, error = self.true_calibration, self.scenario.faults.miscalibration
+        wrong = _rotation(error.pitch_deg, error.vergence_deg, error.roll_deg)
+        if not error.focal and np.array_equal(wrong, np.eye(3)):
+            return true
+        K = true.K1.copy()
+        K[:2, :2] *= 1 + error.focal
+        R = wrong @ true.R
+        T = true.T if np.array_equal(wrong, np.eye(3)) else wrong @ true.T
+        return StereoCalibration(true.width, true.height, K, true.D1, K, true.D2, R, T)
+
+    @cached_property
+    def R_camera_left(self) -> Float64Array:
+        """(3, 3) from the left camera's axes to the rectified ones (``stereoRectify``'s R1)."""
+        c = self.calibration
+        if c.is_rectified:
+            return np.eye(3)
+        size = (c.width, c.height)
+        R1 = cv2.stereoRectify(c.K1, c.D1, c.K2, c.D2, size, c.R, c.T, alpha=0)[0]
+        return np.asarray(R1, dtype=np.float64)
+
+    @cached_property
+    def T_right_left(self) -> Pose:
+        return Pose(self.true_calibration.R, self.true_calibration.T)
+
+    def T_base_left(self, time: float) -> Pose:
+        """The left camera on its vehicle; it moves there only where the scenario shakes it."""
+        c = self.scenario.camera
+        pitch = math.radians(c.tilt_deg)
+        up = self._shake["up"].value(time)
+        angles = [math.radians(self._shake[n].value(time)) for n in ("roll", "pitch", "yaw")]
+        # Roll, pitch (downwards) and yaw (to the left) about the vehicle's x, y and z axes.
+        R = Rotation.from_euler("ZYX", [angles[2], angles[1] + pitch, angles[0]]).as_matrix()
+        return Pose(
+            R @ _R_CAMERA_BASE.T, np.array([c.forward_m, c.baseline_m / 2, c.height_m + up])
+        )
+
+    def T_room_left(self, time: float) -> Pose:
+        return self.observer.T_room_body(time) @ self.T_base_left(time)
+
+    def T_room_right(self, time: float) -> Pose:
+        return self.T_room_left(time) @ self.T_right_left.inverse()
+
+    # ------------------------------------------------------------------ world frame
+
+    @cached_property
+    def T_world_room(self) -> Pose:
+        T_camera_left = Pose(self.R_camera_left, np.zeros(3))
+        return T_camera_left @ self.T_room_left(0.0).inverse()
+
+    def T_world_camera(self, time: float) -> Pose:
+        """The rectified left camera's pose."""
+        T_left_camera = Pose(self.R_camera_left.T, np.zeros(3))
+        return self.T_world_room @ self.T_room_left(time) @ T_left_camera
+
+    def brightness(self, time: float) -> float:
+        """Brightness of the light, 1 without flicker."""
+        f = self.scenario.faults.flicker
+        return 1 + f.amplitude * math.sin(2 * math.pi * f.hz * time)
+
+    def _check_room(self) -> None:
+        """Refuse vehicles that drive into a wall; looked at ten times a second."""
+        s = self.scenario
+        (x0, x1), (y0, y1) = s.room.x, s.room.y
+        m = _WALL_MARGIN_M
+        for body in (self.observer, *self.bodies):
+            steps = 1 if body.role == "scenery" else math.ceil(s.duration_s * 10)
+            for k in range(steps):
+                state = body.motion.state(k / 10)
+                if not (x0 + m <= state.x <= x1 - m and y0 + m <= state.y <= y1 - m):
+                    raise ScenarioError(
+                        f"scenario {s.name}: {body.name} leaves the room at {k / 10:.1f} s "
+                        f"(x {state.x:.2f} m, y {state.y:.2f} m); the room reaches from "
+                        f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g}"
+                    )
+
+
+def _oscillation(spec: SineSpec) -> Oscillation:
+    return Oscillation(spec.amplitude, spec.period_s, math.radians(spec.phase_deg))
+
+
+def _rotation(pitch_deg: float, yaw_deg: float, roll_deg: float) -> Float64Array:
+    """(3, 3) rotation by small angles about a camera's x, y and z axes."""
+    if not (pitch_deg or yaw_deg or roll_deg):
+        return np.eye(3)
+    R = Rotation.from_euler("xyz", [pitch_deg, yaw_deg, roll_deg], degrees=True).as_matrix()
+    return np.asarray(R, dtype=np.float64)
