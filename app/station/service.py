@@ -185,6 +185,11 @@ class Station:
         self.state = replace(self.state, state=EngineState.FAILED, reason=reason)
         self.followers.status_changed()
 
+    @property
+    def generation(self) -> int:
+        """Number of the engine process that is being heard."""
+        return self._generation
+
     # --- source ----------------------------------------------------------------------------
 
     @property

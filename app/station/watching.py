@@ -48,6 +48,10 @@ class Watching:
 
         return leave
 
+    def is_watched(self, name: str) -> bool:
+        """Whether somebody has this view made already."""
+        return self._watchers[name] > 0
+
     def engine_started(self) -> None:
         """A new engine knows of no watcher."""
         self._told = None

@@ -1,0 +1,32 @@
+"""What a person may choose to open."""
+
+from __future__ import annotations
+
+import functools
+
+from observer.simulation.scenarios import load_scenario, scenario_names
+
+_HINTS = (
+    (
+        "FOLDER",
+        "Recorded images",
+        "The path of a folder on the server: left/ right/ times.txt calibration.yaml, KITTI "
+        "odometry, KITTI raw or EuRoC, recognised by its content.",
+    ),
+    (
+        "video:LEFT,RIGHT",
+        "Two videos",
+        "Paths of two video files on the server, or of one with both images side by side.",
+    ),
+)
+
+
+@functools.cache
+def source_entries() -> tuple[dict[str, str], ...]:
+    """The built-in scenarios, then templates of what else can be named: ``spec, title, help``."""
+    scenarios = []
+    for name in scenario_names():
+        scenario = load_scenario(name)
+        spec = f"simulated:{name}"
+        scenarios.append({"spec": spec, "title": scenario.title, "help": scenario.help})
+    return (*scenarios, *({"spec": s, "title": t, "help": h} for s, t, h in _HINTS))

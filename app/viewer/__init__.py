@@ -1,0 +1,7 @@
+"""The 3D scene: viser on loopback, fed from the newest observation, reached only by our proxy."""
+
+from __future__ import annotations
+
+from app.viewer.viewer import NullViewer, Viewer, ViserViewer, start_viewer
+
+__all__ = ["NullViewer", "Viewer", "ViserViewer", "start_viewer"]

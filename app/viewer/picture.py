@@ -1,0 +1,172 @@
+"""What the scene shows at one moment, made of the newest messages; nothing of viser in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.channel.latest import Latest
+from app.messages import EngineState, ObservationEvent, StateEvent
+from app.viewer.shapes import box_edges, display_from_world, upright_rotation
+from observer.geometry import Float64Array, Pose
+
+STALE_AFTER_S = 1.0
+# An arrow shows where the obstacle will be after this time.
+_ARROW_S = 1.0
+_SLOWEST_ARROW_MPS = 0.03
+_LABEL_ABOVE_M = 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class Tag:
+    """A text at a place in the world."""
+
+    text: str
+    position: Float64Array
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Coloured points (N, 3) in the camera frame of their own instant."""
+
+    T_world_camera: Pose | None
+    points: NDArray[np.float32]
+    colors: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """Everything drawn from one observation, world frame, metres.
+
+    Attributes:
+        segment: (engine's generation, segment): another one is another world.
+        boxes, truth: (N, 12, 2, 3) edges. arrows: (N, 2, 3) start and end.
+        tags: one per obstacle. positions: of the obstacles by id.
+        notice: why what is shown is not fresh; None while it is. stale: whether it is old
+            without having been asked to stand still.
+    """
+
+    segment: tuple[int, int]
+    T_display_world: Pose
+    floor_known: bool
+    T_world_camera: Pose | None
+    fov_rad: float | None
+    aspect: float | None
+    boxes: Float64Array
+    truth: Float64Array
+    arrows: Float64Array
+    tags: tuple[Tag, ...]
+    positions: Mapping[int, Float64Array] = field(default_factory=dict)
+    notice: str | None = None
+    stale: bool = False
+
+
+def make_picture(
+    event: ObservationEvent | None, state: StateEvent, generation: int, now: float
+) -> Picture:
+    """The picture of the newest observation, and how fresh it is at ``now``."""
+    source = state.source or {}
+    height = source.get("mount_height_m")
+    T_display_world = display_from_world(height, source.get("mount_tilt_rad"))
+    line: Mapping[str, Any] = event.line if event is not None else {"segment": 0, "obstacles": []}
+    placed = [o for o in line["obstacles"] if o["position"] is not None]
+    pose = line.get("pose")
+    notice, stale = _freshness(event, state, now)
+    fov, aspect = _optics(state.camera)
+    up = T_display_world.rotation.T @ np.array([0.0, 0.0, 1.0])
+    return Picture(
+        segment=(generation, int(line["segment"])),
+        T_display_world=T_display_world,
+        floor_known=height is not None,
+        T_world_camera=None if pose is None else _pose(pose),
+        fov_rad=fov,
+        aspect=aspect,
+        boxes=_stacked([_obstacle_edges(o) for o in placed], 12),
+        truth=_stacked([_true_edges(b, up) for b in (event.truth if event else [])], 12),
+        arrows=_stacked([a for o in placed if (a := _arrow(o)) is not None], None),
+        tags=tuple(_tag(o, up) for o in placed),
+        positions={int(o["id"]): np.array(o["position"]) for o in placed},
+        notice=notice,
+        stale=stale,
+    )
+
+
+def read_cloud(value: Latest) -> Cloud:
+    """The cloud as the engine writes it: points float32 (N, 3), then colours uint8 (N, 3)."""
+    count = int(value.header["count"])
+    points = np.frombuffer(value.payload, np.float32, count * 3).reshape(-1, 3)
+    colors = np.frombuffer(value.payload, np.uint8, count * 3, offset=points.nbytes)
+    matrix = value.header["T_world_camera"]
+    pose = None if matrix is None else Pose.from_matrix(np.reshape(matrix, (4, 4)))
+    return Cloud(pose, points, colors.reshape(-1, 3))
+
+
+def _freshness(
+    event: ObservationEvent | None, state: StateEvent, now: float
+) -> tuple[str | None, bool]:
+    if state.state is EngineState.FAILED:
+        return "stale: the engine does not deliver", True
+    if event is None:
+        return "waiting for the first frame", False
+    age = now - event.received
+    if age <= STALE_AFTER_S:
+        return None, False
+    playback = state.playback or {}
+    if playback.get("paused"):
+        return "paused", False
+    if playback.get("ended"):
+        return "the source has ended", False
+    return f"stale: {age:.0f} s old", True
+
+
+def _optics(camera: Mapping[str, Any] | None) -> tuple[float | None, float | None]:
+    if camera is None:
+        return None, None
+    fov = 2 * np.arctan(float(camera["height"]) / 2 / float(camera["fy"]))
+    return float(fov), float(camera["width"]) / float(camera["height"])
+
+
+def _pose(entry: Mapping[str, Any]) -> Pose:
+    return Pose(_rotation(entry["orientation_wxyz"]), np.array(entry["position"]))
+
+
+def _rotation(wxyz: Any) -> Float64Array:
+    from scipy.spatial.transform import Rotation
+
+    w, x, y, z = wxyz
+    return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
+
+
+def _obstacle_edges(obstacle: Mapping[str, Any]) -> Float64Array:
+    wxyz = obstacle["orientation_wxyz"]
+    rotation = np.eye(3) if wxyz is None else _rotation(wxyz)
+    return box_edges(obstacle["position"], obstacle["size"], rotation)
+
+
+def _true_edges(body: Mapping[str, Any], up: Float64Array) -> Float64Array:
+    return box_edges(body["position"], body["size"], upright_rotation(float(body["yaw"]), up))
+
+
+def _arrow(obstacle: Mapping[str, Any]) -> Float64Array | None:
+    velocity = obstacle["velocity"]
+    if velocity is None or obstacle["speed"] < _SLOWEST_ARROW_MPS:
+        return None
+    start = np.array(obstacle["position"])
+    return np.stack([start, start + np.array(velocity) * _ARROW_S])
+
+
+def _tag(obstacle: Mapping[str, Any], up: Float64Array) -> Tag:
+    half = float(np.max(obstacle["size"])) / 2
+    position = np.array(obstacle["position"]) + up * (half + _LABEL_ABOVE_M)
+    speed, std = obstacle["speed"], obstacle["speed_std"]
+    spread = "" if std is None else f" ± {std:.2f}"
+    return Tag(f"#{obstacle['id']}  {speed:.2f}{spread} m/s", position)
+
+
+def _stacked(parts: list[Float64Array], edges: int | None) -> Float64Array:
+    shape = (0, 2, 3) if edges is None else (0, edges, 2, 3)
+    return np.stack(parts) if parts else np.zeros(shape)

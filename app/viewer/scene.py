@@ -1,0 +1,224 @@
+"""The nodes of the viser scene. Each layer is one node for ever; only its content changes.
+
+Nodes that are removed and added again, and arrays that change their length, make the browsers'
+memory grow; so every layer has a fixed number of elements and is hidden where it has none.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import viser
+
+from app.viewer.picture import Cloud, Picture, Tag
+from app.viewer.shapes import EDGES_OF_A_BOX, Follower, greyed, padded, thinned
+from app.viewer.trails import Trails
+from observer.geometry import Float64Array, Pose
+
+_MOST_OBSTACLES = 16
+_MOST_BODIES = 16
+_TRAIL_LINES = 399
+_OBSTACLE_TRAIL_LINES = 600
+_GREY = (132, 138, 142)
+_RED = (226, 44, 44)
+_ORANGE = (255, 160, 20)
+_TRUTH = (112, 150, 150)
+_BLUE = (66, 133, 244)
+_ROSE = (214, 122, 122)
+_WHITE = (255, 255, 255)
+_EYE = (-2.1, -1.5, 2.1)
+_LOOK_AT = (2.4, 0.0, 0.2)
+
+
+class Scene:
+    """Called by one thread.
+
+    Args:
+        points: number of points of the cloud.
+    """
+
+    def __init__(self, server: viser.ViserServer, points: int) -> None:
+        self._server = server
+        self._points = points
+        self._trails = Trails()
+        self._follower = Follower()
+        self._segment: tuple[int, int] | None = None
+        self._T_world_camera = Pose.identity()
+        self._cloud_colors = np.zeros((points, 3), np.uint8)
+        self._stale = False
+        scene = server.scene
+        scene.set_up_direction("+z")
+        server.initial_camera.position = _EYE
+        server.initial_camera.look_at = _LOOK_AT
+        server.initial_camera.up = (0.0, 0.0, 1.0)
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._display = scene.add_frame("/display", show_axes=False)
+        self._floor = scene.add_grid(
+            "/display/floor",
+            infinite_grid=True,
+            plane="xy",
+            cell_size=0.5,
+            section_size=1.0,
+            cell_color=(168, 178, 176),
+            section_color=(128, 140, 138),
+            cell_thickness=0.6,
+            section_thickness=1.0,
+            fade_distance=30.0,
+            shadow_opacity=0.0,
+            visible=False,
+        )
+        self._world = scene.add_frame("/display/world", show_axes=False)
+        self._cloud_frame = scene.add_frame("/display/world/cloud", show_axes=False)
+        self._cloud = scene.add_point_cloud(
+            "/display/world/cloud/points",
+            np.zeros((points, 3), np.float32),
+            self._cloud_colors,
+            point_size=0.012,
+            point_shape="circle",
+            point_shading="flat",
+            visible=False,
+        )
+        self._boxes = self._lines("boxes", _MOST_OBSTACLES * EDGES_OF_A_BOX, _RED, 3.0)
+        self._truth = self._lines("truth", _MOST_BODIES * EDGES_OF_A_BOX, _TRUTH, 1.5)
+        self._trail = self._lines("trail", _TRAIL_LINES, _BLUE, 2.0)
+        self._obstacle_trails = self._lines("trails", _OBSTACLE_TRAIL_LINES, _ROSE, 2.0)
+        self._arrows = scene.add_arrows(
+            "/display/world/velocities",
+            np.zeros((_MOST_OBSTACLES, 2, 3), np.float32),
+            _ORANGE,
+            shaft_radius=0.018,
+            head_radius=0.045,
+            head_length=0.1,
+            visible=False,
+        )
+        self._camera = scene.add_camera_frustum(
+            "/display/world/camera",
+            fov=1.0,
+            aspect=2.0,
+            scale=0.22,
+            color=_BLUE,
+            thickness=0.006,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+        self._labels = [
+            scene.add_label(f"/display/world/label_{k}", "", anchor="bottom-center", visible=False)
+            for k in range(_MOST_OBSTACLES)
+        ]
+        self._notice = scene.add_label(
+            "/display/world/camera/notice", "", anchor="bottom-center", visible=False
+        )
+        self._notice.font_screen_scale = 1.2
+
+    def _lines(
+        self, name: str, count: int, color: tuple[int, int, int], thickness: float
+    ) -> viser.LineSegmentsHandle:
+        return self._server.scene.add_line_segments(
+            f"/display/world/{name}",
+            np.zeros((count, 2, 3), np.float32),
+            color,
+            thickness=thickness,
+            thickness_units="screen",
+            visible=False,
+        )
+
+    def show(self, picture: Picture, now: float) -> None:
+        """Draw everything but cloud and image."""
+        with self._server.atomic():
+            if picture.segment != self._segment:
+                self._segment = picture.segment
+                self._trails.clear()
+                self._follower.reset()
+                self._T_world_camera = Pose.identity()
+            self._place(picture)
+            self._follow_trails(picture, now)
+            self._mark(picture)
+            _show_lines(self._boxes, picture.boxes.reshape(-1, 2, 3))
+            _show_lines(self._truth, picture.truth.reshape(-1, 2, 3))
+            _show_lines(self._arrows, picture.arrows)
+            _show_lines(self._trail, self._trails.camera)
+            _show_lines(self._obstacle_trails, self._trails.obstacles)
+            self._label(picture.tags)
+
+    def show_cloud(self, cloud: Cloud) -> None:
+        """Draw the cloud in the pose of its own instant."""
+        chosen = thinned(len(cloud.points), self._points)
+        points, colors = cloud.points[chosen], cloud.colors[chosen]
+        if not len(points):
+            self._cloud.visible = False
+            return
+        pose = cloud.T_world_camera or self._T_world_camera
+        self._cloud_colors = padded(colors, self._points)
+        with self._server.atomic():
+            self._cloud.points = padded(points, self._points)
+            self._cloud.colors = greyed(self._cloud_colors) if self._stale else self._cloud_colors
+            _move(self._cloud_frame, pose)
+            self._cloud.visible = True
+
+    def show_image(self, jpeg: bytes) -> None:
+        """Put the live image into the camera's frustum.
+
+        The handle's own setter would decode and encode it anew; the bytes are what it sends.
+        """
+        with self._server.atomic():
+            self._camera._format = "jpeg"
+            self._camera._image_data = jpeg
+
+    def _place(self, picture: Picture) -> None:
+        pose = picture.T_world_camera
+        if pose is not None:
+            self._T_world_camera = pose
+            self._trails.add_camera(pose.translation)
+            _move(self._camera, pose)
+            self._camera.visible = True
+        if picture.fov_rad is not None and picture.aspect is not None:
+            self._camera.fov = picture.fov_rad
+            self._camera.aspect = picture.aspect
+        at = picture.T_display_world.apply(self._T_world_camera.translation)
+        self._display.position = self._follower.offset(at)
+        _move(self._world, picture.T_display_world)
+        self._floor.visible = picture.floor_known
+
+    def _follow_trails(self, picture: Picture, now: float) -> None:
+        for id, position in picture.positions.items():
+            self._trails.add_obstacle(id, position, now)
+        self._trails.forget_gone(now)
+
+    def _mark(self, picture: Picture) -> None:
+        """Say that what is shown is old, in words and by taking its colours away."""
+        self._notice.visible = picture.notice is not None
+        if picture.notice is not None:
+            self._notice.text = picture.notice
+        if picture.stale == self._stale:
+            return
+        self._stale = stale = picture.stale
+        self._cloud.colors = greyed(self._cloud_colors) if stale else self._cloud_colors
+        for node, color in (
+            (self._boxes, _RED),
+            (self._arrows, _ORANGE),
+            (self._trail, _BLUE),
+            (self._obstacle_trails, _ROSE),
+            (self._truth, _TRUTH),
+        ):
+            node.colors = np.array(_GREY if stale else color, np.uint8)
+        self._camera.color = _GREY if stale else _BLUE
+
+    def _label(self, tags: tuple[Tag, ...]) -> None:
+        for k, label in enumerate(self._labels):
+            if k < len(tags):
+                label.text = tags[k].text
+                label.position = tags[k].position
+            label.visible = k < len(tags)
+
+
+def _show_lines(node: Any, lines: Float64Array) -> None:
+    if len(lines):
+        node.points = padded(lines.astype(np.float32), len(node.points))
+    node.visible = bool(len(lines))
+
+
+def _move(node: Any, pose: Pose) -> None:
+    node.position = pose.translation
+    node.wxyz = pose.quaternion_wxyz

@@ -1,0 +1,204 @@
+"""The viewer as the server sees it: a port on loopback, and a thread that keeps the scene fresh.
+
+It may fail (a missing wheel, no free port) without hurting anything else; a ``NullViewer`` then
+says why.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import structlog
+
+from app.messages import CLOUD_NAME
+from app.station import Station
+from app.viewer.picture import make_picture, read_cloud
+
+if TYPE_CHECKING:
+    import viser
+
+    from app.viewer.scene import Scene
+
+log = structlog.get_logger(__name__)
+
+# Fewer images than clouds: the picture in the frustum is small.
+_IMAGE_INTERVAL_S = 0.2
+_IDLE_S = 0.1
+_STOP_TIMEOUT_S = 5.0
+
+
+class Viewer(Protocol):
+    """What the web layer needs of a viewer."""
+
+    @property
+    def port(self) -> int | None:
+        """Where viser listens on 127.0.0.1, or None where there is no viewer."""
+        ...
+
+    @property
+    def trouble(self) -> str | None:
+        """Why there is none, one sentence."""
+        ...
+
+    def page(self) -> bytes:
+        """The client's page."""
+        ...
+
+    def connected(self) -> contextlib.AbstractContextManager[None]:
+        """Somebody looks at the scene as long as the block runs (in the event loop)."""
+        ...
+
+    def stop(self) -> None:
+        """End threads and sockets; safe to call twice."""
+        ...
+
+
+class NullViewer:
+    """No viewer, and why."""
+
+    port: int | None = None
+
+    def __init__(self, trouble: str) -> None:
+        self.trouble: str | None = trouble
+
+    def page(self) -> bytes:
+        return b""
+
+    @contextmanager
+    def connected(self) -> Iterator[None]:
+        yield
+
+    def stop(self) -> None:
+        """Nothing to end."""
+
+
+class ViserViewer:
+    """viser with our scene, updated at a fixed rate while somebody looks.
+
+    Args:
+        points: most points of the cloud. rate_hz: most updates per second.
+    """
+
+    trouble: str | None = None
+
+    def __init__(self, station: Station, *, points: int, rate_hz: float) -> None:
+        from app.viewer.scene import Scene
+
+        self._station = station
+        self._interval = 1.0 / rate_hz
+        self._server = _quiet_server()
+        try:
+            self._scene: Scene = Scene(self._server, points)
+        except BaseException:
+            self._server.stop()
+            raise
+        self.port: int | None = self._server.get_port()
+        self._lookers = 0
+        self._leave: Callable[[], None] = lambda: None
+        self._stopping = threading.Event()
+        self._cloud_sequence = 0
+        self._image_sequence = 0
+        self._image_due = 0.0
+        self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
+        self._thread.start()
+
+    def page(self) -> bytes:
+        import viser
+
+        client = Path(viser.__file__).parent / "client" / "build" / "index.html"
+        return client.read_bytes()
+
+    @contextmanager
+    def connected(self) -> Iterator[None]:
+        self._lookers += 1
+        if self._lookers == 1:
+            self._leave = self._station.watching.enter("plain", CLOUD_NAME)
+        try:
+            yield
+        finally:
+            self._lookers -= 1
+            if self._lookers == 0:
+                self._leave()
+
+    def stop(self) -> None:
+        if self._stopping.is_set():
+            return
+        self._stopping.set()
+        self._thread.join(_STOP_TIMEOUT_S)
+        with _quiet():
+            self._server.stop()
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._stopping.wait(max(0.0, due - time.monotonic())):
+            looked_at = self._lookers > 0
+            due = (
+                max(due + self._interval, time.monotonic())
+                if looked_at
+                else (time.monotonic() + _IDLE_S)
+            )
+            if looked_at:
+                try:
+                    self._update()
+                except Exception:
+                    # One broken picture must not end the viewer, nor the viewer the server.
+                    log.exception("viewer_update_failed")
+                    self._stopping.wait(1.0)
+
+    def _update(self) -> None:
+        station = self._station
+        now = station.clock()
+        picture = make_picture(station.latest, station.state, station.generation, now)
+        self._scene.show(picture, now)
+        cloud = station.engine.cloud.read(self._cloud_sequence)
+        if cloud is not None:
+            self._cloud_sequence = cloud.sequence
+            self._scene.show_cloud(read_cloud(cloud))
+        if now >= self._image_due:
+            self._image_due = now + _IMAGE_INTERVAL_S
+            image = station.engine.views["plain"].read(self._image_sequence)
+            if image is not None:
+                self._image_sequence = image.sequence
+                self._scene.show_image(image.payload)
+
+
+def start_viewer(station: Station, *, points: int, rate_hz: float) -> Viewer:
+    """The viewer, or a null one that says why there is none. Takes a second; use a thread."""
+    try:
+        return ViserViewer(station, points=points, rate_hz=rate_hz)
+    except Exception as error:
+        log.exception("viewer_not_started")
+        return NullViewer(f"the 3D viewer could not be started: {error}")
+
+
+def _quiet_server() -> viser.ViserServer:
+    import viser
+
+    with _quiet():
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    # Any client could otherwise have a public tunnel to this machine opened.
+    server.request_share_url = _refuse_sharing  # type: ignore[method-assign]
+    return server
+
+
+def _refuse_sharing(*_: object, **__: object) -> None:
+    log.warning("share_request_refused")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """viser announces itself through rich's shared console; our output is for our own words."""
+    import rich
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before

@@ -1,0 +1,262 @@
+"""What goes in and out of the REST interface, as OpenAPI shows it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr
+
+# JSON has no NaN, but Python's reader takes it; strict types refuse it, and true as a number.
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Value = StrictBool | StrictInt | StrictFloat | StrictStr
+# What a person calls something: one line, no control characters.
+Name = Annotated[
+    str, Field(strict=True, min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f]+$")
+]
+# Generous to callers who send no body at all.
+Identifier = Annotated[str, Field(strict=True, min_length=1, max_length=100)]
+Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
+Changes = dict[Annotated[str, Field(max_length=100)], Value]
+
+
+class In(BaseModel):
+    """Something a client sends: unknown fields are refused."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Problem(BaseModel):
+    loc: list[str | int] = Field(description="Where in the request, as in body, the field's name.")
+    msg: str = Field(description="What is wrong and what would be right.")
+    type: str
+
+
+class Problems(BaseModel):
+    """Values that were refused; nothing was changed."""
+
+    detail: list[Problem]
+
+
+class Refused(BaseModel):
+    """Why not, in one sentence."""
+
+    detail: str
+
+
+# --- status ---------------------------------------------------------------------------------
+
+
+class EngineStatus(BaseModel):
+    state: Literal["idle", "preview", "running", "failed"]
+    reason: str | None = Field(description="Why it failed, one sentence.")
+    pid: int | None
+    generation: int = Field(description="Engine processes so far.")
+    restarts: int
+    heartbeat_age_s: float | None = Field(description="Since its loop's last sign of life.")
+
+
+class SourceStatus(BaseModel):
+    spec: str
+    kind: str
+    width: int
+    height: int
+    frame_rate: float
+    frame_count: int | None
+    live: bool
+    mount_height_m: float | None
+    mount_tilt_rad: float | None
+
+
+class PlaybackStatus(BaseModel):
+    paused: bool
+    rate: float
+    loop: bool
+    frame: int | None = Field(description="Position within the source.")
+    frame_count: int | None
+    ended: bool
+    achieved_rate: float | None = Field(None, description="Source seconds per second, measured.")
+
+
+class CameraStatus(BaseModel):
+    """The rectified pair."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    baseline: float
+
+
+class RunReference(BaseModel):
+    id: str
+    name: str
+    started_at: str
+
+
+class CalibrationReference(BaseModel):
+    id: str
+    name: str
+
+
+class Rates(BaseModel):
+    unique_frames_per_s: float
+
+
+class LatencyStatus(BaseModel):
+    """From a frame's reception to the page's acknowledgement after painting, milliseconds."""
+
+    median: float | None
+    p95: float | None
+    count: int
+
+
+class Drops(BaseModel):
+    frames_skipped: int = Field(description="Frames of the source that could not be read.")
+    observations_lost: int = Field(description="Not passed on, because the server was busy.")
+    live_messages_dropped: int = Field(description="Not sent, because a page was slow.")
+    writes_dropped: int = Field(description="Not kept, because the database was not to be had.")
+
+
+class SkippedFrame(BaseModel):
+    index: int
+    reason: str
+
+
+class Status(BaseModel):
+    engine: EngineStatus
+    source: SourceStatus | None
+    playback: PlaybackStatus | None
+    camera: CameraStatus | None
+    run: RunReference | None
+    calibration: CalibrationReference | None = Field(description="None: the source's own.")
+    parameters_revision: int
+    rates: Rates
+    frames_observed: int
+    latency_ms: LatencyStatus
+    timings_ms: dict[str, float] = Field(description="Median of each stage.")
+    drops: Drops
+    skipped: list[SkippedFrame]
+    viewers: int = Field(description="Open live pages.")
+    has_truth: bool
+    warnings: list[str]
+    version: str
+
+
+# --- sources and playback -------------------------------------------------------------------
+
+
+class SourceEntry(BaseModel):
+    spec: str
+    title: str
+    help: str
+
+
+class SourceChoice(In):
+    source: Spec
+    calibration: Identifier | None = Field(None, description="None: the source's own.")
+
+
+class PlaybackChange(In):
+    """What is given is changed."""
+
+    paused: StrictBool | None = None
+    rate: Annotated[Finite, Field(ge=0.1, le=4.0)] | None = None
+    loop: StrictBool | None = None
+    step: Annotated[StrictInt, Field(ge=0, le=1000)] = Field(
+        0, description="Show so many further frames while paused."
+    )
+    restart: StrictBool = False
+
+
+# --- runs -----------------------------------------------------------------------------------
+
+
+class RunStart(In):
+    name: Name | None = None
+    source: Spec | None = Field(None, description="None: what is open.")
+    calibration: Identifier | None = Field(None, description="None: the source's own.")
+    preset: Name | None = None
+    parameters: Changes = Field(default_factory=dict, description="Made to the preset, if any.")
+
+
+class Run(BaseModel):
+    id: str
+    name: str
+    state: Literal["running", "finished", "interrupted", "failed"]
+    source: str
+    calibration_id: str | None
+    preset: str | None
+    parameters: dict[str, Any]
+    started_at: str
+    updated_at: str
+    ended_at: str | None
+    frames: int
+    segments: int
+    versions: dict[str, str]
+    reason: str | None
+
+
+class SpeedEntry(BaseModel):
+    time: float = Field(description="Source time, s.")
+    role: str
+    source: Literal["estimate", "truth", "commanded"]
+    track_id: int | None
+    speed: float | None = Field(description="m/s; None is a gap.")
+    std: float | None
+    segment: int
+
+
+# --- parameters -----------------------------------------------------------------------------
+
+
+class ParametersNow(BaseModel):
+    revision: int
+    values: dict[str, Any]
+    preset: str | None = Field(description="The preset with exactly these values.")
+    frame: int | None = Field(description="The first frame they act on, as far as known.")
+
+
+class ParameterEntry(BaseModel):
+    """All that a form needs to know of one parameter."""
+
+    name: str
+    group: str
+    group_help: str
+    title: str
+    help: str
+    type: Literal["number", "integer", "boolean", "choice"]
+    unit: str
+    default: Any
+    minimum: float | None = None
+    maximum: float | None = None
+    step: float | None = None
+    choices: list[str] | None = None
+
+
+class Preset(BaseModel):
+    name: str
+    help: str
+    values: dict[str, Any]
+    built_in: bool
+
+
+class PresetName(In):
+    name: Name
+    help: Annotated[str, Field(strict=True, max_length=300)] = ""
+
+
+# --- calibrations ---------------------------------------------------------------------------
+
+
+class Calibration(BaseModel):
+    id: str = Field(description="SHA-256 of the file's content.")
+    name: str
+    width: int
+    height: int
+    baseline_m: float
+    hfov_deg: float
+    rectified: bool
+    created_at: str
+    active: bool

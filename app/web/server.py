@@ -1,0 +1,174 @@
+"""The web application, put together explicitly from its parts."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from typing import Any
+
+from fastapi import APIRouter, FastAPI, WebSocket
+
+from app.messages import VIEW_NAMES
+from app.settings import Settings
+from app.station import Engine, Station
+from app.station.current_run import app_version
+from app.storage import Storage
+from app.viewer import Viewer, start_viewer
+from app.web import viewer_proxy
+from app.web.api import calibrations, parameters, runs, sources, status, views
+from app.web.api.common import GATE_RESPONSES
+from app.web.errors import install_error_handlers
+from app.web.live import LiveHub
+from app.web.origins import names_of
+from app.web.pages import add_pages, sign_in_page, static_folder
+from app.web.security import Gate, Policy
+from app.web.token import COOKIE_NAME, TokenGuard
+from app.web.view_feed import ViewFeed
+from app.web.viewer_proxy import ViewerDoor
+
+_DESCRIPTION = """
+Sees moving obstacles from a moving robot with a stereo camera.
+
+Sign in with the cookie that the printed link sets, or send `Authorization: Bearer TOKEN`.
+
+Besides these routes there are three WebSockets:
+
+* `/api/live`: telemetry. The server sends `status`, `observation` and `heartbeat`; the client
+  answers each observation it has painted with `{"type": "painted", "sequence": NUMBER}` and has
+  at most two of them outstanding.
+* `/api/views/{name}`: a live view. Binary: 8 bytes sequence and 8 bytes age in ms (float64), both
+  big-endian, then JPEG. The client answers each one with the text `ack`.
+* `/viewer`: the 3D scene of viser's client.
+"""
+_TAGS = [
+    {"name": "status", "description": "How everything is."},
+    {"name": "source", "description": "What frames come from, and how they are played."},
+    {"name": "runs", "description": "Observations that are kept."},
+    {"name": "parameters", "description": "Parameters of the method, and presets."},
+    {"name": "calibrations", "description": "Calibrations of stereo cameras."},
+    {"name": "views", "description": "Live images."},
+]
+
+ViewerStarter = Callable[[Station], Viewer]
+
+
+def create_app(
+    settings: Settings,
+    token: str,
+    *,
+    engine: Engine | None = None,
+    storage: Storage | None = None,
+    viewer: ViewerStarter | None = None,
+) -> FastAPI:
+    """The application; its lifespan starts and ends everything it owns.
+
+    Args:
+        token: opens the server.
+        engine, storage, viewer: take the place of the real ones.
+    """
+    if engine is None:
+        from app.supervisor import Supervisor
+
+        engine = Supervisor()
+    station = Station(
+        engine, storage or Storage(settings.database_location), source=settings.source
+    )
+    folder = static_folder()
+    policy = Policy(
+        names=names_of(settings.host, settings.allowed_hosts, tls=settings.tls),
+        guard=TokenGuard(token, time.monotonic),
+        token=token,
+        body_max_bytes=settings.body_max_bytes,
+        upload_max_bytes=settings.calibration_max_bytes,
+        sign_in_page=sign_in_page(folder),
+    )
+    door = ViewerDoor()
+    live = LiveHub(station)
+
+    def real_viewer(station: Station) -> Viewer:
+        return start_viewer(station, points=settings.viewer_points, rate_hz=settings.viewer_rate_hz)
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        async with AsyncExitStack() as stack:
+            stack.push_async_callback(station.stop)
+            stack.push_async_callback(_stop_viewer, door)
+            await station.start()
+            hub = asyncio.create_task(live.run(), name="live hub")
+            stack.push_async_callback(_cancel, hub)
+            # The page is served at once; the viewer takes a second and may fail.
+            starting = asyncio.create_task(_start_viewer(door, viewer or real_viewer, station))
+            stack.push_async_callback(_finish, starting)
+            yield
+
+    app = FastAPI(
+        title="Dynamic Observer",
+        version=app_version(),
+        description=_DESCRIPTION,
+        openapi_tags=_TAGS,
+        openapi_url="/openapi.json",
+        docs_url=None,
+        redoc_url=None,
+        lifespan=lifespan,
+        redirect_slashes=False,
+        separate_input_output_schemas=False,
+    )
+    app.state.station = station
+    app.state.viewer = door
+    app.state.feeds = {name: ViewFeed(station, name) for name in VIEW_NAMES}
+    app.state.live = live
+    install_error_handlers(app)
+    _add_rest(app, live)
+    app.include_router(viewer_proxy.router)
+    add_pages(app, station, policy, folder)
+    _describe_security(app)
+    app.add_middleware(Gate, policy=policy)
+    return app
+
+
+def _add_rest(app: FastAPI, live: LiveHub) -> None:
+    api = APIRouter(prefix="/api", responses=GATE_RESPONSES)
+    for part in (status, sources, runs, parameters, calibrations, views):
+        api.include_router(part.router)
+
+    @api.websocket("/live")
+    async def live_socket(socket: WebSocket) -> None:
+        await socket.accept()
+        await live.serve(socket)
+
+    app.include_router(api)
+
+
+def _describe_security(app: FastAPI) -> None:
+    """Say in the description how to sign in; the gate itself is no part of the framework."""
+    describe = app.openapi
+
+    def described() -> dict[str, Any]:
+        schema = describe()
+        schema.setdefault("components", {})["securitySchemes"] = {
+            "bearer": {"type": "http", "scheme": "bearer"},
+            "cookie": {"type": "apiKey", "in": "cookie", "name": COOKIE_NAME},
+        }
+        schema["security"] = [{"bearer": []}, {"cookie": []}]
+        return schema
+
+    app.openapi = described  # type: ignore[method-assign]
+
+
+async def _start_viewer(door: ViewerDoor, start: ViewerStarter, station: Station) -> None:
+    door.viewer = await asyncio.to_thread(start, station)
+
+
+async def _stop_viewer(door: ViewerDoor) -> None:
+    await asyncio.to_thread(door.viewer.stop)
+
+
+async def _finish(task: asyncio.Task[None]) -> None:
+    await asyncio.gather(task, return_exceptions=True)
+
+
+async def _cancel(task: asyncio.Task[None]) -> None:
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)

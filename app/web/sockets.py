@@ -1,0 +1,67 @@
+"""What all WebSocket routes share: reading without trusting, closing without noise."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine
+from typing import Any
+
+from fastapi import WebSocket
+from starlette.websockets import WebSocketDisconnect, WebSocketState
+
+INVALID_DATA = 1007
+GOING_AWAY = 1001
+TRY_LATER = 1013
+
+
+class BadMessage(Exception):
+    """A client sent something that the route does not understand."""
+
+
+async def receive_text(socket: WebSocket) -> str:
+    """The next text message.
+
+    Raises:
+        BadMessage: it was binary. WebSocketDisconnect: the client left.
+    """
+    message = await socket.receive()
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(message.get("code", 1005))
+    text = message.get("text")
+    if not isinstance(text, str):
+        raise BadMessage("this socket takes text messages only")
+    return text
+
+
+async def until_one_ends(socket: WebSocket, *jobs: Coroutine[Any, Any, None]) -> None:
+    """Run a socket's reading and writing; the first that ends, ends all.
+
+    A client that left is no error; one that sent nonsense is told so and closed with 1007.
+    """
+    tasks = [asyncio.ensure_future(job) for job in jobs]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        results = await asyncio.gather(*tasks, return_exceptions=True)
+    for result in results:
+        if isinstance(result, BadMessage):
+            await close(socket, INVALID_DATA, str(result))
+        elif isinstance(result, BaseException) and not isinstance(
+            result, (asyncio.CancelledError, WebSocketDisconnect)
+        ):
+            raise result
+
+
+async def close(socket: WebSocket, code: int, reason: str = "") -> None:
+    """Close if that is still possible. A reason has at most 123 bytes on the wire."""
+    if (
+        socket.application_state is WebSocketState.CONNECTED
+        and socket.client_state is WebSocketState.CONNECTED
+    ):
+        try:
+            await socket.close(code, reason.encode()[:123].decode(errors="ignore"))
+        except (RuntimeError, WebSocketDisconnect):
+            # The client was quicker.
+            return
