@@ -77,13 +77,12 @@ class EngineProcess:
             arguments = ["--channel", str(there.fileno()), "--parent", str(os.getpid())]
             for name, fd in slots.items():
                 arguments += ["--slot", f"{name}={fd}"]
-            paths = [str(_PACKAGES), os.environ.get("PYTHONPATH", "")]
             try:
                 process = subprocess.Popen(
                     [*command, *arguments],
                     stdin=subprocess.DEVNULL,
                     pass_fds=[there.fileno(), *slots.values()],
-                    env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
+                    env=_environment(),
                     # A terminal's Ctrl-C and a kill of the whole group are the parent's to
                     # answer; it ends the engine in good order.
                     start_new_session=True,
@@ -171,6 +170,17 @@ class EngineProcess:
         if self._writer is not None:
             self._writer.transport.abort()
         return _ending(self._process.returncode)
+
+
+def _environment() -> dict[str, str]:
+    paths = [str(_PACKAGES), os.environ.get("PYTHONPATH", "")]
+    return {
+        # The method's matrices are small. OpenBLAS's threads spin beside them, which doubles a
+        # frame's time on two busy cores; it reads this while numpy is imported.
+        "OPENBLAS_NUM_THREADS": "1",
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+    }
 
 
 def _ending(code: int | None) -> str:

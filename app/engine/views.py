@@ -36,16 +36,23 @@ RESIDUAL_SCALE = 4.0
 
 def draw_view(name: str, observed: Observed) -> bytes:
     """The named view (one of ``app.messages.VIEW_NAMES``) as a JPEG."""
-    return encode_jpeg(_VIEWS[name](observed))
+    return encode_jpeg(_VIEWS[name](observed), fine_colors=name in _FINELY_DRAWN)
 
 
-def encode_jpeg(image: Image) -> bytes:
-    """JPEG of a grey or BGR image, shrunk to ``MAX_WIDTH`` where it is wider."""
+def encode_jpeg(image: Image, *, fine_colors: bool = False) -> bytes:
+    """JPEG of a grey or BGR image, shrunk to ``MAX_WIDTH`` where it is wider.
+
+    Args:
+        fine_colors: keep the colours of lines one pixel wide, for a quarter more bytes.
+    """
     height, width = image.shape[:2]
     if width > MAX_WIDTH:
         size = (MAX_WIDTH, max(1, round(height * MAX_WIDTH / width)))
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    done, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    if fine_colors:
+        options += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+    done, jpeg = cv2.imencode(".jpg", image, options)
     if not done:
         raise ValueError(f"an image of {width}x{height} pixels cannot be encoded as JPEG")
     return jpeg.tobytes()
@@ -134,6 +141,8 @@ _VIEWS: Mapping[str, Callable[[Observed], Image]] = {
     "residual": _residual,
     "plain": _plain,
 }
+
+_FINELY_DRAWN = ("left", "residual")
 
 
 def _color_copy(image: Image) -> Image:

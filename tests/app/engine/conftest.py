@@ -1,0 +1,64 @@
+"""Sources made of numbers, for tests that need no scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from observer.camera import StereoCalibration
+from observer.sources.contract import SkippedFrame, SourceInfo
+from observer.types import StereoFrame
+
+RATE = 10.0
+WIDTH, HEIGHT = 64, 48
+
+
+def calibration() -> StereoCalibration:
+    return StereoCalibration.rectified(WIDTH, HEIGHT, 60.0, 60.0, 32.0, 24.0, 0.1)
+
+
+@dataclass
+class NumberedSource:
+    """Frames whose grey level is their number, 10 per second, beginning at 100 s."""
+
+    count: int = 5
+    broken: Collection[int] = ()
+    live: bool = False
+    own_calibration: StereoCalibration | None = field(default_factory=calibration)
+    spec: str = "numbered"
+    at: int = 0
+    rewinds: int = 0
+    closed: int = 0
+
+    @property
+    def info(self) -> SourceInfo:
+        return SourceInfo(self.spec, "numbers", WIDTH, HEIGHT, RATE, self.count, live=self.live)
+
+    @property
+    def calibration(self) -> StereoCalibration | None:
+        return self.own_calibration
+
+    def read(self) -> StereoFrame | SkippedFrame | None:
+        index = self.at
+        if index >= self.count:
+            return None
+        self.at += 1
+        if index in self.broken:
+            return SkippedFrame(index, f"frame {index} is damaged")
+        image = np.full((HEIGHT, WIDTH), index % 256, dtype=np.uint8)
+        return StereoFrame(index, 100.0 + index / RATE, image, image, received=-1.0)
+
+    def rewind(self) -> None:
+        self.at = 0
+        self.rewinds += 1
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+@pytest.fixture(scope="session")
+def numbered() -> Callable[..., NumberedSource]:
+    return NumberedSource

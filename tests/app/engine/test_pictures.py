@@ -1,0 +1,253 @@
+"""Views, clouds and calibration previews, from a trace that is made here."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from app.channel.latest import LatestReader, LatestWriter, create_slot
+from app.engine.calibration_preview import preview_calibration, vertical_error
+from app.engine.clouds import MAX_POINTS, RateLimit
+from app.engine.publishing import Publisher
+from app.engine.views import MAX_WIDTH, draw_view
+from app.engine.watched import Observed
+from app.messages import CLOUD_NAME, VIEW_NAMES
+from observer.calibration.opencv_file import calibration_text
+from observer.camera import StereoCalibration, StereoCamera
+from observer.errors import CalibrationError, InputError
+from observer.geometry import Pose
+from observer.parameters import Parameters
+from observer.types import (
+    Matches,
+    MotionState,
+    Observation,
+    Obstacle,
+    Status,
+    StereoFrame,
+    TrackState,
+)
+
+WIDTH, HEIGHT = 320, 200
+CAMERA = StereoCamera(WIDTH, HEIGHT, 200.0, 200.0, 160.0, 100.0, 0.1)
+
+
+class Ego:
+    """Of three matches the last one moved by itself."""
+
+    inliers = np.array([True, True, False])
+
+
+def scene(width: int = WIDTH, height: int = HEIGHT, seed: int = 0) -> np.ndarray[Any, Any]:
+    noise = np.random.default_rng(seed).integers(0, 256, (height // 4, width // 4), dtype=np.uint8)
+    return cv2.resize(noise, (width, height), interpolation=cv2.INTER_CUBIC)
+
+
+def obstacle() -> Obstacle:
+    return Obstacle(
+        id=12,
+        state=TrackState.CONFIRMED,
+        motion=MotionState.MOVING,
+        position_camera=np.array([0, 0, 3.0]),
+        velocity_camera=np.zeros(3),
+        position=np.array([0, 0, 3.0]),
+        velocity=np.zeros(3),
+        position_cov=None,
+        velocity_cov=None,
+        velocity_time=0.0,
+        speed=0.42,
+        speed_std=None,
+        size=np.ones(3),
+        orientation_wxyz=None,
+        closing_speed=None,
+        points=5,
+        significance=3.0,
+        box_px=(200.0, 60.0, 280.0, 150.0),
+        reason="it moves",
+    )
+
+
+def observed(
+    index: int = 1,
+    *,
+    full: bool = True,
+    gray: bool = True,
+    width: int = WIDTH,
+    height: int = HEIGHT,
+) -> Observed:
+    # Plain grey with a light stripe below, so that every colour found in it was drawn.
+    left = np.full((height, width), 90, np.uint8)
+    left[-30:] = 180
+    if not gray:
+        left = cv2.cvtColor(left, cv2.COLOR_GRAY2BGR)
+    trace: dict[str, Any] = {"left": left, "right": left}
+    if full:
+        previous = np.array([[40, 40], [80, 120], [220, 100]], np.float32)
+        disparity = np.full((height, width), 10.0, np.float32)
+        disparity[:, : width // 4] = np.nan
+        trace |= {
+            "previous_time": (index - 1) / 10,
+            "previous_left": left if gray else left[..., 0],
+            "matches": Matches(previous, previous + np.float32([6, 0])),
+            "ego_motion": Ego(),
+            "warped_left": scene(width, height, seed=1),
+            "disparity": disparity,
+            "flow_px": previous,
+            "flow_residual_px": np.array([[0.1, 0], [0.2, 0.1], [5, 0]], np.float32),
+            "dynamic": np.array([False, False, True]),
+        }
+    reasons = () if full else ("first frame",)
+    pose = Pose(np.eye(3), np.array([0, 0, 0.1 * index]))
+    frame = StereoFrame(index, index / 10, left, left, received=50.0 + index)
+    observation = Observation(
+        index, frame.time, frame.received, 0, Status.OK, reasons, 1, pose, (obstacle(),)
+    )
+    return Observed(frame, observation, trace, CAMERA, Parameters())
+
+
+def picture(name: str, what: Observed) -> np.ndarray[Any, Any]:
+    image = cv2.imdecode(np.frombuffer(draw_view(name, what), np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    return image.astype(int)
+
+
+def near(image: np.ndarray[Any, Any], at: tuple[int, int], bgr: tuple[int, int, int]) -> bool:
+    """Whether a colour is found within two pixels of (u, v), as far as JPEG leaves it."""
+    u, v = at
+    patch = image[v - 2 : v + 3, u - 2 : u + 3].reshape(-1, 3)
+    return bool((np.abs(patch - bgr).max(axis=1) < 90).any())
+
+
+@pytest.mark.parametrize("gray", [True, False])
+def test_the_left_view_shows_stars_flow_and_rectangle_on_a_copy(gray: bool) -> None:
+    what = observed(gray=gray)
+    before = what.trace["left"].copy()
+    image = picture("left", what)
+    assert near(image, (200, 100), (0, 235, 255)), "the rectangle's left edge is yellow"
+    assert near(image, (46, 40), (60, 220, 60)), "a star marks the feature now"
+    assert near(image, (222, 100), (40, 140, 255)), "an outlier's flow is orange"
+    assert np.array_equal(what.trace["left"], before)
+
+
+def test_unknown_disparity_stays_dark() -> None:
+    image = picture("disparity", observed())
+    assert image[20:-20, 10 : WIDTH // 4 - 10].max() < 60
+    assert image[20:-20, WIDTH // 4 + 20 :].max(axis=2).min() > 100
+
+
+def test_only_dynamic_residuals_are_red() -> None:
+    image = picture("residual", observed())
+    assert near(image, (230, 100), (60, 60, 255))
+    assert not near(image, (40, 40), (60, 60, 255))
+
+
+def test_the_plain_and_warped_views_are_the_images() -> None:
+    what = observed()
+    for name, key in (("plain", "left"), ("warped", "warped_left")):
+        difference = np.abs(picture(name, what)[..., 0] - what.trace[key].astype(int))
+        assert np.median(difference) < 12
+
+
+@pytest.mark.parametrize("name", VIEW_NAMES)
+def test_every_view_has_a_picture_also_of_a_first_frame(name: str) -> None:
+    image = picture(name, observed(full=False))
+    assert image.shape == (HEIGHT, WIDTH, 3)
+    if name in ("warped", "disparity", "residual"):
+        assert np.median(image) < 40, "it says that there is nothing"
+        assert image.max() > 100
+
+
+def test_wide_images_are_shrunk() -> None:
+    assert picture("plain", observed(width=2560)).shape == (HEIGHT // 2, MAX_WIDTH, 3)
+
+
+@pytest.fixture
+def slots() -> Iterator[dict[str, int]]:
+    made = {name: create_slot(2_000_000) for name in (*VIEW_NAMES, CLOUD_NAME)}
+    yield made
+    for fd in made.values():
+        os.close(fd)
+
+
+def test_only_what_is_watched_is_written(slots: dict[str, int]) -> None:
+    publisher = Publisher({n: LatestWriter(fd) for n, fd in slots.items()}, lambda: 0.0)
+    readers = {n: LatestReader(fd) for n, fd in slots.items()}
+    publisher.publish(observed(1))
+    assert all(reader.read() is None for reader in readers.values())
+    # Who begins to watch sees the newest frame at once, also while nothing is played.
+    publisher.watch(("left",))
+    latest = readers["left"].read()
+    assert latest is not None
+    assert latest.header == {
+        "frame": 1, "time": 0.1, "received": 51.0, "width": WIDTH, "height": HEIGHT,
+    }  # fmt: skip
+    publisher.publish(observed(2))
+    assert [n for n, reader in readers.items() if reader.read() is not None] == ["left"]
+    publisher.watch(())
+    publisher.publish(observed(3))
+    assert readers["left"].read(after=2) is None
+    with pytest.raises(InputError, match=r"no view front; there are: left, .*, cloud"):
+        publisher.watch(("left", "front"))
+
+
+def test_the_cloud_has_the_pose_and_frame_of_its_own_instant(slots: dict[str, int]) -> None:
+    publisher = Publisher({n: LatestWriter(fd) for n, fd in slots.items()}, lambda: 0.0)
+    reader = LatestReader(slots[CLOUD_NAME])
+    publisher.watch((CLOUD_NAME,))
+    publisher.publish(observed(1, full=False, gray=False))
+    assert reader.read() is None
+    # The rate limit let the first frame pass, which had no cloud; a later watcher gets one.
+    publisher.watch(())
+    publisher.publish(observed(2, gray=False))
+    publisher.watch((CLOUD_NAME,))
+    latest = reader.read()
+    assert latest is not None
+    header = latest.header
+    count = header["count"]
+    assert (header["frame"], header["time"], header["received"]) == (1, 0.1, 51.0)
+    assert np.reshape(header["T_world_camera"], (4, 4))[2, 3] == pytest.approx(0.1)
+    assert 0 < count <= MAX_POINTS
+    assert len(latest.payload) == count * 15
+    points = np.frombuffer(latest.payload[: 12 * count], np.float32).reshape(-1, 3)
+    assert points[:, 2] == pytest.approx(200.0 * 0.1 / 10.0)
+
+
+def test_the_rate_limit_keeps_its_average() -> None:
+    limit = RateLimit(0.1)
+    assert sum(limit.allows(frame / 15) for frame in range(150)) in range(98, 103)
+    assert limit.allows(100.0)
+    assert not limit.allows(100.05)
+
+
+def rectified() -> StereoCalibration:
+    return StereoCalibration.rectified(WIDTH, HEIGHT, 200, 200, 160, 100, 0.1)
+
+
+@pytest.mark.parametrize("rows", [0, 3])
+def test_the_preview_measures_how_far_rows_are_apart(rows: int) -> None:
+    left = scene()
+    right = np.roll(np.roll(left, -8, axis=1), rows, axis=0)
+    frame = StereoFrame(0, 0.0, left, right, received=0.0)
+    beats: list[int] = []
+    preview = preview_calibration(frame, calibration_text(rectified()), lambda: beats.append(1))
+    assert preview.matches > 50
+    assert preview.vertical_error_px == pytest.approx(rows, abs=0.3)
+    assert len(beats) >= 2
+    image = cv2.imdecode(np.frombuffer(preview.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    assert image.shape == (HEIGHT, 2 * WIDTH, 3)
+
+
+def test_nothing_to_match_has_no_error_instead_of_zero() -> None:
+    empty = np.zeros((HEIGHT, WIDTH), np.uint8)
+    assert vertical_error(empty, empty) == (None, 0)
+
+
+def test_a_preview_of_another_size_is_refused() -> None:
+    frame = StereoFrame(0, 0.0, scene(640, 480), scene(640, 480), received=0.0)
+    with pytest.raises(CalibrationError, match="640x480"):
+        preview_calibration(frame, calibration_text(rectified()), lambda: None)
