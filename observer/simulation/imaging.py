@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, Pose
-from observer.simulation.rendering import Image, Renderer, View
+from observer.simulation.batches import View
+from observer.simulation.rendering import Image, Renderer
 from observer.simulation.world import World
 
 LEFT, RIGHT = 0, 1
@@ -85,7 +86,8 @@ class StereoImager:
             last = min(first + rows, lens.height)
             middle = (first + last - 1) / 2 / (lens.height - 1)
             now = time + readout * (middle - 0.5)
-            self._renderer.draw(lens.view(self._pose(side, now), (first, last)), now, image)
+            view = lens.view((first, last))
+            self._renderer.draw(view, self._pose(side, now), now, image)
         return lens.through(image)
 
     def _pose(self, side: int, time: float) -> Pose:
@@ -138,11 +140,10 @@ class _Lens:
         map_x, map_y = cv2.convertMaps(pixels[..., 0], pixels[..., 1], cv2.CV_16SC2)
         self._maps = (np.asarray(map_x, np.int16), np.asarray(map_y, np.uint16))
 
-    def view(self, T_room_camera: Pose, rows: tuple[int, int]) -> View:
+    def view(self, rows: tuple[int, int]) -> View:
+        """The pinhole image's geometry, of which ``rows`` are drawn."""
         K = self._K
-        return View(
-            self.width, self.height, K[0, 0], K[1, 1], K[0, 2], K[1, 2], T_room_camera, rows
-        )
+        return View(self.width, self.height, K[0, 0], K[1, 1], K[0, 2], K[1, 2], rows)
 
     def through(self, image: Image) -> Image:
         """The pinhole image as the lens shows it."""

@@ -1,17 +1,24 @@
 """Convex polygons in front of a camera: clipping by depth, coverage of pixels.
 
-A polygon is a list of corners ``(x, y, z, grow)`` in the camera frame, metres; ``grow`` belongs to
+A polygon is a list of corners ``[x, y, z, grow]`` in the camera frame, metres; ``grow`` belongs to
 the edge from this corner to the next one: pixels by which the polygon is drawn beyond that edge,
 because what adjoins there is drawn later and on top.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-Corner = tuple[float, float, float, float]
+Corner = Sequence[float]
+# u, v, grow: pixels.
+ImageCorner = Sequence[float]
 Float32Array = NDArray[np.float32]
+
+# Up to this many numbers it is faster to compute the distances to all edges at once.
+_AT_ONCE = 12000
 
 
 def clip_depth(polygon: list[Corner], depth: float, keep_far: bool, grow: float) -> list[Corner]:
@@ -35,44 +42,59 @@ def clip_depth(polygon: list[Corner], depth: float, keep_far: bool, grow: float)
 
 
 def coverage(
-    corners: list[tuple[float, float, float]], u0: int, v0: int, width: int, height: int
+    corners: list[ImageCorner], u0: int, v0: int, width: int, height: int
 ) -> Float32Array | None:
     """Share of each pixel of a window that a convex polygon covers; None where it covers all.
 
     Args:
-        corners: ``(u, v, grow)`` pixels, either orientation.
+        corners: pixels, either orientation.
         u0, v0: the window's first pixel. width, height: its size.
 
     The share is taken from the signed distance of the pixel's centre to the nearest edge, which
     is exact along straight edges of either axis and within a few per cent elsewhere.
     """
+    edges = _edges(corners, u0, v0, width - 1, height - 1)
+    if not edges:
+        return None
+    us = np.arange(width, dtype=np.float32)
+    vs = np.arange(height, dtype=np.float32)[:, None]
+    if len(edges) * width * height <= _AT_ONCE:
+        e = np.array(edges, dtype=np.float32)[:, :, None, None]
+        inside: Float32Array = (e[:, 0] * us + (e[:, 1] * vs + e[:, 2])).min(axis=0)
+    else:
+        for k, (nu, nv, c) in enumerate(edges):
+            distance = us * np.float32(nu) + (vs * np.float32(nv) + np.float32(c))
+            inside = distance if k == 0 else np.minimum(inside, distance, out=inside)
+    np.maximum(inside, 0, out=inside)
+    return np.minimum(inside, 1, out=inside)
+
+
+def _edges(
+    corners: list[ImageCorner], u0: int, v0: int, last_u: int, last_v: int
+) -> list[tuple[float, float, float]]:
+    """(nu, nv, c): coverage of window pixel (u, v) by each edge that matters there."""
     n = len(corners)
     area = 0.0
-    for k in range(n):
-        a, b = corners[k], corners[(k + 1) % n]
-        area += a[0] * b[1] - b[0] * a[1]
+    au, av = corners[n - 1][0], corners[n - 1][1]
+    for bu, bv, _ in corners:
+        area += au * bv - bu * av
+        au, av = bu, bv
     side = 1.0 if area > 0 else -1.0
-    us: Float32Array | None = None
-    vs: Float32Array | None = None
-    inside: Float32Array | None = None
-    last_u, last_v = width - 1, height - 1
+    edges = []
     for k in range(n):
         au, av, grow = corners[k]
-        bu, bv, _ = corners[(k + 1) % n]
+        bu, bv, _ = corners[k + 1 if k + 1 < n else 0]
         du, dv = bu - au, bv - av
         length = (du * du + dv * dv) ** 0.5
         if length < 1e-9:
             continue
         nu, nv = -side * dv / length, side * du / length
         c = nu * (u0 - au) + nv * (v0 - av) + grow + 0.5
-        if c + min(0.0, nu * last_u) + min(0.0, nv * last_v) >= 1:
-            continue
-        if us is None or vs is None:
-            us = np.arange(width, dtype=np.float32)
-            vs = np.arange(height, dtype=np.float32)[:, None]
-        distance = us * np.float32(nu) + (vs * np.float32(nv) + np.float32(c))
-        inside = distance if inside is None else np.minimum(inside, distance, out=inside)
-    if inside is None:
-        return None
-    np.maximum(inside, 0, out=inside)
-    return np.minimum(inside, 1, out=inside)
+        least = c
+        if nu < 0:
+            least += nu * last_u
+        if nv < 0:
+            least += nv * last_v
+        if least < 1:
+            edges.append((nu, nv, c))
+    return edges

@@ -10,17 +10,24 @@ of inverse depth, which is an affine function of the pixel on every plane, decid
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, Pose
+from observer.simulation.batches import FacetBatch, SeenFacet, View, Window
 from observer.simulation.facets import Facet, Material, Part
-from observer.simulation.polygons import Corner, Float32Array, clip_depth, coverage
+from observer.simulation.polygons import (
+    Corner,
+    Float32Array,
+    ImageCorner,
+    clip_depth,
+    coverage,
+)
 from observer.simulation.textures import Level, Texture, paint
-from observer.simulation.world import World
+from observer.simulation.world import Body, World
 
 Image = NDArray[np.uint8]
 
@@ -29,38 +36,14 @@ NEAR_M = 0.04
 _BAND_RATIO = 1.8
 # Neighbouring bands show the same, so that their overlap is not seen and saves blending them.
 _BAND_OVERLAP_PX = 3.0
-# Foreshortening beyond this factor is left to the pyramid.
-_MOST_SUPERSAMPLES = 4
-# Foreshortening up to this factor needs no supersampling.
+# Foreshortening up to this factor needs no supersampling, beyond the second is left to the
+# pyramid, and in windows below this many pixels it is not worth its cost.
 _FORESHORTENING = 1.7
+_MOST_SUPERSAMPLES = 4
+_SUPERSAMPLED_PX = 200
 # Parts that overlap by less than this share of their depth are decided by the drawing order.
 _DEPTH_BIAS = 1.02
 _SIDE_LIGHT = np.array([-0.6, 0.8])
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """A pinhole camera at one instant.
-
-    Attributes:
-        width, height: of the whole image, pixels. fx, fy, cx, cy: pixels; (0, 0) is the centre
-            of the first pixel.
-        T_room_camera: its pose.
-        rows: the range of rows that is drawn; all of them unless a rolling shutter reads out.
-    """
-
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    T_room_camera: Pose
-    rows: tuple[int, int]
-
-    @property
-    def K(self) -> Float64Array:
-        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
 
 class Renderer:
@@ -68,40 +51,58 @@ class Renderer:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._posters = tuple(Part((poster,)) for poster in world.posters)
+        posters = [Part((poster,)) for poster in world.posters]
+        self._room = _Thing(None, (world.room, *posters))
+        self._things = tuple(_Thing(body, body.parts) for body in world.bodies)
+        shadows = [_Thing(b, (Part((b.shadow,)),)) for b in world.bodies if b.shadow is not None]
+        self._shadows = tuple(shadows)
         self._textures: dict[int, Texture] = {}
         self._painted: dict[tuple[Material, tuple[float, float]], Texture] = {}
 
-    def draw(self, view: View, time: float, image: Image) -> None:
-        """Draw the rows of ``view`` at ``time`` into ``image`` (H, W, 3) BGR, covering them."""
-        T_camera_room = view.T_room_camera.inverse()
-        eye = view.T_room_camera.translation
+    def draw(self, view: View, T_room_camera: Pose, time: float, image: Image) -> None:
+        """Draw the view's rows at ``time`` into ``image`` (H, W, 3) BGR; all of them are covered.
+
+        Pixels of moving bodies are where the bodies are at ``time``.
+        """
+        R = T_room_camera.rotation.T
+        eye = T_room_camera.translation
+        t = -R @ eye
         drawing = _Drawing(self, view, image)
-        room = _Placement(T_camera_room.rotation, T_camera_room.translation, None, eye)
-        drawing.part(self._world.room, room)
-        for poster in self._posters:
-            drawing.part(poster, room)
-        ordered: list[tuple[float, Part, _Placement]] = []
+        for facet, seen in self._room.visible(R, t, eye, view):
+            drawing.facet(facet, seen, 1.0, hides=False)
+        poses: dict[int, tuple[Float64Array, Float64Array, Float64Array, Pose]] = {}
         for body in self._world.bodies:
             T_room_body = body.T_room_body(time)
-            R = T_camera_room.rotation @ T_room_body.rotation
-            t = T_camera_room.rotation @ T_room_body.translation + T_camera_room.translation
             eye_body = T_room_body.rotation.T @ (eye - T_room_body.translation)
-            placement = _Placement(R, t, T_room_body.rotation, eye_body)
-            if body.shadow is not None:
-                drawing.shadow(body.shadow, placement)
-            for part in body.parts:
+            R_body = R @ T_room_body.rotation
+            poses[body.id] = (R_body, R @ T_room_body.translation + t, eye_body, T_room_body)
+        for shadow in self._shadows:
+            for facet, seen in shadow.visible(*poses[shadow.id][:3], view):
+                drawing.shadow(facet, seen)
+        ordered: list[tuple[float, _Thing, int, list[SeenFacet | None]]] = []
+        for thing in self._things:
+            R_body, t_body, eye_body, _ = poses[thing.id]
+            if thing.batch.outside(R_body, t_body, view):
+                continue
+            all_seen = thing.batch.seen(R_body, t_body, eye_body, view, NEAR_M)
+            for k, part in enumerate(thing.parts):
                 to_eye = part.centre - eye_body
-                ordered.append((float(to_eye @ to_eye), part, placement))
+                first = thing.batch.starts[k]
+                seen_part = all_seen[first : first + len(part.facets)]
+                ordered.append((float(to_eye @ to_eye), thing, k, seen_part))
         ordered.sort(key=lambda item: -item[0])
-        for _, part, placement in ordered:
-            drawing.part(part, placement)
+        for _, thing, k, seen_part in ordered:
+            T_room_body = poses[thing.id][3]
+            for facet, one in zip(thing.parts[k].facets, seen_part, strict=True):
+                if one is not None:
+                    gain = _light(T_room_body.rotation @ facet.normal)
+                    drawing.facet(facet, one, gain, hides=True)
 
     def texture(self, facet: Facet) -> Texture:
         """The texture of a facet, painted at its first use."""
+        # Facets live as long as the world, so their identity is a key.
         found = self._textures.get(id(facet))
         if found is None:
-            # Facets live as long as the world, so their identity is a key.
             key = (facet.material, facet.extent)
             found = self._painted.get(key)
             if found is None:
@@ -110,19 +111,24 @@ class Renderer:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Placement:
-    """Where a part is while one image is drawn.
+class _Thing:
+    """Parts that move together, with their arithmetic; ``body`` is None for the room."""
 
-    Attributes:
-        R, t: ``T_camera_part``. R_room: rotation ``R_room_part`` for the light; None for the
-            room, whose light is painted and which hides nothing. eye: (3,) in the part's frame.
-    """
+    def __init__(self, body: Body | None, parts: Sequence[Part]) -> None:
+        self.id = -1 if body is None else body.id
+        self.parts = tuple(parts)
+        self.batch = FacetBatch(self.parts)
+        self._facets = tuple(facet for part in self.parts for facet in part.facets)
 
-    R: Float64Array
-    t: Float64Array
-    R_room: Float64Array | None
-    eye: Float64Array
+    def visible(
+        self, R: Float64Array, t: Float64Array, eye: Float64Array, view: View
+    ) -> Iterator[tuple[Facet, SeenFacet]]:
+        """The facets that may be in the image, in their order."""
+        if self.batch.outside(R, t, view):
+            return
+        for facet, seen in zip(self._facets, self.batch.seen(R, t, eye, view, NEAR_M), strict=True):
+            if seen is not None:
+                yield facet, seen
 
 
 class _Drawing:
@@ -131,53 +137,33 @@ class _Drawing:
     def __init__(self, renderer: Renderer, view: View, image: Image) -> None:
         self._renderer = renderer
         self._view = view
-        self._K = view.K
         self._image = image
         self._blank = True
         self._inverse_depth = np.zeros((view.height, view.width), np.float32)
 
-    def part(self, part: Part, placement: _Placement) -> None:
-        """Draw the facets of a convex part that face the eye."""
-        R, t = placement.R, placement.t
-        if float(R[2] @ part.centre + t[2]) < NEAR_M - part.radius:
+    def facet(self, facet: Facet, seen: SeenFacet, gain: float, hides: bool) -> None:
+        """Draw one facet, ``gain`` times as bright as its texture."""
+        if seen.nearest >= NEAR_M and seen.farthest <= _BAND_RATIO * seen.nearest:
+            self._band(facet, seen, seen.image_corners, gain, 1 / seen.nearest if hides else None)
             return
-        facing = (part.facing(placement.eye) > 1e-6).tolist()
-        for index, facet in enumerate(part.facets):
-            if not facing[index]:
-                continue
-            points = (facet.vertices @ R.T + t).tolist()
-            polygon: list[Corner] = [
-                (x, y, z, 1.0 if n is not None and n > index and facing[n] else 0.0)
-                for (x, y, z), n in zip(points, facet.neighbours, strict=True)
-            ]
-            bands = [
-                (band, corners, window)
-                for band in _bands(polygon)
-                if (window := self._window(corners := self._project(band))) is not None
-            ]
-            if not bands:
-                continue
-            inverse = self._texture_from_image(facet, placement)
-            lit = placement.R_room
-            gain = 1.0 if lit is None else _light(lit @ facet.normal)
-            for band, corners, window in bands:
-                nearest = None if lit is None else 1 / min(corner[2] for corner in band)
-                self._band(facet, corners, window, inverse, gain, nearest)
+        for band in _bands(seen):
+            nearest = 1 / min([corner[2] for corner in band]) if hides else None
+            self._band(facet, seen, self._project(band), gain, nearest)
 
-    def shadow(self, facet: Facet, placement: _Placement) -> None:
+    def shadow(self, facet: Facet, seen: SeenFacet) -> None:
         """Darken what lies below a body."""
-        points = (facet.vertices @ placement.R.T + placement.t).tolist()
-        polygon: list[Corner] = [(x, y, z, 0.0) for x, y, z in points]
-        polygon = clip_depth(polygon, NEAR_M, True, 0.0)
+        polygon = seen.corners
+        if seen.nearest < NEAR_M:
+            polygon = clip_depth(polygon, NEAR_M, True, 0.0)
         window = self._window(self._project(polygon))
         if window is None:
             return
-        inverse = self._texture_from_image(facet, placement)
         u0, v0, u1, v1 = window
-        level, _, _ = self._level(facet, inverse, (u0 + u1) / 2, (v0 + v1) / 2)
+        m = seen.texture_from_image
+        level, _, _ = self._level(facet, m, (u0 + u1) / 2, (v0 + v1) / 2, 0)
         light = cv2.warpPerspective(
             level.image,
-            _texture_pixels(inverse, level.sx, level.sy) @ _shift(u0, v0),
+            _level_from_window(m, level, u0, v0, 1, 1),
             (u1 - u0, v1 - v0),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_CONSTANT,
@@ -186,33 +172,27 @@ class _Drawing:
         region = self._image[v0:v1, u0:u1]
         region[:] = cv2.multiply(region, light, scale=1 / 255)
 
-    def _texture_from_image(self, facet: Facet, placement: _Placement) -> Float64Array:
-        """(3, 3) from an image pixel (u, v, 1) to (s, t, 1) / z: metres on the texture, depth."""
-        A = placement.R @ facet.texture_frame
-        A[:, 2] += placement.t
-        return np.asarray(np.linalg.inv(self._K @ A), dtype=np.float64)
-
     def _band(
         self,
         facet: Facet,
-        corners: list[tuple[float, float, float]],
-        window: tuple[int, int, int, int],
-        inverse: Float64Array,
+        seen: SeenFacet,
+        corners: list[ImageCorner],
         gain: float,
         nearest: float | None,
     ) -> None:
         """Draw one band; ``nearest`` is its largest inverse depth, None where it hides nothing."""
+        window = self._window(corners)
+        if window is None:
+            return
         u0, v0, u1, v1 = window
         # What is drawn first needs no edges: all around it is drawn later.
         share = None if self._blank else coverage(corners, u0, v0, u1 - u0, v1 - v0)
         self._blank = False
         if nearest is not None:
-            share = self._visible(share, inverse[2], window, nearest)
+            share = self._visible(share, seen.texture_from_image, window, nearest)
             if share is None:
                 return
-        cu = sum([min(max(c[0], u0), u1) for c in corners]) / len(corners)
-        cv = sum([min(max(c[1], v0), v1) for c in corners]) / len(corners)
-        patch = self._warp(facet, inverse, window, cu, cv)
+        patch = self._warp(facet, seen.texture_from_image, window, corners)
         if gain != 1.0:
             patch = np.asarray(cv2.convertScaleAbs(patch, alpha=gain), np.uint8)
         region = self._image[v0:v1, u0:u1]
@@ -222,20 +202,13 @@ class _Drawing:
             region[:] = cv2.blendLinear(patch, region, share, 1 - share)
 
     def _visible(
-        self,
-        share: Float32Array | None,
-        plane: Float64Array,
-        window: tuple[int, int, int, int],
-        nearest: float,
+        self, share: Float32Array | None, m: list[float], window: Window, nearest: float
     ) -> Float32Array | None:
-        """Coverage left in front of what was drawn before; None where nothing is left.
-
-        ``plane`` (3,) gives the inverse depth of the facet's plane at a pixel (u, v, 1).
-        """
+        """Coverage left in front of what was drawn before; None where nothing is left."""
         u0, v0, u1, v1 = window
         us = np.arange(u0, u1, dtype=np.float32)
         vs = np.arange(v0, v1, dtype=np.float32)[:, None]
-        depth = us * np.float32(plane[0]) + (vs * np.float32(plane[1]) + np.float32(plane[2]))
+        depth = us * np.float32(m[6]) + (vs * np.float32(m[7]) + np.float32(m[8]))
         # Beyond its own edges a plane goes on towards the eye; the facet does not.
         np.minimum(depth, np.float32(nearest), out=depth)
         behind = self._inverse_depth[v0:v1, u0:u1]
@@ -251,26 +224,18 @@ class _Drawing:
         return share
 
     def _warp(
-        self,
-        facet: Facet,
-        inverse: Float64Array,
-        window: tuple[int, int, int, int],
-        cu: float,
-        cv: float,
+        self, facet: Facet, m: list[float], window: Window, corners: list[ImageCorner]
     ) -> Image:
         """The facet's texture over a window, without aliasing."""
         u0, v0, u1, v1 = window
         w, h = u1 - u0, v1 - v0
-        level, nu, nv = self._level(facet, inverse, cu, cv)
-        M = _texture_pixels(inverse, level.sx, level.sy) @ _shift(u0, v0)
-        if nu > 1 or nv > 1:
-            # Pixel u of the window is the mean of nu samples about it.
-            M = M @ np.array(
-                [[1 / nu, 0, (1 - nu) / (2 * nu)], [0, 1 / nv, (1 - nv) / (2 * nv)], [0, 0, 1.0]]
-            )
+        n = len(corners)
+        cu = sum([min(max(c[0], u0), u1) for c in corners]) / n
+        cv = sum([min(max(c[1], v0), v1) for c in corners]) / n
+        level, nu, nv = self._level(facet, m, cu, cv, w * h)
         patch = cv2.warpPerspective(
             level.image,
-            M,
+            _level_from_window(m, level, u0, v0, nu, nv),
             (w * nu, h * nv),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
@@ -280,55 +245,42 @@ class _Drawing:
         return np.asarray(patch, np.uint8)
 
     def _level(
-        self, facet: Facet, inverse: Float64Array, u: float, v: float
+        self, facet: Facet, m: list[float], u: float, v: float, pixels: int
     ) -> tuple[Level, int, int]:
         """Pyramid level, and samples along u and v, that suit the texture about pixel (u, v)."""
-        m00, m01, m02, m10, m11, m12, m20, m21, m22 = inverse.ravel().tolist()
-        c = m20 * u + m21 * v + m22
-        s = (m00 * u + m01 * v + m02) / c
-        t = (m10 * u + m11 * v + m12) / c
-        along_u = math.hypot(m00 - s * m20, m10 - t * m20) / abs(c)
-        along_v = math.hypot(m01 - s * m21, m11 - t * m21) / abs(c)
+        c = m[6] * u + m[7] * v + m[8]
+        s = (m[0] * u + m[1] * v + m[2]) / c
+        t = (m[3] * u + m[4] * v + m[5]) / c
+        along_u = math.hypot(m[0] - s * m[6], m[3] - t * m[6]) / abs(c)
+        along_v = math.hypot(m[1] - s * m[7], m[4] - t * m[7]) / abs(c)
         fine = max(min(along_u, along_v), 1e-9)
-        nu = min(_MOST_SUPERSAMPLES, max(1, round(along_u / fine / _FORESHORTENING)))
-        nv = min(_MOST_SUPERSAMPLES, max(1, round(along_v / fine / _FORESHORTENING)))
+        nu = nv = 1
+        if pixels >= _SUPERSAMPLED_PX:
+            nu = min(_MOST_SUPERSAMPLES, max(1, round(along_u / fine / _FORESHORTENING)))
+            nv = min(_MOST_SUPERSAMPLES, max(1, round(along_v / fine / _FORESHORTENING)))
         coarse = max(along_u / nu, along_v / nv, fine)
         # Between the two: a little blur across is less disturbing than shimmer along.
         level = self._renderer.texture(facet).level(1 / math.sqrt(fine * coarse))
         return level, nu, nv
 
-    def _project(self, polygon: list[Corner]) -> list[tuple[float, float, float]]:
+    def _project(self, polygon: list[Corner]) -> list[ImageCorner]:
         v = self._view
         return [(v.fx * x / z + v.cx, v.fy * y / z + v.cy, g) for x, y, z, g in polygon]
 
-    def _window(
-        self, corners: list[tuple[float, float, float]]
-    ) -> tuple[int, int, int, int] | None:
-        """First and past-the-end pixel of the polygon's bounding box within the view."""
+    def _window(self, corners: list[ImageCorner]) -> Window | None:
         if not corners:
             return None
-        first, last = self._view.rows
         us = [c[0] for c in corners]
         vs = [c[1] for c in corners]
-        margin = 1.0
-        u0 = max(0, math.floor(max(min(us) - margin, -1.0)))
-        v0 = max(first, math.floor(max(min(vs) - margin, -1.0)))
-        u1 = min(self._view.width, math.ceil(min(max(us) + margin, 1e6)) + 1)
-        v1 = min(last, math.ceil(min(max(vs) + margin, 1e6)) + 1)
-        return (u0, v0, u1, v1) if u1 > u0 and v1 > v0 else None
+        return self._view.window(min(us), min(vs), max(us), max(vs))
 
 
-def _bands(polygon: list[Corner]) -> list[list[Corner]]:
-    """The polygon cut by depth, from far to near; what lies before the near plane is left out."""
-    nearest = min(corner[2] for corner in polygon)
-    farthest = max(corner[2] for corner in polygon)
-    if farthest <= NEAR_M:
-        return []
+def _bands(seen: SeenFacet) -> list[list[Corner]]:
+    """The facet cut by depth, from far to near; what lies before the near plane is left out."""
+    polygon, nearest, farthest = seen.corners, seen.nearest, seen.farthest
     if nearest < NEAR_M:
         polygon = clip_depth(polygon, NEAR_M, True, 0.0)
         nearest = NEAR_M
-    if farthest <= _BAND_RATIO * nearest:
-        return [polygon]
     bands = []
     far = farthest
     while polygon:
@@ -343,13 +295,23 @@ def _bands(polygon: list[Corner]) -> list[list[Corner]]:
     return bands
 
 
-def _texture_pixels(inverse: Float64Array, sx: float, sy: float) -> Float64Array:
-    """From image pixels to pixels of a texture's level."""
-    return np.array([[sx, 0, -0.5], [0, sy, -0.5], [0, 0, 1.0]]) @ inverse
+def _level_from_window(
+    m: list[float], level: Level, u0: int, v0: int, nu: int, nv: int
+) -> Float64Array:
+    """(3, 3) from a sample of a window to a pixel of a texture's level.
 
-
-def _shift(u0: int, v0: int) -> Float64Array:
-    return np.array([[1.0, 0, u0], [0, 1.0, v0], [0, 0, 1.0]])
+    Pixel u of the window is the mean of its nu samples, so sample k lies at
+    u0 + (k + 0.5) / nu - 0.5, and v likewise.
+    """
+    rows = []
+    for a, b, c in (
+        (level.sx * m[0] - 0.5 * m[6], level.sx * m[1] - 0.5 * m[7], level.sx * m[2] - 0.5 * m[8]),
+        (level.sy * m[3] - 0.5 * m[6], level.sy * m[4] - 0.5 * m[7], level.sy * m[5] - 0.5 * m[8]),
+        (m[6], m[7], m[8]),
+    ):
+        shift_u, shift_v = u0 + 0.5 / nu - 0.5, v0 + 0.5 / nv - 0.5
+        rows.append((a / nu, b / nv, c + a * shift_u + b * shift_v))
+    return np.array(rows)
 
 
 def _light(normal: Float64Array) -> float:

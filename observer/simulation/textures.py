@@ -27,8 +27,8 @@ Painter = Callable[[Canvas], NDArray[np.uint8]]
 
 # Kind of material: its painter and its density, pixels per metre.
 _PAINTERS: dict[str, tuple[Painter, float]] = {
-    "floor_wood": (surfaces.wood, 260),
-    "floor_tiles": (surfaces.tiles, 260),
+    "floor_wood": (surfaces.wood, 230),
+    "floor_tiles": (surfaces.tiles, 230),
     "wall_painted": (surfaces.painted_wall, 180),
     "wall_panels": (surfaces.panelled_wall, 180),
     "ceiling": (surfaces.ceiling, 30),

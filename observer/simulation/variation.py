@@ -127,12 +127,19 @@ def varied(scenario: Scenario, seed: int) -> Scenario:
     designs = [item.design for item in scenario.objects if isinstance(item, PosterSpec)]
     rng.shuffle(designs)
     objects: list[BoxSpec | PosterSpec] = []
+    below = (0.0, 0.0)
     for item in scenario.objects:
         if isinstance(item, PosterSpec):
             along = item.along_m + draw(bounds.position_m)
             objects.append(item.model_copy(update={"along_m": along, "design": designs.pop()}))
+        elif item.above_m:
+            # What stands on a box moves with it.
+            x, y = item.x + below[0], item.y + below[1]
+            objects.append(item.model_copy(update={"x": x, "y": y}))
         else:
-            objects.append(item.model_copy(update=moved(item)))
+            change = moved(item)
+            below = (change["x"] - item.x, change["y"] - item.y)
+            objects.append(item.model_copy(update=change))
     return scenario.model_copy(
         update={"robots": tuple(robots), "observer": observer, "objects": tuple(objects)}
     )

@@ -78,14 +78,17 @@ class Canvas:
         """8 bit, its contrast about the mean colour scaled, then shaded.
 
         ``shade`` (height, width) or broadcastable multiplies: light is not texture, so the
-        contrast does not scale it.
+        contrast does not scale it. The image is used up.
         """
         if self.contrast != 1.0:
             mean = image.mean(axis=(0, 1), keepdims=True)
-            image = mean + self.contrast * (image - mean)
+            image -= mean
+            image *= self.contrast
+            image += mean
         if shade is not None:
-            image = image * shade[..., None]
-        return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+            image *= shade[..., None]
+        image += 0.5
+        return np.clip(image, 0, 255, out=image).astype(np.uint8)
 
 
 def smoothstep(x: Float32Array, low: float, high: float) -> Float32Array:

@@ -191,9 +191,10 @@ def robot_side(canvas: Canvas) -> NDArray[np.uint8]:
         cv2.line(image, (u, band + 3), (u, h), (22, 20, 128), 1, cv2.LINE_AA)
         cv2.circle(image, (u + 8, band + 10), 2, (150, 150, 160), -1, cv2.LINE_AA)
         cv2.circle(image, (u + 8, h - 10), 2, (150, 150, 160), -1, cv2.LINE_AA)
-    for k in range(4):
-        x = round((k + 0.32) * w / 4)
-        scale = 0.0048 * h
+    # The name stands before and behind the wheels, on the front and on the back.
+    for share in (0.015, 0.25, 0.365, 0.52, 0.75, 0.87):
+        x = round(share * w)
+        scale = 0.0036 * h
         cv2.putText(
             image, "P3-DX", (x, round(0.68 * h)), cv2.FONT_HERSHEY_DUPLEX, scale,
             (240, 240, 245), 2, cv2.LINE_AA,
