@@ -63,7 +63,7 @@ class Watching:
             await self._changed.wait()
             self._changed.clear()
             names = tuple(sorted(name for name, count in self._watchers.items() if count > 0))
-            if names == self._told:
+            if names == (self._told or ()):
                 continue
             try:
                 await self._engine.request(WatchViews(names))

@@ -6,6 +6,8 @@ mounts. The order: name (400), origin (403), token (401, 429), kind of body (415
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,6 +29,9 @@ _UPLOAD_OVERHEAD = 16 * 1024
 _MOST_CANDIDATES = 4
 _COOKIE_SECONDS = 30 * 24 * 3600
 _QUOTED = 80
+# How long, and for how much, a refused sender is listened to so that it hears the answer.
+_LINGER_S = 1.0
+_LINGER_BYTES = 8 * 1024 * 1024
 
 _SIGN_IN_FIRST = (
     "sign in first: open the link that the server printed at its start, or send the header "
@@ -111,7 +116,7 @@ class Gate:
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
         refusal = self._refuse_sender(scope)
         if refusal is not None:
-            await _answer(send, refusal, close=True)
+            await _refuse(scope, receive, send, refusal)
             return
         path, method = scope["path"], scope["method"]
         if path == "/" and method in ("GET", "HEAD"):
@@ -127,12 +132,12 @@ class Gate:
                 return
         refusal = refusal or self._refuse_body(scope)
         if refusal is not None:
-            await _answer(send, refusal, close=True)
+            await _refuse(scope, receive, send, refusal)
             return
         most_bytes = self._most_bytes(path)
         body = LimitedBody(receive, send, most_bytes)
         if await body.run(self._app, scope):
-            await _answer(send, _too_large(most_bytes), close=True)
+            await _refuse(scope, receive, send, _too_large(most_bytes))
 
     async def _follow_link(self, scope: Scope, tokens: list[str], send: Send) -> None:
         """Turn the token in the link into a cookie, and take it out of the address."""
@@ -185,14 +190,12 @@ class Gate:
     def _refuse_body(self, scope: Scope) -> Refusal | None:
         if scope["method"] in _SAFE_METHODS:
             return None
-        lengths = _values(scope, b"content-length")
-        length = int(lengths[0]) if lengths and lengths[0].isdecimal() else 0
-        has_body = length > 0 or bool(_values(scope, b"transfer-encoding"))
         kinds = _values(scope, b"content-type")
-        if len(kinds) > 1 or not accepts_kind(scope["path"], kinds[0] if kinds else None, has_body):
+        kind = kinds[0] if kinds else None
+        if len(kinds) > 1 or not accepts_kind(scope["path"], kind, _has_body(scope)):
             return Refusal(415, "send the body as application/json, and say so in Content-Type")
         most_bytes = self._most_bytes(scope["path"])
-        return _too_large(most_bytes) if length > most_bytes else None
+        return _too_large(most_bytes) if _announced_bytes(scope) > most_bytes else None
 
     def _most_bytes(self, path: str) -> int:
         if path in _UPLOAD_PATHS:
@@ -221,6 +224,15 @@ def _tokens(scope: Scope) -> Iterator[str]:
                 yield token
 
 
+def _announced_bytes(scope: Scope) -> int:
+    lengths = _values(scope, b"content-length")
+    return int(lengths[0]) if lengths and lengths[0].isdecimal() else 0
+
+
+def _has_body(scope: Scope) -> bool:
+    return _announced_bytes(scope) > 0 or bool(_values(scope, b"transfer-encoding"))
+
+
 def _wants_page(scope: Scope) -> bool:
     return any("text/html" in value for value in _values(scope, b"accept"))
 
@@ -238,13 +250,28 @@ def _with_security_headers(send: Send) -> Send:
     return wrapped
 
 
-async def _answer(send: Send, refusal: Refusal, *, close: bool = False) -> None:
+async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:
     body = json.dumps({"detail": refusal.detail}).encode()
     headers = [(b"content-type", b"application/json"), *refusal.headers]
-    if close:
-        # The body was not read, so the connection cannot serve another request.
-        headers.append((b"connection", b"close"))
-    await _answer_raw(send, refusal.status, headers, body)
+    if not _has_body(scope):
+        await _answer_raw(send, refusal.status, headers, body)
+        return
+    # The body is not wanted, so the connection serves no other request. A client that is still
+    # sending would have the answer torn away by an immediate end: wait a moment for it.
+    headers.append((b"connection", b"close"))
+    await _answer_raw(send, refusal.status, headers, body, more=True)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_LINGER_S):
+            await _discard(receive, _LINGER_BYTES)
+    await send({"type": "http.response.body", "body": b""})
+
+
+async def _discard(receive: Receive, most_bytes: int) -> None:
+    while most_bytes > 0:
+        message = await receive()
+        if message["type"] != "http.request" or not message.get("more_body", False):
+            return
+        most_bytes -= len(message.get("body", b""))
 
 
 async def _send_page(send: Send, refusal: Refusal, page: str) -> None:
@@ -258,10 +285,12 @@ async def _send_page(send: Send, refusal: Refusal, page: str) -> None:
     await _answer_raw(send, refusal.status, headers, page.encode())
 
 
-async def _answer_raw(send: Send, status: int, headers: RawHeaders, body: bytes) -> None:
+async def _answer_raw(
+    send: Send, status: int, headers: RawHeaders, body: bytes, *, more: bool = False
+) -> None:
     headers = [*headers, (b"content-length", str(len(body)).encode())]
     await send({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": body})
+    await send({"type": "http.response.body", "body": body, "more_body": more})
 
 
 async def _deny(scope: Scope, refusal: Refusal, send: Send) -> None:

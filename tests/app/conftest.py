@@ -1,0 +1,329 @@
+"""An engine within the test's own process, and a database of its own."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.channel.latest import LatestReader, LatestWriter, create_slot
+from app.messages import (
+    CLOUD_NAME,
+    VIEW_NAMES,
+    Command,
+    EngineLostEvent,
+    EngineStartedEvent,
+    EngineState,
+    Event,
+    ObservationEvent,
+    OpenSource,
+    PreviewCalibration,
+    SetParameters,
+    SetPlayback,
+    StateEvent,
+    StopRun,
+    WatchViews,
+)
+from app.storage import Storage
+from app.supervisor import EngineHealth, EngineRefused, EngineUnavailable
+from observer.calibration.opencv_file import calibration_text
+from observer.camera import StereoCalibration
+from observer.parameters import Parameters
+
+# The smallest JPEG there is would do; the bytes are only carried.
+JPEG = b"\xff\xd8\xff\xe0 not a picture, but carried like one \xff\xd9"
+
+
+class PeerEngine:
+    """Fulfils ``app.station.Engine`` by keeping state instead of observing.
+
+    Sources: ``simulated:lab`` and anything else opens; ``missing`` is refused as input.
+    """
+
+    def __init__(self) -> None:
+        self._slots = {name: create_slot(1 << 20) for name in (*VIEW_NAMES, CLOUD_NAME)}
+        self.writers = {name: LatestWriter(fd) for name, fd in self._slots.items()}
+        readers = {name: LatestReader(fd) for name, fd in self._slots.items()}
+        self.cloud = readers.pop(CLOUD_NAME)
+        self.views = readers
+        self.commands: list[Command] = []
+        self.subscribers: list[Callable[[Event], None]] = []
+        self.generation = 0
+        self.alive = False
+        self.opened: OpenSource | None = None
+        self.parameters: dict[str, Any] = {}
+        self.watched: tuple[str, ...] = ()
+        self.frame = 0
+        self.sequence = 0
+        self.playback: dict[str, Any] = {}
+        # Drawn like the real engine: what is newly watched at once.
+        self.draw_on_watch = True
+
+    async def start(self) -> None:
+        self.start_process()
+
+    def start_process(self) -> None:
+        self.generation += 1
+        self.alive = True
+        self.opened = None
+        self.sequence = 0
+        self.publish(EngineStartedEvent(self.generation, 1000 + self.generation))
+
+    def lose(self, reason: str = "the engine was killed") -> None:
+        self.alive = False
+        self.publish(EngineLostEvent(self.generation, reason))
+
+    async def stop(self) -> None:
+        self.alive = False
+        if not self._slots:
+            return
+        for slot in (*self.writers.values(), *self.views.values(), self.cloud):
+            slot.close()
+        for fd in self._slots.values():
+            os.close(fd)
+        self._slots = {}
+
+    def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
+        self.subscribers.append(callback)
+        return lambda: self.subscribers.remove(callback)
+
+    def publish(self, event: Event) -> None:
+        for callback in tuple(self.subscribers):
+            callback(event)
+
+    @property
+    def health(self) -> EngineHealth:
+        pid = 1000 + self.generation if self.alive else None
+        return EngineHealth(self.generation, pid, self.alive, max(0, self.generation - 1), 0.01, 0)
+
+    async def request(self, command: Command, timeout_s: float = 10.0) -> dict[str, Any]:
+        assert timeout_s > 0
+        if not self.alive:
+            raise EngineUnavailable("the engine is being replaced")
+        self.commands.append(command)
+        match command:
+            case OpenSource():
+                return self._open(command)
+            case SetParameters():
+                self.parameters = dict(command.parameters)
+                return {"frame": self.frame + 1 if self.opened else None}
+            case SetPlayback():
+                if self.opened is None:
+                    raise EngineRefused("no source is open", "state")
+                changes = asdict(command)
+                for name in ("paused", "rate", "loop"):
+                    if changes[name] is not None:
+                        self.playback[name] = changes[name]
+                self.publish(self.state())
+                return dict(self.playback)
+            case StopRun():
+                assert self.opened is not None
+                self.opened = replace(self.opened, run_id=None)
+                self.publish(self.state())
+                return {}
+            case WatchViews():
+                new = set(command.names) - set(self.watched)
+                self.watched = command.names
+                if self.draw_on_watch:
+                    for name in new & set(VIEW_NAMES):
+                        self.draw(name)
+                return {}
+            case PreviewCalibration():
+                return {"jpeg": JPEG, "vertical_error_px": 0.125, "matches": 42}
+        return {}
+
+    def _open(self, command: OpenSource) -> dict[str, Any]:
+        if command.source == "missing":
+            raise EngineRefused("there is no folder missing; name one that exists", "input")
+        if command.source == "uncalibrated" and command.calibration_yaml is None:
+            raise EngineRefused("uncalibrated brings no calibration", "input")
+        self.opened = command
+        self.parameters = dict(command.parameters)
+        self.frame = 0
+        self.playback = {
+            "paused": command.paused,
+            "rate": command.rate,
+            "loop": command.loop,
+            "frame": 0,
+            "frame_count": 100,
+            "ended": False,
+            "achieved_rate": 1.0,
+        }
+        self.publish(self.state())
+        return {}
+
+    def state(self, **more: Any) -> StateEvent:
+        opened = self.opened
+        if opened is None:
+            return StateEvent(EngineState.IDLE, None)
+        source = {
+            "spec": opened.source,
+            "kind": "simulated",
+            "width": 512,
+            "height": 256,
+            "frame_rate": 15.0,
+            "frame_count": 100,
+            "live": False,
+            "mount_height_m": 0.4,
+            "mount_tilt_rad": 0.1,
+        }
+        camera = {
+            "width": 512,
+            "height": 256,
+            "fx": 443.0,
+            "fy": 443.0,
+            "cx": 255.5,
+            "cy": 127.5,
+            "baseline": 0.12,
+        }
+        return (
+            StateEvent(
+                EngineState.PREVIEW if opened.run_id is None else EngineState.RUNNING,
+                None,
+                source=source,
+                playback=dict(self.playback),
+                camera=camera,
+                run_id=opened.run_id,
+                segment=opened.segment,
+                has_truth=True,
+            )
+            if not more
+            else replace(self.state(), **more)
+        )
+
+    def draw(self, name: str) -> None:
+        header = {
+            "frame": self.frame,
+            "time": 0.0,
+            "received": time.monotonic(),
+            "width": 512,
+            "height": 256,
+        }
+        self.writers[name].write(header, JPEG)
+
+    def draw_cloud(self, points: int = 50) -> None:
+        rng = np.random.default_rng(self.frame)
+        header = {
+            "frame": self.frame,
+            "time": 0.0,
+            "received": time.monotonic(),
+            "count": points,
+            "T_world_camera": np.eye(4).ravel().tolist(),
+            "segment": 0,
+        }
+        cloud = rng.uniform(1, 3, (points, 3)).astype(np.float32)
+        colors = rng.integers(0, 255, (points, 3), dtype=np.uint8)
+        self.writers[CLOUD_NAME].write(header, cloud.tobytes(), colors.tobytes())
+
+    def observe(self, **more: Any) -> ObservationEvent:
+        """One more frame with one obstacle; also draws what is watched."""
+        opened = self.opened
+        assert opened is not None
+        for name in self.watched:
+            if name in VIEW_NAMES:
+                self.draw(name)
+            else:
+                self.draw_cloud()
+        event = ObservationEvent(
+            sequence=self.sequence,
+            line=line(self.frame, opened.segment, opened.parameters_revision),
+            truth=[truth(self.frame)],
+            received=time.monotonic(),
+            published=time.monotonic(),
+            frame_skips=0,
+            run_id=opened.run_id,
+        )
+        event = replace(event, **more)
+        self.frame += 1
+        self.sequence += 1
+        self.publish(event)
+        return event
+
+
+def line(frame: int, segment: int = 0, revision: int = 0) -> dict[str, Any]:
+    """A JSON line with one obstacle that drives to the right at 0.4 m/s."""
+    at = [0.4 * frame / 15, 0.1, 3.0]
+    return {
+        "frame": frame,
+        "time": frame / 15,
+        "segment": segment,
+        "status": "ok",
+        "reasons": [],
+        "parameters_revision": revision,
+        "pose": {"position": [0.0, 0.0, 0.02 * frame], "orientation_wxyz": [1.0, 0, 0, 0]},
+        "obstacles": [
+            {
+                "id": 7,
+                "state": "confirmed",
+                "motion": "moving",
+                "position": at,
+                "velocity": [0.4, 0.0, 0.0],
+                "speed": 0.4,
+                "speed_std": 0.05,
+                "position_cov": None,
+                "velocity_cov": None,
+                "velocity_time": frame / 15,
+                "size": [0.5, 0.3, 0.4],
+                "orientation_wxyz": [1.0, 0.0, 0.0, 0.0],
+                "range": 3.0,
+                "bearing": 0.1,
+                "closing_speed": 0.0,
+                "points": 20,
+                "significance": 8.0,
+                "box_px": [100.0, 50.0, 160.0, 90.0],
+                "why": "its flow differs from the background's",
+            }
+        ],
+        "timings_ms": {"features": 1.0 + frame % 3, "total": 20.0},
+    }
+
+
+def truth(frame: int) -> dict[str, Any]:
+    return {
+        "id": 1,
+        "name": "P3-DX",
+        "role": "obstacle",
+        "position": [0.4 * frame / 15, 0.1, 3.0],
+        "velocity": [0.4, 0.0, 0.0],
+        "speed": 0.4,
+        "size": [0.455, 0.381, 0.237],
+        "yaw": 1.5708,
+        "visible": 1.0,
+        "commanded_speed": 0.4,
+        "track_id": 7,
+    }
+
+
+def rectified_calibration(width: int = 512, height: int = 256) -> str:
+    """The text of a calibration file."""
+    return calibration_text(
+        StereoCalibration.rectified(width, height, 443.0, 443.0, 255.5, 127.5, 0.12)
+    )
+
+
+@pytest.fixture
+def peer() -> PeerEngine:
+    return PeerEngine()
+
+
+@pytest.fixture
+def calibration_yaml() -> Callable[..., str]:
+    return rectified_calibration
+
+
+@pytest.fixture
+def default_values() -> dict[str, Any]:
+    return dict(Parameters().flat())
+
+
+@pytest.fixture
+def storage(tmp_path: Path) -> Iterator[Storage]:
+    storage = Storage(tmp_path / "observer.sqlite", busy_timeout_s=0.5)
+    yield storage
+    storage.close()
