@@ -75,10 +75,10 @@ def spread(
     starts = np.searchsorted(cell[order], np.arange(rows * columns))
     rank = np.arange(len(order)) - starts[cell[order]]
     share = max(1, -(-max_count // (rows * columns)))
-    kept = order[rank < share]
-    if len(kept) > max_count:
-        kept = kept[np.lexsort((kept, rank[rank < share]))][:max_count]
-    return np.asarray(kept, dtype=np.intp)
+    order, rank = order[rank < share], rank[rank < share]
+    # Shares are rounded up; the weakest of the fullest cells make room.
+    last = np.lexsort((px[order, 0], px[order, 1], -response[order], rank))
+    return np.asarray(order[last[:max_count]], dtype=np.intp)
 
 
 def _corners(

@@ -39,7 +39,8 @@ def transform_images(left: Image, right: Image, homography: Float64Array) -> Tra
     return TransformedPair(
         left=_warp(left, homography, cv2.INTER_LINEAR),
         right=_warp(right, homography, cv2.INTER_LINEAR),
-        valid=_warp(inside, homography, cv2.INTER_NEAREST) > 0,
+        # A pixel that is interpolated with the black outside is not known.
+        valid=_warp(inside, homography, cv2.INTER_LINEAR) == 255,
     )
 
 
