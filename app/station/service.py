@@ -329,12 +329,17 @@ class Station:
                 await self._open(opening, run, parameters=revision.after)
             except BaseException:
                 self._run = None
-                self.writer.post(partial(self.storage.delete_run, record.id))
+                await self._forget(record.id)
                 raise
             self._wanted = opening
             self.parameters.adopt(revision, 0, run.id)
             self.followers.status_changed()
             return run.snapshot()
+
+    async def _forget(self, run_id: str) -> None:
+        """A run that never began is not kept."""
+        with contextlib.suppress(NotAvailable, StorageError):
+            await self.writer.submit(partial(self.storage.delete_run, run_id), timeout_s=2.0)
 
     async def stop_run(self, run_id: str) -> RunRecord:
         """End the run; its source stays open.

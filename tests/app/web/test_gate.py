@@ -133,23 +133,21 @@ def test_cross_site_without_an_origin_is_told_by_the_browser(serve: Any) -> None
     asyncio.run(scenario())
 
 
-@pytest.mark.parametrize(
-    "kind",
-    ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data; boundary=x", ""],
-)
-def test_forms_and_text_change_nothing(serve: Any, peer: Any, kind: str) -> None:
+def test_forms_and_text_change_nothing(serve: Any, peer: Any) -> None:
+    other_kinds = ("/sign-in", "/api/calibrations")
+
     async def scenario() -> None:
         async with serve() as served:
             before = len(peer.commands)
-            headers = {"Content-Type": kind} if kind else {}
-            other_kinds = ("/sign-in", "/api/calibrations")
             for method, path in http_routes(served.app):
                 if method in ("GET", "HEAD", "OPTIONS") or path in other_kinds:
                     continue
-                answer = await served.http.request(
-                    method, path, content=b'{"paused": true}', headers=headers
-                )
-                assert answer.status_code == 415, (method, path)
+                for kind in ("text/plain", FORM, "multipart/form-data; boundary=x", ""):
+                    headers = {"Content-Type": kind} if kind else {}
+                    answer = await served.http.request(
+                        method, path, content=b'{"paused": true}', headers=headers
+                    )
+                    assert answer.status_code == 415, (method, path, kind)
             assert len(peer.commands) == before
 
     asyncio.run(scenario())
@@ -314,46 +312,46 @@ def test_a_huge_upload_costs_no_memory(serve: Any, announced: bool) -> None:
     asyncio.run(scenario())
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "/static/../pyproject.toml",
-        "/static/..%2fpyproject.toml",
-        "/static/%2e%2e/pyproject.toml",
-        "/static/%2e%2e%2f%2e%2e%2fetc/passwd",
-        "/static//etc/passwd",
-        "/static/%00",
-        "/static/app%00.js",
-        "/static/..\\pyproject.toml",
-        "/api/runs/..%2f..%2fetc%2fpasswd",
-        "/api/runs/%00",
-        "/api/views/..%2fleft.jpg",
-        "/api/calibrations/..%2f..%2fcanary/file",
-        "/viewer/../pyproject.toml",
-        "/viewer/%2e%2e/pyproject.toml",
-    ],
-)
-def test_paths_stay_inside(serve: Any, path: str) -> None:
+OUTSIDE = [
+    "/static/../pyproject.toml",
+    "/static/..%2fpyproject.toml",
+    "/static/%2e%2e/pyproject.toml",
+    "/static/%2e%2e%2f%2e%2e%2fetc/passwd",
+    "/static//etc/passwd",
+    "/static/%00",
+    "/static/app%00.js",
+    "/static/..\\pyproject.toml",
+    "/api/runs/..%2f..%2fetc%2fpasswd",
+    "/api/runs/%00",
+    "/api/views/..%2fleft.jpg",
+    "/api/calibrations/..%2f..%2fcanary/file",
+    "/viewer/../pyproject.toml",
+    "/viewer/%2e%2e/pyproject.toml",
+]
+
+
+def test_paths_stay_inside(serve: Any) -> None:
     async def scenario() -> None:
         async with serve() as served:
-            answer = await raw_request(served.port, "GET", path, {"Authorization": bearer()})
-            status = int(answer.split()[1])
-            assert 400 <= status < 500, answer[:200]
-            assert b"dynamic-observer" not in answer
-            assert b"root:" not in answer
+            for path in OUTSIDE:
+                answer = await raw_request(served.port, "GET", path, {"Authorization": bearer()})
+                assert 400 <= int(answer.split()[1]) < 500, (path, answer[:200])
+                assert b"[project]" not in answer
+                assert b"root:" not in answer
 
     asyncio.run(scenario())
 
 
-@pytest.mark.parametrize(
-    "hosts", [[], ["127.0.0.1", "evil.example"], ["a b"], ["[::1"], ["127.0.0.1:99999"], ["é"]]
-)
-def test_a_request_needs_one_sound_host(serve: Any, hosts: list[str]) -> None:
+NO_HOSTS = [[], ["127.0.0.1", "evil.example"], ["a b"], ["[::1"], ["127.0.0.1:99999"], ["\u00e9"]]
+
+
+def test_a_request_needs_one_sound_host(serve: Any) -> None:
     async def scenario() -> None:
         async with serve() as served:
-            lines = ["GET /healthz HTTP/1.0", *(f"Host: {host}" for host in hosts), "", ""]
-            answer = await raw(served.port, "\r\n".join(lines).encode("latin-1"))
-            assert b" 400 " in answer.splitlines()[0]
+            for hosts in NO_HOSTS:
+                lines = ["GET /healthz HTTP/1.0", *(f"Host: {host}" for host in hosts), "", ""]
+                answer = await raw(served.port, "\r\n".join(lines).encode("latin-1"))
+                assert b" 400 " in answer.splitlines()[0], hosts
 
     asyncio.run(scenario())
 
