@@ -72,9 +72,9 @@ def test_it_serves_from_an_empty_environment(
         token = wait_for_token(server, log)
         for path, content in (
             ("/", "html"),
-            ("/app/main.js", "javascript"),
-            ("/vendor/uplot/uPlot.esm.js", "javascript"),
-            ("/vendor/swagger-ui/swagger-ui.css", "css"),
+            ("/static/app/main.js", "javascript"),
+            ("/static/vendor/uplot/uPlot.esm.js", "javascript"),
+            ("/static/vendor/swagger-ui/swagger-ui.css", "css"),
         ):
             status, kind = get(free_port, path, token)
             assert (status, content in kind) == (200, True), f"{path}: {status} {kind}"
