@@ -7,6 +7,7 @@ import { LiveSocket } from "./live-socket.js";
 /** @typedef {import("./types.js").Freshness} Freshness */
 
 const STALE_AFTER_S = 1;
+const JUDGE_EVERY_MS = 200;
 
 /**
  * Events, all without detail (read the property of the same name):
@@ -40,7 +41,14 @@ export class Hub extends EventTarget {
       state: (state) => this.#connectionChanged(state),
     });
     this.#afterPaint.port1.onmessage = () => this.#acknowledge();
-    setInterval(() => this.#judgeFreshness(), 200);
+    let judged = performance.now();
+    setInterval(() => {
+      const late = performance.now() - judged > 2 * JUDGE_EVERY_MS;
+      judged = performance.now();
+      // After the page itself was held up, what has come meanwhile is read first.
+      if (late) setTimeout(() => this.#judgeFreshness(), JUDGE_EVERY_MS / 2);
+      else this.#judgeFreshness();
+    }, JUDGE_EVERY_MS);
   }
 
   start() {

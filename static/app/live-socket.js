@@ -3,6 +3,7 @@
 const RETRY_MS = [250, 500, 1000, 2000];
 // A socket that is silent for this long is given up; the server speaks every 250 ms.
 const SILENT_MS = 3000;
+const LOOK_EVERY_MS = 500;
 
 export class LiveSocket {
   /** @type {WebSocket | null} */
@@ -10,6 +11,7 @@ export class LiveSocket {
   #attempt = 0;
   #heard = 0;
   #retry = 0;
+  #looked = 0;
 
   /**
    * @param {string} path as in "/api/live"
@@ -20,7 +22,7 @@ export class LiveSocket {
   constructor(path, handlers) {
     this.url = socketUrl(path);
     this.handlers = handlers;
-    setInterval(() => this.#giveUpOnSilence(), 500);
+    setInterval(() => this.#giveUpOnSilence(), LOOK_EVERY_MS);
     window.addEventListener("online", () => this.open());
   }
 
@@ -50,7 +52,11 @@ export class LiveSocket {
 
   #giveUpOnSilence() {
     const socket = this.#socket;
-    if (socket && performance.now() - this.#heard > SILENT_MS) {
+    const now = performance.now();
+    // Where the page itself was held up (asleep, drawing slowly), what came is still to be read.
+    if (now - this.#looked > 2 * LOOK_EVERY_MS) this.#heard = now;
+    this.#looked = now;
+    if (socket && now - this.#heard > SILENT_MS) {
       // A dead peer may keep close() waiting for long: do not wait for its event.
       this.#lost(socket);
       socket.close();

@@ -81,7 +81,7 @@ function fillRow([figures, why], obstacle, truth) {
   setAttribute(figures, "data-state", obstacle.state);
   const cell = why.cells[0];
   const state = obstacle.state === "coasting" ? "Not seen now" : STATES[obstacle.motion];
-  if (cell) setText(cell, `${state ?? obstacle.motion}. ${obstacle.why ?? ""}`);
+  if (cell) setText(cell, `${state ?? obstacle.motion}. ${(obstacle.why ?? "").replace(/\.?$/, ".")}`);
 }
 
 customElements.define("observer-obstacles", ObstacleTable);

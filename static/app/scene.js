@@ -1,8 +1,11 @@
 /** The 3D scene: the viewer in a frame, covered while what it shows is old. */
 
 import { h, setAttribute, setText } from "./dom.js";
+import { paceFrames } from "./frame-pace.js";
 import { Part } from "./part.js";
 
+// Where the viewer draws nothing it shows its own ground, which follows the page's colours.
+const GROUND = '#root div[style*="background-color"]:has(canvas) { background-color: COLOUR !important }';
 // The viewer's own panel of settings (a window, or a drawer where it is narrow) and its notices;
 // the page has its own. viser offers no setting for that.
 const HIDE_PANEL =
@@ -13,14 +16,17 @@ class Scene extends Part {
     src: "/viewer/",
     title: "3D scene: coloured point cloud, red boxes around moving obstacles with speed arrows",
   });
+  /** @type {HTMLStyleElement | null} */
+  #style = null;
   #cover = h("p", { class: "stale-mark", hidden: true });
 
   build() {
-    this.#frame.addEventListener("load", () => this.#hidePanel());
+    this.#frame.addEventListener("load", () => this.#adapt());
     this.append(this.#frame, this.#cover);
     // The viewer does not reconnect by itself and would go on showing its last scene.
     this.hear("reconnected", () => this.reload());
     this.hear("freshness", () => this.#mark());
+    this.hear("themechange", () => this.#restyle(), window);
     this.#mark();
   }
 
@@ -29,13 +35,17 @@ class Scene extends Part {
     this.#frame.contentWindow?.location.reload();
   }
 
-  #hidePanel() {
-    const inside = this.#frame.contentDocument;
-    if (!inside?.head || inside.querySelector("#hide-panel")) return;
-    const style = inside.createElement("style");
-    style.id = "hide-panel";
-    style.textContent = HIDE_PANEL;
-    inside.head.append(style);
+  #adapt() {
+    const { contentDocument: inside, contentWindow } = this.#frame;
+    if (!inside?.head || !contentWindow) return;
+    this.#style = inside.head.appendChild(inside.createElement("style"));
+    this.#restyle();
+    paceFrames(/** @type {Window & typeof globalThis} */ (contentWindow));
+  }
+
+  #restyle() {
+    const colour = getComputedStyle(this).backgroundColor;
+    if (this.#style) this.#style.textContent = `${HIDE_PANEL} ${GROUND.replace("COLOUR", colour)}`;
   }
 
   #mark() {

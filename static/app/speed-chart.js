@@ -86,7 +86,7 @@ class SpeedChart extends Part {
         hooks: { setCursor: [() => this.#renderLegend(this.#columns())] },
         scales: {
           x: { time: false, range: () => [-SPAN_S, 0] },
-          y: { range: (_plot, _low, high) => [0, Math.max(TOP_AT_LEAST_MPS, (high ?? 0) * 1.12)] },
+          y: { range: () => [0, Math.max(TOP_AT_LEAST_MPS, this.#highest() * 1.15)] },
         },
         axes: [
           { ...axis(colour, (seconds) => (seconds === 0 ? "now" : `${seconds} s`), 50), size: 28 },
@@ -98,6 +98,15 @@ class SpeedChart extends Part {
       this.#data(columns),
       this.#host,
     );
+  }
+
+  /** Of the curves alone: a wide band may leave the chart, the curves never do. */
+  #highest() {
+    let highest = 0;
+    for (const { values } of this.#history.columns.values()) {
+      for (const value of values) if (value !== null && value > highest) highest = value;
+    }
+    return highest;
   }
 
   /** A colour of tokens.css as the canvas understands it. @param {string} name */
@@ -128,9 +137,10 @@ class SpeedChart extends Part {
     if (width > 0 && width !== this.#plot.width) this.#plot.setSize({ width, height: HEIGHT_PX });
   }
 
-  /** Newest values, or those under the pointer. @param {Column[]} columns */
-  #renderLegend(columns) {
+  /** Newest values, or those under the pointer. @param {Column[]} all */
+  #renderLegend(all) {
     const at = this.#plot?.cursor.idx ?? this.#history.times.length - 1;
+    const columns = all.filter((column) => column.kind !== "estimate" || typeof column.values[at] === "number");
     while (this.#legend.childElementCount > columns.length) this.#legend.lastElementChild?.remove();
     columns.forEach((column, index) => {
       const item = this.#legend.children[index] ?? this.#legend.appendChild(makeLegendItem());

@@ -14,8 +14,9 @@ import { trackColour } from "./words.js";
  * @property {(number | null)[]} stds m/s
  */
 
-// Source time that jumps by more than this, or goes back, starts anew after a gap.
-const JUMP_S = 2;
+// Where nothing came for longer than this there is a gap in the curves.
+const JUMP_S = 1;
+// Between the end of one playing and the start of the next.
 const GAP_S = 0.5;
 
 export class SpeedHistory {
@@ -62,11 +63,11 @@ export class SpeedHistory {
    */
   #continue(time, segment, sequence) {
     const newest = this.times.at(-1);
-    const jump = time - this.#lastTime;
-    const anew = segment !== this.#lastSegment || sequence <= this.#lastSequence || jump <= 0 || jump > JUMP_S;
+    const ahead = time - this.#lastTime;
+    const anew = segment !== this.#lastSegment || sequence <= this.#lastSequence || ahead <= 0;
+    if (newest !== undefined && (anew || ahead > JUMP_S)) this.#row(newest + GAP_S / 2);
     if (newest !== undefined && anew) {
       this.#epoch += 1;
-      this.#row(newest + GAP_S / 2);
       this.#offset = newest + GAP_S - time;
     }
     this.#lastTime = time;
