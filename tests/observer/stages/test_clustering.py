@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from observer.parameters import ClusteringParameters, MotionParameters
 from observer.stages.clustering import detect_obstacles, group_points
 from observer.types import PointMotions

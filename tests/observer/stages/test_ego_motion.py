@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from observer.camera import StereoCamera
 from observer.geometry import Pose, map_pixels
 from observer.parameters import EgoMotionParameters

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+
 from observer.geometry import map_pixels
 from observer.stages.image_transformation import transform_images
 

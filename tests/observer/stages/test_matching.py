@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+
 from observer.parameters import FeaturesParameters, FlowParameters, MatchingParameters
 from observer.stages.features import detect_features
 from observer.stages.matching import match_descriptors, track_features

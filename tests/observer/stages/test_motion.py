@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from observer.camera import StereoCamera
 from observer.geometry import Pose, map_pixels
 from observer.parameters import Parameters

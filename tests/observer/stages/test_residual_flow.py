@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+
 from observer.parameters import FlowParameters
 from observer.stages.residual_flow import residual_flow
 

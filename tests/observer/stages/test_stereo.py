@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from observer.camera import StereoCamera
 from observer.parameters import StereoParameters
 from observer.stages.stereo import (

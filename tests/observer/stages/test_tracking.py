@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from observer.geometry import Pose
 from observer.parameters import TrackingParameters
 from observer.stages.tracking import Tracker
@@ -80,7 +81,7 @@ def test_a_confirmed_track_coasts_along_its_way_and_then_ends() -> None:
         assert track.state is TrackState.COASTING
         assert track.id == before.id
         assert track.missed == missed
-        expected = before.position + (0.5 * DT * missed, 0, 0)
+        expected = before.position + np.array([0.5 * DT * missed, 0, 0])
         np.testing.assert_allclose(track.position, expected, atol=1e-6)
     assert run.see() == ()
 

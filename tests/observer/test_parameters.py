@@ -1,0 +1,120 @@
+"""Parameters: declared once, refused all or nothing, described in full."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.errors import InputError, ParameterError
+from observer.parameters import (
+    PRESET_HELP,
+    Parameters,
+    describe_range,
+    parameter_schema,
+    preset,
+    preset_names,
+)
+
+SCHEMA = {entry["name"]: entry for entry in parameter_schema()}
+NUMBERS = [n for n, e in SCHEMA.items() if e["type"] in ("number", "integer")]
+REALS = [n for n, e in SCHEMA.items() if e["type"] == "number"]
+
+
+def test_the_schema_names_every_parameter_in_order_with_its_default() -> None:
+    assert {name: entry["default"] for name, entry in SCHEMA.items()} == Parameters().flat()
+    assert list(SCHEMA) == list(Parameters().flat())
+
+
+@pytest.mark.parametrize("name", SCHEMA)
+def test_every_parameter_has_what_a_form_needs(name: str) -> None:
+    entry = SCHEMA[name]
+    assert entry["title"]
+    assert entry["help"].endswith(".")
+    assert entry["group_help"]
+    if entry["type"] == "choice":
+        assert entry["default"] in entry["choices"]
+    elif entry["type"] != "boolean":
+        assert entry["minimum"] <= entry["default"] <= entry["maximum"]
+        assert entry["step"] > 0
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_both_ends_of_a_range_are_taken_and_beyond_is_refused(name: str) -> None:
+    low, high = SCHEMA[name]["minimum"], SCHEMA[name]["maximum"]
+    step = 1 if SCHEMA[name]["type"] == "integer" else 1e-6
+    for value in (low, high):
+        assert Parameters().changed({name: value}).flat()[name] == value
+    for value in (low - step, high + step):
+        with pytest.raises(ParameterError) as refused:
+            Parameters().changed({name: value})
+        assert refused.value.problems == {name: describe_range(name)}
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True, "1", None, [1], 10**400])
+@pytest.mark.parametrize("name", REALS)
+def test_what_is_no_finite_number_is_refused(name: str, value: object) -> None:
+    with pytest.raises(ParameterError, match="must be a finite number from"):
+        Parameters().changed({name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("features.max_count", 600.5, "a whole number from 50 to 4000 points"),
+        ("features.detector", "sift", "must be one of fast, shi_tomasi"),
+        ("matching.cross_check", "yes", "must be true or false"),
+        ("matching.cross_check", 1, "must be true or false"),
+        ("ego_motion.ransac_treshold_px", 1.0, "did you mean ego_motion.ransac_threshold_px?"),
+        ("nothing", 1, "there is no such parameter"),
+    ],
+)
+def test_a_refusal_says_what_would_be_right(name: str, value: object, sentence: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        Parameters().changed({name: value})
+    assert sentence in refused.value.problems[name]
+
+
+def test_changes_are_all_or_nothing_and_name_every_problem() -> None:
+    before = Parameters()
+    with pytest.raises(ParameterError) as refused:
+        before.changed(
+            {"flow.window_px": 21, "stereo.block_px": 1000, "x": 1, "tracking.gate": math.nan}
+        )
+    assert set(refused.value.problems) == {"stereo.block_px", "x", "tracking.gate"}
+    assert before.flat() == Parameters().flat()
+
+
+@settings(deadline=None, max_examples=30)
+@given(data=st.data())
+def test_difference_is_what_has_to_be_changed(data: st.DataObject) -> None:
+    names = data.draw(st.lists(st.sampled_from(NUMBERS), unique=True))
+    changes = {n: SCHEMA[n][data.draw(st.sampled_from(["minimum", "maximum"]))] for n in names}
+    before = Parameters()
+    after = before.changed(changes)
+    assert before.changed(before.difference(after)) == after
+    assert set(before.difference(after)) <= set(changes)
+
+
+def test_parameters_are_frozen() -> None:
+    with pytest.raises(ValueError, match="frozen"):
+        Parameters().flow.window_px = 3
+
+
+def test_the_presets() -> None:
+    assert preset_names() == ("paper", "default")
+    assert set(PRESET_HELP) == set(preset_names())
+    assert preset("default") == Parameters()
+    paper = preset("paper").flat()
+    # As published.
+    assert paper["features.detector"] == "fast"
+    assert paper["matching.method"] == "descriptor"
+    assert paper["ego_motion.model"] == "affine"
+    assert paper["frames.interval"] == 1
+    assert paper["motion.min_significance"] == 0
+    with pytest.raises(InputError, match="there are: paper, default"):
+        preset("papre")
+    with pytest.raises(InputError, match="no parameter named"):
+        describe_range("nothing")
