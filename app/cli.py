@@ -12,7 +12,12 @@ from collections.abc import Sequence
 import typer
 from typer.exceptions import TyperException
 
-from app.commands import benchmark, evaluate, observe, parameters, serve, simulate
+from app.commands.benchmark import benchmark
+from app.commands.evaluate import evaluate
+from app.commands.observe import observe
+from app.commands.parameters import parameters
+from app.commands.serve import serve
+from app.commands.simulate import simulate
 from observer.errors import DynamicObserverError, InputError
 
 EXIT_FAILED = 1
@@ -30,12 +35,12 @@ def build() -> typer.Typer:
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
     )
-    cli.command("serve")(serve.serve)
-    cli.command("observe")(observe.observe)
-    cli.command("evaluate")(evaluate.evaluate)
-    cli.command("simulate")(simulate.simulate)
-    cli.command("parameters")(parameters.parameters)
-    cli.command("benchmark")(benchmark.benchmark)
+    cli.command("serve")(serve)
+    cli.command("observe")(observe)
+    cli.command("evaluate")(evaluate)
+    cli.command("simulate")(simulate)
+    cli.command("parameters")(parameters)
+    cli.command("benchmark")(benchmark)
     return cli
 
 

@@ -20,9 +20,14 @@ def test_a_failed_write_keeps_the_earlier_result_and_what_there_is_of_the_new_on
 ) -> None:
     path = tmp_path / "tracks.jsonl"
     path.write_text("earlier\n")
-    with pytest.raises(RuntimeError), whole_file(path) as file:
-        file.write("half\n")
-        raise RuntimeError
+
+    def write_half() -> None:
+        with whole_file(path) as file:
+            file.write("half\n")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        write_half()
     assert path.read_text() == "earlier\n"
     assert (tmp_path / "tracks.jsonl.part").read_text() == "half\n"
 
