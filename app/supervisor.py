@@ -127,6 +127,8 @@ class Supervisor:
         self._active: EngineProcess | None = None
         # Started, and not yet (or never) needed: the stand-in, or the next engine on its way.
         self._standby: EngineProcess | None = None
+        # Killed, but not gone yet.
+        self._lingering: list[EngineProcess] = []
         self._active_since = 0.0
         self._generation = 0
         self._lost_before = 0
@@ -161,13 +163,16 @@ class Supervisor:
         if self._closed:
             return
         self._closed = True
-        self._trouble = "the server is being stopped"
         if self._watching is not None:
-            self._watching.cancel()
+            # Not cancelled: it may hold an engine that it is about to start or to remove.
+            self._wake.set()
             await asyncio.gather(self._watching, return_exceptions=True)
         engines = [engine for engine in (self._active, self._standby) if engine is not None]
         self._active = self._standby = None
         await asyncio.gather(*(self._end(engine) for engine in engines))
+        for engine in self._lingering:
+            if not await engine.wait_gone(self._limits.stop_s):
+                _log.error("engine process %d hangs inside the kernel", engine.pid)
         for reader in (self.cloud, *self.views.values()):
             reader.close()
         for fd in self._slots.values():
@@ -181,6 +186,8 @@ class Supervisor:
             EngineUnavailable: there is none, it ended meanwhile or did not answer in time.
         """
         engine = self._active
+        if self._closed:
+            raise EngineUnavailable("the server is being stopped")
         if engine is None:
             raise EngineUnavailable(self._trouble)
         what = type(command).__name__
@@ -229,9 +236,10 @@ class Supervisor:
 
     async def _watch(self) -> None:
         looked = time.monotonic()
-        while True:
+        while not self._closed:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._wake.wait(), self._limits.tick_s)
+                async with asyncio.timeout(self._limits.tick_s):
+                    await self._wake.wait()
             self._wake.clear()
             now = time.monotonic()
             # While this event loop itself stood still, nobody could be heard: that is not the
@@ -240,8 +248,10 @@ class Supervisor:
             for engine in (self._active, self._standby):
                 if engine is not None:
                     engine.silent_s += passed
+            self._lingering = [engine for engine in self._lingering if not engine.reap()]
             await self._look_after_active()
-            await self._look_after_standby()
+            if not self._closed:
+                await self._look_after_standby()
 
     async def _look_after_active(self) -> None:
         engine = self._active
@@ -255,7 +265,7 @@ class Supervisor:
         self._active = None
         self._lost_before += _lost(engine)
         self._trouble = f"the engine {complaint} and is being replaced"
-        ending = await engine.remove()
+        ending = await self._remove(engine)
         reason = f"the engine {ending if complaint == _ENDED else complaint}"
         _log.error("%s", reason)
         self._count_failure(self._active_since)
@@ -271,7 +281,7 @@ class Supervisor:
         complaint = self._complaint(engine)
         if complaint is not None:
             self._standby = None
-            ending = await engine.remove()
+            ending = await self._remove(engine)
             self._trouble = f"a starting engine {ending if complaint == _ENDED else complaint}"
             _log.error("%s", self._trouble)
             self._count_failure(engine.started)
@@ -357,7 +367,13 @@ class Supervisor:
             engine.terminate()
         if not await engine.wait_gone(self._limits.stop_s):
             engine.kill()
-        await engine.remove()
+        await self._remove(engine)
+
+    async def _remove(self, engine: EngineProcess) -> str:
+        ending = await engine.remove()
+        if not engine.reap():
+            self._lingering.append(engine)
+        return ending
 
 
 _ENDED = "ended"

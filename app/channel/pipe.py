@@ -12,7 +12,6 @@ import socket
 import struct
 import threading
 from collections import deque
-from collections.abc import Callable
 from typing import Any
 
 from app.channel.errors import ChannelError
@@ -94,22 +93,14 @@ class MessageSender:
     many of them as there were requests.
     """
 
-    def __init__(
-        self,
-        sock: socket.socket,
-        *,
-        backlog: int = DEFAULT_BACKLOG,
-        on_broken: Callable[[], None] | None = None,
-    ) -> None:
+    def __init__(self, sock: socket.socket, *, backlog: int = DEFAULT_BACKLOG) -> None:
         """
         Args:
             sock: connected; closed by whoever made it.
             backlog: most observations that wait.
-            on_broken: called in the sender's thread when the other end is gone.
         """
         self._sock = sock
         self._backlog = backlog
-        self._on_broken = on_broken
         self._queue: deque[object] = deque()
         self._waiting_observations = 0
         self._changed = threading.Condition()
@@ -174,6 +165,4 @@ class MessageSender:
                 with self._changed:
                     self._broken = True
                     self._queue.clear()
-                if self._on_broken is not None:
-                    self._on_broken()
                 return

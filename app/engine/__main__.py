@@ -5,9 +5,16 @@ from __future__ import annotations
 import os
 import sys
 
+from app.engine.arguments import parse_arguments
+from app.engine.lifeline import die_with_parent
 
-def main() -> int:
+
+def main() -> None:
     """Run the engine on the sources and the observer of the library."""
+    arguments = parse_arguments(sys.argv[1:])
+    # First of all: what follows takes long enough for the parent to die meanwhile.
+    die_with_parent(arguments.parent)
+
     import cv2
 
     from app.engine.process import run_engine
@@ -17,8 +24,8 @@ def main() -> int:
     # Two threads halve the stereo matching on two idle cores and cost nothing on busy ones;
     # beyond four, images of this size gain nothing, and the web process needs a core as well.
     cv2.setNumThreads(min(4, os.cpu_count() or 1))
-    return run_engine(sys.argv[1:], open_source=open_source, make_observer=Observer)
+    run_engine(arguments, open_source=open_source, make_observer=Observer)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

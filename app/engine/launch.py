@@ -17,12 +17,13 @@ from pathlib import Path
 from typing import Any
 
 from app.channel.pipe import encode, read_message
+from app.engine.arguments import EngineArguments
 from app.messages import Command, HeartbeatEvent, Reply, Request, StateEvent
 
 # -P: the folder somebody starts the server in must not supply the modules.
 ENGINE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.engine")
 _PACKAGES = Path(__file__).resolve().parents[2]
-# How long a process that closed its channel is given to be gone as well.
+# How long a process that closed its channel, or was killed, is given to be gone.
 _GRACE_S = 0.3
 
 
@@ -74,9 +75,7 @@ class EngineProcess:
         """
         here, there = socket.socketpair()
         with there:
-            arguments = ["--channel", str(there.fileno()), "--parent", str(os.getpid())]
-            for name, fd in slots.items():
-                arguments += ["--slot", f"{name}={fd}"]
+            arguments = EngineArguments(there.fileno(), os.getpid(), slots).as_command_line()
             try:
                 process = subprocess.Popen(
                     [*command, *arguments],
@@ -91,7 +90,13 @@ class EngineProcess:
                 here.close()
                 raise
         engine = cls(process, lambda event: on_event(engine, event))
-        reader, engine._writer = await asyncio.open_unix_connection(sock=here)
+        try:
+            reader, engine._writer = await asyncio.open_unix_connection(sock=here)
+        except BaseException:
+            here.close()
+            process.kill()
+            process.wait()
+            raise
         engine._reading = asyncio.create_task(engine._read(reader), name="hear the engine")
         return engine
 
@@ -137,7 +142,8 @@ class EngineProcess:
         self._waiting[number] = waiting
         try:
             self._writer.write(encode(Request(number, command)))
-            return await asyncio.wait_for(waiting, timeout_s)
+            async with asyncio.timeout(timeout_s):
+                return await waiting
         finally:
             self._waiting.pop(number, None)
 
@@ -158,12 +164,19 @@ class EngineProcess:
             await asyncio.sleep(0.005)
         return True
 
+    def reap(self) -> bool:
+        """Whether the process is gone; of one that is, nothing remains."""
+        return self._process.poll() is not None
+
     async def remove(self) -> str:
-        """End it by force if it is not gone yet, release everything; tells how it ended."""
+        """End it by force if it is not gone yet, and hear it no more; tells how it ended.
+
+        A process that is stuck inside the kernel (a camera driver that does not return) outlasts
+        this; call ``reap`` until it is gone. Killed, it runs no instruction of ours any more.
+        """
         if not (self.ended and await self.wait_gone(_GRACE_S)):
             self.kill()
-            # Only a process stuck in the kernel outlasts this; it is reaped when it can be.
-            await self.wait_gone(5.0)
+            await self.wait_gone(_GRACE_S)
         if self._reading is not None:
             self._reading.cancel()
             await asyncio.gather(self._reading, return_exceptions=True)
@@ -185,7 +198,7 @@ def _environment() -> dict[str, str]:
 
 def _ending(code: int | None) -> str:
     if code is None:
-        return "it does not even end by force"
+        return "hangs inside the kernel and cannot be ended yet"
     if code < 0:
         try:
             return f"ended by {signal.Signals(-code).name}"

@@ -100,13 +100,18 @@ def _disparity(observed: Observed) -> Image:
     disparity = observed.trace.get("disparity")
     if disparity is None:
         return _nothing(observed, "no disparity in this frame")
-    known = np.isfinite(disparity)
-    share = np.where(known, disparity, 0.0) / observed.parameters.stereo.max_disparity_px
-    # The square root spreads the far part, where most of a scene lies.
-    level = (np.sqrt(np.clip(share, 0.0, 1.0)) * 255).astype(np.uint8)
-    canvas = np.asarray(cv2.applyColorMap(level, cv2.COLORMAP_TURBO), dtype=np.uint8)
-    canvas[~known] = _DARK
-    return canvas
+    # The square root spreads the far part, where most of a scene lies; unknown becomes 0.
+    share = np.nan_to_num(disparity, nan=0.0) / observed.parameters.stereo.max_disparity_px
+    level = cv2.convertScaleAbs(cv2.sqrt(share.clip(0.0, 1.0)), alpha=255.0)
+    return np.asarray(cv2.applyColorMap(level, _disparity_colors()), dtype=np.uint8)
+
+
+def _disparity_colors() -> Image:
+    """(256, 1, 3) BGR colours: dark, then from far to near."""
+    levels = np.arange(256, dtype=np.uint8).reshape(-1, 1)
+    colors = np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO), dtype=np.uint8)
+    colors[0] = _DARK
+    return colors
 
 
 def _residual(observed: Observed) -> Image:
@@ -119,8 +124,8 @@ def _residual(observed: Observed) -> Image:
     if start is None or residual is None:
         return _nothing(observed, "no residual flow in this frame")
     base = trace.get("previous_left")
-    canvas = _color_copy(trace["left"] if base is None else base)
-    canvas = np.asarray(canvas * 0.45, dtype=np.uint8)
+    base = trace["left"] if base is None else base
+    canvas = _color_copy(np.asarray(cv2.convertScaleAbs(base, alpha=0.45), dtype=np.uint8))
     threshold = observed.parameters.flow.residual_threshold_px
     dynamic = trace.get("dynamic")
     if dynamic is None or len(dynamic) != len(start):

@@ -73,7 +73,7 @@ class CountingObserver:
         self.segment += 1
 
     def observe(self, frame: StereoFrame, trace: Trace | None = None) -> Observation:
-        trace = trace or NoTrace()
+        trace = NoTrace() if trace is None else trace
         if frame.index == self.breaks_at:
             raise ZeroDivisionError("a stage broke")
         for seconds in self.slow_stages:

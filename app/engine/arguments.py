@@ -1,0 +1,44 @@
+"""The engine's command line, as ``app.engine.launch`` writes it. Imports nothing slow."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class EngineArguments:
+    """What an engine inherits.
+
+    Attributes:
+        channel: descriptor of the messages' socket.
+        parent: process id of the server.
+        slots: descriptor of each latest-value slot by name.
+    """
+
+    channel: int
+    parent: int
+    slots: Mapping[str, int]
+
+    def as_command_line(self) -> list[str]:
+        words = ["--channel", str(self.channel), "--parent", str(self.parent)]
+        for name, fd in self.slots.items():
+            words += ["--slot", f"{name}={fd}"]
+        return words
+
+
+def parse_arguments(words: Sequence[str]) -> EngineArguments:
+    """The opposite of ``as_command_line``; ends the process with exit code 2 on anything else."""
+    parser = argparse.ArgumentParser(
+        prog="python -m app.engine",
+        description="The engine process of dynamic-observer; started by the server only.",
+    )
+    parser.add_argument("--channel", type=int, required=True, help="descriptor of the messages")
+    parser.add_argument("--parent", type=int, required=True, help="process id of the server")
+    parser.add_argument(
+        "--slot", action="append", default=[], help="NAME=DESCRIPTOR of a latest-value slot"
+    )
+    options = parser.parse_args(words)
+    slots = {name: int(fd) for name, _, fd in (text.partition("=") for text in options.slot)}
+    return EngineArguments(options.channel, options.parent, slots)

@@ -1,0 +1,454 @@
+"""The supervisor with real processes: fake sources at the wire, and the real engine."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import psutil
+import pytest
+
+from app.messages import (
+    CLOUD_NAME,
+    VIEW_NAMES,
+    EngineLostEvent,
+    EngineStartedEvent,
+    EngineState,
+    HeartbeatEvent,
+    ObservationEvent,
+    OpenSource,
+    PreviewCalibration,
+    SetParameters,
+    SetPlayback,
+    StateEvent,
+    StopRun,
+    WatchViews,
+)
+from app.supervisor import EngineRefused, EngineUnavailable, Supervisor, SupervisorLimits
+from observer.calibration.opencv_file import calibration_text
+from observer.camera import StereoCalibration
+from observer.parameters import preset
+
+HERE = Path(__file__).parent
+FAKE = (sys.executable, str(HERE / "fake_engine.py"))
+PATIENCE_S = 40.0
+# What is promised, and a little for a machine on which other tests run at the same time.
+REPLACED_WITHIN_S = 2.0 + 0.5
+LIMITS = SupervisorLimits(standby_delay_s=0.0)
+
+
+class Watched:
+    """A supervisor and the events it published, with the instant each arrived."""
+
+    def __init__(self, *arguments: str, limits: SupervisorLimits = LIMITS) -> None:
+        command = {"command": (*FAKE, *(arguments or ("works",)))}
+        self.supervisor = Supervisor(
+            limits=limits,
+            **({} if arguments == ("real",) else command),  # type: ignore[arg-type]
+        )
+        self.events: list[tuple[float, Any]] = []
+        self.supervisor.subscribe(lambda event: self.events.append((time.monotonic(), event)))
+
+    async def __aenter__(self) -> Watched:
+        await self.supervisor.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.supervisor.stop()
+
+    def all(self, kind: type) -> list[Any]:
+        return [event for _, event in self.events if isinstance(event, kind)]
+
+    async def wait(self, kind: type, fits: Callable[[Any], bool] = lambda _: True) -> Any:
+        """The first event of this kind that fits, past ones included."""
+        return await self.until(
+            lambda: next((e for e in self.all(kind) if fits(e)), None), kind.__name__
+        )
+
+    async def until(self, found: Callable[[], Any], what: str) -> Any:
+        deadline = time.monotonic() + PATIENCE_S
+        while (result := found()) is None or result is False:
+            assert time.monotonic() < deadline, f"{what} did not come: {self.events[-10:]}"
+            await asyncio.sleep(0.01)
+        return result
+
+    async def standby_ready(self) -> None:
+        await self.until(
+            lambda: self.supervisor._standby is not None and self.supervisor._standby.ready,
+            "the stand-in",
+        )
+
+
+def run(work: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(asyncio.wait_for(work, 100))
+
+
+def numbers(source: str = "numbers", **more: Any) -> OpenSource:
+    return OpenSource(source, None, {}, 1, **more)
+
+
+def gone(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+
+
+def test_it_starts_answers_observes_and_leaves_nothing() -> None:
+    async def work() -> None:
+        before = len(os.listdir("/dev/fd"))
+        async with Watched() as watched:
+            supervisor = watched.supervisor
+            assert [type(event) for _, event in watched.events[:2]] == [
+                EngineStartedEvent,
+                StateEvent,
+            ]
+            health = supervisor.health
+            assert (health.generation, health.alive, health.restarts) == (1, True, 0)
+            assert health.pid is not None
+            assert health.heartbeat_age_s is not None
+            assert health.heartbeat_age_s < 2
+            value = await supervisor.request(numbers())
+            assert value["state"] == "preview"
+            assert watched.all(StateEvent)[-1].state is EngineState.PREVIEW
+            await watched.wait(ObservationEvent, lambda e: e.sequence == 20)
+            sequences = [e.sequence for e in watched.all(ObservationEvent)]
+            assert sequences == list(range(len(sequences)))
+            assert await supervisor.request(WatchViews(("plain",))) == {}
+            latest = await watched.until(supervisor.views["plain"].read, "a picture")
+            assert latest.payload.startswith(b"\xff\xd8")
+            assert supervisor.cloud.read() is None
+            await watched.standby_ready()
+        await supervisor.stop()
+        assert len(os.listdir("/dev/fd")) == before
+
+    run(work())
+
+
+def test_refusals_and_absence_are_told_apart() -> None:
+    async def work() -> None:
+        async with Watched() as watched:
+            supervisor = watched.supervisor
+            with pytest.raises(EngineRefused, match="no run is going") as refused:
+                await supervisor.request(StopRun())
+            assert refused.value.refusal == "state"
+            with pytest.raises(EngineRefused, match="there is no such parameter") as refused:
+                await supervisor.request(SetParameters({"a.b": 1}, 1))
+            assert refused.value.refusal == "input"
+        with pytest.raises(EngineUnavailable, match="is being stopped"):
+            await supervisor.request(StopRun())
+
+    run(work())
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV, signal.SIGSTOP])
+def test_a_dead_or_hung_engine_is_replaced_in_time(number: signal.Signals) -> None:
+    async def work() -> None:
+        async with Watched() as watched:
+            supervisor = watched.supervisor
+            await supervisor.request(numbers())
+            await watched.standby_ready()
+            first = supervisor.health.pid
+            assert first is not None
+            begin = time.monotonic()
+            os.kill(first, number)
+            await watched.wait(EngineStartedEvent, lambda e: e.generation == 2)
+            at = {type(e): t for t, e in watched.events if t > begin}
+            assert at[EngineStartedEvent] - begin < REPLACED_WITHIN_S
+            lost = watched.all(EngineLostEvent)[0]
+            assert lost.generation == 1
+            expected = "no sign of life" if number == signal.SIGSTOP else number.name
+            assert expected in lost.reason
+            order = [type(e) for _, e in watched.events if not isinstance(e, HeartbeatEvent)]
+            assert order.index(EngineLostEvent) < len(order) - order[::-1].index(EngineStartedEvent)
+            assert gone(first)
+            health = supervisor.health
+            assert health.restarts == 1
+            assert health.pid != first
+            # The next engine is idle and does what the first one did.
+            assert watched.all(StateEvent)[-1].state is EngineState.IDLE
+            await supervisor.request(numbers())
+            sequence = supervisor.views["plain"].read()
+            await supervisor.request(WatchViews(("plain",)))
+            await watched.until(
+                lambda: supervisor.views["plain"].read(sequence.sequence if sequence else 0),
+                "a picture of the next engine",
+            )
+
+    run(work())
+
+
+def test_a_main_loop_that_hangs_is_replaced_although_its_threads_live() -> None:
+    async def work() -> None:
+        async with Watched() as watched:
+            await watched.standby_ready()
+            begin = time.monotonic()
+            await watched.supervisor.request(numbers("hang"))
+            await watched.wait(EngineLostEvent)
+            assert "no sign of life" in watched.all(EngineLostEvent)[0].reason
+            await watched.wait(EngineStartedEvent, lambda e: e.generation == 2)
+            assert time.monotonic() - begin < REPLACED_WITHIN_S + 0.5
+
+    run(work())
+
+
+def test_a_request_to_an_engine_that_dies_fails_at_once() -> None:
+    async def work() -> None:
+        async with Watched() as watched:
+            begin = time.monotonic()
+            with pytest.raises(EngineUnavailable, match="ended before it answered OpenSource"):
+                await watched.supervisor.request(numbers("exit"), timeout_s=30)
+            assert time.monotonic() - begin < 10
+            await watched.wait(EngineLostEvent)
+            assert "exit code 7" in watched.all(EngineLostEvent)[0].reason
+
+    run(work())
+
+
+def test_a_request_that_is_not_answered_times_out() -> None:
+    async def work() -> None:
+        limits = SupervisorLimits(hang_s=30, standby_delay_s=None)
+        async with Watched(limits=limits) as watched:
+            pid = watched.supervisor.health.pid
+            assert pid is not None
+            os.kill(pid, signal.SIGSTOP)
+            with pytest.raises(EngineUnavailable, match=r"did not answer StopRun within 0.3 s"):
+                await watched.supervisor.request(StopRun(), timeout_s=0.3)
+            begin = time.monotonic()
+        # Stopping ends a stopped engine as well.
+        assert gone(pid)
+        assert time.monotonic() - begin < 10
+
+    run(work())
+
+
+def test_an_engine_that_dies_again_and_again_is_not_restarted_in_a_spin() -> None:
+    async def work() -> None:
+        limits = SupervisorLimits(standby_delay_s=0.0, backoff_s=0.2)
+        async with Watched(limits=limits) as watched:
+
+            def open_deadly(event: Any) -> None:
+                if isinstance(event, EngineStartedEvent):
+                    deadly.append(asyncio.create_task(watched.supervisor.request(numbers("exit"))))
+
+            deadly: list[asyncio.Task[Any]] = []
+            unsubscribe = watched.supervisor.subscribe(open_deadly)
+            open_deadly(EngineStartedEvent(1, 0))
+            await watched.wait(EngineStartedEvent, lambda e: e.generation == 5)
+            unsubscribe()
+            await asyncio.gather(*deadly, return_exceptions=True)
+            starts = [t for t, e in watched.events if isinstance(e, EngineStartedEvent)]
+            losses = [t for t, e in watched.events if isinstance(e, EngineLostEvent)]
+            pauses = [start - lost for start, lost in zip(starts[1:], losses, strict=False)]
+            assert pauses[0] < REPLACED_WITHIN_S, "a single death is made good at once"
+            assert pauses[1] >= 0.2
+            assert pauses[2] >= 0.4
+            assert pauses[3] >= 0.8
+
+    run(work())
+
+
+def test_an_engine_that_never_starts_is_given_up_with_its_reason() -> None:
+    async def work() -> None:
+        watched = Watched("dies", limits=SupervisorLimits(backoff_s=0.05))
+        with pytest.raises(EngineUnavailable, match="exit code 3, 3 times in a row"):
+            await watched.supervisor.start()
+
+    run(work())
+
+
+def test_an_engine_that_never_says_a_word_is_given_up() -> None:
+    async def work() -> None:
+        watched = Watched("silent", limits=SupervisorLimits(start_s=0.4, backoff_s=0.05))
+        with pytest.raises(EngineUnavailable, match="no sign of life"):
+            await watched.supervisor.start()
+
+    run(work())
+
+
+def test_a_program_that_is_not_there_is_one_sentence() -> None:
+    async def work() -> None:
+        supervisor = Supervisor(
+            command=("/nowhere/python",), limits=SupervisorLimits(backoff_s=0.05)
+        )
+        with pytest.raises(EngineUnavailable, match=r"cannot be started: .*No such file"):
+            await supervisor.start()
+
+    run(work())
+
+
+def test_a_blocked_event_loop_is_not_taken_for_a_hung_engine() -> None:
+    async def work() -> None:
+        async with Watched() as watched:
+            await watched.supervisor.request(numbers())
+            pid = watched.supervisor.health.pid
+            time.sleep(2.5)
+            await asyncio.sleep(0.5)
+            assert watched.supervisor.health.pid == pid
+            assert watched.all(EngineLostEvent) == []
+            # 50 frames/s for 2.5 s are more than wait for anybody: what was lost was counted.
+            await asyncio.sleep(0.2)
+            sequences = [e.sequence for e in watched.all(ObservationEvent)]
+            missing = sequences[-1] + 1 - len(sequences)
+            assert missing == watched.supervisor.health.observations_lost
+
+    run(work())
+
+
+def test_a_listener_that_fails_harms_nobody() -> None:
+    async def work() -> None:
+        async with Watched() as watched:
+
+            def failing(_: Any) -> None:
+                raise ValueError("on purpose")
+
+            watched.supervisor.subscribe(failing)
+            heard: list[Any] = []
+            unsubscribe = watched.supervisor.subscribe(heard.append)
+            await watched.until(lambda: len(heard) > 3, "events behind a failing listener")
+            unsubscribe()
+            count = len(heard)
+            await asyncio.sleep(0.2)
+            assert len(heard) == count
+
+    run(work())
+
+
+@pytest.mark.parametrize(
+    ("number", "stopped"),
+    [
+        (signal.SIGINT, False),
+        (signal.SIGTERM, False),
+        (signal.SIGTERM, True),
+        (signal.SIGKILL, False),
+        # A stopped process runs nothing of its own: only the kernel can end it.
+        pytest.param(
+            signal.SIGKILL,
+            True,
+            marks=pytest.mark.skipif(sys.platform != "linux", reason="needs PR_SET_PDEATHSIG"),
+        ),
+    ],
+)
+def test_the_end_of_the_parent_is_the_end_of_all(number: signal.Signals, stopped: bool) -> None:
+    parent = subprocess.Popen(
+        [sys.executable, str(HERE / "serving_parent.py"), *FAKE, "works"],
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(HERE.parents[1])},
+    )
+    try:
+        assert parent.stdout is not None
+        engines = [int(word) for word in parent.stdout.readline().split()]
+        assert len(engines) == 2
+        if stopped:
+            for pid in engines:
+                os.kill(pid, signal.SIGSTOP)
+        parent.send_signal(number)
+        code = parent.wait(20)
+        assert code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
+        deadline = time.monotonic() + 5
+        while not all(map(gone, engines)):
+            assert time.monotonic() < deadline, "an engine outlived its parent"
+            time.sleep(0.01)
+    finally:
+        parent.kill()
+        parent.wait()
+        assert parent.stdout is not None
+        parent.stdout.close()
+
+
+@pytest.fixture
+def stereo_folder(tmp_path: Path) -> Path:
+    """Ten frames of a textured wall that comes nearer, in front of it a block that crosses."""
+    width, height = 320, 200
+    (tmp_path / "left").mkdir()
+    (tmp_path / "right").mkdir()
+    noise = np.random.default_rng(1).integers(0, 256, (120, 200), dtype=np.uint8)
+    wall = cv2.resize(noise, (width + 200, height + 120), interpolation=cv2.INTER_CUBIC)
+    for index in range(10):
+        for name, shift in (("left", 0), ("right", 8)):
+            view = wall[40 : 40 + height, 40 + shift : 40 + shift + width].copy()
+            u = 60 + 6 * index - shift
+            view[80:130, u : u + 50] = wall[10:60, 400:450]
+            assert cv2.imwrite(str(tmp_path / name / f"{index:06d}.png"), view)
+    (tmp_path / "times.txt").write_text("".join(f"{index / 20}\n" for index in range(10)))
+    calibration = StereoCalibration.rectified(width, height, 200, 200, 160, 100, 0.1)
+    (tmp_path / "calibration.yaml").write_text(calibration_text(calibration))
+    return tmp_path
+
+
+def test_the_real_engine_plays_observes_and_draws_a_stereo_folder(stereo_folder: Path) -> None:
+    async def work() -> None:
+        async with Watched("real", limits=SupervisorLimits(standby_delay_s=None)) as watched:
+            supervisor = watched.supervisor
+            await supervisor.request(WatchViews((*VIEW_NAMES, CLOUD_NAME)))
+            parameters = preset("paper").flat()
+            value = await supervisor.request(
+                OpenSource(str(stereo_folder), None, parameters, 4, run_id="r", segment=2)
+            )
+            assert value["state"] == "running"
+            event = await watched.wait(ObservationEvent, lambda e: e.line["segment"] == 3)
+            events = watched.all(ObservationEvent)
+            assert [e.line["frame"] for e in events] == list(range(len(events)))
+            assert event.line["frame"] == 10
+            assert event.run_id == "r"
+            assert event.line["parameters_revision"] == 4
+            for name in VIEW_NAMES:
+                latest = await watched.until(supervisor.views[name].read, name)
+                image = cv2.imdecode(np.frombuffer(latest.payload, np.uint8), cv2.IMREAD_COLOR)
+                assert image is not None
+                assert image.shape == (200, 320, 3)
+                assert (latest.header["width"], latest.header["height"]) == (320, 200)
+            cloud = await watched.until(supervisor.cloud.read, "a cloud")
+            assert cloud.header["count"] > 1000
+            assert len(cloud.payload) == 15 * cloud.header["count"]
+            frame = (await supervisor.request(SetParameters(parameters, 5)))["frame"]
+            await watched.wait(
+                ObservationEvent,
+                lambda e: e.line["frame"] >= frame and e.line["parameters_revision"] == 5,
+            )
+            playback = await supervisor.request(SetPlayback(paused=True))
+            assert playback["paused"] is True
+            text = (stereo_folder / "calibration.yaml").read_text()
+            preview = await supervisor.request(PreviewCalibration(text))
+            assert preview["vertical_error_px"] == pytest.approx(0.0, abs=0.3)
+            assert preview["jpeg"].startswith(b"\xff\xd8")
+
+    run(work())
+
+
+def test_the_real_engine_says_what_to_do_without_a_calibration(stereo_folder: Path) -> None:
+    (stereo_folder / "calibration.yaml").unlink()
+
+    async def work() -> None:
+        async with Watched("real", limits=SupervisorLimits(standby_delay_s=None)) as watched:
+            with pytest.raises(EngineRefused, match="calibration") as refused:
+                await watched.supervisor.request(numbers(str(stereo_folder)))
+            assert refused.value.refusal == "input"
+            with pytest.raises(EngineRefused, match="there is no kind of source"):
+                await watched.supervisor.request(numbers("nonsense:1"))
+            failed = watched.all(StateEvent)[-1]
+            assert failed.state is EngineState.FAILED
+
+    run(work())
+
+
+def test_the_real_engine_observes_the_simulated_lab_with_truth() -> None:
+    async def work() -> None:
+        async with Watched("real", limits=SupervisorLimits(standby_delay_s=None)) as watched:
+            await watched.supervisor.request(
+                OpenSource("simulated:lab", None, preset("paper").flat(), 1), timeout_s=PATIENCE_S
+            )
+            event = await watched.wait(ObservationEvent, lambda e: e.line["frame"] == 5)
+            assert watched.all(StateEvent)[-1].has_truth
+            assert {body["role"] for body in event.truth} == {"observer", "obstacle"}
+
+    run(work())
