@@ -76,7 +76,7 @@ def test_simulate_then_observe_then_evaluate(tmp_path: Path) -> None:
         (("observe", "simulated:lab", "--calibration", "/no/such.yaml"), "/no/such.yaml"),
         (("observe", "simulated:lab", "--set", "flow.nothing=1"), "flow.nothing"),
         (("observe", "simulated:lab", "--frames", "0"), "--frames"),
-        (("observe",), "SOURCE"),
+        (("observe",), "source"),
         (("evaluate", "/no/tracks.jsonl", "--truth", "/no/truth.csv"), "/no/"),
         (("serve", "--port", "99999"), "port"),
         (("frobnicate",), "frobnicate"),
