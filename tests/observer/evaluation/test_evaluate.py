@@ -1,0 +1,390 @@
+"""The figures, on runs whose right answer is known by hand."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from observer.errors import InputError
+from observer.evaluation.evaluate import FIGURE_TITLES, evaluate, summarise
+from observer.evaluation.lines import checked_lines, read_lines
+from observer.evaluation.tally import ROAD_GATE_M, tally
+from observer.geometry import Pose
+from observer.truth.contract import TrueBody
+
+DT = 0.1
+SIZE = np.array([0.45, 0.38, 0.3])
+
+
+class StraightTruth:
+    """Bodies on straight lines: id -> (start, velocity), and what one asks of them."""
+
+    def __init__(
+        self,
+        paths: dict[int, tuple[tuple[float, float, float], tuple[float, float, float]]],
+        *,
+        visible: float | None = 1.0,
+        role: str = "obstacle",
+        camera: Pose | None = None,
+    ) -> None:
+        self.paths, self.visible, self.role, self.camera = paths, visible, role, camera
+
+    def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        return tuple(
+            TrueBody(
+                id=number,
+                name="robot",
+                role=self.role,
+                position=np.array(start) + time * np.array(velocity),
+                velocity=np.array(velocity, float),
+                size=SIZE,
+                yaw=float(np.arctan2(velocity[0], velocity[2])),
+                visible=self.visible,
+                commanded_speed=None,
+            )
+            for number, (start, velocity) in self.paths.items()
+        )
+
+    def camera_pose(self, time: float) -> Pose | None:
+        assert np.isfinite(time)
+        return self.camera
+
+
+RIGHT = {1: ((-1.0, 0.0, 3.0), (0.4, 0.0, 0.0))}
+
+
+def entry(truth: StraightTruth, time: float, body: int = 0, **changes: Any) -> dict[str, Any]:
+    """A perfect report of one body, changed as asked for."""
+    b = truth.bodies(time)[body]
+    offset = np.array(changes.pop("offset", (0, 0, 0)))
+    error = np.array(changes.pop("error", (0, 0, 0)))
+    velocity = b.velocity + error
+    return {
+        "id": 7 + body,
+        "state": "confirmed",
+        "motion": "moving",
+        "position": (b.position + offset).tolist(),
+        "velocity": velocity.tolist(),
+        "speed": float(np.linalg.norm(velocity)),
+        "velocity_cov": (np.eye(3) * 0.01).tolist(),
+        "velocity_time": time - DT / 2,
+    } | changes
+
+
+def line(frame: int, obstacles: list[dict[str, Any]], **changes: Any) -> dict[str, Any]:
+    return {
+        "frame": frame,
+        "time": frame * DT,
+        "segment": 0,
+        "status": "ok",
+        "pose": {"position": [0, 0, 0], "orientation_wxyz": [1, 0, 0, 0]},
+        "obstacles": obstacles,
+    } | changes
+
+
+def perfect(truth: StraightTruth, count: int, **changes: Any) -> list[dict[str, Any]]:
+    bodies = range(len(truth.paths))
+    return [
+        line(k, [entry(truth, k * DT, body, **changes) for body in bodies]) for k in range(count)
+    ]
+
+
+def test_a_perfect_run() -> None:
+    truth = StraightTruth(RIGHT)
+    result = evaluate(perfect(truth, 20), truth)
+    # It counts from 0.6 s on: frames 6 to 19.
+    assert result.truth_count == result.matched == 14
+    assert result.recall == result.mota == result.coverage == 1.0
+    assert result.false == result.duplicates == result.identity_switches == 0
+    assert result.speed_rmse_mps == pytest.approx(0, abs=1e-12)
+    assert result.velocity_rmse_mps == pytest.approx(0, abs=1e-12)
+    assert result.motp_m == pytest.approx(0, abs=1e-12)
+    assert (result.episodes, result.episodes_missed, result.delay_median_s) == (1, 0, 0.0)
+
+
+def test_errors_of_known_size() -> None:
+    truth = StraightTruth(RIGHT)
+    lines = perfect(truth, 20, offset=(0.0, 0.0, -0.19), error=(0.03, 0.04, 0.0))
+    result = evaluate(lines, truth)
+    assert result.velocity_rmse_mps == pytest.approx(0.05)
+    assert result.speed_rmse_mps == pytest.approx(np.hypot(0.43, 0.04) - 0.4)
+    assert result.speed_bias_mps == pytest.approx(np.hypot(0.43, 0.04) - 0.4)
+    assert result.motp_m == pytest.approx(0.19)
+
+
+def test_misses_and_delay() -> None:
+    truth = StraightTruth(RIGHT)
+    lines = [line(k, [] if k < 9 else [entry(truth, k * DT)]) for k in range(20)]
+    result = evaluate(lines, truth)
+    assert result.recall == pytest.approx(11 / 14)
+    assert result.mota == pytest.approx(11 / 14)
+    assert result.delay_median_s == pytest.approx(0.9)
+    nothing = evaluate([line(k, []) for k in range(20)], truth)
+    assert nothing.recall == 0
+    assert nothing.delay_median_s is None
+    assert nothing.episodes_missed == 1
+    assert nothing.speed_rmse_mps is None
+    assert nothing.coverage is None
+
+
+@pytest.mark.parametrize(("gate", "false"), [(0.5, 20), (ROAD_GATE_M, 0)])
+def test_a_report_far_from_everything_is_false(gate: float, false: int) -> None:
+    truth = StraightTruth(RIGHT)
+    far = perfect(truth, 20, offset=(0.0, 0.0, 1.0))
+    result = evaluate(far, truth, gate_m=gate)
+    assert result.false == false
+    assert result.false_per_100_frames == 5 * false
+    assert result.recall == (0.0 if false else 1.0)
+    if false:
+        assert result.mota == pytest.approx(1 - (14 + 20) / 14)
+
+
+def test_a_report_of_something_parked_is_false() -> None:
+    parked = StraightTruth({1: ((0.0, 0.0, 2.0), (0.04, 0.0, 0.0))})
+    result = evaluate(perfect(parked, 10), parked)
+    assert result.false == 10
+    assert result.truth_count == 0
+    assert result.recall is None
+    assert result.mota is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"state": "tentative"}, {"state": "coasting"}, {"motion": "stopped"}, {"position": None}],
+)
+def test_what_is_not_confirmed_moving_and_placed_is_no_instance(change: dict[str, Any]) -> None:
+    truth = StraightTruth(RIGHT)
+    result = evaluate(perfect(truth, 20, **change), truth)
+    assert result.matched == result.false == 0
+    far = (
+        evaluate(perfect(truth, 20, offset=(0, 0, 2.0), **change), truth)
+        if (change.get("position", 0) is not None)
+        else result
+    )
+    assert far.false == 0
+
+
+@pytest.mark.parametrize(("visible", "counted"), [(1.0, 14), (0.5, 14), (0.4, 0), (None, 14)])
+def test_only_what_is_half_visible_counts_and_the_rest_is_not_false(
+    visible: float | None, counted: int
+) -> None:
+    truth = StraightTruth(RIGHT, visible=visible)
+    result = evaluate(perfect(truth, 20), truth)
+    assert result.truth_count == counted
+    assert result.false == result.duplicates == 0
+
+
+def test_the_observers_own_robot_is_ignored() -> None:
+    truth = StraightTruth(RIGHT, role="observer")
+    result = evaluate(perfect(truth, 10), truth)
+    assert result.truth_count == 0
+    assert result.false == 10
+
+
+def test_a_second_report_on_one_obstacle_is_a_duplicate() -> None:
+    truth = StraightTruth(RIGHT)
+    lines = perfect(truth, 20)
+    for k, each in enumerate(lines):
+        each["obstacles"].append(entry(truth, k * DT, id=99, offset=(0.2, 0, 0)))
+    result = evaluate(lines, truth)
+    assert result.false == 0
+    assert result.duplicates == 14
+    assert result.identity_switches == 0
+    assert result.mota == pytest.approx(0.0)
+
+
+def test_a_pair_stays_together_while_it_can() -> None:
+    """A nearer newcomer does not take over, as CLEAR-MOT has it."""
+    truth = StraightTruth(RIGHT)
+    lines = perfect(truth, 20, offset=(0.3, 0, 0))
+    for k, each in enumerate(lines[10:], 10):
+        each["obstacles"].append(entry(truth, k * DT, id=99))
+    result = evaluate(lines, truth)
+    assert result.identity_switches == 0
+    assert result.motp_m == pytest.approx(0.3)
+
+
+def test_a_changed_identity_is_a_switch_also_after_a_gap() -> None:
+    truth = StraightTruth(RIGHT)
+    lines = perfect(truth, 20)
+    lines[9]["obstacles"][0]["id"] = 8
+    lines[10]["obstacles"] = []
+    for each in lines[11:]:
+        each["obstacles"][0]["id"] = 9
+    result = evaluate(lines, truth)
+    assert result.identity_switches == 2
+    assert result.mota == pytest.approx(1 - 3 / 14)
+
+
+def test_two_that_pass_each_other_are_paired_one_to_one() -> None:
+    paths = {1: ((-0.5, 0, 3.0), (0.4, 0, 0)), 2: ((0.6, 0, 3.2), (-0.4, 0, 0))}
+    truth = StraightTruth(paths)
+    lines = perfect(truth, 28)
+    for each in lines:
+        each["obstacles"].reverse()
+    result = evaluate(lines, truth)
+    assert result.truth_count == result.matched == 44
+    assert result.identity_switches == 0
+    assert result.velocity_rmse_mps == pytest.approx(0, abs=1e-12)
+
+
+def test_velocity_is_compared_at_its_own_time() -> None:
+    class Accelerating(StraightTruth):
+        def bodies(self, time: float) -> tuple[TrueBody, ...]:
+            (b,) = super().bodies(time)
+            velocity = np.array([0.4 + time, 0, 0])
+            return (TrueBody(**{**b.__dict__, "velocity": velocity}),)
+
+    truth = Accelerating(RIGHT)
+    lines = []
+    for k in range(20):
+        report = entry(truth, k * DT)
+        report["velocity"] = [0.4 + (k - 0.5) * DT, 0, 0]
+        report["speed"] = abs(report["velocity"][0])
+        lines.append(line(k, [report]))
+    assert evaluate(lines, truth).velocity_rmse_mps == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("sigma", "coverage"), [(0.1, 0.95), (0.05, 0.417), (1.0, 1.0)])
+def test_coverage_is_the_share_within_the_stated_95_percent(sigma: float, coverage: float) -> None:
+    rng = np.random.default_rng(0)
+    truth = StraightTruth({1: ((-1.0, 0.0, 3.0), (0.4, 0.0, 0.0))})
+    cov = (np.eye(3) * sigma**2).tolist()
+    lines = [
+        line(k, [entry(truth, k * DT, error=rng.normal(0, 0.1, 3), velocity_cov=cov)])
+        for k in range(2000)
+    ]
+    assert evaluate(lines, truth).coverage == pytest.approx(coverage, abs=0.03)
+
+
+def test_reports_without_covariance_do_not_enter_the_coverage() -> None:
+    truth = StraightTruth(RIGHT)
+    result = evaluate(perfect(truth, 20, velocity_cov=None), truth)
+    assert result.matched == 14
+    assert result.coverage is None
+
+
+def test_position_is_compared_with_surface_and_centre() -> None:
+    """Seen from the corner: two faces, so that the centre counts; seen from behind: one."""
+    ahead = StraightTruth({1: ((0.0, 0.0, 2.0), (0.0, 0.0, 0.4))})
+    one_face = evaluate(perfect(ahead, 20, offset=(0, 0, -SIZE[0] / 2)), ahead)
+    assert one_face.surface_rmse_m == pytest.approx(0, abs=1e-9)
+    assert one_face.centre_rmse_m is None
+    corner = StraightTruth({1: ((0.0, 0.0, 2.0), (0.3, 0.0, 0.3))})
+    two_faces = evaluate(perfect(corner, 20, offset=(0, 0.1, 0)), corner)
+    assert two_faces.centre_rmse_m == pytest.approx(0.1)
+    assert two_faces.surface_rmse_m > 0.1
+
+
+def test_a_later_segment_is_placed_by_the_true_camera() -> None:
+    turned = Pose.from_rotvec((0, 0.5, 0), (1.0, 0, 2.0))
+    truth = StraightTruth(RIGHT, camera=turned)
+    lines = []
+    for k in range(20):
+        report = entry(truth, k * DT)
+        for name, moved in (
+            ("position", turned.inverse().apply),
+            ("velocity", turned.inverse().rotate),
+        ):
+            report[name] = moved(report[name]).tolist()
+        lines.append(line(k, [report], segment=1))
+    result = evaluate(lines, truth)
+    assert result.recall == 1.0
+    assert result.motp_m == pytest.approx(0, abs=1e-9)
+    assert result.velocity_rmse_mps == pytest.approx(0, abs=1e-9)
+    unknown = StraightTruth(RIGHT)
+    left_out = evaluate(lines, unknown)
+    assert left_out.frames == 0
+    assert left_out.frames_without_world == 20
+    assert left_out.recall is None
+
+
+def test_several_runs_are_summed_up_together() -> None:
+    truth = StraightTruth(RIGHT)
+    good = tally(checked_lines(perfect(truth, 20)), truth)
+    bad = tally(checked_lines([line(k, []) for k in range(20)]), truth)
+    both = summarise([good, bad])
+    assert both.frames == 40
+    assert both.recall == 0.5
+    assert both.episodes == 2
+    assert summarise([]).recall is None
+
+
+def test_what_moves_in_sight_for_a_moment_only_is_no_episode() -> None:
+    truth = StraightTruth(RIGHT)
+    result = evaluate([line(k, []) for k in range(5)], truth)
+    assert result.truth_count == 0
+    assert result.episodes == 0
+
+
+def test_the_figures_as_dictionary_and_table() -> None:
+    truth = StraightTruth(RIGHT)
+    result = evaluate(perfect(truth, 20), truth)
+    again = json.loads(json.dumps(result.as_dict(), allow_nan=False))
+    assert again["recall"] == 1.0
+    table = result.markdown().splitlines()
+    assert len(table) == len(FIGURE_TITLES) + 2
+    assert "| recall | 1.000 |" in table
+    empty = evaluate([line(0, [])], truth).markdown()
+    assert "| recall | - |" in empty
+
+
+def test_lines_come_back_from_a_file(tmp_path: Path) -> None:
+    truth = StraightTruth(RIGHT)
+    path = tmp_path / "tracks.jsonl"
+    lines = perfect(truth, 20)
+    path.write_text("\n".join(json.dumps(each) for each in lines) + "\n\n")
+    assert evaluate(read_lines(path), truth) == evaluate(lines, truth)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "tracks.jsonl holds no lines"),
+        ("{}\n", "line 1, frame: Field required"),
+        ("nonsense\n", "tracks.jsonl line 1 is not valid JSON"),
+        ("[1]\n", "line 1, the line"),
+        ('{"frame": 0}\n', "line 1, time: Field required"),
+        ("[" * 100_000, "not valid JSON"),
+    ],
+)
+def test_a_bad_file_is_refused_with_the_line(tmp_path: Path, text: str, sentence: str) -> None:
+    path = tmp_path / "tracks.jsonl"
+    path.write_text(text)
+    with pytest.raises(InputError, match=sentence):
+        read_lines(path)
+
+
+def test_other_bad_files(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.jsonl cannot be read"):
+        read_lines(tmp_path / "none.jsonl")
+    binary = tmp_path / "b.jsonl"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="UTF-8"):
+        read_lines(binary)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("speed", -1.0), ("speed", float("nan")), ("position", [0, 1]), ("velocity_cov", [[1]])],
+)
+def test_a_bad_field_is_named(field: str, value: Any) -> None:
+    truth = StraightTruth(RIGHT)
+    lines = perfect(truth, 3)
+    lines[1]["obstacles"][0][field] = value
+    with pytest.raises(InputError, match=rf"line 2, obstacles\.0\.{field}"):
+        evaluate(lines, truth)
+
+
+def test_lines_out_of_order_are_refused_within_a_segment() -> None:
+    truth = StraightTruth(RIGHT)
+    lines = perfect(truth, 3)
+    with pytest.raises(InputError, match=r"line 2 has the time 0\.1 s"):
+        evaluate([lines[2], lines[1]], truth)
+    lines[1]["segment"] = 1
+    # Neither begins with frame 0, and the truth knows no camera to place them by.
+    assert evaluate([lines[2], lines[1]], truth).frames_without_world == 2
