@@ -2,7 +2,8 @@
 
 Sources: ``numbers`` counts, ``exit`` ends the process while it is opened, ``hang`` holds the main
 loop at the third frame, ``bare`` brings no calibration. The first argument may be ``dies``: then
-the process ends at once with exit code 3, or ``silent``: then it never says a word.
+the process ends at once with exit code 3, ``silent``: then it never says a word, or
+``channel-only``: then the kernel does not end it with its parent, as on other systems than Linux.
 """
 
 from __future__ import annotations
@@ -101,5 +102,6 @@ if __name__ == "__main__":
     if behaviour == "silent":
         time.sleep(3600)
     inherited = parse_arguments(arguments)
-    die_with_parent(inherited.parent)
+    if behaviour != "channel-only":
+        die_with_parent(inherited.parent)
     run_engine(inherited, open_source=open_fake, make_observer=Counting)

@@ -324,23 +324,27 @@ def test_a_listener_that_fails_harms_nobody() -> None:
 
 
 @pytest.mark.parametrize(
-    ("number", "stopped"),
+    ("number", "stopped", "behaviour"),
     [
-        (signal.SIGINT, False),
-        (signal.SIGTERM, False),
-        (signal.SIGTERM, True),
-        (signal.SIGKILL, False),
+        (signal.SIGINT, False, "works"),
+        (signal.SIGTERM, False, "works"),
+        (signal.SIGTERM, True, "works"),
+        (signal.SIGKILL, False, "works"),
+        (signal.SIGKILL, False, "channel-only"),
         # A stopped process runs nothing of its own: only the kernel can end it.
         pytest.param(
             signal.SIGKILL,
             True,
+            "works",
             marks=pytest.mark.skipif(sys.platform != "linux", reason="needs PR_SET_PDEATHSIG"),
         ),
     ],
 )
-def test_the_end_of_the_parent_is_the_end_of_all(number: signal.Signals, stopped: bool) -> None:
+def test_the_end_of_the_parent_is_the_end_of_all(
+    number: signal.Signals, stopped: bool, behaviour: str
+) -> None:
     parent = subprocess.Popen(
-        [sys.executable, str(HERE / "serving_parent.py"), *FAKE, "works"],
+        [sys.executable, str(HERE / "serving_parent.py"), *FAKE, behaviour],
         stdout=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(HERE.parents[1])},
     )
