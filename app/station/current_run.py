@@ -32,8 +32,6 @@ class CurrentRun:
         self.record = record
         self.frames = 0
         self.segments = 1
-        # Engines lost in a row without a single observation between.
-        self.fruitless_restarts = 0
         self._storage = storage
         self._writer = writer
         self._clock = clock
@@ -47,7 +45,6 @@ class CurrentRun:
     def observed(self, event: ObservationEvent) -> None:
         """Keep what one frame said of speeds."""
         self.frames += 1
-        self.fruitless_restarts = 0
         self.segments = max(self.segments, int(event.line["segment"]) + 1)
         self._rows.extend(speed_rows(self.id, event))
         if self._clock() - self._flushed >= _FLUSH_S:

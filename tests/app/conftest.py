@@ -123,7 +123,8 @@ class PeerEngine:
                 self.publish(self.state())
                 return dict(self.playback)
             case StopRun():
-                assert self.opened is not None
+                if self.opened is None or self.opened.run_id is None:
+                    raise EngineRefused("no run is going", "state")
                 self.opened = replace(self.opened, run_id=None)
                 self.publish(self.state())
                 return {}
