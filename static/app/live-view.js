@@ -39,6 +39,7 @@ export class LiveView extends Part {
   name = "left";
 
   build() {
+    this.dataset.view = this.name;
     const { title, help } = VIEWS[this.name] ?? { title: this.name, help: "" };
     const helpId = `view-help-${this.name}`;
     this.#canvas.setAttribute("aria-label", `${title}, live`);

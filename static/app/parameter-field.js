@@ -9,7 +9,10 @@ import { h, icon, setText } from "./dom.js";
 const SLIDER_STEPS = 1000;
 // From this ratio of largest to smallest on, a slider's scale is logarithmic.
 const LOGARITHMIC_FROM = 100;
+const KEY_SHARE = 0.05;
 const SEND_EVERY_MS = 120;
+/** @type {Record<string, 1 | -1>} */
+const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
 export class ParameterField extends HTMLElement {
   #error = h("p", { class: "field-error", role: "alert" });
@@ -114,39 +117,68 @@ export class ParameterField extends HTMLElement {
     const scale = scaleOf(entry);
     const slider = h("input", { type: "range", "aria-label": `${entry.title}, slider`, ...scale.attributes });
     const number = h("input", { type: "number", id, min: entry.minimum, max: entry.maximum, step: entry.step, ...described });
-    /** @type {ParameterValue | undefined} */
-    let before;
-    let timer = 0;
-    slider.addEventListener("input", () => {
-      before ??= this.#shown;
-      const value = scale.valueAt(slider.valueAsNumber);
+    const gesture = this.#gesture((value) => {
       number.value = tidy(value);
       slider.setAttribute("aria-valuetext", `${tidy(value)} ${entry.unit}`);
-      // The effect is seen while the slider moves; one step of undo covers the whole movement.
-      if (!timer) {
-        timer = setTimeout(() => {
-          timer = 0;
-          void this.store?.change({ [entry.name]: scale.valueAt(slider.valueAsNumber) });
-        }, SEND_EVERY_MS);
-      }
     });
-    slider.addEventListener("change", () => {
-      clearTimeout(timer);
-      timer = 0;
-      this.#commit(scale.valueAt(slider.valueAsNumber), before);
-      before = undefined;
+    slider.addEventListener("input", () => gesture.move(scale.valueAt(slider.valueAsNumber)));
+    slider.addEventListener("change", () => gesture.end());
+    slider.addEventListener("keydown", (event) => {
+      const direction = ARROWS[event.key];
+      if (!direction || !scale.next) return;
+      event.preventDefault();
+      const value = scale.next(number.valueAsNumber, direction);
+      slider.value = String(scale.placeOf(value));
+      gesture.move(value);
     });
+    slider.addEventListener("keyup", () => gesture.end());
     // What is no number is sent as it is: the server says what would be right.
     number.addEventListener("change", () =>
       this.#commit(Number.isFinite(number.valueAsNumber) ? number.valueAsNumber : number.value),
     );
     this.#show = (value) => {
-      if (before !== undefined) return;
+      if (gesture.underWay) return;
       number.value = tidy(value);
       slider.value = String(scale.placeOf(Number(value)));
       slider.setAttribute("aria-valuetext", `${tidy(value)} ${entry.unit}`);
     };
     return h("div", { class: "parameter-controls" }, slider, number, h("span", { class: "unit" }, entry.unit));
+  }
+
+  /**
+   * One movement of the slider: its effect is seen while it lasts, and it is one step of undo.
+   *
+   * @param {(value: number) => void} display
+   */
+  #gesture(display) {
+    const name = /** @type {ParameterEntry} */ (this.entry).name;
+    /** @type {ParameterValue | undefined} */
+    let before;
+    /** @type {number | undefined} */
+    let value;
+    let timer = 0;
+    return {
+      get underWay() {
+        return value !== undefined;
+      },
+      move: (/** @type {number} */ to) => {
+        if (value === undefined) before = this.#shown;
+        value = to;
+        display(to);
+        timer ||= setTimeout(() => {
+          timer = 0;
+          if (value !== undefined) void this.store?.change({ [name]: value });
+        }, SEND_EVERY_MS);
+      },
+      end: () => {
+        if (value === undefined) return;
+        const last = value;
+        clearTimeout(timer);
+        timer = 0;
+        value = undefined;
+        this.#commit(last, before);
+      },
+    };
   }
 }
 
@@ -161,19 +193,23 @@ function scaleOf({ minimum = 0, maximum = 1, step = 1, type }) {
       attributes: { min: minimum, max: maximum, step },
       valueAt: (/** @type {number} */ place) => place,
       placeOf: (/** @type {number} */ value) => value,
+      next: null,
     };
   }
   const ratio = Math.log(maximum / minimum);
+  const allowed = (/** @type {number} */ value) => {
+    const stepped = minimum + Math.round((value - minimum) / step) * step;
+    const bounded = Math.min(maximum, Math.max(minimum, stepped));
+    return type === "integer" ? Math.round(bounded) : Number(bounded.toPrecision(6));
+  };
   return {
     attributes: { min: 0, max: SLIDER_STEPS, step: 1 },
-    valueAt: (/** @type {number} */ place) => {
-      const value = minimum * Math.exp((ratio * place) / SLIDER_STEPS);
-      const stepped = minimum + Math.round((value - minimum) / step) * step;
-      const bounded = Math.min(maximum, Math.max(minimum, stepped));
-      return type === "integer" ? Math.round(bounded) : Number(bounded.toPrecision(6));
-    },
+    valueAt: (/** @type {number} */ place) => allowed(minimum * Math.exp((ratio * place) / SLIDER_STEPS)),
     placeOf: (/** @type {number} */ value) =>
       Math.round((SLIDER_STEPS * Math.log(value / minimum)) / ratio),
+    // A key moves by a few per cent, but always by one step at least.
+    next: (/** @type {number} */ value, /** @type {1 | -1} */ direction) =>
+      allowed(value + direction * Math.max(step, value * KEY_SHARE)),
   };
 }
 

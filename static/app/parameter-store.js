@@ -28,6 +28,8 @@ export class ParameterStore extends EventTarget {
   #undoable = [];
   /** @type {{before: Values, after: Values}[]} */
   #redoable = [];
+  /** Settles when the newest undoable change has been answered. @type {Promise<void>} */
+  #lastStep = Promise.resolve();
   /** @type {Waiting[]} */
   #waiting = [];
   #busy = false;
@@ -80,12 +82,14 @@ export class ParameterStore extends EventTarget {
    * @param {Values} [before] what undo goes back to; the present values if left out
    */
   async changeUndoably(changes, before = this.#present(Object.keys(changes))) {
-    if (!(await this.change(changes))) return false;
-    this.#undoable.push({ before, after: changes });
-    this.#undoable.splice(0, this.#undoable.length - HISTORY_LENGTH);
-    this.#redoable = [];
-    this.dispatchEvent(new Event("values"));
-    return true;
+    this.#lastStep = this.change(changes).then((taken) => {
+      if (!taken) return;
+      this.#undoable.push({ before, after: changes });
+      this.#undoable.splice(0, this.#undoable.length - HISTORY_LENGTH);
+      this.#redoable = [];
+      this.dispatchEvent(new Event("values"));
+    });
+    await this.#lastStep;
   }
 
   get canUndo() {
@@ -153,6 +157,8 @@ export class ParameterStore extends EventTarget {
    * @param {"before" | "after"} side
    */
   async #replay(from, to, side) {
+    // What was changed a moment ago may still be on its way.
+    await this.#lastStep;
     const step = from.pop();
     if (!step) return;
     if (await this.change(step[side])) to.push(step);

@@ -1,0 +1,224 @@
+"""One server and one Chromium for all tests of the page; each test has its own page.
+
+Every page is watched: an error on its console, or a request to another machine, fails the test.
+"""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psutil
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts"
+DESKTOP = {"width": 1440, "height": 900}
+BLANK = "<!doctype html><title>no viewer in this test</title>"
+
+_START_S = 40.0
+_STOP_S = 10.0
+# WebGL by the processor, where no graphics card is; no service of the browser's maker.
+_CHROMIUM_OPTIONS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+# A library inside viser tries to compile a function, is refused by our policy, and does without.
+_VIEWERS_OWN = "'unsafe-eval' is not an allowed source of script"
+_REFUSED = re.compile(r"the server responded with a status of 4(09|22)")
+# What a page that loses its server cannot help but say.
+_LOST = re.compile(r"WebSocket connection to .* failed|net::ERR_")
+
+
+@dataclass(frozen=True)
+class Server:
+    """A served Dynamic Observer.
+
+    Attributes:
+        link: with the token, as printed. api: a client for the REST interface, signed in.
+        process: the web process.
+    """
+
+    link: str
+    api: httpx.Client
+    process: psutil.Process
+
+    def get(self, path: str) -> Any:
+        """The JSON under ``/api``."""
+        answer = self.api.get(f"/api{path}")
+        answer.raise_for_status()
+        return answer.json()
+
+
+@pytest.fixture(scope="package", autouse=True)
+def _nothing_left_behind() -> Iterator[None]:
+    """In place of the check after every test: server and browser outlive the single test.
+
+    They start and end children as they like (renderers, a new engine), so it is only after the
+    last test of the page that nothing may be left.
+    """
+    before = set(psutil.Process().children(recursive=True))
+    yield
+    _, alive = psutil.wait_procs(
+        [each for each in psutil.Process().children(recursive=True) if each not in before], 3.0
+    )
+    for process in alive:
+        process.kill()
+    assert not alive, f"left behind: {alive}"
+
+
+@pytest.fixture(scope="package")
+def server(
+    tmp_path_factory: pytest.TempPathFactory, _nothing_left_behind: None
+) -> Iterator[Server]:
+    """A real server on the simulated lab, started as a person starts it."""
+    folder = tmp_path_factory.mktemp("served")
+    output = folder / "output.txt"
+    command = [
+        sys.executable,
+        "-m",
+        "app.cli",
+        "serve",
+        "--port",
+        "0",
+        "--data",
+        str(folder / "data"),
+    ]
+    with output.open("w") as stream:
+        process = subprocess.Popen(
+            command, stdout=stream, stderr=subprocess.STDOUT, cwd=ARTEFACTS.parent
+        )
+    try:
+        link = _wait_for_link(process, output)
+        address, _, token = link.partition("/?token=")
+        bearer = {"Authorization": f"Bearer {token}"}
+        with httpx.Client(base_url=address, headers=bearer, timeout=30, trust_env=False) as api:
+            yield Server(link, api, psutil.Process(process.pid))
+        process.send_signal(signal.SIGINT)
+        assert process.wait(_STOP_S) == 0, output.read_text()
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+        ARTEFACTS.mkdir(exist_ok=True)
+        (ARTEFACTS / "server.log").write_text(output.read_text().replace(token, "TOKEN"))
+
+
+def _wait_for_link(process: subprocess.Popen[bytes], output: Path) -> str:
+    deadline = time.monotonic() + _START_S
+    while time.monotonic() < deadline:
+        found = re.search(r"http://\S+/\?token=\S+", output.read_text())
+        if found:
+            return found.group()
+        assert process.poll() is None, f"the server ended: {output.read_text()}"
+        time.sleep(0.05)
+    pytest.fail(f"no link within {_START_S:.0f} s: {output.read_text()}")
+
+
+@pytest.fixture(scope="package")
+def browser(chromium_path: str, _nothing_left_behind: None) -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(
+            executable_path=chromium_path, args=list(_CHROMIUM_OPTIONS)
+        )
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def open_panel(server: Server, browser: Browser) -> Iterator[Callable[..., Page]]:
+    """Open the panel in a page of its own, signed in, with live data arriving.
+
+    Arguments of what it gives: ``viewer`` False leaves the 3D scene out, which takes most of the
+    time on a machine without a graphics card; ``refusals`` allows the server to refuse values,
+    ``losses`` that it is not there; anything else goes to the browser's context.
+    """
+    opened: list[tuple[Page, list[str], bool, bool]] = []
+
+    def open_one(
+        *, viewer: bool = False, refusals: bool = False, losses: bool = False, **options: Any
+    ) -> Page:
+        context = browser.new_context(**{"viewport": DESKTOP, **options})
+        page = context.new_page()
+        troubles = _watch(page, server.link)
+        opened.append((page, troubles, refusals, losses))
+        if not viewer:
+            page.route(
+                "**/viewer/", lambda route: route.fulfill(body=BLANK, content_type="text/html")
+            )
+        page.goto(server.link)
+        page.wait_for_selector('html[data-freshness="fresh"]', timeout=30_000)
+        return page
+
+    yield open_one
+    for page, troubles, refusals, losses in opened:
+        page.context.close()
+        left = [
+            trouble
+            for trouble in troubles
+            if _VIEWERS_OWN not in trouble
+            and not (refusals and _REFUSED.search(trouble))
+            and not (losses and _LOST.search(trouble))
+        ]
+        assert not left, left
+
+
+def _watch(page: Page, link: str) -> list[str]:
+    """A list that grows by one line for every error and every request to somewhere else."""
+    troubles: list[str] = []
+    host = link.split("/")[2]
+    inside = (f"http://{host}/", f"ws://{host}/", "data:", "blob:", f"blob:http://{host}/")
+
+    def requested(url: str) -> None:
+        if not url.startswith(inside):
+            troubles.append(f"a request left the machine: {url}")
+
+    page.on("request", lambda request: requested(request.url))
+    page.on("websocket", lambda socket: requested(socket.url))
+    page.on("pageerror", lambda error: troubles.append(f"error: {error}"))
+    page.on(
+        "console",
+        lambda message: (
+            troubles.append(f"console: {message.text}") if message.type == "error" else None
+        ),
+    )
+    return troubles
+
+
+@pytest.fixture
+def keep_picture() -> Callable[[Page, str], None]:
+    """Keep a screenshot under ``artefacts/``, for people to look at."""
+
+    def keep(page: Page, name: str) -> None:
+        ARTEFACTS.mkdir(exist_ok=True)
+        page.screenshot(path=ARTEFACTS / f"{name}.png")
+
+    return keep
+
+
+@pytest.fixture
+def eventually() -> Callable[..., Any]:
+    """Ask until the answer is true; returns it."""
+
+    def wait(ask: Callable[[], Any], within_s: float = 10.0) -> Any:
+        deadline = time.monotonic() + within_s
+        while not (answer := ask()):
+            assert time.monotonic() < deadline, f"not within {within_s} s"
+            time.sleep(0.05)
+        return answer
+
+    return wait

@@ -1,0 +1,155 @@
+"""The page's form: phones, colours, keyboard, names and contrast."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+pytestmark = pytest.mark.browser
+
+_TABS = ("Source", "Parameters", "Calibration", "Runs", "Status")
+
+# Parts that stand out to the right of the window, but for those that scroll by themselves.
+_TOO_WIDE = """() => [...document.querySelectorAll("body *")]
+  .filter((e) => !e.closest(".scroll-x, [role=tablist], .visually-hidden, .uplot"))
+  .map((e) => [e, e.getBoundingClientRect()])
+  .filter(([, r]) => r.width && r.right > innerWidth + 1)
+  .map(([e]) => e)
+  .map((e) => e.outerHTML.slice(0, 120))"""
+
+# Texts whose contrast against their ground is below WCAG AA.
+_FAINT = """() => {
+  const canvas = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+  const rgba = (colour) => {
+    canvas.clearRect(0, 0, 1, 1);
+    canvas.fillStyle = colour;
+    canvas.fillRect(0, 0, 1, 1);
+    return [...canvas.getImageData(0, 0, 1, 1).data];
+  };
+  const light = ([r, g, b]) => [r, g, b]
+    .map((v) => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const ground = (element) => {
+    for (let e = element; e; e = e.parentElement) {
+      const colour = rgba(getComputedStyle(e).backgroundColor);
+      if (colour[3] > 250) return colour;
+    }
+    return [255, 255, 255, 255];
+  };
+  const faint = [];
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const e = walker.currentNode.parentElement;
+    if (!walker.currentNode.data.trim()) continue;
+    if (!e.checkVisibility({ visibilityProperty: true })) continue;
+    if (e.closest("button:disabled, .visually-hidden, option, script, noscript")) continue;
+    const style = getComputedStyle(e);
+    const [a, b] = [light(rgba(style.color)), light(ground(e))].sort((x, y) => y - x);
+    const ratio = (a + 0.05) / (b + 0.05);
+    const large = parseFloat(style.fontSize) >= 24
+      || (parseFloat(style.fontSize) >= 18.66 && style.fontWeight >= 600);
+    if (ratio < (large ? 3 : 4.5)) faint.push(`${ratio.toFixed(2)}: ${e.outerHTML.slice(0, 120)}`);
+  }
+  return faint;
+}"""
+
+_NAMELESS = """() => [...document.querySelectorAll(
+    "button, input, select, a, canvas, iframe, meter, progress")]
+  .filter((e) => e.checkVisibility() && !e.closest(".uplot"))
+  .filter((e) => !e.getAttribute("aria-label") && !e.title)
+  .filter((e) => !e.labels?.length && !e.textContent.trim())
+  .map((e) => e.outerHTML.slice(0, 160))"""
+
+_FOCUSED = """() => {
+  const e = document.activeElement;
+  if (!e.dataset.reached) e.dataset.reached = "yes";
+  const shown = e.type === "checkbox" || e.type === "radio" ? [e, e.closest("label")] : [e];
+  const outlined = shown.some((s) => s && getComputedStyle(s).outlineStyle !== "none");
+  return [e.outerHTML.slice(0, 120), e === document.body || e.tagName === "IFRAME" || outlined];
+}"""
+
+_UNREACHED = """() => [...document.querySelectorAll(
+    "button, input, select, a, summary, [tabindex='0']")]
+  .filter((e) => e.checkVisibility() && !e.disabled && e.tabIndex >= 0 && !e.dataset.reached)
+  .filter((e) => e.type !== "radio" || e.checked)
+  .map((e) => e.outerHTML.slice(0, 160))"""
+
+
+def test_a_phone_shows_everything_without_scrolling_sideways(open_panel, keep_picture):
+    page = open_panel(viewport={"width": 360, "height": 780}, has_touch=True)
+    keep_picture(page, "phone")
+    for name in ("warped", "disparity"):
+        page.locator(f"input[name=view][value={name}]").check()
+    for tab in _TABS:
+        page.get_by_role("tab", name=tab).click()
+        page.wait_for_timeout(150)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360, tab
+        assert page.evaluate(_TOO_WIDE) == [], tab
+    page.get_by_role("tab", name="Parameters").click()
+    page.locator("#panel").scroll_into_view_if_needed()
+    page.evaluate("document.querySelector('#panel').scrollIntoView()")
+    keep_picture(page, "phone-parameters")
+
+
+def _darkness(page) -> float:
+    """0 for a white ground, 1 for a black one."""
+    colour = page.evaluate("getComputedStyle(document.querySelector('aside')).backgroundColor")
+    channels = [float(part) for part in colour.strip("rgba()").split(",")[:3]]
+    return 1 - sum(channels) / 765
+
+
+def test_colours_follow_the_system_or_the_choice_and_stay(open_panel):
+    page = open_panel(color_scheme="dark")
+    assert _darkness(page) > 0.85
+    page.locator("input[name=theme][value=light]").check()
+    assert _darkness(page) < 0.1
+    page.reload()
+    page.wait_for_selector("input[name=theme][value=light]:checked")
+    assert _darkness(page) < 0.1
+    page.locator("input[name=theme][value=auto]").check()
+    assert _darkness(page) > 0.85
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_stands_out_and_every_control_has_a_name(open_panel, scheme):
+    page = open_panel(color_scheme=scheme)
+    for tab in _TABS:
+        page.get_by_role("tab", name=tab).click()
+        page.wait_for_timeout(150)
+        assert page.evaluate(_FAINT) == [], tab
+        assert page.evaluate(_NAMELESS) == [], tab
+
+
+def test_everything_is_reached_by_keyboard_and_its_focus_is_seen(open_panel):
+    page = open_panel()
+    page.get_by_role("tab", name="Source").focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.get_by_role("tab", name="Parameters")).to_be_focused()
+    expect(page.locator("#pane-parameters")).to_be_visible()
+    page.evaluate("document.activeElement.blur()")
+    for _ in range(150):
+        page.keyboard.press("Tab")
+        element, visible = page.evaluate(_FOCUSED)
+        assert visible, element
+        if "skip-link" in element and page.evaluate(_UNREACHED) == []:
+            break
+    assert page.evaluate(_UNREACHED) == []
+
+
+def test_signing_in_by_hand(server, browser):
+    """Whoever comes without the link is asked for the token, and told where it is."""
+    context = browser.new_context()
+    page = context.new_page()
+    address, _, token = server.link.partition("?token=")
+    try:
+        page.goto(address)
+        expect(page.get_by_text("Open the link that the server printed")).to_be_visible()
+        page.get_by_label("Token").fill("wrong")
+        page.get_by_role("button", name="Sign in").click()
+        expect(page.get_by_label("Token")).to_be_visible()
+        page.get_by_label("Token").fill(token)
+        page.get_by_role("button", name="Sign in").click()
+        expect(page.locator("observer-first-line")).to_be_visible()
+        assert "token" not in page.url
+    finally:
+        context.close()

@@ -1,0 +1,101 @@
+"""Runs and calibrations: kept, looked at, taken away again."""
+
+from __future__ import annotations
+
+import re
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+
+pytestmark = pytest.mark.browser
+
+
+def test_a_run_is_started_stopped_listed_and_deleted(server, open_panel, eventually, keep_picture):
+    page = open_panel()
+    page.get_by_label("Name of the run").fill("crossing")
+    page.get_by_role("button", name="Start run").click()
+    expect(page.get_by_role("button", name="Stop run")).to_be_visible(timeout=10_000)
+    run = eventually(lambda: server.get("/status")["run"])
+    assert run["name"] == "crossing"
+    eventually(lambda: server.get("/status")["engine"]["state"] == "running")
+    eventually(lambda: server.get(f"/runs/{run['id']}")["frames"] > 3, 15)
+    page.get_by_role("button", name="Stop run").click()
+    expect(page.get_by_role("button", name="Start run")).to_be_visible(timeout=10_000)
+    assert server.get(f"/runs/{run['id']}")["state"] == "finished"
+
+    page.get_by_role("tab", name="Runs").click()
+    entry = page.locator("observer-runs li", has_text="crossing")
+    expect(entry).to_contain_text("finished")
+    keep_picture(page, "runs")
+    csv = entry.get_by_role("link", name=re.compile("CSV")).get_attribute("href")
+    rows = server.api.get(csv).text.splitlines()
+    assert rows[0].startswith("time,role,source")
+    assert len(rows) > 3
+
+    entry.get_by_role("button", name="Delete run crossing").click()
+    page.get_by_role("button", name="Keep").click()
+    assert len(server.get("/runs")) == 1
+    entry.get_by_role("button", name="Delete run crossing").click()
+    page.get_by_role("dialog").get_by_role("button", name="Delete run").click()
+    expect(entry).to_have_count(0)
+    assert server.get("/runs") == []
+
+
+def _calibration_of(camera) -> bytes:
+    """The pair that is open, as an OpenCV file."""
+    matrix = [camera["fx"], 0, camera["cx"], 0, camera["fy"], camera["cy"], 0, 0, 1]
+    writer = cv2.FileStorage(
+        "", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
+    )
+    writer.write("image_width", camera["width"])
+    writer.write("image_height", camera["height"])
+    for side in ("1", "2"):
+        writer.write(f"K{side}", np.reshape(matrix, (3, 3)).astype(float))
+        writer.write(f"D{side}", np.zeros((1, 5)))
+    writer.write("R", np.eye(3))
+    writer.write("T", np.array([[-camera["baseline"]], [0.0], [0.0]]))
+    return writer.releaseAndGetString().encode()
+
+
+def _choose(page, name: str, content: bytes) -> None:
+    file = {"name": name, "mimeType": "application/yaml", "buffer": content}
+    page.set_input_files("#calibration-file", files=[file])
+
+
+def test_a_bad_calibration_is_refused_in_one_sentence(server, open_panel):
+    page = open_panel(refusals=True)
+    page.get_by_role("tab", name="Calibration").click()
+    _choose(page, "holiday.yaml", b"beach: sunny\n")
+    error = page.locator("#calibration-error")
+    expect(error).to_contain_text("holiday.yaml was not taken")
+    assert len(error.inner_text()) > 50
+    assert server.get("/calibrations") == []
+
+
+def test_a_calibration_is_seen_before_it_is_used(server, open_panel, eventually, keep_picture):
+    page = open_panel()
+    page.get_by_role("tab", name="Calibration").click()
+    camera = server.get("/status")["camera"]
+    _choose(page, "lab.yaml", _calibration_of(camera))
+    preview = page.get_by_role("dialog")
+    expect(preview.locator(".verdict")).to_have_text(
+        re.compile(r"Vertical error \d+\.\d\d px"), timeout=10_000
+    )
+    expect(preview).to_contain_text(f"{camera['width']} × {camera['height']} px")
+    expect(preview).to_contain_text(f"{camera['baseline']:.4f} m")
+    painted = cv2.imdecode(np.frombuffer(preview.locator("canvas").screenshot(), np.uint8), 1)
+    assert painted.std() > 8
+    keep_picture(page, "calibration")
+    assert server.get("/status")["calibration"] is None
+
+    preview.get_by_role("button", name="Use this calibration").click()
+    active = eventually(lambda: server.get("/status")["calibration"])
+    assert active["name"] == "lab.yaml"
+    page.get_by_role("button", name="Back to the source's own").click()
+    eventually(lambda: server.get("/status")["calibration"] is None)
+    page.get_by_role("button", name="Delete calibration lab.yaml").click()
+    page.get_by_role("dialog").get_by_role("button", name="Delete calibration").click()
+    eventually(lambda: server.get("/calibrations") == [])
+    expect(page.locator("html")).to_have_attribute("data-freshness", "fresh", timeout=10_000)

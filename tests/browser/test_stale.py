@@ -1,0 +1,61 @@
+"""Old data never looks new: every live part is marked, and recovers by itself."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import pytest
+from playwright.sync_api import expect
+
+pytestmark = pytest.mark.browser
+
+# Keeps what a short state leaves no time to ask for.
+_REMEMBER = """() => {
+  window.seen = [];
+  const html = document.documentElement;
+  new MutationObserver(() => window.seen.push([
+    html.dataset.freshness,
+    document.querySelector("observer-freshness-banner").innerText,
+    document.querySelector("observer-scene").dataset.freshness,
+  ])).observe(html, { attributeFilter: ["data-freshness"] });
+}"""
+
+
+@pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "hung"])
+def test_the_page_says_that_the_engine_is_gone_and_goes_on_with_the_next(
+    server, open_panel, eventually, kind
+):
+    page = open_panel()
+    engine = server.get("/status")["engine"]
+    page.evaluate(_REMEMBER)
+    os.kill(engine["pid"], kind)
+    eventually(lambda: server.get("/status")["engine"]["generation"] > engine["generation"], 6)
+    page.wait_for_function("() => window.seen.some(([state]) => state === 'stale')", timeout=5_000)
+    page.wait_for_selector('html[data-freshness="fresh"]', timeout=15_000)
+    marked = [entry for entry in page.evaluate("window.seen") if entry[0] == "stale"]
+    assert marked[0][1].startswith("Stale: ")
+    expect(page.locator("observer-freshness-banner")).to_be_hidden()
+    expect(page.locator("observer-scene .stale-mark")).to_be_hidden()
+
+
+def test_everything_is_marked_while_the_server_is_silent(server, open_panel, keep_picture):
+    page = open_panel(viewer=True, losses=True)
+    server.process.suspend()
+    try:
+        asked = time.monotonic()
+        page.wait_for_selector('html[data-freshness="stale"]', timeout=6_000)
+        assert time.monotonic() - asked < 5
+        expect(page.locator("observer-scene")).to_have_attribute("data-freshness", "stale")
+        expect(page.locator("observer-scene .stale-mark")).to_contain_text("Stale")
+        expect(page.locator(".first-line-text")).to_contain_text("Stopped")
+        expect(page.locator("observer-live-view[data-freshness=stale]")).to_have_count(2)
+        for part in ("observer-scene iframe", "observer-speed-chart .chart"):
+            opacity = page.locator(part).evaluate("e => getComputedStyle(e).opacity")
+            assert float(opacity) < 0.7, part
+        keep_picture(page, "stale")
+    finally:
+        server.process.resume()
+    page.wait_for_selector('html[data-freshness="fresh"]', timeout=20_000)
+    expect(page.locator("observer-freshness-banner")).to_be_hidden()

@@ -1,0 +1,105 @@
+"""What a newcomer sees first: the scene, the views, who moves and how fast."""
+
+from __future__ import annotations
+
+import re
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+
+pytestmark = pytest.mark.browser
+
+_FIRST_LINE = re.compile(
+    r"Obstacle \d+ moves at (\d+\.\d\d)( ± \d+\.\d\d)? m/s.*, \d+\.\d m .* — truth \d\.\d\d m/s"
+)
+
+
+def _pixels(png: bytes):
+    return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_scene_views_and_first_line_show_the_moving_obstacle(
+    server, open_panel, keep_picture, eventually
+):
+    page = open_panel(viewer=True, color_scheme="light")
+    line = page.locator(".first-line-text")
+    expect(line).to_have_text(_FIRST_LINE, timeout=30_000)
+    speed = float(_FIRST_LINE.search(line.inner_text()).group(1))
+    assert 0.0 < speed < 3.0
+
+    # The scene: many different colours, of points and boxes, not one ground.
+    def scene_is_drawn():
+        picture = _pixels(page.locator("observer-scene iframe").screenshot())
+        colours = np.unique((picture // 16).reshape(-1, 3), axis=0)
+        return picture.std() > 8 and len(colours) > 60
+
+    eventually(scene_is_drawn, 20)
+    # The viewer's own panel is hidden; our page has its own.
+    viewer = page.frame(url=re.compile("/viewer/"))
+    assert viewer.locator(".mantine-Paper-root:visible").count() == 0
+
+    for name in ("left", "residual"):
+        canvas = page.locator(f'observer-live-view[data-view="{name}"] canvas')
+        assert _pixels(canvas.screenshot()).std() > 8, name
+    row = page.locator("observer-obstacles tbody tr").first
+    expect(row).to_contain_text(re.compile(r"\d\.\d\d m "))
+    assert page.locator("observer-speed-chart .uplot canvas").count() == 1
+    keep_picture(page, "desktop-light")
+
+    # What was painted is acknowledged; the server measures the latency by it.
+    eventually(lambda: server.get("/status")["latency_ms"]["count"] > 0)
+    page.emulate_media(color_scheme="dark")
+    page.wait_for_timeout(1500)
+    keep_picture(page, "desktop-dark")
+
+
+def test_views_are_chosen_and_stay_chosen(open_panel, keep_picture):
+    page = open_panel()
+    for name in ("warped", "disparity"):
+        page.locator(f"input[name=view][value={name}]").check()
+    page.locator("input[name=view][value=left]").uncheck()
+    shown = page.locator("observer-live-view")
+    assert [view.get_attribute("data-view") for view in shown.all()] == [
+        "warped",
+        "disparity",
+        "residual",
+    ]
+    for name in ("warped", "disparity", "residual"):
+        fresh = page.locator(f'observer-live-view[data-view="{name}"][data-freshness="fresh"]')
+        expect(fresh).to_be_visible(timeout=10_000)
+    keep_picture(page, "views")
+    page.reload()
+    expect(page.locator("observer-live-view")).to_have_count(3)
+
+
+def test_playback_pauses_steps_and_goes_on(server, open_panel, eventually):
+    page = open_panel()
+    page.get_by_role("button", name="Pause").click()
+    eventually(lambda: server.get("/status")["playback"]["paused"])
+    expect(page.locator("html")).to_have_attribute("data-freshness", "held", timeout=5_000)
+    expect(page.locator("observer-scene .stale-mark")).to_contain_text("Paused at frame")
+    before = server.get("/status")["playback"]["frame"]
+    page.get_by_role("button", name="One frame further").click()
+    eventually(lambda: server.get("/status")["playback"]["frame"] == before + 1)
+    page.get_by_role("spinbutton", name="Playback rate").fill("2")
+    page.keyboard.press("Enter")
+    eventually(lambda: server.get("/status")["playback"]["rate"] == 2)
+    page.get_by_role("spinbutton", name="Playback rate").fill("1")
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Play", exact=True).click()
+    expect(page.locator("html")).to_have_attribute("data-freshness", "fresh", timeout=5_000)
+    eventually(lambda: server.get("/status")["playback"]["rate"] == 1)
+
+
+def test_a_source_that_is_not_there_is_refused_beside_its_field(server, open_panel):
+    page = open_panel(refusals=True)
+    page.get_by_role("tab", name="Source").click()
+    expect(page.locator(".source[aria-current=true] code")).to_have_text("simulated:lab")
+    field = page.get_by_label("Source", exact=True).and_(page.locator("input"))
+    field.fill("/there/is/nothing")
+    page.get_by_role("button", name="Open source").click()
+    expect(page.locator("#source-error")).to_contain_text("/there/is/nothing", timeout=10_000)
+    expect(field).to_have_attribute("aria-invalid", "true")
+    assert server.get("/status")["source"]["spec"] == "simulated:lab"
