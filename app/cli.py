@@ -6,18 +6,14 @@ Data goes to stdout or to the named file only, progress to stderr.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
 import typer
 from typer.exceptions import TyperException
 
-from app.commands.benchmark import benchmark
-from app.commands.evaluate import evaluate
-from app.commands.observe import observe
-from app.commands.parameters import parameters
-from app.commands.serve import serve
-from app.commands.simulate import simulate
+from app.native_environment import NATIVE_ENVIRONMENT
 from observer.errors import DynamicObserverError, InputError
 
 EXIT_FAILED = 1
@@ -27,6 +23,14 @@ EXIT_INTERRUPTED = 130
 
 def build() -> typer.Typer:
     """The command line with all its commands."""
+    # Imported here, because they bring numpy and OpenCV, which read the environment when imported.
+    from app.commands.benchmark import benchmark
+    from app.commands.evaluate import evaluate
+    from app.commands.observe import observe
+    from app.commands.parameters import parameters
+    from app.commands.serve import serve
+    from app.commands.simulate import simulate
+
     cli = typer.Typer(
         name="dynamic-observer",
         help="Sees moving obstacles from a moving robot with two cheap cameras.",
@@ -46,6 +50,8 @@ def build() -> typer.Typer:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit."""
+    for name, value in NATIVE_ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
     try:
         code = build()(args=arguments, standalone_mode=False)
     except InputError as error:

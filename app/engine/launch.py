@@ -19,6 +19,7 @@ from typing import Any
 from app.channel.pipe import encode, read_message
 from app.engine.arguments import EngineArguments
 from app.messages import Command, HeartbeatEvent, Reply, Request, StateEvent
+from app.native_environment import NATIVE_ENVIRONMENT
 
 # -P: the folder somebody starts the server in must not supply the modules.
 ENGINE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.engine")
@@ -188,9 +189,7 @@ class EngineProcess:
 def _environment() -> dict[str, str]:
     paths = [str(_PACKAGES), os.environ.get("PYTHONPATH", "")]
     return {
-        # The method's matrices are small. OpenBLAS's threads spin beside them, which doubles a
-        # frame's time on two busy cores; it reads this while numpy is imported.
-        "OPENBLAS_NUM_THREADS": "1",
+        **NATIVE_ENVIRONMENT,
         **os.environ,
         "PYTHONPATH": os.pathsep.join(filter(None, paths)),
     }

@@ -1,0 +1,15 @@
+"""How the native libraries behave in a process of ours; to be set before they are imported."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+# What the person who starts us chose in the environment goes first.
+NATIVE_ENVIRONMENT: Mapping[str, str] = {
+    # The method's matrices are small. OpenBLAS's threads spin beside them, which doubles a
+    # frame's time on two busy cores; it reads this while numpy is imported.
+    "OPENBLAS_NUM_THREADS": "1",
+    # What is wrong with an image or video is said once, in our words, not a second time in theirs.
+    "OPENCV_LOG_LEVEL": "SILENT",
+    "OPENCV_FFMPEG_LOGLEVEL": "-8",
+}
