@@ -27,8 +27,10 @@ _TRUTH = (112, 150, 150)
 _BLUE = (66, 133, 244)
 _ROSE = (214, 122, 122)
 _WHITE = (255, 255, 255)
-_EYE = (-2.1, -1.5, 2.1)
-_LOOK_AT = (2.4, 0.0, 0.2)
+# Behind the robot, above it and somewhat to its left, looking where it looks.
+_EYE = (-1.6, 1.0, 1.5)
+_LOOK_AT = (2.3, -0.1, 0.25)
+_EYE_FOV_RAD = 0.9
 
 
 class Scene:
@@ -52,6 +54,7 @@ class Scene:
         server.initial_camera.position = _EYE
         server.initial_camera.look_at = _LOOK_AT
         server.initial_camera.up = (0.0, 0.0, 1.0)
+        server.initial_camera.fov = _EYE_FOV_RAD
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._display = scene.add_frame("/display", show_axes=False)
         self._floor = scene.add_grid(
@@ -60,11 +63,12 @@ class Scene:
             plane="xy",
             cell_size=0.5,
             section_size=1.0,
-            cell_color=(168, 178, 176),
-            section_color=(128, 140, 138),
-            cell_thickness=0.6,
-            section_thickness=1.0,
-            fade_distance=30.0,
+            cell_color=(150, 162, 158),
+            section_color=(150, 162, 158),
+            cell_thickness=0.4,
+            section_thickness=0.7,
+            fade_distance=14.0,
+            fade_strength=1.5,
             shadow_opacity=0.0,
             visible=False,
         )
@@ -74,7 +78,7 @@ class Scene:
             "/display/world/cloud/points",
             np.zeros((points, 3), np.float32),
             self._cloud_colors,
-            point_size=0.012,
+            point_size=0.018,
             point_shape="circle",
             point_shading="flat",
             visible=False,

@@ -13,9 +13,10 @@ PANEL_POLICY = (
     "connect-src 'self'; font-src 'self'; frame-src 'self'; manifest-src 'self'; "
     "form-action 'self'; base-uri 'none'; frame-ancestors 'self'"
 )
-# viser's client is one file with everything inline; this is the least that lets it render.
+# viser's client is one file with everything inline; this is the least that lets it render without
+# errors (its sorter of splats, a WebAssembly module, makes functions of text when it starts).
 VIEWER_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval' blob: data:; "
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; "
     "worker-src blob: data:; style-src 'unsafe-inline'; img-src blob: data:; font-src data:; "
     "connect-src 'self' data: blob:; frame-ancestors 'self'"
 )

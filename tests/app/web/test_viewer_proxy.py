@@ -59,10 +59,7 @@ def test_the_scene_comes_through_and_follows(
         page = await served.http.get("/viewer/")
         assert page.is_success
         assert len(page.content) > 100_000
-        assert (
-            "script-src 'unsafe-inline' 'wasm-unsafe-eval'"
-            in page.headers["content-security-policy"]
-        )
+        assert "connect-src 'self' data: blob:" in page.headers["content-security-policy"]
         tag = {"If-None-Match": page.headers["etag"]}
         assert (await served.http.get("/viewer/", headers=tag)).status_code == 304
         away = await served.http.get("/viewer")
