@@ -24,8 +24,10 @@ _WEAK_SHARE = 0.4
 _MAX_SCALE = 1.6
 # PnP's minimal solver takes 4 points; this many more make a wrong pose unlikely.
 _MIN_PNP_POINTS = 8
-_PNP_ITERATIONS = 100
+_PNP_ITERATIONS = 200
 _PNP_REFINEMENTS = 3
+# A pose that explains less than this share of the background follows something else.
+_AGREED_SHARE = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,18 +277,37 @@ def _pose(
     camera: StereoCamera,
     parameters: EgoMotionParameters,
 ) -> Pose | None:
-    """``T_current_previous`` by PnP-RANSAC on the background, refined on its inliers.
+    """``T_current_previous`` by stereo PnP-RANSAC on the background, refined on its inliers.
 
-    The planar inliers start it, since they are known to be background; matches off their plane
-    which the pose found explains as well then join the refinement, for the depth they bring.
+    The planar model's inliers are known to be background, but lie near one plane, which tells a
+    turn from a sideways motion badly. So all matches with depth are tried first, and their pose
+    is taken if it explains the background too; if not, the background alone must do.
     """
     known = np.isfinite(disparity)
-    start = np.flatnonzero(inliers & known)
-    if len(start) < _MIN_PNP_POINTS:
+    background = inliers & known
+    if np.count_nonzero(background) < _MIN_PNP_POINTS:
         return None
     points = camera.triangulate(matches.previous, disparity)
     px = matches.current.astype(np.float64)
-    threshold = parameters.ransac_threshold_px
+    for start in (known, background):
+        pose = _perspective(points, px, start, camera, parameters.ransac_threshold_px)
+        if pose is None:
+            continue
+        near = _explained(pose, points, px, camera, parameters.ransac_threshold_px)
+        agreed = np.count_nonzero(near & background) / np.count_nonzero(background)
+        if near.sum() >= parameters.min_inliers and agreed >= _AGREED_SHARE:
+            return pose
+    return None
+
+
+def _perspective(
+    points: Float64Array,
+    px: Float64Array,
+    start: NDArray[np.bool_],
+    camera: StereoCamera,
+    threshold: float,
+) -> Pose | None:
+    """The pose by RANSAC over some points, then refined on all that it explains."""
     found, rotation, translation, _ = cv2.solvePnPRansac(
         points[start],
         px[start],
@@ -295,18 +316,25 @@ def _pose(
         iterationsCount=_PNP_ITERATIONS,
         reprojectionError=threshold,
         confidence=_RANSAC_CONFIDENCE,
-        flags=cv2.SOLVEPNP_EPNP,
+        flags=cv2.SOLVEPNP_P3P,
     )
-    if not found or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
-        return None
     for _ in range(_PNP_REFINEMENTS):
+        if not found or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
+            return None
         pose = Pose.from_rotvec(rotation, translation)
-        projected, _ = camera.project(pose.apply(points))
-        with np.errstate(invalid="ignore"):
-            near = np.linalg.norm(projected - px, axis=1) <= threshold
-        if np.count_nonzero(near) < max(_MIN_PNP_POINTS, parameters.min_inliers // 2):
+        near = _explained(pose, points, px, camera, threshold)
+        if np.count_nonzero(near) < _MIN_PNP_POINTS:
             return None
         rotation, translation = cv2.solvePnPRefineLM(
             points[near], px[near], camera.K, None, rotation, translation
         )
     return Pose.from_rotvec(rotation, translation)
+
+
+def _explained(
+    pose: Pose, points: Float64Array, px: Float64Array, camera: StereoCamera, threshold: float
+) -> NDArray[np.bool_]:
+    """(N,) which points the pose puts to within ``threshold`` pixels of where they are seen."""
+    projected, _ = camera.project(pose.apply(points))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.linalg.norm(projected - px, axis=1) <= threshold, dtype=np.bool_)
