@@ -75,7 +75,7 @@ class PlaybackBar extends Part {
     const { frame, frame_count: count } = playback;
     this.#progress.hidden = count === null;
     if (count) this.#progress.value = Math.min(1, ((frame ?? -1) + 1) / count);
-    setText(this.#position, `frame ${frame ?? "–"}${count ? ` / ${count}` : ""}`);
+    setText(this.#position, `frame ${frame ?? "–"}${count ? ` / ${count}` : ""}${slownessInWords(playback)}`);
   }
 
   /** @param {number} rate */
@@ -114,6 +114,16 @@ class PlaybackBar extends Part {
       this.#render();
     }
   }
+}
+
+/**
+ * Where the computer does not keep up, frames are played slower than asked; none is left out.
+ *
+ * @param {import("./types.js").Playback} playback
+ */
+function slownessInWords({ paused, ended, rate, achieved_rate: achieved }) {
+  if (paused || ended || !achieved || achieved > 0.9 * rate) return "";
+  return `, at ${achieved.toFixed(2)} ×`;
 }
 
 /** @param {number} place on the slider, whose scale is logarithmic @returns {number} rate */

@@ -21,6 +21,8 @@ class RunBar extends Part {
   #stop = h("button", { class: "button danger", type: "button", hidden: true }, icon("stop"), "Stop run");
   #running = h("span", { class: "run-clock figure", hidden: true });
   #busy = false;
+  /** @type {number | null} */
+  #restarts = null;
 
   build() {
     const form = h(
@@ -50,6 +52,7 @@ class RunBar extends Part {
     setText(this.#state, words);
     setAttribute(this.#state, "data-state", state);
     setAttribute(this.#state, "title", status?.engine.reason ?? null);
+    if (status) this.#tellRestart(status.engine.restarts);
     const run = status?.run ?? null;
     this.#name.hidden = run !== null;
     this.#start.hidden = run !== null;
@@ -59,6 +62,14 @@ class RunBar extends Part {
     const ready = connection === "open" && !this.#busy;
     this.#start.disabled = !ready || !status?.source;
     this.#stop.disabled = !ready;
+  }
+
+  /** @param {number} restarts since the server was started */
+  #tellRestart(restarts) {
+    const before = this.#restarts;
+    this.#restarts = restarts;
+    if (before === null || restarts <= before) return;
+    notify("The engine had ended and was restarted; what follows is a new segment.", "error");
   }
 
   async #begin() {

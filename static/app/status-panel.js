@@ -34,7 +34,7 @@ class StatusPanel extends Part {
       h("h3", {}, "Skipped frames"),
       this.#noneSkipped,
       this.#skipped,
-      h("p", { class: "hint" }, this.#value("version")),
+      h("p", { class: "hint" }, this.#value("version"), " · ", h("a", { href: "/docs" }, "REST interface")),
     );
     this.hear("status", () => this.#render());
     this.#render();

@@ -15,10 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import httpx
+import numpy as np
 import psutil
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from numpy.typing import NDArray
+from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts"
 DESKTOP = {"width": 1440, "height": 900}
@@ -37,8 +40,6 @@ _CHROMIUM_OPTIONS = (
     "--disable-component-update",
     "--disable-sync",
 )
-# A library inside viser tries to compile a function, is refused by our policy, and does without.
-_VIEWERS_OWN = "'unsafe-eval' is not an allowed source of script"
 _REFUSED = re.compile(r"the server responded with a status of 4(09|22)")
 # What a page that loses its server cannot help but say.
 _LOST = re.compile(r"WebSocket connection to .* failed|net::ERR_")
@@ -170,8 +171,7 @@ def open_panel(server: Server, browser: Browser) -> Iterator[Callable[..., Page]
         left = [
             trouble
             for trouble in troubles
-            if _VIEWERS_OWN not in trouble
-            and not (refusals and _REFUSED.search(trouble))
+            if not (refusals and _REFUSED.search(trouble))
             and not (losses and _LOST.search(trouble))
         ]
         assert not left, left
@@ -208,6 +208,31 @@ def keep_picture() -> Callable[[Page, str], None]:
         page.screenshot(path=ARTEFACTS / f"{name}.png")
 
     return keep
+
+
+@pytest.fixture
+def pixels() -> Callable[..., NDArray[np.uint8]]:
+    """What is seen of an element, (H, W, 3)."""
+
+    def take(element: Locator) -> NDArray[np.uint8]:
+        picture = cv2.imdecode(np.frombuffer(element.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+        return np.asarray(picture, dtype=np.uint8)
+
+    return take
+
+
+@pytest.fixture
+def wait_for_scene(
+    pixels: Callable[..., NDArray[np.uint8]], eventually: Callable[..., Any]
+) -> Callable[[Page], None]:
+    """Wait until the 3D scene is drawn: many different colours, not one ground."""
+
+    def is_drawn(page: Page) -> bool:
+        scene = pixels(page.locator("observer-scene iframe"))
+        colours = np.unique((scene // 16).reshape(-1, 3), axis=0)
+        return bool(scene.std() > 8 and len(colours) > 60)
+
+    return lambda page: eventually(lambda: is_drawn(page), 30)
 
 
 @pytest.fixture

@@ -74,7 +74,9 @@ def test_a_bad_calibration_is_refused_in_one_sentence(server, open_panel):
     assert server.get("/calibrations") == []
 
 
-def test_a_calibration_is_seen_before_it_is_used(server, open_panel, eventually, keep_picture):
+def test_a_calibration_is_seen_before_it_is_used(
+    server, open_panel, eventually, keep_picture, pixels
+):
     page = open_panel()
     page.get_by_role("tab", name="Calibration").click()
     camera = server.get("/status")["camera"]
@@ -85,8 +87,7 @@ def test_a_calibration_is_seen_before_it_is_used(server, open_panel, eventually,
     )
     expect(preview).to_contain_text(f"{camera['width']} × {camera['height']} px")
     expect(preview).to_contain_text(f"{camera['baseline']:.4f} m")
-    painted = cv2.imdecode(np.frombuffer(preview.locator("canvas").screenshot(), np.uint8), 1)
-    assert painted.std() > 8
+    assert pixels(preview.locator("canvas")).std() > 8
     keep_picture(page, "calibration")
     assert server.get("/status")["calibration"] is None
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-import cv2
-import numpy as np
 import pytest
 from playwright.sync_api import expect
 
@@ -16,33 +14,22 @@ _FIRST_LINE = re.compile(
 )
 
 
-def _pixels(png: bytes):
-    return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
-
-
 def test_scene_views_and_first_line_show_the_moving_obstacle(
-    server, open_panel, keep_picture, eventually
+    server, open_panel, keep_picture, eventually, pixels, wait_for_scene
 ):
     page = open_panel(viewer=True, color_scheme="light")
     line = page.locator(".first-line-text")
     expect(line).to_have_text(_FIRST_LINE, timeout=30_000)
     speed = float(_FIRST_LINE.search(line.inner_text()).group(1))
     assert 0.0 < speed < 3.0
-
-    # The scene: many different colours, of points and boxes, not one ground.
-    def scene_is_drawn():
-        picture = _pixels(page.locator("observer-scene iframe").screenshot())
-        colours = np.unique((picture // 16).reshape(-1, 3), axis=0)
-        return picture.std() > 8 and len(colours) > 60
-
-    eventually(scene_is_drawn, 20)
+    wait_for_scene(page)
     # The viewer's own panel is hidden; our page has its own.
     viewer = page.frame(url=re.compile("/viewer/"))
     assert viewer.locator(".mantine-Paper-root:visible").count() == 0
 
     for name in ("left", "residual"):
         canvas = page.locator(f'observer-live-view[data-view="{name}"] canvas')
-        assert _pixels(canvas.screenshot()).std() > 8, name
+        assert pixels(canvas).std() > 8, name
     row = page.locator("observer-obstacles tbody tr").first
     expect(row).to_contain_text(re.compile(r"\d\.\d\d m "))
     assert page.locator("observer-speed-chart .uplot canvas").count() == 1
