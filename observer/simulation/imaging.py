@@ -22,8 +22,6 @@ from observer.simulation.world import World
 LEFT, RIGHT = 0, 1
 # Rows that share one instant under a rolling shutter; motion within them stays below 0.2 px.
 _STRIP_ROWS = 16
-# The pinhole image behind a lens has this many pixels for one of the camera's, against blur.
-_LENS_OVERSAMPLING = 1.3
 # Noise is drawn from a stock at a random place: fresh numbers for every pixel would cost as much
 # as drawing the picture.
 _NOISE_STOCK_PX = 1 << 20
@@ -131,7 +129,8 @@ class _Lens:
         if not D.any():
             return
         rays = undistorted_rays(calibration.width, calibration.height, K, D)
-        f = _LENS_OVERSAMPLING * K[0, 0]
+        # As fine as the camera's own image: a finer one would alias when it is bent.
+        f = float(K[0, 0])
         low = rays.reshape(-1, 2).min(axis=0) * f - 2
         high = rays.reshape(-1, 2).max(axis=0) * f + 2
         self.width, self.height = (int(n) for n in np.ceil(high - low))

@@ -97,6 +97,7 @@ class Renderer:
                 if one is not None:
                     gain = _light(T_room_body.rotation @ facet.normal)
                     drawing.facet(facet, one, gain, hides=True)
+            drawing.hide_behind()
 
     def texture(self, facet: Facet) -> Texture:
         """The texture of a facet, painted at its first use."""
@@ -140,6 +141,7 @@ class _Drawing:
         self._image = image
         self._blank = True
         self._inverse_depth = np.zeros((view.height, view.width), np.float32)
+        self._pending: list[tuple[Float32Array, Float32Array, NDArray[np.bool_]]] = []
 
     def facet(self, facet: Facet, seen: SeenFacet, gain: float, hides: bool) -> None:
         """Draw one facet, ``gain`` times as bright as its texture."""
@@ -217,11 +219,20 @@ class _Drawing:
             share = free.astype(np.float32)
         else:
             share *= free
-        solid = share >= 0.5
-        if not solid.any() and not share.any():
+        if not share.any():
             return None
-        np.copyto(behind, depth, where=solid)
+        self._pending.append((behind, depth, share >= 0.5))
         return share
+
+    def hide_behind(self) -> None:
+        """Let the part whose facets were drawn since the last call hide what is drawn later.
+
+        Not before: the facets of one convex part do not hide each other, but each is drawn a
+        little beyond the edges that it shares with the next.
+        """
+        for behind, depth, solid in self._pending:
+            np.maximum(behind, depth, out=behind, where=solid)
+        self._pending.clear()
 
     def _warp(
         self, facet: Facet, m: list[float], window: Window, corners: list[ImageCorner]
@@ -229,10 +240,13 @@ class _Drawing:
         """The facet's texture over a window, without aliasing."""
         u0, v0, u1, v1 = window
         w, h = u1 - u0, v1 - v0
+        # Chosen by what the whole image shows of the band, so that rows drawn by themselves
+        # look as they do in the whole.
+        us = [min(max(c[0], 0.0), self._view.width) for c in corners]
+        vs = [min(max(c[1], 0.0), self._view.height) for c in corners]
+        pixels = (max(us) - min(us)) * (max(vs) - min(vs))
         n = len(corners)
-        cu = sum([min(max(c[0], u0), u1) for c in corners]) / n
-        cv = sum([min(max(c[1], v0), v1) for c in corners]) / n
-        level, nu, nv = self._level(facet, m, cu, cv, w * h)
+        level, nu, nv = self._level(facet, m, sum(us) / n, sum(vs) / n, pixels)
         patch = cv2.warpPerspective(
             level.image,
             _level_from_window(m, level, u0, v0, nu, nv),
@@ -245,7 +259,7 @@ class _Drawing:
         return np.asarray(patch, np.uint8)
 
     def _level(
-        self, facet: Facet, m: list[float], u: float, v: float, pixels: int
+        self, facet: Facet, m: list[float], u: float, v: float, pixels: float
     ) -> tuple[Level, int, int]:
         """Pyramid level, and samples along u and v, that suit the texture about pixel (u, v)."""
         c = m[6] * u + m[7] * v + m[8]

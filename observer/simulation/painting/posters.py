@@ -46,7 +46,8 @@ def blocks(canvas: Canvas) -> Float32Array:
     stack = [(0, 0, canvas.width, canvas.height, 0)]
     while stack:
         x0, y0, x1, y1, depth = stack.pop()
-        if depth < 6 and min(x1 - x0, y1 - y0) > canvas.width // 7 and rng.random() < 0.92:
+        large = min(x1 - x0, y1 - y0) > canvas.width // 7
+        if large and (depth < 3 or (depth < 6 and rng.random() < 0.92)):
             if x1 - x0 > y1 - y0:
                 c = int(rng.uniform(0.3, 0.7) * (x1 - x0)) + x0
                 stack += [(x0, y0, c, y1, depth + 1), (c, y0, x1, y1, depth + 1)]

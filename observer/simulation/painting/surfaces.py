@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.simulation.painting.canvas import Canvas, Float32Array, mix, smoothstep
+from observer.simulation.painting.canvas import Canvas, Float32Array, mix, smoothstep, spread
 
+_PANEL_M = 1.0
 # Walls: the accent wall is the one the observer looks at first.
 _WALL_COLOURS = {
     "front": (168.0, 158.0, 128.0),
@@ -25,13 +26,24 @@ def _corner_shade(canvas: Canvas, reach_m: float, depth: float) -> Float32Array:
     return np.asarray(1 - depth * np.exp(-near / reach_m), dtype=np.float32)
 
 
+def _cells(canvas: Canvas, cell_m: float) -> tuple[int, int]:
+    """Even numbers of about square cells along and down the canvas."""
+    w, h = canvas.width / canvas.density, canvas.height / canvas.density
+    return 2 * max(1, round(w / cell_m / 2)), 2 * max(1, round(h / cell_m / 2))
+
+
 def _patches(canvas: Canvas, cell_m: float, share: float) -> Float32Array:
-    """(height, width) 0 on that share of square cells which is to stay without texture, else 1."""
-    nx = max(1, round(canvas.width / canvas.density / cell_m))
-    ny = max(1, round(canvas.height / canvas.density / cell_m))
-    plain = canvas.rng.permutation(nx * ny).reshape(ny, nx) < round(share * nx * ny)
+    """(height, width) 0 on that share of square cells which is to stay without texture, else 1.
+
+    The share holds in every block of 2 x 2 cells, so that it holds wherever the camera looks.
+    """
+    nx, ny = (n // 2 for n in _cells(canvas, cell_m))
+    ranks = canvas.rng.permuted(np.tile(np.arange(4), (ny * nx, 1)), axis=1)
+    # What does not divide by four is left to chance, block by block.
+    plain = ranks < np.floor(4 * share + canvas.rng.random((ny * nx, 1)))
+    blocks = plain.reshape(ny, nx, 2, 2).transpose(0, 2, 1, 3).reshape(2 * ny, 2 * nx)
     size = (canvas.width, canvas.height)
-    cells = (~plain).astype(np.float32)
+    cells = (~blocks).astype(np.float32)
     return np.asarray(cv2.resize(cells, size, interpolation=cv2.INTER_NEAREST), np.float32)
 
 
@@ -64,7 +76,7 @@ def wood(canvas: Canvas) -> NDArray[np.uint8]:
     value = 11 * tone + 6 * grain + 5 * rings + 4 * canvas.cloud(0.5, 3)
     keep = _patches(canvas, 0.8, canvas.material.number("share_without", 0.0))
     value = value * keep
-    image += value[..., None] * np.array([0.75, 0.9, 1.0], np.float32)
+    image += spread(value, (0.75, 0.9, 1.0))
     image = mix(image, (38, 56, 78), np.asarray(0.75 * gap * keep, np.float32))
     return canvas.finished(image, _floor_light(canvas))
 
@@ -82,22 +94,25 @@ def _floor_light(canvas: Canvas) -> Float32Array:
 
 
 def tiles(canvas: Canvas) -> NDArray[np.uint8]:
-    """Grey vinyl tiles with speckles; plain ones among them."""
+    """Grey vinyl tiles of two tones; a share of them is plain, the others are speckled."""
+    side_m = 0.6
     image = canvas.filled((150, 152, 150))
-    keep = _patches(canvas, 0.5, canvas.material.number("share_without", 0.0))
+    keep = _patches(canvas, side_m, canvas.material.number("share_without", 0.0))
     speckle = canvas.noise(0.012, 0.012) + 0.8 * canvas.noise(0.03, 0.03)
-    cells = _patches(canvas, 0.5, 0.5) * 2 - 1
-    value = (13 * speckle + 9 * canvas.cloud(0.25, 3)) * keep + 7 * cells
-    image += value[..., None]
-    size = max(2, canvas.px(0.5))
+    tones = _patches(canvas, side_m, 0.5) * 2 - 1
+    image += spread(
+        np.asarray((9 * speckle + 7 * canvas.cloud(0.25, 3)) * keep + 4 * tones, np.float32)
+    )
+    across, down = _cells(canvas, side_m)
     joint = np.zeros((canvas.height, canvas.width), np.float32)
-    joint[::size], joint[:, ::size] = 1, 1
-    image = mix(image, (96, 98, 98), np.asarray(0.8 * joint, np.float32))
+    joint[np.arange(down) * canvas.height // down] = 1
+    joint[:, np.arange(across) * canvas.width // across] = 1
+    image = mix(image, (96, 98, 98), np.asarray(0.7 * joint, np.float32))
     return canvas.finished(image, _floor_light(canvas))
 
 
 def _plaster(canvas: Canvas, strength: float) -> Float32Array:
-    keep = _patches(canvas, 0.9, canvas.material.number("share_without", 0.0))
+    keep = _patches(canvas, _PANEL_M, canvas.material.number("share_without", 0.0))
     rough = canvas.noise(0.012, 0.012) + canvas.noise(0.03, 0.03) + canvas.cloud(0.25, 4)
     return np.asarray(strength * rough * keep, np.float32)
 
@@ -109,7 +124,7 @@ def painted_wall(canvas: Canvas) -> NDArray[np.uint8]:
     image = canvas.filled(base)
     height = canvas.height / canvas.density
     above = height - canvas.rows()
-    image += _plaster(canvas, 3.2)[..., None]
+    image += spread(_plaster(canvas, 3.2))
     ones = np.ones((1, canvas.width), np.float32)
     edge = 1.0 / canvas.density
     # The skirting board.
@@ -126,12 +141,13 @@ def panelled_wall(canvas: Canvas) -> NDArray[np.uint8]:
     where = canvas.material.text("where", "left")
     base = _WALL_COLOURS.get(where, _WALL_COLOURS["left"])
     image = canvas.filled(base)
-    image += _plaster(canvas, 9.0)[..., None]
+    image += spread(_plaster(canvas, 6.0))
     above = canvas.height / canvas.density - canvas.rows()
-    size = max(2, canvas.px(0.9))
+    across, _ = _cells(canvas, _PANEL_M)
+    starts = np.arange(across) * canvas.width // across
     joint = np.zeros((canvas.height, canvas.width), np.float32)
-    joint[:, ::size] = 1
-    joint[:, 1::size] = 1
+    joint[:, starts] = 1
+    joint[:, starts + 1] = 1
     image = mix(image, (110, 116, 120), np.asarray(0.8 * joint, np.float32))
     board = np.ones((1, canvas.width), np.float32) * (above < 0.08)
     image = mix(image, (88, 92, 96), np.asarray(board, np.float32))

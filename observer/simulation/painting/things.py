@@ -9,7 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.simulation.painting.canvas import Canvas, Colour, Float32Array, mix, smoothstep
+from observer.simulation.painting.canvas import (
+    Canvas,
+    Colour,
+    Float32Array,
+    mix,
+    smoothstep,
+    spread,
+)
 
 
 def _bottom_shade(canvas: Canvas, depth: float = 0.35) -> Float32Array:
@@ -38,7 +45,7 @@ def _boards(canvas: Canvas, board_m: float, base: Colour) -> Float32Array:
     tone = np.zeros((canvas.height, 1), np.float32)
     for top in range(0, canvas.height, step):
         tone[top : top + step] = canvas.rng.normal(0, 9)
-    image += (9 * grain + tone + 6 * canvas.cloud(0.2, 3))[..., None]
+    image += spread(np.asarray(9 * grain + tone + 6 * canvas.cloud(0.2, 3), np.float32))
     gap = np.zeros((canvas.height, canvas.width), np.float32)
     for top in range(step, canvas.height - 1, step):
         gap[top : top + 2] = 1
@@ -78,7 +85,9 @@ def cardboard_side(canvas: Canvas) -> NDArray[np.uint8]:
     """Brown paper with tape, a label and printed marks."""
     rng = canvas.rng
     image = canvas.filled((112, 158, 192))
-    image += (3 * canvas.noise(0.004, 0.2) + 4 * canvas.cloud(0.15, 3))[..., None]
+    image += spread(
+        np.asarray(3 * canvas.noise(0.004, 0.2) + 4 * canvas.cloud(0.15, 3), np.float32)
+    )
     for k, side in enumerate(_sides(canvas)):
         w, h = side.stop - side.start, canvas.height
         region = np.ascontiguousarray(image[:, side])
@@ -123,7 +132,7 @@ def _this_way_up(region: Float32Array, x: int, y: int, s: int) -> None:
 def cardboard_top(canvas: Canvas) -> NDArray[np.uint8]:
     """Brown paper with a strip of tape."""
     image = canvas.filled((126, 172, 206))
-    image += (4 * canvas.cloud(0.15, 3))[..., None]
+    image += spread(np.asarray(4 * canvas.cloud(0.15, 3), np.float32))
     mid = canvas.width // 2
     tape = canvas.px(0.03)
     image[:, mid - tape : mid + tape] = (150, 192, 216)
@@ -134,7 +143,7 @@ def cardboard_top(canvas: Canvas) -> NDArray[np.uint8]:
 def cabinet_side(canvas: Canvas) -> NDArray[np.uint8]:
     """A blue-grey steel cabinet with drawers, handles and labels."""
     image = canvas.filled((142, 118, 92))
-    image += (3 * canvas.cloud(0.3, 3))[..., None]
+    image += spread(np.asarray(3 * canvas.cloud(0.3, 3), np.float32))
     for side in _sides(canvas):
         w, h = side.stop - side.start, canvas.height
         region = np.ascontiguousarray(image[:, side])
@@ -163,7 +172,9 @@ def cabinet_side(canvas: Canvas) -> NDArray[np.uint8]:
 
 def cabinet_top(canvas: Canvas) -> NDArray[np.uint8]:
     """Steel."""
-    image = canvas.filled((176, 150, 122)) + (3 * canvas.cloud(0.2, 3))[..., None]
+    image = canvas.filled((176, 150, 122)) + spread(
+        np.asarray(3 * canvas.cloud(0.2, 3), np.float32)
+    )
     return canvas.finished(np.asarray(image, np.float32))
 
 
@@ -171,7 +182,9 @@ def robot_side(canvas: Canvas) -> NDArray[np.uint8]:
     """The P3-DX from the side: red body, black band with gold sonar discs, black deck."""
     rng = canvas.rng
     image = canvas.filled((34, 30, 186))
-    image += (4 * canvas.cloud(0.08, 3) + 2.5 * canvas.noise(0.004, 0.004))[..., None]
+    image += spread(
+        np.asarray(4 * canvas.cloud(0.08, 3) + 2.5 * canvas.noise(0.004, 0.004), np.float32)
+    )
     h, w = canvas.height, canvas.width
     deck, band = round(0.07 * h), round(0.36 * h)
     image[deck:band] = (38, 36, 36)
@@ -209,7 +222,7 @@ def robot_side(canvas: Canvas) -> NDArray[np.uint8]:
 def robot_deck(canvas: Canvas) -> NDArray[np.uint8]:
     """The black plate on top, with a grid of holes and a stop button."""
     image = canvas.filled((52, 50, 50))
-    image += (3 * canvas.noise(0.01, 0.01))[..., None]
+    image += spread(np.asarray(3 * canvas.noise(0.01, 0.01), np.float32))
     step = max(6, canvas.px(0.05))
     for y in range(step // 2, canvas.height, step):
         for x in range(step // 2, canvas.width, step):
@@ -223,7 +236,7 @@ def robot_deck(canvas: Canvas) -> NDArray[np.uint8]:
 def dark_robot(canvas: Canvas) -> NDArray[np.uint8]:
     """Dark and weakly textured: the difficult robot of the benchmark."""
     image = canvas.filled((48, 46, 46))
-    image += (3.4 * canvas.cloud(0.10, 4))[..., None]
+    image += spread(np.asarray(3.4 * canvas.cloud(0.10, 4), np.float32))
     h, w = canvas.height, canvas.width
     if canvas.material.kind.endswith("side"):
         band = round(0.36 * h)
@@ -237,7 +250,7 @@ def dark_robot(canvas: Canvas) -> NDArray[np.uint8]:
 
 def scanner_payload(canvas: Canvas) -> NDArray[np.uint8]:
     """A laser scanner: blue housing with a black window."""
-    image = canvas.filled((150, 84, 30)) + (3 * canvas.cloud(0.05, 2))[..., None]
+    image = canvas.filled((150, 84, 30)) + spread(np.asarray(3 * canvas.cloud(0.05, 2), np.float32))
     image = np.asarray(image, np.float32)
     h = canvas.height
     image[round(0.25 * h) : round(0.6 * h)] = (30, 28, 26)
@@ -270,5 +283,5 @@ def rubber(canvas: Canvas) -> NDArray[np.uint8]:
     """A tyre's tread."""
     image = canvas.filled((36, 36, 36))
     stripes = np.sin(canvas.columns() * 2 * math.pi / 0.012)
-    image += (5 * stripes * np.ones((canvas.height, 1), np.float32))[..., None]
+    image += spread(np.asarray(5 * stripes * np.ones((canvas.height, 1), np.float32), np.float32))
     return canvas.finished(image)

@@ -1,0 +1,174 @@
+"""Scenarios: the built-in ones, their variation by seed, and one sentence for what is wrong."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from observer.errors import ScenarioError
+from observer.simulation.scenarios import (
+    Scenario,
+    load_scenario,
+    scenario_from_text,
+    scenario_names,
+)
+from observer.simulation.world import World
+
+REQUIRED = {
+    "lab", "lateral", "away", "toward", "turning", "rotating", "static_turning",
+    "parked_beside_moving", "crossing", "stop_and_go", "low_texture_flicker", "distorted_tilted",
+    "fast", "vibrating", "skew", "rolling_shutter", "motion_blur", "miscalibrated",
+}  # fmt: skip
+
+MINIMAL = """
+title: A title
+help: A sentence.
+declares: ideal
+duration_s: 2
+"""
+
+
+def test_every_scenario_that_others_count_on_is_there_the_lab_first() -> None:
+    names = scenario_names()
+    assert names[0] == "lab"
+    assert set(names) >= REQUIRED
+    assert not any(name.startswith("_") for name in names)
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_benchmark_scenes_are_as_hard_as_they_are_said_to_be(name: str) -> None:
+    scenario = load_scenario(name)
+    assert scenario.benchmark == (name != "lab")
+    if scenario.benchmark:
+        assert scenario.faults.noise == 2.0
+        assert scenario.faults.gain == 0.05
+        assert scenario.texture.robot == "dark"
+    camera = scenario.camera
+    assert (camera.width, camera.height) == (512, 256)
+    assert (camera.baseline_m, camera.hfov_deg) == (0.12, 60.0)
+
+
+def test_the_lab_is_written_out_without_an_end_that_shows() -> None:
+    world = World(load_scenario("lab"))
+    duration = world.scenario.duration_s
+    for body in (world.observer, *world.obstacles):
+        a, b = body.motion.state(0.0), body.motion.state(duration)
+        # A jump at the seam below what a frame moves is not seen.
+        assert math.hypot(a.x - b.x, a.y - b.y) < 0.03, body.name
+        turned = math.remainder(a.heading - b.heading, 2 * math.pi)
+        assert abs(turned) < math.radians(2), body.name
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_vehicles_keep_apart_whatever_the_seed(name: str) -> None:
+    for seed in (0, 1, 2, 3, 4):
+        world = World(load_scenario(name), seed)
+        moving = (world.observer, *world.obstacles)
+        for k in range(0, math.ceil(world.scenario.duration_s * 4)):
+            places = [(b, b.motion.state(k / 4)) for b in (*moving, *world.bodies)]
+            for body, s in places[: len(moving)]:
+                for other, o in places:
+                    if other is body or other.bottom > 0:
+                        continue
+                    if other.role == "scenery" and body.role == "scenery":
+                        continue
+                    room = (min(body.size[:2]) + min(other.size[:2])) / 2
+                    assert math.hypot(s.x - o.x, s.y - o.y) > room, (
+                        f"{name} seed {seed}: {body.name} meets {other.name} at {k / 4} s"
+                    )
+
+
+def test_seed_0_is_the_scenario_as_written_and_others_differ() -> None:
+    scenario = load_scenario("lateral")
+    assert World(scenario, 0).scenario == scenario
+    one, again, two = (World(scenario, seed).scenario for seed in (1, 1, 2))
+    assert one == again
+    assert one != two
+    assert one != scenario
+    robot, moved = scenario.robots[0], one.robots[0]
+    bounds = scenario.variation
+    assert abs(robot.x - moved.x) <= bounds.position_m
+    assert abs(robot.heading_deg - moved.heading_deg) <= bounds.heading_deg
+
+
+def test_waypoints_are_driven_through() -> None:
+    text = (
+        MINIMAL
+        + """
+robots:
+  - {x: 1, y: 0, motion: {kind: waypoints, points: [[2, 0], [2, 1]], speed: 0.5, after: repeat}}
+"""
+    )
+    world = World(scenario_from_text(text, "tour"))
+    motion = world.obstacles[0].motion
+    seen = [motion.state(k / 100) for k in range(3000)]
+    for x, y in ((1, 0), (2, 0), (2, 1)):
+        assert min(math.hypot(s.x - x, s.y - y) for s in seen) < 1e-2
+    assert max(math.hypot(s.vx, s.vy) for s in seen) == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (MINIMAL + "colour: red\n", "colour: extra inputs are not permitted"),
+        (MINIMAL.replace("ideal", "perfect"), "declares: input should be 'ideal' or 'faulty'"),
+        (MINIMAL + "camera: {hfov_deg: 400}\n", "camera.hfov_deg: input should be less than"),
+        (MINIMAL + "room: {x: [3, 2]}\n", "room.x must span 1 to 60 m"),
+        (MINIMAL + "robots: [{motion: {kind: fly}}]\n", "robots.0.motion"),
+        (MINIMAL + "faults: {noise: .nan}\n", "faults.noise: input should be a finite number"),
+        ("title: [\n", "not valid YAML"),
+        ("just words\n", "must be a YAML mapping"),
+        ("based_on: nowhere\n", "no built-in scenario 'nowhere'"),
+        ("based_on: ../lab\n", "no built-in scenario '../lab'"),
+    ],
+)
+def test_a_mistake_is_one_sentence_that_names_the_key(text: str, says: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        scenario_from_text(text, "mine")
+    message = str(caught.value)
+    assert says in message
+    assert "scenario mine" in message
+    assert "\n" not in message
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(ScenarioError, match=r"no scenario 'labb'; there are lab, .*lateral"):
+        load_scenario("labb")
+    with pytest.raises(ScenarioError, match="no scenario file"):
+        load_scenario("/nowhere/mine.yaml")
+
+
+def test_a_file_is_a_scenario_too(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("based_on: lateral\ntitle: Mine\nfaults: {noise: 0}\n", encoding="utf-8")
+    mine, lateral = load_scenario(str(path)), load_scenario("lateral")
+    assert mine.name == "mine"
+    assert mine.title == "Mine"
+    assert mine.robots == lateral.robots
+    assert mine.faults.noise == 0
+    assert mine.faults.gain == lateral.faults.gain
+
+
+@pytest.mark.parametrize(
+    ("robots", "says"),
+    [
+        ("{x: 3, motion: {kind: course, legs: [{kind: drive, distance_m: 9, speed: 2}]}}",
+         "leaves the room"),
+        ("{x: 1, motion: {kind: waypoints, points: [[1, 0]], speed: 1}}", "is where the vehicle"),
+        ("{x: 30}", "leaves the room"),
+    ],
+)  # fmt: skip
+def test_impossible_motions_are_refused(robots: str, says: str) -> None:
+    scenario = scenario_from_text(
+        MINIMAL.replace("duration_s: 2", "duration_s: 9") + f"robots: [{robots}]\n", "mine"
+    )
+    with pytest.raises(ScenarioError, match=says):
+        World(scenario)
+
+
+def test_a_negative_seed_is_refused() -> None:
+    scenario = Scenario(name="a", title="a", help="a", declares="ideal", duration_s=1)
+    with pytest.raises(ScenarioError, match="seed"):
+        World(scenario, -1)
