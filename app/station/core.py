@@ -84,6 +84,7 @@ class StationCore:
         self._run: CurrentRun | None = None
         self._generation = 0
         self._fruitless_losses = 0
+        self._restoring = False
         # One change of source, run, calibration or parameters at a time.
         self._lock = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -166,6 +167,9 @@ class StationCore:
         self.followers.observed(event)
 
     def _state_changed(self, event: StateEvent) -> None:
+        if self._restoring and event.state is EngineState.IDLE:
+            # A new engine has nothing open yet; until it has, what was lost is to be seen.
+            return
         self.state = event
         playback = event.playback or {}
         run = self._run
@@ -183,6 +187,7 @@ class StationCore:
 
     def _engine_lost(self, event: EngineLostEvent) -> None:
         self._fruitless_losses += 1
+        self._restoring = True
         reason = f"{event.reason}; it is being restarted"
         self.state = replace(self.state, state=EngineState.FAILED, reason=reason)
         self.followers.status_changed()
@@ -244,9 +249,12 @@ class StationCore:
                 # This engine is gone as well; the next one is tried with the same.
                 log.warning("not_restored", reason=str(error))
             except (FieldError, Conflict) as error:
+                self._restoring = False
                 if run is not None:
                     await self._close_run(RunState.FAILED, str(error))
                 self.state = replace(self.state, state=EngineState.FAILED, reason=str(error))
+            else:
+                self._restoring = False
             finally:
                 self.followers.status_changed()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import errno
 import logging
@@ -30,22 +31,30 @@ def run(settings: Settings) -> int:
 
     Raises:
         InputError: the port, a certificate or the token file cannot be used; one sentence.
+        StorageError, EngineUnavailable: the database or the engine cannot be used.
     """
     _configure_logging(settings.log_level)
     listener = _bind(settings)
     with contextlib.closing(listener):
         token = load_token(settings.token_file)
-        server = _Server(server_config(create_app(settings, token), settings))
+        app = create_app(settings, token)
+        server = _Server(server_config(app, settings))
         _announce(_link(settings, listener.getsockname()[1], token))
-        return server.serve_until_told(listener)
+        asyncio.run(serve(app, server, listener))
+        return 0 if server.started else _EXIT_FAILED
+
+
+async def serve(app: FastAPI, server: uvicorn.Server, listener: socket.socket) -> None:
+    """Start what the application owns, serve, and end it all.
+
+    uvicorn's own way of starting an application would turn a sentence into a traceback.
+    """
+    async with app.router.lifespan_context(app):
+        await server.serve(sockets=[listener])
 
 
 class _Server(uvicorn.Server):
-    """uvicorn that ends with an exit code where the original would raise the signal again."""
-
-    def serve_until_told(self, listener: socket.socket) -> int:
-        self.run(sockets=[listener])
-        return 0 if self.started else _EXIT_FAILED
+    """uvicorn that just ends where the original would raise the signal again."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -70,7 +79,7 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
             ws_max_size=_LARGEST_MESSAGE,
             ws_ping_interval=20.0,
             ws_ping_timeout=20.0,
-            lifespan="on",
+            lifespan="off",
             # Links hold the token, so requests are not logged.
             access_log=False,
             log_config=None,

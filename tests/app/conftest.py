@@ -74,6 +74,7 @@ class PeerEngine:
         self.opened = None
         self.sequence = 0
         self.publish(EngineStartedEvent(self.generation, 1000 + self.generation))
+        self.publish(self.state())
 
     def lose(self, reason: str = "the engine was killed") -> None:
         self.alive = False

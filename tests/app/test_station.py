@@ -69,6 +69,8 @@ def test_a_lost_engine_is_given_the_source_again(peer: Any, storage: Storage) ->
             assert station.state.state is EngineState.FAILED
             assert "being restarted" in str(station.state.reason)
             peer.start_process()
+            # Not idle: what is missing is told until it is back.
+            assert station.state.state is EngineState.FAILED
             await until(lambda: station.state.state is EngineState.PREVIEW)
             assert [o.source for o in opens(peer)] == ["simulated:lab", "a/folder", "a/folder"]
 

@@ -21,6 +21,7 @@ from app.settings import Settings
 from app.station import Station
 from app.storage import Storage
 from app.viewer import NullViewer
+from app.web import run_server
 from app.web.run_server import server_config
 from app.web.server import create_app
 
@@ -79,7 +80,7 @@ async def serving(app: Any, settings: Settings) -> AsyncIterator[Served]:
         listener.listen()
         port = listener.getsockname()[1]
         server = _Server(server_config(app, settings))
-        task = asyncio.create_task(server.serve(sockets=[listener]))
+        task = asyncio.create_task(run_server.serve(app, server, listener))
         while not server.started:
             if task.done():
                 await task
@@ -121,6 +122,12 @@ def serve(tmp_path: Path, peer: Any, storage: Storage) -> ServedFactory:
         return serving(app, chosen)
 
     return make
+
+
+@pytest.fixture
+def serve_app() -> Callable[[Any, Settings], AbstractAsyncContextManager[Served]]:
+    """Serve an application that the test put together itself."""
+    return serving
 
 
 @pytest.fixture

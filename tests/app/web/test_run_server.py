@@ -17,6 +17,7 @@ import psutil
 import pytest
 
 from app.settings import Settings
+from app.storage import StorageError
 from app.web.run_server import _bind, _link, run
 from observer.errors import InputError
 
@@ -25,6 +26,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from app.settings import Settings
+from app.storage import StorageError
 from app.web.run_server import run
 sys.exit(run(Settings(port=0, data=Path(sys.argv[1]))))
 """
@@ -91,6 +93,13 @@ def test_a_busy_port_is_said_in_one_sentence(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=f"port {port} of 127.0.0.1 is in use .* --port$"):
             run(Settings(port=port, data=tmp_path))
     assert not list(tmp_path.iterdir())
+
+
+def test_a_database_that_cannot_be_used_is_said(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    with pytest.raises(StorageError, match="choose a folder"):
+        run(Settings(port=0, data=blocked / "data"))
 
 
 def test_an_address_that_is_not_ours_is_said(tmp_path: Path) -> None:
