@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from observer.parameters import FlowParameters
 from observer.types import Image
 
+# OpenCV gives the smaller eigenvalue of the mean gradient matrix in 1/1024 (grey levels/px)^2.
+_EIGENVALUE_UNIT = 1024.0
+
 
 def follow_points(
     first: Image,
@@ -22,7 +25,8 @@ def follow_points(
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Where the points of one image are in another (pyramidal Lucas-Kanade).
 
-    A point is refused where it is lost, leaves the image or its surroundings differ by more than
+    A point is refused where it is lost, leaves the image, has less than ``min_texture`` in any
+    direction (along a straight edge it would slide) or its surroundings differ by more than
     ``max_error``; with ``back_check`` also where following it back does not return to within
     ``back_check_px`` of the start.
 
@@ -55,6 +59,7 @@ def _flow(
         cast(Any, None),
         winSize=(parameters.window_px | 1, parameters.window_px | 1),
         maxLevel=parameters.pyramid_levels,
+        minEigThreshold=parameters.min_texture**2 / _EIGENVALUE_UNIT,
     )
     return (
         np.asarray(end, dtype=np.float32),

@@ -144,6 +144,11 @@ class FlowParameters(_Stage):
         1.5, ge=0.1, le=30.0, unit="px", step=0.1, title="Flow threshold",
         help="A feature whose residual motion exceeds this counts as dynamic.",
     )
+    min_texture: Real = _number(
+        1.0, ge=0.0, le=20.0, unit="grey levels/px", step=0.1, title="Least texture",
+        help="Features whose surroundings vary less than this in any one direction are left out: "
+        "along a straight edge the flow slides.",
+    )
     max_error: Real = _number(
         20.0, ge=1.0, le=100.0, unit="grey levels", step=1.0, title="Largest match error",
         help="Features whose surroundings differ more than this on average are left out.",
@@ -357,7 +362,11 @@ def _did_you_mean(name: str, known: Mapping[str, Any]) -> str:
 
 # What is declared above is the best we have; the method exactly as published differs from it here.
 _PRESETS: dict[str, dict[str, ParameterValue]] = {
-    "paper": {"matching.method": "descriptor", "motion.min_significance": 0.0},
+    "paper": {
+        "matching.method": "descriptor",
+        "flow.min_texture": 0.3,
+        "motion.min_significance": 0.0,
+    },
     "default": {},
 }
 PRESET_HELP: dict[str, str] = {

@@ -138,6 +138,11 @@ class EgoMotion(Protocol):
         """The camera's motion where the model knows it; None where it does not."""
         ...
 
+    @property
+    def pose_covariance(self) -> Float64Array | None:
+        """(6, 6) of ``T_current_previous`` as rotation vector (rad) and translation (m)."""
+        ...
+
     def predict(self, px: Float64Array, disparity: Float64Array | None) -> Float64Array:
         """Pixels (N, 2) at t+dt of static points seen at pixels (N, 2) at t.
 
@@ -183,6 +188,8 @@ class PointMotions:
         point_cov: (K, 3, 3) m^2, of ``points_camera``.
         model_error: (K, 3) m/s, the false velocity that a static point at this place would show
             because the model of the ego-motion does not fit its depth; NaN where unknown.
+        model_error_cov: (K, 3, 3) (m/s)^2, of ``model_error``, by the pose's; common to all
+            points, so that no averaging reduces it.
     """
 
     points_previous: Float64Array
@@ -193,6 +200,7 @@ class PointMotions:
     velocity_cov: Float64Array
     point_cov: Float64Array
     model_error: Float64Array
+    model_error_cov: Float64Array
 
     def __len__(self) -> int:
         return len(self.velocity)

@@ -95,7 +95,10 @@ def _describe(
     noise = motions.velocity_cov[members].mean(axis=0) * shrink
     bias = motions.model_error[members].mean(axis=0)
     known = bool(np.isfinite(bias).all())
-    velocity_cov = noise + np.outer(bias, bias) if known else None
+    velocity_cov = None
+    if known:
+        common = motions.model_error_cov[members].mean(axis=0)
+        velocity_cov = noise + np.outer(bias, bias) + common
     spread = noise if velocity_cov is None else velocity_cov
     points = motions.points_camera[members]
     position_cov = motions.point_cov[members].mean(axis=0) * shrink

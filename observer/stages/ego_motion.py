@@ -39,6 +39,8 @@ class PlanarEgoMotion:
         covariance: (6, 6) of t11 t12 t13 t21 t22 t23 (affine), or (8, 8) of h11 .. h32 (with
             h33 = 1), from the inliers' Jacobian and residuals; None while lost.
         homography: (3, 3) pixels at t to pixels at t+dt; None while lost.
+        pose_covariance: (6, 6) of ``T_current_previous`` (rad, m) from PnP's Jacobian and
+            residuals; None without a pose.
         residual_rms_px: root mean square residual of the inliers, per axis; NaN while lost.
     """
 
@@ -49,6 +51,7 @@ class PlanarEgoMotion:
     covariance: Float64Array | None
     homography: Float64Array | None
     T_current_previous: Pose | None
+    pose_covariance: Float64Array | None
     residual_rms_px: float
 
     def predict(self, px: Float64Array, disparity: Float64Array | None = None) -> Float64Array:
@@ -119,9 +122,9 @@ def estimate_ego_motion(
             parameters.model, count, "the images' motion is implausible: it folds or scales them"
         )
     covariance, rms = _covariance(parameters.model, homography, matches, inliers)
-    pose = None
+    pose = pose_covariance = None
     if disparity is not None:
-        pose = _pose(matches, disparity, inliers, camera, parameters)
+        pose, pose_covariance = _pose(matches, disparity, inliers, camera, parameters)
     reasons = []
     if support < 2 * parameters.min_inliers:
         reasons.append(f"the camera's motion rests on {support} matches only")
@@ -137,6 +140,7 @@ def estimate_ego_motion(
         covariance=covariance,
         homography=homography,
         T_current_previous=pose,
+        pose_covariance=pose_covariance,
         residual_rms_px=rms,
     )
 
@@ -187,6 +191,7 @@ def _lost(model: str, count: int, reason: str) -> PlanarEgoMotion:
         covariance=None,
         homography=None,
         T_current_previous=None,
+        pose_covariance=None,
         residual_rms_px=float("nan"),
     )
 
@@ -276,7 +281,7 @@ def _pose(
     inliers: NDArray[np.bool_],
     camera: StereoCamera,
     parameters: EgoMotionParameters,
-) -> Pose | None:
+) -> tuple[Pose | None, Float64Array | None]:
     """``T_current_previous`` by stereo PnP-RANSAC on the background, refined on its inliers.
 
     The planar model's inliers are known to be background, but lie near one plane, which tells a
@@ -286,7 +291,7 @@ def _pose(
     known = np.isfinite(disparity)
     background = inliers & known
     if np.count_nonzero(background) < _MIN_PNP_POINTS:
-        return None
+        return None, None
     points = camera.triangulate(matches.previous, disparity)
     px = matches.current.astype(np.float64)
     for start in (known, background):
@@ -296,8 +301,8 @@ def _pose(
         near = _explained(pose, points, px, camera, parameters.ransac_threshold_px)
         agreed = np.count_nonzero(near & background) / np.count_nonzero(background)
         if near.sum() >= parameters.min_inliers and agreed >= _AGREED_SHARE:
-            return pose
-    return None
+            return pose, _pose_covariance(pose, points[near], px[near], camera)
+    return None, None
 
 
 def _perspective(
@@ -338,3 +343,16 @@ def _explained(
     projected, _ = camera.project(pose.apply(points))
     with np.errstate(invalid="ignore"):
         return np.asarray(np.linalg.norm(projected - px, axis=1) <= threshold, dtype=np.bool_)
+
+
+def _pose_covariance(
+    pose: Pose, points: Float64Array, px: Float64Array, camera: StereoCamera
+) -> Float64Array:
+    """(6, 6) sigma^2 (J^T J)^-1 with sigma^2 from the residuals of the points used."""
+    projected, jacobian = cv2.projectPoints(
+        points, pose.rotvec, pose.translation, camera.K, np.zeros(4)
+    )
+    residual = px - np.asarray(projected, dtype=np.float64)[:, 0]
+    J = np.asarray(jacobian, dtype=np.float64)[:, :6]
+    variance = float((residual**2).sum()) / max(1, 2 * len(px) - 6)
+    return np.asarray(variance * np.linalg.pinv(J.T @ J), dtype=np.float64)

@@ -59,6 +59,7 @@ def measure_motion(
     noise = camera.point_covariance(px, disparity, 0.0, sigma_d)
     noise = noise + camera.point_covariance(observed_px, observed_disparity, sigma_px, sigma_d)
     now_px, now_disparity = _untransformed(observed_px, observed_disparity, ego.homography)
+    model_error, model_error_cov = _model_error(previous, ego.homography, ego, camera)
     return PointMotions(
         points_previous=previous,
         points_current=current[kept],
@@ -67,7 +68,8 @@ def measure_motion(
         velocity=velocity[kept],
         velocity_cov=noise / dt**2,
         point_cov=camera.point_covariance(now_px, now_disparity, sigma_px, sigma_d),
-        model_error=_model_error(previous, ego.homography, ego.T_current_previous, camera) / dt,
+        model_error=model_error / dt,
+        model_error_cov=model_error_cov / dt**2,
     )
 
 
@@ -95,14 +97,27 @@ def _transformed(
 
 
 def _model_error(
-    points: Float64Array,
-    homography: Float64Array,
-    T_current_previous: Pose | None,
-    camera: StereoCamera,
-) -> Float64Array:
-    """(K, 3) metres by which static points at these places would seem to be displaced."""
-    if T_current_previous is None:
-        return np.full_like(points, np.nan)
-    px, disparity = camera.project(T_current_previous.apply(points))
-    seen = camera.triangulate(*_transformed(px, disparity, homography))
-    return np.asarray(seen - points, dtype=np.float64)
+    points: Float64Array, homography: Float64Array, ego: EgoMotion, camera: StereoCamera
+) -> tuple[Float64Array, Float64Array]:
+    """(K, 3) metres by which static points at these places would seem displaced, and (K, 3, 3).
+
+    The covariance is the pose's, through the derivative by each of its six components.
+    """
+    pose, covariance = ego.T_current_previous, ego.pose_covariance
+    if pose is None or covariance is None:
+        return np.full_like(points, np.nan), np.full((len(points), 3, 3), np.nan)
+
+    def seen(moved: Pose) -> Float64Array:
+        px, disparity = camera.project(moved.apply(points))
+        return camera.triangulate(*_transformed(px, disparity, homography))
+
+    error = seen(pose)
+    # One standard deviation along each component: the scale at which the error varies.
+    steps = np.sqrt(np.diag(covariance)) + 1e-9
+    J = np.empty((len(points), 3, 6))
+    for component, step in enumerate(steps):
+        change = np.zeros(6)
+        change[component] = step
+        moved = Pose.from_rotvec(pose.rotvec + change[:3], pose.translation + change[3:])
+        J[:, :, component] = (seen(moved) - error) / step
+    return error - points, np.asarray(J @ covariance @ J.transpose(0, 2, 1), dtype=np.float64)

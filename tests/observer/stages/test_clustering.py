@@ -59,6 +59,7 @@ def motions(
     *,
     sigma: float = 0.1,
     error: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    pose_sigma: float = 0.0,
 ) -> PointMotions:
     count = len(points)
     return PointMotions(
@@ -70,11 +71,13 @@ def motions(
         velocity_cov=np.tile(np.eye(3) * sigma**2, (count, 1, 1)),
         point_cov=np.tile(np.eye(3) * 1e-4, (count, 1, 1)),
         model_error=np.tile(error, (count, 1)),
+        model_error_cov=np.tile(np.eye(3) * pose_sigma**2, (count, 1, 1)),
     )
 
 
 def detect(measured: PointMotions, **motion: float):
-    return detect_obstacles(measured, 1.5, ClusteringParameters(), MotionParameters(**motion))
+    parameters = MotionParameters(**{"min_significance": 0.0, **motion})
+    return detect_obstacles(measured, 1.5, ClusteringParameters(), parameters)
 
 
 def test_an_obstacle_has_the_mean_velocity_and_the_extent_of_its_points() -> None:
@@ -139,3 +142,15 @@ def test_without_a_pose_the_uncertainty_is_unknown_and_not_small() -> None:
 
 def test_no_motions_no_obstacles() -> None:
     assert detect(motions(np.empty((0, 3)), np.empty((0, 3)))) == ()
+
+
+def test_the_poses_error_is_common_to_all_points_and_not_averaged_away() -> None:
+    points = blob((0, 0, 2), 100)
+    velocity = np.tile([0.3, 0.0, 0.0], (100, 1))
+    (certain,) = detect(motions(points, velocity), shared_error=0.0)
+    (doubtful,) = detect(motions(points, velocity, pose_sigma=0.2), shared_error=0.0)
+    assert certain.velocity_cov is not None
+    assert doubtful.velocity_cov is not None
+    np.testing.assert_allclose(np.diag(certain.velocity_cov), 0.01**2)
+    np.testing.assert_allclose(np.diag(doubtful.velocity_cov), 0.01**2 + 0.2**2)
+    assert doubtful.significance < certain.significance

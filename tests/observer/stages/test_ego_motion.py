@@ -204,3 +204,20 @@ def test_the_decomposition_follows_table_one(row, expected) -> None:
     assert found.rotation_rad == pytest.approx(expected[0])
     assert found.shear == pytest.approx(expected[1])
     assert found.scale == pytest.approx(expected[2])
+
+
+def test_the_poses_covariance_tells_its_scatter() -> None:
+    true = Pose.from_rotvec((0.004, -0.01, 0.003), (0.01, 0.002, -0.02))
+    poses, stated = [], []
+    for seed in range(40):
+        matches, disparity = rigid_matches(true, seed)
+        ego = estimate_ego_motion(matches, disparity, CAMERA, EgoMotionParameters(), seed)
+        assert ego.T_current_previous is not None
+        assert ego.pose_covariance is not None
+        error = ego.T_current_previous @ true.inverse()
+        poses.append(np.concatenate([error.rotvec, error.translation]))
+        stated.append(np.sqrt(np.diag(ego.pose_covariance)))
+    ratio = np.std(poses, axis=0) / np.mean(stated, axis=0)
+    # The noise of depth is not in the model of PnP, only its traces in the residuals.
+    assert (ratio > 0.5).all()
+    assert (ratio < 2.0).all()

@@ -13,6 +13,7 @@ from observer.stages.motion import measure_motion
 from observer.types import ResidualFlow, Status
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
+POSE_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8, 1e-6, 1e-6, 1e-6])
 AFFINE = np.array([[1.02, 0.0, 2.0], [0.0, 1.02, -3.0], [0, 0, 1]])
 
 
@@ -25,6 +26,7 @@ def ego(H: np.ndarray | None, pose: Pose | None = None) -> PlanarEgoMotion:
         covariance=None,
         homography=H,
         T_current_previous=pose,
+        pose_covariance=None if pose is None else POSE_COVARIANCE,
         residual_rms_px=0.1,
     )
 
@@ -139,3 +141,18 @@ def test_no_dynamic_points_and_a_lost_motion() -> None:
     assert motions.velocity_cov.shape == (0, 3, 3)
     with pytest.raises(ValueError, match="lost"):
         measure_motion(none, empty, empty, 0.1, ego(None), CAMERA, Parameters())
+
+
+def test_the_poses_covariance_becomes_the_model_errors() -> None:
+    """Sideways doubt of 1 mm in the camera's place is 1 mm of displacement, whatever the depth."""
+    point = np.array([[0.4, 0.2, 2.5]])
+    flow, d, d_after = displaced(point, np.array([0.3, 0, 0]), 0.1)
+    pose = Pose.identity()
+    motions = measure_motion(flow, d, d_after, 0.1, ego(np.eye(3), pose), CAMERA, Parameters())
+    rng = np.random.default_rng(0)
+    errors = rng.multivariate_normal(np.zeros(6), POSE_COVARIANCE, 4000)
+    seen = [Pose.from_rotvec(e[:3], e[3:]).apply(point[0]) for e in errors]
+    scatter = np.cov(np.array(seen).T) / 0.1**2
+    np.testing.assert_allclose(
+        motions.model_error_cov[0], scatter, atol=0.08 * np.abs(scatter).max()
+    )

@@ -91,3 +91,18 @@ def test_no_usable_point_gives_an_empty_flow(points: np.ndarray) -> None:
     assert flow.residual_px.shape == (0, 2)
     nowhere = residual_flow(*scene((4.0, 0.0)), ~ALL, POINTS, FlowParameters())
     assert len(nowhere) == 0
+
+
+def test_along_a_straight_edge_nothing_is_followed() -> None:
+    """Only the part of a motion across an edge can be seen; corners say all of it."""
+    v, u = np.mgrid[0:256, 0:512]
+    edges = (128 + 90 * np.sin((u + 0.3 * v) / 9)).astype(np.float64)
+    rng = np.random.default_rng(0)
+    first, second = (
+        np.clip(edges + rng.normal(0, 2, edges.shape), 0, 255).astype(np.uint8) for _ in range(2)
+    )
+    anyhow = FlowParameters(min_texture=0.0, back_check_px=10.0)
+    assert residual_flow(first, second, ALL, POINTS, anyhow).dynamic.sum() > 10
+    checked = FlowParameters(back_check_px=10.0)
+    assert not residual_flow(first, second, ALL, POINTS, checked).dynamic.any()
+    assert len(residual_flow(*scene((0.0, 0.0)), ALL, POINTS, checked)) > 500
