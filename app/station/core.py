@@ -220,14 +220,16 @@ class StationCore:
         segment: int = 0,
         parameters: ParametersInForce | None = None,
     ) -> None:
+        same = (self.state.source or {}).get("spec") == opening.source
         command = opening.command(
             parameters or self.parameters.current,
-            playback=self.state.playback,
+            playback=self.state.playback if same else None,
             run_id=None if run is None else run.id,
             segment=segment,
         )
         await ask(self.engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
         self.telemetry.new_source()
+        self.latest = None
 
     async def _restore(self) -> None:
         """Have a new engine do what the lost one did; a run goes on as a new segment."""

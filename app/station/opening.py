@@ -34,10 +34,10 @@ class Opening:
         run_id: str | None = None,
         segment: int = 0,
     ) -> OpenSource:
-        """Open it from its beginning, at the rate that is being played.
+        """Open it from its beginning.
 
         Args:
-            playback: as it is now; None where nothing is open.
+            playback: as it is now, whose rate is kept; None where something else was open.
         """
         return OpenSource(
             source=self.source,

@@ -88,6 +88,11 @@ class LiveHub:
     # --- for the pages -----------------------------------------------------------------------
 
     @property
+    def has_current(self) -> bool:
+        """Whether the newest observation is of the source that is open."""
+        return self._event is not None and self._event is self._station.latest
+
+    @property
     def newest(self) -> _Observation | None:
         """The newest observation; encoded when the first page wants it."""
         if self._newest is None and self._event is not None:
@@ -132,7 +137,8 @@ class _Page:
         self._socket = socket
         self._wake = asyncio.Event()
         self._status_due = True
-        self._observation_due = False
+        # A page that comes while playing is paused sees what stands.
+        self._observation_due = hub.has_current
         # Sequence -> (received, sent), on the monotonic clock.
         self._unacknowledged: dict[int, tuple[float, float]] = {}
 

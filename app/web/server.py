@@ -158,7 +158,7 @@ def _describe_security(app: FastAPI) -> None:
 
 
 async def _start_viewer(door: ViewerDoor, start: ViewerStarter, station: Station) -> None:
-    door.viewer = await asyncio.to_thread(start, station)
+    await asyncio.to_thread(lambda: door.open(start(station)))
 
 
 async def _stop_viewer(door: ViewerDoor) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Annotated
 
 import msgspec
@@ -61,17 +61,32 @@ _kind = msgspec.msgpack.Decoder(_Kind)
 _camera = msgspec.msgpack.Decoder(_Camera)
 
 
+@dataclass(frozen=True)
+class PreparedPage:
+    """The client's page as it is sent."""
+
+    plain: bytes
+    compressed: bytes
+    tag: str
+
+
+def prepared_page(page: bytes) -> PreparedPage:
+    tag = f'"{hashlib.sha256(page).hexdigest()[:32]}"'
+    return PreparedPage(page, gzip.compress(page, 6), tag)
+
+
 class ViewerDoor:
     """What the routes know of the viewer; the viewer itself may come later, or never."""
 
     def __init__(self) -> None:
         self.viewer: Viewer = NullViewer("the 3D viewer is being started")
+        self.page = PreparedPage(b"", b"", "")
 
-    @cached_property
-    def page(self) -> tuple[bytes, bytes, str]:
-        """The client's page, the same compressed, and its tag."""
-        page = self.viewer.page()
-        return page, gzip.compress(page, 6), f'"{hashlib.sha256(page).hexdigest()[:32]}"'
+    def open(self, viewer: Viewer) -> None:
+        """Let people in to a viewer. Takes a moment; use a thread."""
+        if viewer.port is not None:
+            self.page = prepared_page(viewer.page())
+        self.viewer = viewer
 
 
 def _door(connection: HTTPConnection) -> ViewerDoor:
@@ -95,18 +110,18 @@ async def viewer_page(request: Request, door: Door) -> Response:
     if door.viewer.port is None:
         headers = {"Retry-After": "1"}
         return HTMLResponse(f"<p>There is no 3D view: {door.viewer.trouble}.</p>", 503, headers)
-    page, compressed, tag = door.page
+    page = door.page
     headers = {
         "Content-Security-Policy": VIEWER_POLICY,
         "Cache-Control": "no-cache",
-        "ETag": tag,
+        "ETag": page.tag,
         "Vary": "Accept-Encoding",
     }
-    if request.headers.get("if-none-match") == tag:
+    if request.headers.get("if-none-match") == page.tag:
         return Response(None, 304, headers)
     if "gzip" in request.headers.get("accept-encoding", ""):
-        return HTMLResponse(compressed, headers={**headers, "Content-Encoding": "gzip"})
-    return HTMLResponse(page, headers=headers)
+        return HTMLResponse(page.compressed, headers={**headers, "Content-Encoding": "gzip"})
+    return HTMLResponse(page.plain, headers=headers)
 
 
 @router.websocket("/viewer")

@@ -62,6 +62,8 @@ class PeerEngine:
         self.frame = 0
         self.sequence = 0
         self.playback: dict[str, Any] = {}
+        # Makes observations as large as a test wants them.
+        self.padding = ""
         # Drawn like the real engine: what is newly watched at once.
         self.draw_on_watch = True
 
@@ -234,7 +236,7 @@ class PeerEngine:
                 self.draw_cloud()
         event = ObservationEvent(
             sequence=self.sequence,
-            line=line(self.frame, opened.segment, opened.parameters_revision),
+            line=line(self.frame, opened.segment, opened.parameters_revision, self.padding),
             truth=[truth(self.frame)],
             received=time.monotonic(),
             published=time.monotonic(),
@@ -248,7 +250,7 @@ class PeerEngine:
         return event
 
 
-def line(frame: int, segment: int = 0, revision: int = 0) -> dict[str, Any]:
+def line(frame: int, segment: int, revision: int, padding: str) -> dict[str, Any]:
     """A JSON line with one obstacle that drives to the right at 0.4 m/s."""
     at = [0.4 * frame / 15, 0.1, 3.0]
     return {
@@ -256,7 +258,7 @@ def line(frame: int, segment: int = 0, revision: int = 0) -> dict[str, Any]:
         "time": frame / 15,
         "segment": segment,
         "status": "ok",
-        "reasons": [],
+        "reasons": [padding] if padding else [],
         "parameters_revision": revision,
         "pose": {"position": [0.0, 0.0, 0.02 * frame], "orientation_wxyz": [1.0, 0, 0, 0]},
         "obstacles": [

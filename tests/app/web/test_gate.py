@@ -5,13 +5,18 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+import httpx
 import psutil
 import pytest
 from fastapi.routing import APIWebSocketRoute, iter_route_contexts
 from starlette.routing import Mount
 from websockets.exceptions import InvalidStatus
+
+from app.settings import Settings
+from app.web.server import create_app
 
 FORM = "application/x-www-form-urlencoded"
 UPLOAD_HEAD = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n'
@@ -190,6 +195,24 @@ def test_the_link_becomes_a_cookie_and_leaves_the_address(serve: Any, token: str
             jar = {"Cookie": f"dynamic_observer_token={token}; other=1"}
             async with served.socket("/api/live", token=None, headers=jar) as socket:
                 assert await socket.recv()
+
+    asyncio.run(scenario())
+
+
+def test_with_tls_the_cookie_is_for_tls_only(tmp_path: Path, peer: Any, token: str) -> None:
+    pem = tmp_path / "unused.pem"
+    settings = Settings(data=tmp_path, tls_cert=pem, tls_key=pem)
+    app = create_app(settings, token, engine=peer)
+
+    async def scenario() -> None:
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="https://localhost") as client:
+            answer = await client.get("/", params={"token": token})
+            assert answer.status_code == 303
+            assert answer.headers["set-cookie"].endswith("; Secure")
+            foreign = {"Origin": "http://localhost"}
+            assert (await client.get("/sign-in", headers=foreign)).status_code == 403
+        await peer.stop()
 
     asyncio.run(scenario())
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import time
 from typing import Any
 
+import psutil
 import pytest
 from websockets.exceptions import ConnectionClosed
 
@@ -57,6 +59,43 @@ def test_a_page_hears_status_heartbeat_and_observations(serve: Any, peer: Any) -
             assert 0 <= seen["age_ms"] < 5000
             beat = await next_of(socket, "heartbeat")
             assert 0 <= beat["observation_age_s"] < 5
+
+    run(serve, scenario)
+
+
+def test_a_page_that_comes_later_sees_what_stands(serve: Any, peer: Any) -> None:
+    async def scenario(served: Any) -> None:
+        peer.observe()
+        async with served.socket("/api/live") as socket:
+            seen = await next_of(socket, "observation")
+            assert seen["line"]["frame"] == 0
+        # What was seen of another source does not stand any more.
+        await served.http.put("/api/source", json={"source": "another"})
+        async with served.socket("/api/live") as socket:
+            kinds = {message["type"] for message in await heard_for(socket, 0.5)}
+            assert kinds == {"status", "heartbeat"}
+
+    run(serve, scenario)
+
+
+def test_twenty_slow_pages_take_little_memory_and_nobodys_rate(serve: Any, peer: Any) -> None:
+    async def scenario(served: Any) -> None:
+        async with contextlib.AsyncExitStack() as stack:
+            slow = []
+            for path in 10 * ["/api/live"] + 10 * ["/api/views/left"]:
+                slow.append(await stack.enter_async_context(served.socket(path)))
+                slow[-1].transport.pause_reading()
+            quick = await stack.enter_async_context(served.socket("/api/live"))
+            before = psutil.Process().memory_info().rss
+            for _ in range(300):
+                peer.padding = "x" * 50_000
+                event = peer.observe()
+                seen = await next_of(quick, "observation")
+                assert seen["line"]["frame"] == event.line["frame"]
+                await painted(quick, seen["sequence"])
+            assert psutil.Process().memory_info().rss - before < 50 * 1024**2
+            for socket in slow:
+                socket.transport.abort()
 
     run(serve, scenario)
 

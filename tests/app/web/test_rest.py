@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import json
+import sqlite3
+from pathlib import Path
 from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from app.messages import OpenSource, SetParameters, SetPlayback, StopRun
 
@@ -125,6 +130,69 @@ def test_malformed_and_deep_json_is_the_clients_fault(serve: Any) -> None:
                 assert 400 <= answer.status_code < 500, (name, answer.text)
                 assert len(answer.content) < 5000
         assert (await served.http.get("/api/status")).is_success
+
+    run(serve, scenario)
+
+
+ANY_JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(["name", "source", "rate", "step", "preset", "parameters", THRESHOLD])
+            | st.text(max_size=10),
+            inner,
+            max_size=4,
+        )
+    ),
+    max_leaves=8,
+)
+TAKE_JSON = [
+    ("PATCH", "/api/parameters"),
+    ("POST", "/api/playback"),
+    ("POST", "/api/presets"),
+    ("POST", "/api/runs"),
+    ("PUT", "/api/source"),
+]
+
+
+def test_no_json_breaks_the_server(serve: Any) -> None:
+    with asyncio.Runner() as runner:
+        serving = serve()
+        served = runner.run(serving.__aenter__())
+        try:
+
+            @settings(deadline=None, max_examples=60)
+            @given(st.sampled_from(TAKE_JSON), ANY_JSON)
+            def check(route: tuple[str, str], value: Any) -> None:
+                body = json.dumps(value)
+                sent = served.http.request(*route, content=body, headers=JSON)
+                answer = runner.run(sent)
+                assert answer.status_code < 500, (route, body, answer.text)
+
+            check()
+        finally:
+            runner.run(serving.__aexit__(None, None, None))
+
+
+def test_a_locked_database_is_answered_with_503(serve: Any, peer: Any, tmp_path: Path) -> None:
+    async def scenario(served: Any) -> None:
+        lock = sqlite3.connect(tmp_path / "observer.sqlite", isolation_level=None)
+        lock.execute("BEGIN IMMEDIATE")
+        try:
+            for path, body in (("/api/runs", {}), ("/api/presets", {"name": "x"})):
+                answer = await served.http.post(path, json=body)
+                assert answer.status_code == 503, answer.text
+                assert "locked" in answer.json()["detail"]
+                assert answer.headers["retry-after"]
+            assert peer.opened.run_id is None
+            # Reading, observing and changing go on.
+            assert (await served.http.get("/api/runs")).json() == []
+            assert (await served.http.patch("/api/parameters", json={THRESHOLD: 5})).is_success
+        finally:
+            lock.execute("ROLLBACK")
+            lock.close()
+        assert (await served.http.post("/api/runs", json={})).status_code == 201
 
     run(serve, scenario)
 
