@@ -1,26 +1,42 @@
-/** Keeps the viewer from taking the page's whole time where 3D is drawn slowly (no GPU). */
+/** Keeps the viewer from holding up the live data where 3D is drawn slowly (no GPU). */
 
 // A drawing that lets the page paint again within this is left alone.
 const SLOW_MS = 40;
 // After a slow one, the page has so many times its duration for itself.
 const REST_SHARE = 2;
 const LONGEST_REST_MS = 1000;
+// While nothing new arrives, drawing goes on all the same: somebody may turn the scene.
+const LONGEST_TURN_MS = 150;
 
 /**
  * Have a same-origin frame's animation wait after every slow drawing.
  *
  * The frame shares this page's thread: without a GPU one drawing can hold both for 100 ms and
- * more, and drawing without pause would let the live data wait for seconds.
+ * more, and drawing without pause would let the live data wait for seconds. A slow drawing begins
+ * right after an observation has been painted: then there is most time until the next one comes.
  *
  * @param {Window & typeof globalThis} inside the frame's window, once it is loaded
+ * @param {EventTarget} hub tells `painted`
  */
-export function paceFrames(inside) {
+export function paceFrames(inside, hub) {
   const ask = inside.requestAnimationFrame.bind(inside);
   /** @type {Map<number, FrameRequestCallback>} */
   const waiting = new Map();
   let number = 0;
   let asked = false;
   let restUntil = 0;
+
+  const inTurn = (/** @type {() => void} */ begin) => {
+    const turn = new AbortController();
+    const { signal } = turn;
+    const take = () => {
+      if (signal.aborted) return;
+      turn.abort();
+      begin();
+    };
+    hub.addEventListener("painted", take, { signal });
+    setTimeout(take, LONGEST_TURN_MS);
+  };
 
   const measure = (/** @type {number} */ start) => {
     const took = performance.now() - start;
@@ -48,7 +64,7 @@ export function paceFrames(inside) {
     if (!asked) {
       asked = true;
       const rest = restUntil - performance.now();
-      if (rest > 0) setTimeout(() => ask(draw), rest);
+      if (restUntil > 0) setTimeout(() => inTurn(() => ask(draw)), rest);
       else ask(draw);
     }
     return number;

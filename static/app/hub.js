@@ -11,8 +11,8 @@ const JUDGE_EVERY_MS = 200;
 
 /**
  * Events, all without detail (read the property of the same name):
- * `status`, `observation` (inside an animation frame), `connection`, `freshness`,
- * `reconnected` (the socket is back after a loss), `runs`, `calibrations`, `parameters`
+ * `status`, `observation` (inside an animation frame), `painted` (right after that frame),
+ * `connection`, `freshness`, `reconnected` (the socket is back after a loss), `runs`, `calibrations`, `parameters`
  * (somebody changed what that list shows: read it again).
  */
 export class Hub extends EventTarget {
@@ -101,6 +101,7 @@ export class Hub extends EventTarget {
     for (const sequence of this.#unpainted.splice(0)) {
       this.socket.send({ type: "painted", sequence });
     }
+    this.tell("painted");
   }
 
   /** @param {import("./types.js").Connection} state */

@@ -40,7 +40,7 @@ class Scene extends Part {
     if (!inside?.head || !contentWindow) return;
     this.#style = inside.head.appendChild(inside.createElement("style"));
     this.#restyle();
-    paceFrames(/** @type {Window & typeof globalThis} */ (contentWindow));
+    paceFrames(/** @type {Window & typeof globalThis} */ (contentWindow), this.hub);
   }
 
   #restyle() {
