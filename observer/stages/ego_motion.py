@@ -25,9 +25,9 @@ _MAX_SCALE = 1.6
 # PnP's minimal solver takes 4 points; this many more make a wrong pose unlikely.
 _MIN_PNP_POINTS = 8
 _PNP_ITERATIONS = 200
-_PNP_REFINEMENTS = 3
-# A pose that explains less than this share of the background follows something else.
-_AGREED_SHARE = 0.6
+_PNP_REFINEMENTS = 2
+# A pose that explains less than this share of the background is none.
+_AGREED_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,11 +282,12 @@ def _pose(
     camera: StereoCamera,
     parameters: EgoMotionParameters,
 ) -> tuple[Pose | None, Float64Array | None]:
-    """``T_current_previous`` by stereo PnP-RANSAC on the background, refined on its inliers.
+    """``T_current_previous`` by stereo PnP-RANSAC on the background, and its covariance.
 
-    The planar model's inliers are known to be background, but lie near one plane, which tells a
-    turn from a sideways motion badly. So all matches with depth are tried first, and their pose
-    is taken if it explains the background too; if not, the background alone must do.
+    It is refined on the planar model's inliers first, which are known to be background. Only
+    then matches join that this pose explains as well, for the depth they bring: the inliers lie
+    near one plane, which tells a turn from a sideways motion badly. Asked for at once, a wall
+    and a thing that moves before it would make a perfect camera motion.
     """
     known = np.isfinite(disparity)
     background = inliers & known
@@ -294,46 +295,32 @@ def _pose(
         return None, None
     points = camera.triangulate(matches.previous, disparity)
     px = matches.current.astype(np.float64)
-    for start in (known, background):
-        pose = _perspective(points, px, start, camera, parameters.ransac_threshold_px)
-        if pose is None:
-            continue
-        near = _explained(pose, points, px, camera, parameters.ransac_threshold_px)
-        agreed = np.count_nonzero(near & background) / np.count_nonzero(background)
-        if near.sum() >= parameters.min_inliers and agreed >= _AGREED_SHARE:
-            return pose, _pose_covariance(pose, points[near], px[near], camera)
-    return None, None
-
-
-def _perspective(
-    points: Float64Array,
-    px: Float64Array,
-    start: NDArray[np.bool_],
-    camera: StereoCamera,
-    threshold: float,
-) -> Pose | None:
-    """The pose by RANSAC over some points, then refined on all that it explains."""
+    threshold = parameters.ransac_threshold_px
     found, rotation, translation, _ = cv2.solvePnPRansac(
-        points[start],
-        px[start],
+        points[background],
+        px[background],
         camera.K,
         None,
         iterationsCount=_PNP_ITERATIONS,
         reprojectionError=threshold,
         confidence=_RANSAC_CONFIDENCE,
-        flags=cv2.SOLVEPNP_P3P,
+        flags=cv2.SOLVEPNP_EPNP,
     )
-    for _ in range(_PNP_REFINEMENTS):
-        if not found or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
-            return None
+    if not found:
+        return None, None
+    for candidates in _PNP_REFINEMENTS * (background,) + _PNP_REFINEMENTS * (known,):
+        if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
+            return None, None
         pose = Pose.from_rotvec(rotation, translation)
-        near = _explained(pose, points, px, camera, threshold)
-        if np.count_nonzero(near) < _MIN_PNP_POINTS:
-            return None
+        near = candidates & _explained(pose, points, px, camera, threshold)
+        agreed = np.count_nonzero(near & background) / np.count_nonzero(background)
+        if np.count_nonzero(near) < _MIN_PNP_POINTS or agreed < _AGREED_SHARE:
+            return None, None
         rotation, translation = cv2.solvePnPRefineLM(
             points[near], px[near], camera.K, None, rotation, translation
         )
-    return Pose.from_rotvec(rotation, translation)
+    pose = Pose.from_rotvec(rotation, translation)
+    return pose, _pose_covariance(pose, points[near], px[near], camera)
 
 
 def _explained(
