@@ -60,6 +60,7 @@ class SeenFacet:
     Attributes:
         corners: camera frame, with the edges' grow, see ``polygons``.
         image_corners: their pixels; meaningless where ``nearest`` is not in front of the camera.
+        bounds: u0, v0, u1, v1 of these pixels.
         nearest, farthest: least and largest z of the corners, metres.
         texture_from_image: nine numbers, row by row: from a pixel (u, v, 1) to (s, t, 1) / z,
             metres on the texture and inverse depth.
@@ -67,6 +68,7 @@ class SeenFacet:
 
     corners: list[Corner]
     image_corners: list[ImageCorner]
+    bounds: list[float]
     nearest: float
     farthest: float
     texture_from_image: list[float]
@@ -171,12 +173,13 @@ class FacetBatch:
         inverse = (rows @ rays).reshape(count, 9).tolist()
         corners = np.column_stack([points, grow]).tolist()
         image_corners = np.column_stack([uv, grow]).tolist()
+        bounds = np.column_stack([low, high]).tolist()
         near_list, far_list = nearest.tolist(), farthest.tolist()
         result: list[SeenFacet | None] = [None] * count
         for k in chosen:
             a, b = int(self._firsts[k]), self._ends[k]
             result[k] = SeenFacet(
-                corners[a:b], image_corners[a:b], near_list[k], far_list[k], inverse[k]
+                corners[a:b], image_corners[a:b], bounds[k], near_list[k], far_list[k], inverse[k]
             )
         return result
 

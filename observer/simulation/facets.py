@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, Pose
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,24 @@ class Part:
     def facing(self, eye: Float64Array) -> Float64Array:
         """(F,) metres by which ``eye`` (3,), in the part's frame, lies in front of each facet."""
         return np.asarray(self.normals @ eye - self.offsets, dtype=np.float64)
+
+
+def moved(part: Part, pose: Pose) -> Part:
+    """The same part in another frame; ``pose`` is ``T_target_part``."""
+    return Part(
+        tuple(
+            Facet(
+                pose.apply(f.vertices),
+                pose.apply(f.origin),
+                pose.rotate(f.along),
+                pose.rotate(f.down),
+                f.extent,
+                f.material,
+                f.neighbours,
+            )
+            for f in part.facets
+        )
+    )
 
 
 def rectangle(

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, Pose
 from observer.simulation.batches import FacetBatch, SeenFacet, View, Window
-from observer.simulation.facets import Facet, Material, Part
+from observer.simulation.facets import Facet, Material, Part, moved
+from observer.simulation.motion import Parked
 from observer.simulation.polygons import (
     Corner,
     Float32Array,
@@ -50,12 +51,21 @@ class Renderer:
     """Draws one world; keeps its textures."""
 
     def __init__(self, world: World) -> None:
-        self._world = world
-        posters = [Part((poster,)) for poster in world.posters]
-        self._room = _Thing(None, (world.room, *posters))
-        self._things = tuple(_Thing(body, body.parts) for body in world.bodies)
-        shadows = [_Thing(b, (Part((b.shadow,)),)) for b in world.bodies if b.shadow is not None]
-        self._shadows = tuple(shadows)
+        room: list[Part] = [world.room, *(Part((poster,)) for poster in world.posters)]
+        shadows: list[Part] = []
+        standing: list[Part] = []
+        moving: list[Body] = []
+        for body in world.bodies:
+            if not isinstance(body.motion, Parked):
+                moving.append(body)
+                continue
+            T_room_body = body.T_room_body(0.0)
+            standing += [moved(part, T_room_body) for part in body.parts]
+            if body.shadow is not None:
+                shadows.append(moved(Part((body.shadow,)), T_room_body))
+        # Everything that stands is one batch in the room's frame, each body that moves another.
+        self._standing = _Thing(None, room, shadows, standing)
+        self._moving = tuple(_moving_thing(body) for body in moving)
         self._textures: dict[int, Texture] = {}
         self._painted: dict[tuple[Material, tuple[float, float]], Texture] = {}
 
@@ -66,37 +76,27 @@ class Renderer:
         """
         R = T_room_camera.rotation.T
         eye = T_room_camera.translation
-        t = -R @ eye
-        drawing = _Drawing(self, view, image)
-        for facet, seen in self._room.visible(R, t, eye, view):
-            drawing.facet(facet, seen, 1.0, hides=False)
-        poses: dict[int, tuple[Float64Array, Float64Array, Float64Array, Pose]] = {}
-        for body in self._world.bodies:
-            T_room_body = body.T_room_body(time)
-            eye_body = T_room_body.rotation.T @ (eye - T_room_body.translation)
-            R_body = R @ T_room_body.rotation
-            poses[body.id] = (R_body, R @ T_room_body.translation + t, eye_body, T_room_body)
-        for shadow in self._shadows:
-            for facet, seen in shadow.visible(*poses[shadow.id][:3], view):
-                drawing.shadow(facet, seen)
-        ordered: list[tuple[float, _Thing, int, list[SeenFacet | None]]] = []
-        for thing in self._things:
-            R_body, t_body, eye_body, _ = poses[thing.id]
-            if thing.batch.outside(R_body, t_body, view):
+        seen = [_SeenThing(self._standing, R, -R @ eye, eye, None, view)]
+        for thing in self._moving:
+            if thing.body is None:
                 continue
-            all_seen = thing.batch.seen(R_body, t_body, eye_body, view, NEAR_M)
-            for k, part in enumerate(thing.parts):
-                to_eye = part.centre - eye_body
-                first = thing.batch.starts[k]
-                seen_part = all_seen[first : first + len(part.facets)]
-                ordered.append((float(to_eye @ to_eye), thing, k, seen_part))
+            T_room_body = thing.body.T_room_body(time)
+            R_body = R @ T_room_body.rotation
+            t_body = R @ (T_room_body.translation - eye)
+            eye_body = T_room_body.rotation.T @ (eye - T_room_body.translation)
+            if not thing.batch.outside(R_body, t_body, view):
+                seen.append(_SeenThing(thing, R_body, t_body, eye_body, T_room_body.rotation, view))
+        drawing = _Drawing(self, view, image)
+        for facet, one, _ in seen[0].facets(self._standing.room):
+            drawing.facet(facet, one, 1.0, hides=False)
+        for things in seen:
+            for facet, one, _ in things.facets(things.thing.shadows):
+                drawing.shadow(facet, one)
+        ordered = [(things.distance(k), things, k) for things in seen for k in things.thing.solids]
         ordered.sort(key=lambda item: -item[0])
-        for _, thing, k, seen_part in ordered:
-            T_room_body = poses[thing.id][3]
-            for facet, one in zip(thing.parts[k].facets, seen_part, strict=True):
-                if one is not None:
-                    gain = _light(T_room_body.rotation @ facet.normal)
-                    drawing.facet(facet, one, gain, hides=True)
+        for _, things, k in ordered:
+            for facet, one, gain in things.facets(range(k, k + 1)):
+                drawing.facet(facet, one, gain, hides=True)
             drawing.hide_behind()
 
     def texture(self, facet: Facet) -> Texture:
@@ -113,23 +113,70 @@ class Renderer:
 
 
 class _Thing:
-    """Parts that move together, with their arithmetic; ``body`` is None for the room."""
+    """Parts that share one frame, with their arithmetic.
 
-    def __init__(self, body: Body | None, parts: Sequence[Part]) -> None:
-        self.id = -1 if body is None else body.id
-        self.parts = tuple(parts)
+    Attributes:
+        body: whose frame it is; None for the room's.
+        room, shadows, solids: which of ``parts`` are which.
+    """
+
+    def __init__(
+        self,
+        body: Body | None,
+        room: Sequence[Part],
+        shadows: Sequence[Part],
+        solids: Sequence[Part],
+    ) -> None:
+        self.body = body
+        self.parts = (*room, *shadows, *solids)
+        self.room = range(len(room))
+        self.shadows = range(len(room), len(room) + len(shadows))
+        self.solids = range(len(room) + len(shadows), len(self.parts))
         self.batch = FacetBatch(self.parts)
-        self._facets = tuple(facet for part in self.parts for facet in part.facets)
+        self.normals = tuple(tuple(f.normal for f in part.facets) for part in self.parts)
 
-    def visible(
-        self, R: Float64Array, t: Float64Array, eye: Float64Array, view: View
-    ) -> Iterator[tuple[Facet, SeenFacet]]:
-        """The facets that may be in the image, in their order."""
-        if self.batch.outside(R, t, view):
-            return
-        for facet, seen in zip(self._facets, self.batch.seen(R, t, eye, view, NEAR_M), strict=True):
-            if seen is not None:
-                yield facet, seen
+
+def _moving_thing(body: Body) -> _Thing:
+    shadows = () if body.shadow is None else (Part((body.shadow,)),)
+    return _Thing(body, (), shadows, body.parts)
+
+
+class _SeenThing:
+    """A thing as one camera sees it: ``T_camera_thing``, and the eye in the thing's frame.
+
+    ``R_room`` turns its normals into the room's axes; None where they are in them.
+    """
+
+    def __init__(
+        self,
+        thing: _Thing,
+        R: Float64Array,
+        t: Float64Array,
+        eye: Float64Array,
+        R_room: Float64Array | None,
+        view: View,
+    ) -> None:
+        self.thing = thing
+        self._eye = eye
+        self._R_room = R_room
+        self._seen = thing.batch.seen(R, t, eye, view, NEAR_M)
+
+    def distance(self, part: int) -> float:
+        """Square of the distance of a part's centre from the eye, m^2."""
+        to_eye = self.thing.parts[part].centre - self._eye
+        return float(to_eye @ to_eye)
+
+    def facets(self, parts: range) -> Iterator[tuple[Facet, SeenFacet, float]]:
+        """The facets of some parts that may be in the image, and how bright they are lit."""
+        for k in parts:
+            first = self.thing.batch.starts[k]
+            for index, facet in enumerate(self.thing.parts[k].facets):
+                one = self._seen[first + index]
+                if one is not None:
+                    normal = self.thing.normals[k][index]
+                    if self._R_room is not None:
+                        normal = self._R_room @ normal
+                    yield facet, one, _light(normal)
 
 
 class _Drawing:
@@ -146,18 +193,22 @@ class _Drawing:
     def facet(self, facet: Facet, seen: SeenFacet, gain: float, hides: bool) -> None:
         """Draw one facet, ``gain`` times as bright as its texture."""
         if seen.nearest >= NEAR_M and seen.farthest <= _BAND_RATIO * seen.nearest:
-            self._band(facet, seen, seen.image_corners, gain, 1 / seen.nearest if hides else None)
+            nearest = 1 / seen.nearest if hides else None
+            self._band(facet, seen, seen.image_corners, seen.bounds, gain, nearest)
             return
-        for band in _bands(seen):
+        for band in _bands(seen, self._view):
+            corners = self._project(band)
             nearest = 1 / min([corner[2] for corner in band]) if hides else None
-            self._band(facet, seen, self._project(band), gain, nearest)
+            self._band(facet, seen, corners, _bounds(corners), gain, nearest)
 
     def shadow(self, facet: Facet, seen: SeenFacet) -> None:
         """Darken what lies below a body."""
         polygon = seen.corners
         if seen.nearest < NEAR_M:
             polygon = clip_depth(polygon, NEAR_M, True, 0.0)
-        window = self._window(self._project(polygon))
+        if not polygon:
+            return
+        window = self._view.window(*_bounds(self._project(polygon)))
         if window is None:
             return
         u0, v0, u1, v1 = window
@@ -179,11 +230,12 @@ class _Drawing:
         facet: Facet,
         seen: SeenFacet,
         corners: list[ImageCorner],
+        bounds: Sequence[float],
         gain: float,
         nearest: float | None,
     ) -> None:
         """Draw one band; ``nearest`` is its largest inverse depth, None where it hides nothing."""
-        window = self._window(corners)
+        window = self._view.window(*bounds)
         if window is None:
             return
         u0, v0, u1, v1 = window
@@ -194,7 +246,7 @@ class _Drawing:
             share = self._visible(share, seen.texture_from_image, window, nearest)
             if share is None:
                 return
-        patch = self._warp(facet, seen.texture_from_image, window, corners)
+        patch = self._warp(facet, seen.texture_from_image, window, bounds)
         if gain != 1.0:
             patch = np.asarray(cv2.convertScaleAbs(patch, alpha=gain), np.uint8)
         region = self._image[v0:v1, u0:u1]
@@ -234,19 +286,16 @@ class _Drawing:
             np.maximum(behind, depth, out=behind, where=solid)
         self._pending.clear()
 
-    def _warp(
-        self, facet: Facet, m: list[float], window: Window, corners: list[ImageCorner]
-    ) -> Image:
+    def _warp(self, facet: Facet, m: list[float], window: Window, bounds: Sequence[float]) -> Image:
         """The facet's texture over a window, without aliasing."""
         u0, v0, u1, v1 = window
         w, h = u1 - u0, v1 - v0
         # Chosen by what the whole image shows of the band, so that rows drawn by themselves
         # look as they do in the whole.
-        us = [min(max(c[0], 0.0), self._view.width) for c in corners]
-        vs = [min(max(c[1], 0.0), self._view.height) for c in corners]
-        pixels = (max(us) - min(us)) * (max(vs) - min(vs))
-        n = len(corners)
-        level, nu, nv = self._level(facet, m, sum(us) / n, sum(vs) / n, pixels)
+        left, right = max(bounds[0], 0.0), min(bounds[2], self._view.width)
+        above, below = max(bounds[1], 0.0), min(bounds[3], self._view.height)
+        pixels = (right - left) * (below - above)
+        level, nu, nv = self._level(facet, m, (left + right) / 2, (above + below) / 2, pixels)
         patch = cv2.warpPerspective(
             level.image,
             _level_from_window(m, level, u0, v0, nu, nv),
@@ -281,20 +330,27 @@ class _Drawing:
         v = self._view
         return [(v.fx * x / z + v.cx, v.fy * y / z + v.cy, g) for x, y, z, g in polygon]
 
-    def _window(self, corners: list[ImageCorner]) -> Window | None:
-        if not corners:
-            return None
-        us = [c[0] for c in corners]
-        vs = [c[1] for c in corners]
-        return self._view.window(min(us), min(vs), max(us), max(vs))
+
+def _bounds(corners: list[ImageCorner]) -> tuple[float, float, float, float]:
+    """Least u and v, largest u and v."""
+    us = [c[0] for c in corners]
+    vs = [c[1] for c in corners]
+    return min(us), min(vs), max(us), max(vs)
 
 
-def _bands(seen: SeenFacet) -> list[list[Corner]]:
-    """The facet cut by depth, from far to near; what lies before the near plane is left out."""
+def _bands(seen: SeenFacet, view: View) -> list[list[Corner]]:
+    """The facet cut by depth, from far to near; what surely is not in the image is left out."""
+    m = seen.texture_from_image
+    # The largest inverse depth of the plane within the image is at one of its corners. All rows
+    # count, so that rows drawn by themselves are cut as in the whole.
+    largest = m[8] + max(-m[6], m[6] * view.width) + max(-m[7], m[7] * view.height)
+    if largest <= 0:
+        return []
     polygon, nearest, farthest = seen.corners, seen.nearest, seen.farthest
-    if nearest < NEAR_M:
-        polygon = clip_depth(polygon, NEAR_M, True, 0.0)
-        nearest = NEAR_M
+    least = max(NEAR_M, 0.98 / largest)
+    if nearest < least:
+        polygon = clip_depth(polygon, least, True, _BAND_OVERLAP_PX)
+        nearest = least
     bands = []
     far = farthest
     while polygon:
