@@ -73,21 +73,26 @@ def _intersections(
     part: Part, T_camera_part: Pose, rays: Float64Array
 ) -> Iterator[tuple[NDArray[np.bool_], Float64Array]]:
     """For each facet that faces the camera: which rays meet it, and the inverse depths there."""
-    x, y = rays[..., 0], rays[..., 1]
     eye = T_camera_part.inverse().translation
     for index in np.flatnonzero(part.facing(eye) > 1e-9):
         facet = part.facets[index]
         points = T_camera_part.apply(facet.vertices)
         normal = T_camera_part.rotate(facet.normal)
         plane = normal / (normal @ points[0])
-        depth = plane[0] * x + plane[1] * y + plane[2]
+        # Planes through the eye and each edge; the inside is where the facet's middle is.
+        edges = np.cross(points, np.roll(points, -1, axis=0))
+        edges *= np.sign(edges @ points.mean(axis=0))[:, None]
+        depth = _along(rays, plane)
         hit = depth > 0
-        for k in range(len(points)):
-            # The plane through the eye and an edge; the inside is where the other corners are.
-            edge = np.cross(points[k], points[(k + 1) % len(points)])
-            sign = np.sign(edge @ points.mean(axis=0))
-            hit &= sign * (edge[0] * x + edge[1] * y + edge[2]) >= 0
+        for edge in edges:
+            hit &= _along(rays, edge) >= 0
         yield hit, depth
+
+
+def _along(rays: Float64Array, vector: Float64Array) -> Float64Array:
+    """(...) scalar products of the rays (x, y, 1) with a vector (3,)."""
+    x, y, z = vector.tolist()
+    return np.asarray(rays[..., 0] * x + (rays[..., 1] * y + z), dtype=np.float64)
 
 
 def left_rays(world: World) -> Float64Array:

@@ -189,13 +189,13 @@ def test_nothing_is_left_unpainted() -> None:
     for name in ("lab", "flight", "rotating"):
         world = World(load_scenario(name), 1)
         imager = StereoImager(world)
-        for t in (0.0, 2.7, 6.1):
+        for t in (0.0, 6.1):
             for side in (LEFT, RIGHT):
-                assert imager.clean(side, t).min(axis=2).max() > 0
-                # Black holes: no pixel of the room's surfaces is darker than this.
-                room = left_hits(world, t).body == ROOM
-                if side == LEFT:
-                    assert (imager.clean(side, t)[room].max(axis=1) > 12).mean() > 0.999
+                image = imager.clean(side, t)
+                assert image.max(axis=2).mean() > 60
+            # Black holes: hardly a pixel of the room's surfaces is darker than this.
+            room = left_hits(world, t).body == ROOM
+            assert (imager.clean(LEFT, t)[room].max(axis=1) > 12).mean() > 0.999
 
 
 def test_something_close_to_the_lens_is_cut_at_the_near_plane() -> None:

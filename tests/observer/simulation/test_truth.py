@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -129,8 +131,8 @@ def test_visible_share_agrees_with_counted_pixels() -> None:
         world.scenario.model_copy(update={"robots": (world.scenario.robots[1],), "objects": ()})
     )
     shares = []
-    for k in range(20):
-        t = k * 0.25
+    for k in range(9):
+        t = 1.0 + k * 0.4
         seen = (left_hits(world, t).body == far.id).sum()
         whole = (left_hits(alone, t).body == alone.obstacles[0].id).sum()
         share = visible_share(world, far, t)
@@ -234,3 +236,14 @@ def test_export_never_mixes_with_what_is_there(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
     with pytest.raises(InputError, match="is a file"):
         export_stereo_folder("lateral", 0, tmp_path / "mine.txt")
+
+
+def test_the_simulation_knows_nothing_of_the_method() -> None:
+    code = (
+        "import sys, observer.simulation.export, observer.simulation.source;"
+        "print([m for m in sys.modules if m.startswith(('observer.stages', 'observer.observer'))])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.strip() == "[]"
