@@ -295,7 +295,6 @@ class StationCore:
             if not self._wanted.endless:
                 # Its run ended with the recording; the preview goes round.
                 await ask(self.engine, SetPlayback(loop=True))
-        self._run = None
         run.flush()
         ended = run.ended(state, reason)
         write = partial(
@@ -311,5 +310,8 @@ class StationCore:
         except (NotAvailable, StorageError) as error:
             # The run is over whether or not it could be written: stopping always works.
             log.error("end_of_run_not_written", run=run.id, reason=str(error))
+        finally:
+            # Only now: until it is written, the database says that the run is going.
+            self._run = None
         self.followers.status_changed()
         return ended
