@@ -25,7 +25,9 @@ _MAX_SCALE = 1.6
 # PnP's minimal solver takes 4 points; this many more make a wrong pose unlikely.
 _MIN_PNP_POINTS = 8
 _PNP_ITERATIONS = 200
-_PNP_REFINEMENTS = 2
+# Rounds of refinement: on the background, then with all that the pose explains.
+_BACKGROUND_ROUNDS = 2
+_ALL_ROUNDS = 4
 # A pose that explains less than this share of the background is none.
 _AGREED_SHARE = 0.5
 
@@ -308,7 +310,7 @@ def _pose(
     )
     if not found:
         return None, None
-    for candidates in _PNP_REFINEMENTS * (background,) + _PNP_REFINEMENTS * (known,):
+    for candidates in _BACKGROUND_ROUNDS * (background,) + _ALL_ROUNDS * (known,):
         if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
             return None, None
         pose = Pose.from_rotvec(rotation, translation)
