@@ -39,6 +39,8 @@ def follow_points(
     """
     if len(px) == 0:
         return px.copy(), np.empty(0, np.bool_)
+    if parameters.match_brightness:
+        second = _as_bright_as(first, second)
     end, found, error = _flow(first, second, px, parameters)
     height, width = first.shape
     good = (found > 0) & (error <= parameters.max_error)
@@ -47,6 +49,19 @@ def follow_points(
         back, found, _ = _flow(second, first, end, parameters)
         good &= (found > 0) & (np.linalg.norm(back - px, axis=1) <= parameters.back_check_px)
     return end, np.asarray(good, dtype=np.bool_)
+
+
+def _as_bright_as(first: Image, second: Image) -> Image:
+    """The second image, scaled to the brightness of the first where it is not black.
+
+    Lucas-Kanade compares grey levels, so that a light that flickers looks like motion to it.
+    """
+    seen = np.not_equal(second, 0).view(np.uint8)
+    before, after = cv2.mean(first, seen)[0], cv2.mean(second, seen)[0]
+    # Below a grey level the scaling would make the image worse by rounding.
+    if min(before, after) < 1 or abs(after - before) < 1:
+        return second
+    return np.asarray(cv2.convertScaleAbs(second, alpha=before / after), dtype=np.uint8)
 
 
 def _flow(

@@ -153,6 +153,11 @@ class FlowParameters(_Stage):
         20.0, ge=1.0, le=100.0, unit="grey levels", step=1.0, title="Largest match error",
         help="Features whose surroundings differ more than this on average are left out.",
     )
+    match_brightness: Flag = _choice(
+        True, title="Match brightness",
+        help="Scale the second image to the brightness of the first, against flickering light "
+        "and automatic exposure.",
+    )
     back_check_px: Real = _number(
         0.7, ge=0.05, le=10.0, unit="px", step=0.05, title="Backward check",
         help="A feature tracked forth and back must return within this distance.",
@@ -365,6 +370,7 @@ _PRESETS: dict[str, dict[str, ParameterValue]] = {
     "paper": {
         "matching.method": "descriptor",
         "flow.min_texture": 0.3,
+        "flow.match_brightness": False,
         "motion.min_significance": 0.0,
     },
     "default": {},
