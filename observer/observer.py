@@ -225,7 +225,8 @@ class Observer:
                 self.begin_segment()
                 notes = (f"time went back from {newest:g} to {frame.time:g} s",)
             elif frame.index > index + 1:
-                notes = (f"{frame.index - index - 1} frames are missing before this one",)
+                missing = frame.index - index - 1
+                notes = (f"{missing} frame{'s' if missing > 1 else ''} missing before this one",)
         if not self._history:
             return notes, None
         return notes, self._history[-min(self.parameters.frames.interval, len(self._history))]

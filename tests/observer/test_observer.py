@@ -259,7 +259,7 @@ def test_speed_follows_uneven_times_and_dropped_frames() -> None:
     for observation in seen[4:]:
         (board,) = observation.reported
         assert board.speed == pytest.approx(0.4, abs=0.07)
-    assert any("1 frames are missing" in reason for reason in seen[6].reasons)
+    assert any("1 frame missing" in reason for reason in seen[6].reasons)
     assert seen[6].status is Status.OK
 
 
