@@ -40,8 +40,9 @@ class OpenSource:
     With ``run_id`` what is observed belongs to that run: the state becomes ``running``.
     ``segment`` is the number of the first segment, above 0 when a run goes on after a restart.
     ``calibration_yaml`` (OpenCV FileStorage text) replaces the source's own calibration.
-    The reply's value has the fields of the ``StateEvent`` that goes before it. Refused, what
-    was open before stays open.
+    The reply's value has the fields of the ``StateEvent`` that goes before it, and
+    ``calibration_yaml``: the calibration that is used, also where it is the source's own.
+    Refused, what was open before stays open.
     """
 
     source: str

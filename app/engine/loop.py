@@ -280,7 +280,8 @@ class Engine:
             self._session = session
             if opening.parameters is not None:
                 session.use(*opening.parameters)
-            reply = Reply(number, value=asdict(self._state()))
+            facts = asdict(self._state()) | {"calibration_yaml": session.calibration_yaml}
+            reply = Reply(number, value=facts)
         self._publish_state()
         self._send(reply)
         for skipped in () if session is None else session.skipped:

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from app.engine.playback import Player
 from app.engine.truth_matching import TruthMatcher
 from app.messages import OpenSource
-from observer.calibration.opencv_file import read_calibration
+from observer.calibration.opencv_file import calibration_text, read_calibration
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
 from observer.opening import OpenedSource
@@ -76,12 +76,15 @@ class Session:
         observer: FrameObserver,
         player: Player,
         skipped: tuple[SkippedFrame, ...],
+        calibration_yaml: str,
     ) -> None:
         """
         Args:
+            calibration_yaml: what the observer was made with, as text.
             skipped: frames that could not be read while opening, before the first one.
         """
         self.skipped = skipped
+        self.calibration_yaml = calibration_yaml
         self.source = opened.source
         self.observer = observer
         self.player = player
@@ -153,7 +156,10 @@ def open_session(
             clock=clock,
         )
         player = Player(opened.source, paused=command.paused, rate=command.rate, loop=command.loop)
-        return Session(command, opened, observer, player, _read_first(player))
+        skipped = _read_first(player)
+        # A given text is handed back as it was given, so that it keeps its content hash.
+        text = command.calibration_yaml or calibration_text(calibration)
+        return Session(command, opened, observer, player, skipped, text)
     except BaseException:
         opened.source.close()
         raise

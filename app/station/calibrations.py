@@ -9,7 +9,7 @@ from app.messages import PreviewCalibration
 from app.station.asking import ask
 from app.station.contracts import Engine
 from app.station.errors import FieldError, NotThere
-from app.storage import CalibrationRecord, Storage
+from app.storage import CalibrationRecord, RunRecord, Storage
 from observer.calibration.opencv_file import read_calibration
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
@@ -49,15 +49,42 @@ def keep_upload(storage: Storage, content: bytes, name: str) -> CalibrationRecor
     return storage.save_calibration(text, name=name, info=calibration_facts(calibration))
 
 
+def keep_own_calibration(storage: Storage, text: str, run: RunRecord) -> RunRecord:
+    """Keep the calibration that came with a run's source: the source may change, the run not.
+
+    It is not listed, since nobody uploaded it; the run refers to it by its content hash.
+    """
+    calibration = read_calibration(text, name=f"the calibration of {run.source}")
+    kept = storage.save_calibration(
+        text,
+        name=f"of {run.source}",
+        info=calibration_facts(calibration),
+        listed=False,
+    )
+    return storage.update_run(run.id, calibration_id=kept.id)
+
+
+def find_kept_calibration(storage: Storage, id: str) -> CalibrationRecord:
+    """A listed calibration, or one that a run refers to.
+
+    Raises:
+        NotThere: there is none of that id.
+    """
+    record = storage.get_calibration(id)
+    if record is None:
+        raise NotThere(f"there is no calibration {id[:80]!r}; GET /api/calibrations lists them")
+    return record
+
+
 def find_calibration(storage: Storage, id: str) -> CalibrationRecord:
     """A listed calibration.
 
     Raises:
         NotThere: there is none of that id.
     """
-    record = storage.get_calibration(id)
-    if record is None or not record.listed:
-        raise NotThere(f"there is no calibration {id[:80]!r}; GET /api/calibrations lists them")
+    record = find_kept_calibration(storage, id)
+    if not record.listed:
+        raise NotThere(f"the calibration {record.name} belongs to a run; upload its file to use it")
     return record
 
 

@@ -219,7 +219,8 @@ class StationCore:
         *,
         segment: int = 0,
         parameters: ParametersInForce | None = None,
-    ) -> None:
+    ) -> str:
+        """Have the engine open it; returns the text of the calibration that is used."""
         same = (self.state.source or {}).get("spec") == opening.source
         command = opening.command(
             parameters or self.parameters.current,
@@ -227,9 +228,10 @@ class StationCore:
             run_id=None if run is None else run.id,
             segment=segment,
         )
-        await ask(self.engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
+        reply = await ask(self.engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
         self.telemetry.new_source()
         self.latest = None
+        return str(reply["calibration_yaml"])
 
     async def _restore(self) -> None:
         """Have a new engine do what the lost one did; a run goes on as a new segment."""

@@ -16,7 +16,7 @@ from app.messages import EngineState, SetPlayback
 from app.parameter_store import ParametersInForce
 from app.station.archive import no_such_run
 from app.station.asking import ask
-from app.station.calibrations import find_calibration
+from app.station.calibrations import find_calibration, keep_own_calibration
 from app.station.core import StationCore
 from app.station.current_run import CurrentRun, versions
 from app.station.errors import Conflict, NotAvailable
@@ -87,7 +87,11 @@ class Station(StationCore):
             )
             run = self._run = CurrentRun(record, self.storage, self.writer, self.clock)
             try:
-                await self._open(opening, run, parameters=revision.after)
+                text = await self._open(opening, run, parameters=revision.after)
+                if opening.calibration is None:
+                    run.record = await asyncio.to_thread(
+                        keep_own_calibration, self.storage, text, record
+                    )
             except BaseException:
                 self._run = None
                 await self._forget(record.id)

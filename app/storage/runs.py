@@ -75,6 +75,7 @@ class RunTables(Database):
         frames: int | None = None,
         segments: int | None = None,
         reason: str | None = None,
+        calibration_id: str | None = None,
     ) -> RunRecord:
         """Change what is given, and note the sign of life; a final state also notes the end.
 
@@ -82,7 +83,13 @@ class RunTables(Database):
             StorageMissing: there is no such run.
         """
         now = utc_now()
-        given = {"name": name, "frames": frames, "segments": segments, "reason": reason}
+        given = {
+            "name": name,
+            "frames": frames,
+            "segments": segments,
+            "reason": reason,
+            "calibration_id": calibration_id,
+        }
         with self._writing() as session:
             row = session.get(Run, run_id)
             if row is None:

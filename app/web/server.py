@@ -16,7 +16,7 @@ from app.station import Engine, Station
 from app.station.current_run import app_version
 from app.storage import Storage
 from app.viewer import Viewer, start_viewer
-from app.web import viewer_proxy
+from app.web import metrics, viewer_proxy
 from app.web.api import calibrations, parameters, runs, sources, status, views
 from app.web.api.common import GATE_RESPONSES
 from app.web.errors import install_error_handlers
@@ -122,6 +122,7 @@ def create_app(
     install_error_handlers(app)
     _add_rest(app, live)
     app.include_router(viewer_proxy.router)
+    app.include_router(metrics.router)
     add_pages(app, station, policy, folder)
     _describe_security(app)
     app.add_middleware(Gate, policy=policy)

@@ -160,7 +160,7 @@ class PeerEngine:
             "achieved_rate": 1.0,
         }
         self.publish(self.state())
-        return {}
+        return {"calibration_yaml": command.calibration_yaml or rectified_calibration()}
 
     def state(self, **more: Any) -> StateEvent:
         opened = self.opened

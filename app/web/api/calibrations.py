@@ -9,7 +9,12 @@ from typing import Annotated, Any
 from fastapi import APIRouter, File, Path, Response, UploadFile
 
 from app.station import Station
-from app.station.calibrations import find_calibration, keep_upload, preview_calibration
+from app.station.calibrations import (
+    find_calibration,
+    find_kept_calibration,
+    keep_upload,
+    preview_calibration,
+)
 from app.station.status import status
 from app.storage import CalibrationRecord
 from app.web.api.common import TheStation, refusals
@@ -84,12 +89,12 @@ async def activate(id: CalibrationId, station: TheStation) -> dict[str, Any]:
 
 @router.get(
     "/{id}/file",
-    summary="The file as it was uploaded",
+    summary="The file as it was uploaded, or as a run used it",
     response_class=Response,
     responses={200: {"content": {"application/yaml": {}}}, **refusals(404, 503)},
 )
 async def get_file(id: CalibrationId, station: TheStation) -> Response:
-    record = await asyncio.to_thread(find_calibration, station.storage, id)
+    record = await asyncio.to_thread(find_kept_calibration, station.storage, id)
     headers = {"Content-Disposition": f'attachment; filename="calibration-{record.id[:12]}.yaml"'}
     return Response(record.text, media_type="application/yaml", headers=headers)
 

@@ -422,8 +422,10 @@ def test_a_calibration_from_upload_to_use(serve: Any, peer: Any, calibration_yam
         assert peer.opened.calibration_yaml is None
         assert (await http.delete(f"/api/calibrations/{id}")).status_code == 204
         assert (await http.get("/api/calibrations")).json() == []
-        for path in ("file", "preview"):
-            assert (await http.get(f"/api/calibrations/{id}/{path}")).status_code == 404
+        # The run still refers to it, so it can be fetched, but not used any more.
+        assert (await http.get(f"/api/calibrations/{id}/file")).text == text
+        assert (await http.get(f"/api/calibrations/{id}/preview")).status_code == 404
+        assert (await http.get(f"/api/calibrations/{'0' * 64}/file")).status_code == 404
 
     run(serve, scenario)
 
@@ -437,6 +439,38 @@ BAD_CALIBRATIONS = {
     "python object": b"!!python/object/apply:os.system ['true']",
     "xml entity": b"<!DOCTYPE x [<!ENTITY a 'b'>]><opencv_storage>&a;</opencv_storage>",
 }
+
+
+def test_a_run_keeps_the_calibration_that_came_with_its_source(
+    serve: Any, calibration_yaml: Any
+) -> None:
+    async def scenario(served: Any) -> None:
+        http = served.http
+        started = (await http.post("/api/runs", json={})).json()
+        await http.post(f"/api/runs/{started['id']}/stop")
+        kept = (await http.get(f"/api/runs/{started['id']}")).json()["calibration_id"]
+        assert kept is not None
+        assert kept == started["calibration_id"]
+        file = await http.get(f"/api/calibrations/{kept}/file")
+        assert file.text == calibration_yaml()
+        assert (await http.get("/api/calibrations")).json() == []
+        assert (await http.post(f"/api/calibrations/{kept}/activate")).status_code == 404
+
+    run(serve, scenario)
+
+
+def test_metrics_are_the_statuss_figures_as_prometheus_reads_them(serve: Any, peer: Any) -> None:
+    async def scenario(served: Any) -> None:
+        peer.observe()
+        answer = await served.http.get("/metrics")
+        assert answer.headers["content-type"].startswith("text/plain")
+        lines = answer.text.splitlines()
+        assert "dynamic_observer_frames_observed_total 1.0" in lines
+        assert 'dynamic_observer_engine_state{state="preview"} 1.0' in lines
+        assert 'dynamic_observer_engine_state{state="failed"} 0.0' in lines
+        assert any(line.startswith('dynamic_observer_stage_ms{stage="') for line in lines)
+
+    run(serve, scenario)
 
 
 def test_bad_calibrations_are_refused_in_one_sentence(serve: Any) -> None:
