@@ -145,7 +145,7 @@ class FlowParameters(_Stage):
         help="A feature whose residual motion exceeds this counts as dynamic.",
     )
     min_texture: Real = _number(
-        1.0, ge=0.0, le=20.0, unit="grey levels/px", step=0.1, title="Least texture",
+        1.6, ge=0.0, le=20.0, unit="grey levels/px", step=0.1, title="Least texture",
         help="Features whose surroundings vary less than this in any one direction are left out: "
         "along a straight edge the flow slides.",
     )
@@ -201,7 +201,7 @@ class MotionParameters(_Stage):
         help="Faster displacements are taken for stereo errors and left out.",
     )
     disparity_sigma_px: Real = _number(
-        0.35, ge=0.05, le=3.0, unit="px", step=0.05, title="Disparity noise",
+        0.2, ge=0.05, le=3.0, unit="px", step=0.05, title="Disparity noise",
         help="One standard deviation of a measured disparity; sets the stated uncertainty.",
     )
     pixel_sigma_px: Real = _number(
@@ -209,7 +209,7 @@ class MotionParameters(_Stage):
         help="One standard deviation of a tracked position; sets the stated uncertainty.",
     )
     shared_error: Real = _number(
-        0.3, ge=0.0, le=1.0, unit="", step=0.05, title="Shared error",
+        0.15, ge=0.0, le=1.0, unit="", step=0.05, title="Shared error",
         help="Share of the noise that neighbouring points have in common and that averaging "
         "cannot reduce; sets the stated uncertainty.",
     )

@@ -92,7 +92,7 @@ def _describe(
     # part is not reduced by averaging.
     shrink = (1 - parameters.shared_error) / count + parameters.shared_error
     velocity = motions.velocity[members].mean(axis=0)
-    noise = motions.velocity_cov[members].mean(axis=0) * shrink
+    noise = _at_least_the_scatter(motions.velocity[members], motions.velocity_cov[members]) * shrink
     bias = motions.model_error[members].mean(axis=0)
     known = bool(np.isfinite(bias).all())
     velocity_cov = None
@@ -116,6 +116,16 @@ def _describe(
         significance=float(np.sqrt(velocity @ np.linalg.solve(spread, velocity))),
         box_px=(box[0], box[1], box[2], box[3]),
     )
+
+
+def _at_least_the_scatter(velocity: Float64Array, covariance: Float64Array) -> Float64Array:
+    """(3, 3) noise of one point: as stated, widened along each axis to what the points show.
+
+    Flow that mixes an obstacle with what lies behind it scatters more than its noise.
+    """
+    stated = covariance.mean(axis=0)
+    widening = np.sqrt(np.maximum(velocity.var(axis=0) / np.diag(stated), 1.0))
+    return np.asarray(stated * np.outer(widening, widening), dtype=np.float64)
 
 
 def _agree(velocity: Float64Array, covariance: Float64Array) -> NDArray[np.bool_]:

@@ -154,3 +154,13 @@ def test_the_poses_error_is_common_to_all_points_and_not_averaged_away() -> None
     np.testing.assert_allclose(np.diag(certain.velocity_cov), 0.01**2)
     np.testing.assert_allclose(np.diag(doubtful.velocity_cov), 0.01**2 + 0.2**2)
     assert doubtful.significance < certain.significance
+
+
+def test_points_that_scatter_more_than_their_noise_make_the_velocity_less_certain() -> None:
+    points = blob((0, 0, 2), 60)
+    scatter = np.random.default_rng(0).normal(0, (0.3, 0.01, 0.01), (60, 3))
+    velocity = np.array([0.4, 0.0, 0.0]) + scatter
+    (found,) = detect(motions(points, velocity, sigma=0.1), shared_error=0.0)
+    assert found.velocity_cov is not None
+    sigma = np.sqrt(np.diag(found.velocity_cov) * found.points)
+    np.testing.assert_allclose(sigma, (0.3, 0.1, 0.1), rtol=0.2)

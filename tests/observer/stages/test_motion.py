@@ -88,12 +88,16 @@ def test_the_points_of_now_are_where_the_camera_of_now_sees_them() -> None:
 def test_the_covariance_is_the_scatter_of_noisy_measurements() -> None:
     rng = np.random.default_rng(0)
     count, dt = 4000, 0.1
+    sigma_px, sigma_d = 0.15, 0.35
+    parameters = Parameters().changed(
+        {"motion.pixel_sigma_px": sigma_px, "motion.disparity_sigma_px": sigma_d}
+    )
     points = np.tile([[0.3, 0.1, 2.0]], (count, 1))
     px, d = CAMERA.project(points)
-    flow = all_dynamic(px, px + rng.normal(0, 0.2, px.shape))
-    noise = rng.normal(0, 0.35, (2, count))
+    flow = all_dynamic(px, px + rng.normal(0, sigma_px, px.shape))
+    noise = rng.normal(0, sigma_d, (2, count))
     motions = measure_motion(
-        flow, d + noise[0], d + noise[1], dt, ego(np.eye(3)), CAMERA, Parameters()
+        flow, d + noise[0], d + noise[1], dt, ego(np.eye(3)), CAMERA, parameters
     )
     scatter = np.cov(motions.velocity.T)
     stated = np.median(motions.velocity_cov, axis=0)
