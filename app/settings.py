@@ -54,7 +54,7 @@ class Settings(BaseSettings):
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = ()
     tls_cert: Path | None = None
     tls_key: Path | None = None
-    viewer_points: int = Field(20_000, ge=500, le=20_000)
+    viewer_points: int = Field(12_000, ge=500, le=20_000)
     viewer_rate_hz: float = Field(10.0, ge=0.5, le=30.0, allow_inf_nan=False)
     calibration_max_bytes: int = Field(_MEGABYTE, ge=1024, le=64 * _MEGABYTE)
     body_max_bytes: int = Field(256 * 1024, ge=1024, le=64 * _MEGABYTE)

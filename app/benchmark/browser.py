@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from app.benchmark.server_process import RunningServer
 
 _CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
+_SETTLING_MS = 3000
 _ARGUMENTS = (
     "--no-sandbox",
     "--disable-quic",
@@ -16,7 +17,7 @@ _ARGUMENTS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
-    "--use-angle=swiftshader",
+    "--disable-gpu",
     "--enable-unsafe-swiftshader",
 )
 
@@ -38,7 +39,9 @@ class PageFigures:
     count: int
 
 
-def page_figures(server: RunningServer, seconds: float, patience_s: float) -> PageFigures | str:
+def page_figures(
+    server: RunningServer, source: str, seconds: float, patience_s: float
+) -> PageFigures | str:
     """Open the panel in Chromium, wait for an obstacle, then watch for ``seconds``.
 
     Returns a sentence instead where no browser can be started.
@@ -68,6 +71,9 @@ def page_figures(server: RunningServer, seconds: float, patience_s: float) -> Pa
                 first = time.monotonic() - server.started
             except WaitTimeout:
                 first = None
+            # Opened again, so that the figures are of a page that stands, not of one that loads.
+            page.wait_for_timeout(_SETTLING_MS)
+            server.request("PUT", "/api/source", {"source": source})
             page.wait_for_timeout(seconds * 1000)
             latency = server.request("GET", "/api/status")["latency_ms"]
         finally:

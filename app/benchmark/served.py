@@ -63,7 +63,7 @@ def served_figures(
     """
     say("a page in Chromium, from the server's start")
     with running_server(source) as server:
-        page = page_figures(server, seconds, _PATIENCE_S)
+        page = page_figures(server, source, seconds, _PATIENCE_S)
     with running_server(source) as server:
         rates = tuple(
             _loop_rates(server, playback_rate, seconds, viewer_count, say)

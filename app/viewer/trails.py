@@ -9,9 +9,10 @@ import numpy as np
 from app.viewer.shapes import trail_segments
 from observer.geometry import Float64Array
 
-_CAMERA_POINTS = 400
-_OBSTACLE_POINTS = 60
-_LEAST_STEP_M = 0.03
+# Every line costs where the processor draws, whether it is in use or not.
+MOST_CAMERA_POINTS = 150
+_OBSTACLE_POINTS = 40
+_LEAST_STEP_M = 0.06
 # Obstacles that are gone keep their trail for this long.
 _KEPT_S = 4.0
 
@@ -20,7 +21,7 @@ class Trails:
     """Positions over time, world frame, forgotten with the segment."""
 
     def __init__(self) -> None:
-        self._camera: deque[Float64Array] = deque(maxlen=_CAMERA_POINTS)
+        self._camera: deque[Float64Array] = deque(maxlen=MOST_CAMERA_POINTS)
         self._obstacles: dict[int, tuple[float, deque[Float64Array]]] = {}
 
     def clear(self) -> None:

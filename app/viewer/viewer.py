@@ -154,18 +154,19 @@ class ViserViewer:
     def _update(self) -> None:
         station = self._station
         now = station.clock()
-        picture = make_picture(station.latest, station.state, station.generation, now)
-        self._scene.show(picture, now)
-        cloud = station.engine.cloud.read(self._cloud_sequence)
-        if cloud is not None:
-            self._cloud_sequence = cloud.sequence
-            self._scene.show_cloud(read_cloud(cloud))
-        if now >= self._image_due:
-            self._image_due = now + _IMAGE_INTERVAL_S
-            image = station.engine.views["plain"].read(self._image_sequence)
-            if image is not None:
-                self._image_sequence = image.sequence
-                self._scene.show_image(image.payload)
+        with self._scene.together():
+            picture = make_picture(station.latest, station.state, station.generation, now)
+            self._scene.show(picture, now)
+            cloud = station.engine.cloud.read(self._cloud_sequence)
+            if cloud is not None:
+                self._cloud_sequence = cloud.sequence
+                self._scene.show_cloud(read_cloud(cloud))
+            if now >= self._image_due:
+                self._image_due = now + _IMAGE_INTERVAL_S
+                image = station.engine.views["plain"].read(self._image_sequence)
+                if image is not None:
+                    self._image_sequence = image.sequence
+                    self._scene.show_image(image.payload)
 
 
 def start_viewer(station: Station, *, points: int, rate_hz: float) -> Viewer:

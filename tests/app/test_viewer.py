@@ -22,6 +22,7 @@ from app.viewer.shapes import (
     Follower,
     box_edges,
     display_from_world,
+    floor_lines,
     greyed,
     padded,
     thinned,
@@ -51,6 +52,17 @@ def test_a_tilted_camera_sees_the_floor_at_zero(height: float, tilt: float) -> N
     on_axis = height / math.sin(tilt)
     at = display_from_world(height, tilt).apply([0, 0, on_axis])
     np.testing.assert_allclose(at, [height / math.tan(tilt), 0, 0], atol=1e-9)
+
+
+def test_the_floor_is_a_square_grid_through_the_origin() -> None:
+    lines = floor_lines(2)
+    assert lines.shape == (10, 2, 3)
+    assert (lines[..., 2] == 0).all()
+    lengths = np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1)
+    np.testing.assert_array_equal(lengths, 4)
+    crossing = [line for line in lines if (line.mean(axis=0) == 0).all()]
+    assert len(crossing) == 2
+    assert crossing[0][0] @ crossing[1][0] == 0
 
 
 def test_an_unknown_mount_is_level_and_on_no_floor() -> None:
