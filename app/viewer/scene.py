@@ -75,7 +75,7 @@ class Scene:
             "/display/world/cloud/points",
             np.zeros((points, 3), np.float32),
             self._cloud_colors,
-            point_size=0.018,
+            point_size=0.024,
             point_shape="circle",
             point_shading="flat",
             visible=False,
