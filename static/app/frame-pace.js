@@ -2,8 +2,12 @@
 
 // A drawing that lets the page paint again within this is left alone.
 const SLOW_MS = 40;
-// After a slow one, the page has so many times its duration for itself.
-const REST_SHARE = 2;
+// After a slow one, the page has so many times its duration for itself: few enough drawings that
+// most observations meet none.
+const REST_SHARE = 5;
+// Somebody who turns the scene wants to see it turn, and bears later data meanwhile.
+const REST_SHARE_IN_HAND = 1;
+const IN_HAND_MS = 1000;
 const LONGEST_REST_MS = 1000;
 // While nothing new arrives, drawing goes on all the same: somebody may turn the scene.
 const LONGEST_TURN_MS = 150;
@@ -25,6 +29,15 @@ export function paceFrames(inside, hub) {
   let number = 0;
   let asked = false;
   let restUntil = 0;
+  let touched = -IN_HAND_MS;
+
+  for (const kind of ["pointerdown", "pointermove", "wheel", "keydown"]) {
+    const touch = (/** @type {Event} */ event) => {
+      const hovers = event instanceof inside.PointerEvent && event.buttons === 0;
+      if (!hovers) touched = performance.now();
+    };
+    inside.addEventListener(kind, touch, { capture: true, passive: true });
+  }
 
   const inTurn = (/** @type {() => void} */ begin) => {
     const turn = new AbortController();
@@ -39,8 +52,10 @@ export function paceFrames(inside, hub) {
   };
 
   const measure = (/** @type {number} */ start) => {
-    const took = performance.now() - start;
-    restUntil = took > SLOW_MS ? performance.now() + Math.min(REST_SHARE * took, LONGEST_REST_MS) : 0;
+    const now = performance.now();
+    const took = now - start;
+    const share = now - touched < IN_HAND_MS ? REST_SHARE_IN_HAND : REST_SHARE;
+    restUntil = took > SLOW_MS ? now + Math.min(share * took, LONGEST_REST_MS) : 0;
   };
 
   const draw = (/** @type {number} */ time) => {
