@@ -47,7 +47,7 @@ class FramesParameters(_Stage):
     """Which two frames are compared."""
 
     interval: Whole = _number(
-        1, ge=1, le=10, unit="frames", step=1, title="Pair distance",
+        2, ge=1, le=10, unit="frames", step=1, title="Pair distance",
         help="How many frames lie between t and t+dt. A longer distance makes slow obstacles "
         "visible and parallax worse.",
     )
@@ -111,7 +111,7 @@ class EgoMotionParameters(_Stage):
         "a plane seen in perspective.",
     )
     ransac_threshold_px: Real = _number(
-        1.5, ge=0.1, le=20.0, unit="px", step=0.1, title="RANSAC threshold",
+        1.2, ge=0.1, le=20.0, unit="px", step=0.1, title="RANSAC threshold",
         help="A match counts as background if the model explains it within this distance.",
     )
     ransac_iterations: Whole = _number(
@@ -141,7 +141,7 @@ class FlowParameters(_Stage):
         help="Each level doubles the motion that can be followed.",
     )
     residual_threshold_px: Real = _number(
-        1.5, ge=0.1, le=30.0, unit="px", step=0.1, title="Flow threshold",
+        2.0, ge=0.1, le=30.0, unit="px", step=0.1, title="Flow threshold",
         help="A feature whose residual motion exceeds this counts as dynamic.",
     )
     min_texture: Real = _number(
@@ -205,13 +205,18 @@ class MotionParameters(_Stage):
         help="One standard deviation of a measured disparity; sets the stated uncertainty.",
     )
     pixel_sigma_px: Real = _number(
-        0.2, ge=0.05, le=3.0, unit="px", step=0.05, title="Flow noise",
+        0.3, ge=0.05, le=3.0, unit="px", step=0.05, title="Flow noise",
         help="One standard deviation of a tracked position; sets the stated uncertainty.",
     )
     shared_error: Real = _number(
         0.15, ge=0.0, le=1.0, unit="", step=0.05, title="Shared error",
         help="Share of the noise that neighbouring points have in common and that averaging "
         "cannot reduce; sets the stated uncertainty.",
+    )
+    turn_sigma_radps: Real = _number(
+        0.4, ge=0.0, le=5.0, unit="rad/s", step=0.1, title="Unseen turning",
+        help="One standard deviation of how fast an obstacle turns: the side that is seen then "
+        "moves otherwise than the centre; sets the stated uncertainty.",
     )
     min_significance: Real = _number(
         3.0, ge=0.0, le=20.0, unit="standard deviations", step=0.5, title="Significance",
@@ -368,6 +373,9 @@ def _did_you_mean(name: str, known: Mapping[str, Any]) -> str:
 # What is declared above is the best we have; the method exactly as published differs from it here.
 _PRESETS: dict[str, dict[str, ParameterValue]] = {
     "paper": {
+        "frames.interval": 1,
+        "ego_motion.ransac_threshold_px": 1.5,
+        "flow.residual_threshold_px": 1.5,
         "matching.method": "descriptor",
         "flow.min_texture": 0.3,
         "flow.match_brightness": False,

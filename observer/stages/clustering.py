@@ -95,27 +95,38 @@ def _describe(
     noise = _at_least_the_scatter(motions.velocity[members], motions.velocity_cov[members]) * shrink
     bias = motions.model_error[members].mean(axis=0)
     known = bool(np.isfinite(bias).all())
-    velocity_cov = None
+    against = noise
     if known:
         common = motions.model_error_cov[members].mean(axis=0)
-        velocity_cov = noise + np.outer(bias, bias) + common
-    spread = noise if velocity_cov is None else velocity_cov
+        against = noise + np.outer(bias, bias) + common
     points = motions.points_camera[members]
     position_cov = motions.point_cov[members].mean(axis=0) * shrink
     position_cov = position_cov + np.atleast_2d(np.cov(points.T, bias=True)) / count
+    size = np.ptp(points, axis=0)
     px = motions.px_current[members]
     box = (*px.min(axis=0).tolist(), *px.max(axis=0).tolist())
     return Detection(
         position=points.mean(axis=0),
         position_cov=position_cov,
         velocity=velocity,
-        velocity_cov=velocity_cov,
+        velocity_cov=against + _unseen_turn(size, parameters) if known else None,
         velocity_time=time,
-        size=np.ptp(points, axis=0),
+        size=size,
         points=count,
-        significance=float(np.sqrt(velocity @ np.linalg.solve(spread, velocity))),
+        significance=float(np.sqrt(velocity @ np.linalg.solve(against, velocity))),
         box_px=(box[0], box[1], box[2], box[3]),
     )
+
+
+def _unseen_turn(size: Float64Array, parameters: MotionParameters) -> Float64Array:
+    """(3, 3) by which the centre may move otherwise than the side that is seen.
+
+    Turning about the vertical moves the seen side against the centre by the rate times their
+    distance, for which half of the seen extent stands. It does not make the motion less
+    significant: what turns moves.
+    """
+    sideways = parameters.turn_sigma_radps * float(np.hypot(size[0], size[2])) / 2
+    return np.diag([sideways**2, 0.0, sideways**2])
 
 
 def _at_least_the_scatter(velocity: Float64Array, covariance: Float64Array) -> Float64Array:

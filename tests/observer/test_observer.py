@@ -133,7 +133,7 @@ def test_a_moving_board_is_confirmed_with_its_velocity(name: str, camera) -> Non
         centre = -0.4 + 0.4 * k * DT
         assert o.position is not None
         np.testing.assert_allclose(o.position, (centre, 0, BOARD_M), atol=0.12)
-        assert o.velocity_time == pytest.approx((k - 0.5) * DT)
+        assert o.velocity_time == pytest.approx((k - observer.parameters.frames.interval / 2) * DT)
         u0, v0, u1, v1 = o.box_px
         centre_px = 255.5 + F * o.position_camera[0] / o.position_camera[2]
         assert u0 < centre_px < u1

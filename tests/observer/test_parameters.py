@@ -114,6 +114,7 @@ def test_the_presets() -> None:
     assert paper["ego_motion.model"] == "affine"
     assert paper["frames.interval"] == 1
     assert paper["motion.min_significance"] == 0
+    assert not paper["flow.match_brightness"]
     with pytest.raises(InputError, match="there are: paper, default"):
         preset("papre")
     with pytest.raises(InputError, match="no parameter named"):

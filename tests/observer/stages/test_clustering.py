@@ -76,7 +76,8 @@ def motions(
 
 
 def detect(measured: PointMotions, **motion: float):
-    parameters = MotionParameters(**{"min_significance": 0.0, **motion})
+    plain = {"min_significance": 0.0, "turn_sigma_radps": 0.0}
+    parameters = MotionParameters(**{**plain, **motion})
     return detect_obstacles(measured, 1.5, ClusteringParameters(), parameters)
 
 
@@ -164,3 +165,15 @@ def test_points_that_scatter_more_than_their_noise_make_the_velocity_less_certai
     assert found.velocity_cov is not None
     sigma = np.sqrt(np.diag(found.velocity_cov) * found.points)
     np.testing.assert_allclose(sigma, (0.3, 0.1, 0.1), rtol=0.2)
+
+
+def test_unseen_turning_makes_the_velocity_less_certain_but_not_less_significant() -> None:
+    points = np.array([[0, 0, 2], [0.2, 0, 2], [0.2, 0.1, 2.15], [0, 0.1, 2.15]], float)
+    measured = motions(points, np.tile([0.3, 0.0, 0.0], (4, 1)), sigma=0.02)
+    (straight,) = detect(measured)
+    (turning,) = detect(measured, turn_sigma_radps=0.5)
+    assert straight.velocity_cov is not None
+    assert turning.velocity_cov is not None
+    added = turning.velocity_cov - straight.velocity_cov
+    np.testing.assert_allclose(added, np.diag([1, 0, 1]) * (0.5 * 0.125) ** 2, atol=1e-12)
+    assert turning.significance == straight.significance
