@@ -59,12 +59,13 @@ def served_figures(
         say: told what is being measured, for people who wait.
 
     Raises:
-        BenchmarkError: the server did not start.
+        BenchmarkError: the server did not start, or refused what was asked of it.
     """
     say("a page in Chromium, from the server's start")
     with running_server(source) as server:
         page = page_figures(server, source, seconds, _PATIENCE_S)
     with running_server(source) as server:
+        server.wait_for_frames()
         rates = tuple(
             _loop_rates(server, playback_rate, seconds, viewer_count, say)
             # At its recorded pace the loop may have time to spare; at four times it has none,

@@ -45,7 +45,11 @@ class RunningServer:
         return f"http://127.0.0.1:{self.port}/?token={self.token}"
 
     def request(self, method: str, path: str, body: Any = None) -> Any:
-        """One REST call; the decoded JSON answer."""
+        """One REST call; the decoded JSON answer.
+
+        Raises:
+            BenchmarkError: the server refused it; the sentence is the server's.
+        """
         request = urllib.request.Request(
             f"http://127.0.0.1:{self.port}{path}",
             method=method,
@@ -55,9 +59,33 @@ class RunningServer:
                 "Content-Type": "application/json",
             },
         )
-        with urllib.request.urlopen(request, timeout=_REQUEST_TIMEOUT_S) as answer:
-            text = answer.read()
+        try:
+            with urllib.request.urlopen(request, timeout=_REQUEST_TIMEOUT_S) as answer:
+                text = answer.read()
+        except urllib.error.HTTPError as error:
+            with error:
+                said = error.read().decode(errors="replace")
+            raise BenchmarkError(f"{method} {path} was answered {error.code}: {said}") from None
         return json.loads(text) if text else None
+
+
+    def wait_for_frames(self, timeout_s: float = _START_TIMEOUT_S) -> None:
+        """Wait until the server observes its source.
+
+        Raises:
+            BenchmarkError: it does not in time; the sentence holds the engine's reason.
+        """
+        deadline = time.monotonic() + timeout_s
+        while True:
+            status = self.request("GET", "/api/status")
+            if status["frames_observed"] > 0:
+                return
+            if time.monotonic() > deadline:
+                raise BenchmarkError(
+                    f"the server observed no frame within {timeout_s:g} s: "
+                    f"{status['engine']['reason'] or status['engine']['state']}"
+                )
+            time.sleep(0.1)
 
 
 @contextmanager
