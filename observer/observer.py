@@ -7,6 +7,7 @@ Observer to Detect and Track Dynamic Obstacles".
 Names a trace receives (absent where a frame did not come that far):
 
 ====================  =========================================================================
+time                  t+dt, seconds on the source's clock
 left, right           rectified images at t+dt, grey or BGR as the source delivers
 previous_left, _right the same at t, grey
 previous_time         t, seconds on the source's clock
@@ -21,6 +22,7 @@ flow_observed_px      (M, 2) where they are in the transformed image
 flow_residual_px      (M, 2) the difference
 dynamic               (M,) which of them are dynamic
 warped_disparity      (H, W) of the transformed pair, computed around the dynamic features only
+motions               ``PointMotions`` of the K dynamic features with depth at both instants
 points_previous       (K, 3) metres, dynamic points at t, camera frame of t
 points_current        (K, 3) metres, the same points at t+dt, in the same frame
 detections            the obstacles of this frame before they get an identity
@@ -207,6 +209,7 @@ class Observer:
 
     def _rectified(self, frame: StereoFrame, trace: Trace) -> tuple[Image, Image]:
         left, right = self._rectification.apply(frame.left, frame.right)
+        trace.keep("time", frame.time)
         trace.keep("left", left)
         trace.keep("right", right)
         return as_gray(left), as_gray(right)
@@ -352,6 +355,7 @@ def _keep_motion(
     trace.keep("flow_residual_px", flow.residual_px)
     trace.keep("dynamic", flow.dynamic)
     trace.keep("warped_disparity", warped_disparity)
+    trace.keep("motions", motions)
     trace.keep("points_previous", motions.points_previous)
     trace.keep("points_current", motions.points_current)
     trace.keep("detections", detections)
