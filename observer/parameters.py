@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from observer.errors import InputError, ParameterError
+from observer.surf import surf_missing
 
 ParameterValue = float | int | bool | str
 
@@ -56,10 +57,13 @@ class FramesParameters(_Stage):
 class FeaturesParameters(_Stage):
     """Feature points on the image at t."""
 
-    detector: Literal["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb"] = _choice(
+    detector: Literal[
+        "fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"
+    ] = _choice(
         "fast", title="Detector",
         help="Which feature points are used. The paper uses FAST; minimum eigenvalue is "
-        "shi_tomasi and Harris-Stephens is harris.",
+        "shi_tomasi and Harris-Stephens is harris. surf is installed by: "
+        "pip install 'dynamic-observer[surf]'.",
     )
     max_count: Whole = _number(
         600, ge=50, le=4000, unit="points", step=50, title="Most features",
@@ -283,7 +287,8 @@ class Parameters(_Stage):
             changes: dotted name -> new value.
 
         Raises:
-            ParameterError: naming every refused field and its range; nothing is changed.
+            ParameterError: naming every refused field and its range, or the extra that it needs
+                and that is not installed; nothing is changed.
         """
         known = self.flat()
         problems = {
@@ -302,6 +307,8 @@ class Parameters(_Stage):
             for detail in error.errors(include_url=False, include_context=False):
                 dotted = ".".join(str(part) for part in detail["loc"][:2])
                 problems[dotted] = describe_range(dotted)
+        if nested["features"]["detector"] == "surf" and (missing := surf_missing()):
+            problems["features.detector"] = missing
         if problems:
             raise ParameterError(problems)
         return result

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.parameters import FeaturesParameters
+from observer.surf import surf_points
 from observer.types import Features, Image
 
 # The grid shares the points out after detection, so more than are wanted must be found first.
@@ -25,12 +26,18 @@ def detect_features(image: Image, parameters: FeaturesParameters) -> Features:
 
     ``fast`` is the paper's choice; ``shi_tomasi`` is its minimum eigenvalue and ``harris`` its
     Harris-Stephens detector. An image without texture gives no features, never an error.
+
+    Raises:
+        InputError: ``surf`` is asked for and its extra is not installed.
     """
     if parameters.detector in ("shi_tomasi", "harris"):
         px, response = _corners(image, parameters)
         keypoints: Sequence[cv2.KeyPoint] = ()
     else:
-        keypoints = _detector(parameters).detect(image)
+        if parameters.detector == "surf":
+            keypoints = surf_points(image, parameters.max_count * _CANDIDATES_PER_FEATURE)
+        else:
+            keypoints = _detector(parameters).detect(image)
         px = np.asarray(cv2.KeyPoint.convert(keypoints), dtype=np.float32).reshape(-1, 2)
         response = np.fromiter(map(attrgetter("response"), keypoints), np.float32, len(keypoints))
         if parameters.detector == "mser":
@@ -38,7 +45,7 @@ def detect_features(image: Image, parameters: FeaturesParameters) -> Features:
             response = np.fromiter(map(attrgetter("size"), keypoints), np.float32, len(keypoints))
     height, width = image.shape
     kept = spread(px, response, (width, height), parameters.grid_cells, parameters.max_count)
-    native = parameters.detector in ("brisk", "kaze", "orb")
+    native = parameters.detector in ("brisk", "kaze", "orb", "surf")
     return Features(
         px=px[kept],
         keypoints=tuple(keypoints[i] for i in kept) if native else None,

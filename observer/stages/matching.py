@@ -11,6 +11,7 @@ from scipy.spatial.distance import cdist
 
 from observer.lucas_kanade import follow_points
 from observer.parameters import FlowParameters, MatchingParameters
+from observer.surf import surf_descriptors
 from observer.types import Features, Image, Matches
 
 _Values = NDArray[np.integer[Any] | np.floating[Any]]
@@ -31,8 +32,8 @@ def match_descriptors(
 ) -> Matches:
     """Match features by their feature values, as the paper does.
 
-    BRISK, KAZE and ORB points are compared by their own descriptors, all others by upright ORB
-    descriptors (binary comparisons of grey levels around the point). A candidate further away
+    BRISK, KAZE, ORB and SURF points are compared by their own descriptors, all others by upright
+    ORB descriptors (binary comparisons of grey levels around the point). A candidate further away
     than ``max_shift`` is no candidate at all, also not for the ratio test.
 
     Args:
@@ -90,6 +91,8 @@ def _no_matches() -> Matches:
 
 def _described(image: Image, features: Features) -> tuple[NDArray[np.float32], _Values]:
     # The extractor may drop points for which it has no full patch, so it tells which it kept.
+    if features.keypoints is not None and features.detector == "surf":
+        return surf_descriptors(image, features.keypoints)
     if features.keypoints is None:
         keypoints = cv2.KeyPoint.convert(cast(Any, features.px), _ORB_PATCH_PX)
     else:

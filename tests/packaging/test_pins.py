@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import subprocess
@@ -31,11 +32,17 @@ def project(repository: Path) -> dict[str, Any]:
 def test_every_dependency_is_pinned_within_its_range(
     pins: dict[str, str], project: dict[str, Any]
 ) -> None:
-    asked = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    asked = [*project["dependencies"], *itertools.chain(*project["optional-dependencies"].values())]
     for requirement in map(Requirement, asked):
         version = pins.get(canonicalize_name(requirement.name))
         assert version is not None, f"{requirement.name} is not in constraints.txt"
         assert version in requirement.specifier, f"{requirement} does not allow {version}"
+
+
+def test_the_tools_for_tests_bring_every_extra(project: dict[str, Any]) -> None:
+    # Otherwise what an extra adds would never be tested.
+    extras = project["optional-dependencies"]
+    assert set(itertools.chain(*extras.values())) == set(extras["dev"])
 
 
 def test_the_lock_file_names_no_address(repository: Path) -> None:

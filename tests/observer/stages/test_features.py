@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from observer.parameters import FeaturesParameters
 from observer.stages.features import detect_features, spread
 
-DETECTORS = ["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb"]
+DETECTORS = ["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"]
 
 
 def textured(seed: int = 0, size: tuple[int, int] = (256, 512)) -> np.ndarray:
@@ -28,7 +28,7 @@ def test_every_detector_finds_points_inside_the_image(detector: str) -> None:
     assert (features.px >= 0).all()
     assert (features.px <= (511, 255)).all()
     assert features.detector == detector
-    assert (features.keypoints is not None) == (detector in ("brisk", "kaze", "orb"))
+    assert (features.keypoints is not None) == (detector in ("brisk", "kaze", "orb", "surf"))
 
 
 @pytest.mark.parametrize("detector", DETECTORS)

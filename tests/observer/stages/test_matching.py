@@ -11,7 +11,7 @@ from observer.stages.features import detect_features
 from observer.stages.matching import match_descriptors, track_features
 from observer.types import Features, Matches
 
-DETECTORS = ["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb"]
+DETECTORS = ["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"]
 SHIFT = np.array([7.0, -4.0])
 
 
