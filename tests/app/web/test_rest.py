@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 import json
 import sqlite3
+import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -60,6 +62,27 @@ def test_a_refused_parameter_is_told_with_its_range(serve: Any) -> None:
             "type": "parameter",
         }
         assert "no such parameter" in detail["flow.x"]["msg"]
+
+    run(serve, scenario)
+
+
+def test_a_missing_extra_is_told_and_the_old_parameters_stay(
+    serve: Any, peer: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mahotas", None)
+
+    async def scenario(served: Any) -> None:
+        before = (await served.http.get("/api/parameters")).json()
+        change = {"features.detector": "surf", THRESHOLD: 2.5}
+        answer = await served.http.patch("/api/parameters", json=change)
+        assert answer.status_code == 422
+        (problem,) = answer.json()["detail"]
+        assert problem["loc"] == ["body", "features.detector"]
+        assert "pip install 'dynamic-observer[surf]'" in problem["msg"]
+        assert (await served.http.get("/api/parameters")).json() == before
+        started = await served.http.post("/api/runs", json={"parameters": change})
+        assert started.status_code == 422
+        assert not any(isinstance(command, SetParameters) for command in peer.commands)
 
     run(serve, scenario)
 
