@@ -1,0 +1,12 @@
+"""Why a place in the image counts as moving, as standing, or as neither: any pixel can be asked.
+
+``explain_pixel`` reads what one ``observe`` left in a full trace and runs nothing of the method
+again but the grouping of points, so that it can say by how much an answer was missed.
+"""
+
+from __future__ import annotations
+
+from observer.explanation.answer import PixelAnswer, PixelVerdict
+from observer.explanation.pixel import explain_pixel
+
+__all__ = ["PixelAnswer", "PixelVerdict", "explain_pixel"]

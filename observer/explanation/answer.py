@@ -1,0 +1,137 @@
+"""What is answered of a pixel, and the figures and phrases that all methods' answers share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array
+from observer.parameters import parameter_schema
+
+# Around a pixel: as large a part of the image as a small obstacle takes, 13 px of 512.
+_RADIUS_SHARE = 1 / 40
+_LEAST_RADIUS_PX = 6.0
+# As many of the nearest features speak for a pixel; odd, so that there is a majority.
+_SPEAKERS = 5
+
+
+class PixelVerdict(StrEnum):
+    """What a pixel counts as.
+
+    ``undecided``: features are there, but they are too young, too few of them agree, their depth
+    is unknown, or their motion does not stand out enough.
+    """
+
+    DYNAMIC = "dynamic"
+    STATIC = "static"
+    UNDECIDED = "undecided"
+    TOO_FAR = "too_far"
+    TOO_FEW_FEATURES = "too_few_features"
+    EGO_MOTION_LOST = "ego_motion_lost"
+    OUTSIDE = "outside"
+
+
+@dataclass(frozen=True)
+class PixelAnswer:
+    """Why one pixel counts as what it does.
+
+    Attributes:
+        px: u, v in the rectified left image of t+dt.
+        sentence: one sentence: what it counts as, and why.
+        numbers: the figures behind it, finite, by a name that ends with the unit (``_px``,
+            ``_m``, ``_mps``, ``_s``) where there is one; None = not known, and what does not
+            apply is absent. Counts of features and matches, and ``significance`` (standard
+            deviations), have no unit.
+        would_change: one sentence: which parameter, at which value, would give another answer,
+            or what else would.
+    """
+
+    px: tuple[float, float]
+    verdict: PixelVerdict
+    sentence: str
+    numbers: Mapping[str, float | None]
+    would_change: str
+
+
+@dataclass(frozen=True, eq=False)
+class Nearby:
+    """The features around a pixel, nearest first.
+
+    Attributes:
+        members: indices of those within the radius. nearest_px: distance of the nearest feature
+            of all, pixels; None without any.
+        radius_px: what counts as around.
+    """
+
+    members: NDArray[np.intp]
+    nearest_px: float | None
+    radius_px: float
+
+    @property
+    def speakers(self) -> NDArray[np.intp]:
+        """The nearest of them, an odd number, that speak for the pixel."""
+        count = min(len(self.members), _SPEAKERS)
+        return self.members[: count - 1 + count % 2]
+
+    @property
+    def numbers(self) -> dict[str, float | None]:
+        """As ``PixelAnswer.numbers`` shows them."""
+        return {"features_near": len(self.members), "nearest_feature_px": self.nearest_px}
+
+
+def look_around(features_px: ArrayLike, px: tuple[float, float], camera: StereoCamera) -> Nearby:
+    """The features (N, 2) around a pixel."""
+    distance = distances(features_px, px)
+    radius = radius_px(camera)
+    order = np.argsort(distance, kind="stable")
+    members = order[distance[order] <= radius]
+    nearest = float(distance[order[0]]) if len(order) else None
+    return Nearby(members, nearest, radius)
+
+
+def radius_px(camera: StereoCamera) -> float:
+    """Within which features are taken for those of a pixel."""
+    return max(_LEAST_RADIUS_PX, camera.width * _RADIUS_SHARE)
+
+
+def distances(features_px: ArrayLike, px: tuple[float, float]) -> Float64Array:
+    """(N,) pixels, infinite where a feature's place is not known."""
+    gap = np.asarray(features_px, dtype=np.float64).reshape(-1, 2) - px
+    return np.nan_to_num(np.hypot(gap[:, 0], gap[:, 1]), nan=np.inf)
+
+
+def known(value: float) -> float | None:
+    """A figure as an answer holds it: None for NaN and the infinities."""
+    return float(value) if math.isfinite(value) else None
+
+
+def limits(parameter: str) -> tuple[float, float]:
+    """Least and greatest value that a numeric parameter, by its dotted name, takes."""
+    entry = next(entry for entry in parameter_schema() if entry["name"] == parameter)
+    return float(entry["minimum"]), float(entry["maximum"])
+
+
+# A value in a sentence must be on the right side of the exact one, or following it changes nothing.
+
+
+def below(value: float, digits: int = 2) -> str:
+    """The greatest number of so many decimals that is less than ``value``."""
+    scale = 10**digits
+    return f"{(math.ceil(value * scale - 1e-6) - 1) / scale:.{digits}f}"
+
+
+def above(value: float, digits: int = 2) -> str:
+    """The least number of so many decimals that is greater than ``value``."""
+    scale = 10**digits
+    return f"{(math.floor(value * scale + 1e-6) + 1) / scale:.{digits}f}"
+
+
+def count_of(number: int, what: str) -> str:
+    """As in ``1 feature`` and ``3 features``."""
+    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -1,0 +1,216 @@
+"""Reasons where evidence of motion is gathered over time, feature by feature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.stats import chi2
+
+from observer.camera import StereoCamera
+from observer.evidence import Evidence
+from observer.explanation.answer import (
+    Nearby,
+    PixelAnswer,
+    PixelVerdict,
+    above,
+    below,
+    count_of,
+    known,
+    limits,
+    look_around,
+)
+from observer.parameters import Parameters
+
+# 99 of 100 standing points stay below this Mahalanobis length (chi, 3 degrees of freedom).
+_STANDING_LENGTH = 3.37
+# Who was followed for less than this has hardly been measured twice.
+_YOUNG_S = 0.2
+_RATE = "evidence.false_alarms_per_frame"
+_FEWEST = "evidence.min_points"
+
+
+def explain_by_evidence(
+    evidence: Evidence,
+    camera: StereoCamera,
+    parameters: Parameters,
+    px: tuple[float, float],
+    counts: Mapping[str, float],
+) -> PixelAnswer:
+    """The answer of the nearest features' majority.
+
+    Args:
+        counts: figures of the camera's own motion, shown with the answer's.
+    """
+    near = look_around(evidence.px, px, camera)
+    if len(near.members) == 0:
+        return _nothing_there(near, px, counts)
+    chosen = near.speakers
+    moving = int(np.count_nonzero(evidence.dynamic[chosen])) * 2 > len(chosen)
+    middle = float(np.median(evidence.significance[chosen]))
+    # One of the majority speaks: the middle one by significance.
+    agreeing = chosen[evidence.dynamic[chosen] == moving]
+    order = np.argsort(evidence.significance[agreeing], kind="stable")
+    speaker = int(agreeing[order[(len(order) - 1) // 2]])
+    numbers = _numbers(evidence, speaker, middle, near) | dict(counts)
+    verdict, sentence, change = _judge(evidence, speaker, middle, moving, parameters)
+    return PixelAnswer(px, verdict, sentence, numbers, change)
+
+
+def _nothing_there(
+    near: Nearby, px: tuple[float, float], counts: Mapping[str, float]
+) -> PixelAnswer:
+    where = "there is none in the image"
+    if near.nearest_px is not None:
+        where = f"the nearest is {near.nearest_px:.0f} px away"
+    return PixelAnswer(
+        px,
+        PixelVerdict.TOO_FEW_FEATURES,
+        f"No feature is followed within {near.radius_px:.0f} px of here; {where}.",
+        near.numbers | dict(counts),
+        "More texture or light here would give features, as may a larger features.max_count or a "
+        "lower threshold of the detector.",
+    )
+
+
+def _numbers(
+    evidence: Evidence, speaker: int, middle: float, near: Nearby
+) -> dict[str, float | None]:
+    return near.numbers | {
+        "depth_m": known(evidence.depth[speaker]),
+        "age_s": known(evidence.age_s[speaker]),
+        "speed_mps": known(float(np.linalg.norm(evidence.velocity[speaker]))),
+        "speed_std_mps": known(evidence.velocity_std[speaker]),
+        "least_speed_mps": known(_least_speed(evidence, speaker)),
+        "significance": known(middle),
+        "threshold": known(evidence.threshold),
+        "neighbours": int(evidence.neighbours[speaker]),
+    }
+
+
+def _least_speed(evidence: Evidence, speaker: int) -> float:
+    """m/s above which a motion would stand out here."""
+    return float(evidence.threshold * evidence.velocity_std[speaker])
+
+
+def _judge(
+    evidence: Evidence, speaker: int, middle: float, moving: bool, parameters: Parameters
+) -> tuple[PixelVerdict, str, str]:
+    threshold = evidence.threshold
+    depth, age = float(evidence.depth[speaker]), float(evidence.age_s[speaker])
+    speed = float(np.linalg.norm(evidence.velocity[speaker]))
+    agreeing = int(evidence.neighbours[speaker])
+    pooled = count_of(agreeing, "feature")
+    stands_out = f"{middle:.1f} standard deviations, of {threshold:.1f} that are needed"
+    if moving:
+        return (
+            PixelVerdict.DYNAMIC,
+            f"It moves at {speed:.2f} m/s over ground, by the evidence of {pooled}"
+            f"{_whose(evidence, speaker)}: {stands_out}.",
+            _until(middle, threshold, parameters),
+        )
+    if np.isnan(depth):
+        return (
+            PixelVerdict.UNDECIDED,
+            "The features here have no depth: the other camera does not find them.",
+            "It changes once the right camera sees this place too; no threshold decides it.",
+        )
+    if depth > parameters.stereo.max_depth_m:
+        return PixelVerdict.TOO_FAR, *too_far_words(depth, parameters.stereo.max_depth_m)
+    if age < _YOUNG_S:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"The features here have been followed for {age:.2f} s only, which is too short to "
+            f"tell.",
+            f"It is decided once they have been followed for {_YOUNG_S:.1f} s, "
+            f"{_YOUNG_S - age:.2f} s more.",
+        )
+    if middle > threshold:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"It may move, at {speed:.2f} m/s, but only {pooled} here agree{'s' * (agreeing == 1)} "
+            f"on it.",
+            f"With {_FEWEST} at {agreeing} or below it would count as dynamic.",
+        )
+    if middle > _STANDING_LENGTH:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"It may move, at {speed:.2f} m/s, but this does not stand out enough: {stands_out}.",
+            _sooner(middle, threshold, parameters),
+        )
+    least = _least_speed(evidence, speaker)
+    return (
+        PixelVerdict.STATIC,
+        f"It stands, by the evidence of {pooled}: what shows here, {speed:.2f} m/s, is noise "
+        f"({stands_out}).",
+        f"Anything faster than {least:.2f} m/s would stand out here. "
+        f"{_sooner(middle, threshold, parameters)}",
+    )
+
+
+def _whose(evidence: Evidence, speaker: int) -> str:
+    number = int(evidence.obstacle_id[speaker])
+    return f" of obstacle {number}" if number >= 0 else ", part of no obstacle yet"
+
+
+def _until(middle: float, threshold: float, parameters: Parameters) -> str:
+    """What would end a dynamic feature's being dynamic."""
+    if middle <= threshold:
+        return (
+            "It is kept as dynamic by what was seen before; it ends once its features have stood "
+            "for a while."
+        )
+    rate = _rate_for(middle, threshold, parameters)
+    if rate is None:
+        return f"With a threshold of {above(middle, 1)} standard deviations it would not count."
+    now, least, _ = rate[1], *limits(_RATE)
+    value = _two_digits(rate[0], down=True)
+    if value < least:
+        return f"No value of {_RATE} (now {now:g}) would change it: it ends at {least:g}."
+    return f"With {_RATE} at {value:g} or below (now {now:g}) it would not count as dynamic."
+
+
+def _sooner(middle: float, threshold: float, parameters: Parameters) -> str:
+    """What would make a feature that does not stand out count as dynamic."""
+    rate = _rate_for(middle, threshold, parameters)
+    if rate is None:
+        return f"With a threshold of {below(middle, 1)} standard deviations it would be dynamic."
+    now, _, most = rate[1], *limits(_RATE)
+    value = _two_digits(rate[0], down=False)
+    if value > most:
+        return f"No value of {_RATE} (now {now:g}) would make it dynamic: it ends at {most:g}."
+    return f"With {_RATE} at {value:g} or above (now {now:g}) it would count as dynamic."
+
+
+def _rate_for(
+    length: float, threshold: float, parameters: Parameters
+) -> tuple[float, float] | None:
+    """The rate of false alarms whose threshold is ``length``, and the one in force.
+
+    The threshold is that of chi-squared at the rate divided by the number of tests, which need
+    not be known: it is the same for both. None where the parameters know no such rate.
+    """
+    now = parameters.flat().get(_RATE)
+    if now is None:
+        return None
+    log_ratio = chi2.logsf(length**2, df=3) - chi2.logsf(threshold**2, df=3)
+    return float(now) * float(np.exp(np.clip(log_ratio, -690.0, 690.0))), float(now)
+
+
+def _two_digits(value: float, *, down: bool) -> float:
+    """Rounded to two digits, to the side on which the answer changes."""
+    unit = 10.0 ** (np.floor(np.log10(max(value, 1e-300))) - 1)
+    steps = np.floor(value / unit) if down else np.floor(value / unit) + 1
+    return float(steps * unit)
+
+
+def too_far_words(depth: float, farthest: float) -> tuple[str, str]:
+    """The sentence, and what would change it, for a place beyond the farthest depth, metres."""
+    _, most = limits("stereo.max_depth_m")
+    sentence = (
+        f"It is too far: {depth:.1f} m away, where only {farthest:g} m are measured reliably "
+        f"enough to be judged."
+    )
+    if depth >= most:
+        return sentence, f"No setting reaches so far: stereo.max_depth_m ends at {most:g} m."
+    return sentence, f"With stereo.max_depth_m at {above(depth, 1)} m or above it would be judged."

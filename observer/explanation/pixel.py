@@ -1,0 +1,94 @@
+"""The way in: what is so whatever the method, then the method's own reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.explanation.answer import PixelAnswer, PixelVerdict, limits
+from observer.explanation.gathered import explain_by_evidence
+from observer.explanation.planar import explain_by_flow
+from observer.parameters import Parameters
+from observer.types import Status
+
+
+def explain_pixel(
+    trace: Mapping[str, Any],
+    camera: StereoCamera,
+    parameters: Parameters,
+    px: tuple[float, float],
+) -> PixelAnswer:
+    """Why the pixel counts as moving, as standing, or as neither.
+
+    Args:
+        trace: all that one ``Observer.observe`` kept (see ``observer.observer``): ``evidence``
+            where evidence is gathered over time, residual flow where it is not.
+        camera: the rectified pair. parameters: those that were in force for the frame.
+        px: u, v in the rectified left image of the frame, pixels; need not be whole.
+
+    Raises:
+        ValueError: ``px`` is not finite.
+    """
+    u, v = px = float(px[0]), float(px[1])
+    if not np.isfinite(px).all():
+        raise ValueError("a pixel's coordinates must be finite")
+    if not (-0.5 <= u <= camera.width - 0.5 and -0.5 <= v <= camera.height - 0.5):
+        return _outside(camera, px)
+    ego = trace.get("ego_motion")
+    if ego is None:
+        return PixelAnswer(
+            px,
+            PixelVerdict.UNDECIDED,
+            "There is no earlier frame to compare this one with, so nothing is known of motion.",
+            {},
+            "The next frame can be compared with this one.",
+        )
+    if ego.status is Status.LOST:
+        return _lost(trace, parameters, px)
+    counts = {"inliers": int(np.count_nonzero(ego.inliers)), "matches": len(ego.inliers)}
+    if "evidence" in trace:
+        return explain_by_evidence(trace["evidence"], camera, parameters, px, counts)
+    return explain_by_flow(trace, camera, parameters, px, counts)
+
+
+def _outside(camera: StereoCamera, px: tuple[float, float]) -> PixelAnswer:
+    return PixelAnswer(
+        px,
+        PixelVerdict.OUTSIDE,
+        f"The pixel {px[0]:g}, {px[1]:g} is outside the image of {camera.width} x "
+        f"{camera.height} pixels.",
+        {},
+        f"Ask for u from 0 to {camera.width - 1} and v from 0 to {camera.height - 1}.",
+    )
+
+
+def _lost(trace: Mapping[str, Any], parameters: Parameters, px: tuple[float, float]) -> PixelAnswer:
+    ego, p = trace["ego_motion"], parameters.ego_motion
+    count = len(ego.inliers)
+    why = ego.reasons[0] if ego.reasons else "no reason was given"
+    least, _ = limits("ego_motion.min_inliers")
+    if least <= count < p.min_inliers:
+        change = (
+            f"With ego_motion.min_inliers at {count} or below (now {p.min_inliers}) these matches "
+            f"would be tried; more texture or light in the scene would give more of them."
+        )
+    elif count < least:
+        change = (
+            f"No setting can help: a motion needs at least {least:g} matches; more texture or "
+            f"light in the scene would give them."
+        )
+    else:
+        change = (
+            f"A value of ego_motion.min_inliers below {p.min_inliers}, or of "
+            f"ego_motion.ransac_threshold_px above {p.ransac_threshold_px:g} px, may find it."
+        )
+    return PixelAnswer(
+        px,
+        PixelVerdict.EGO_MOTION_LOST,
+        f"The camera's own motion is lost, so nothing can be told apart from it: {why}.",
+        {"matches": count, "min_inliers": p.min_inliers},
+        change,
+    )

@@ -1,0 +1,278 @@
+"""Reasons where one planar motion is taken out of the image and residual flow tells what moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.explanation.answer import (
+    Nearby,
+    PixelAnswer,
+    PixelVerdict,
+    above,
+    below,
+    count_of,
+    distances,
+    known,
+    limits,
+    look_around,
+    radius_px,
+)
+from observer.explanation.gathered import too_far_words
+from observer.explanation.texture import why_no_feature
+from observer.geometry import Float64Array, map_pixels
+from observer.parameters import ClusteringParameters, MotionParameters, Parameters
+from observer.stages.clustering import detect_obstacles, group_points
+from observer.types import Detection, PointMotions
+
+_THRESHOLD = "flow.residual_threshold_px"
+# Half the side of the square whose disparities give a pixel's depth, and the share that must
+# be known of them.
+_DEPTH_REACH_PX = 3
+_DEPTH_KNOWN = 0.25
+
+_Judgement = tuple[PixelVerdict, str, str, dict[str, float | None]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """The pixel with all that is known around it.
+
+    Attributes:
+        px_previous: where the pixel is in the image of t, if it stands.
+        residual_px: the middle one of the residuals of the features that speak for it.
+        depth: metres, NaN = unknown. dt: seconds between the two images.
+    """
+
+    trace: Mapping[str, Any]
+    camera: StereoCamera
+    parameters: Parameters
+    px: tuple[float, float]
+    near: Nearby
+    residual_px: float
+    depth: float
+    dt: float
+
+
+def explain_by_flow(
+    trace: Mapping[str, Any],
+    camera: StereoCamera,
+    parameters: Parameters,
+    px: tuple[float, float],
+    counts: Mapping[str, float],
+) -> PixelAnswer:
+    """The answer of the nearest features' residual motion.
+
+    Args:
+        counts: figures of the camera's own motion, shown with the answer's.
+    """
+    H = trace["ego_motion"].homography
+    if H is None or "flow_residual_px" not in trace:
+        return PixelAnswer(
+            px,
+            PixelVerdict.UNDECIDED,
+            "Motion was not looked for in this frame.",
+            dict(counts),
+            "The next frame may tell.",
+        )
+    # The image of t+dt was brought to t by the inverse of H; this brings the features back.
+    near = look_around(map_pixels(H, trace["flow_observed_px"]), px, camera)
+    px_previous = map_pixels(np.linalg.inv(H), px)[0]
+    depth = _depth_at(trace["disparity"], px_previous, camera)
+    numbers = near.numbers | {"depth_m": known(depth)} | dict(counts)
+    if len(near.members) == 0:
+        sentence, change = why_no_feature(trace, parameters, px_previous, near)
+        return PixelAnswer(px, PixelVerdict.TOO_FEW_FEATURES, sentence, numbers, change)
+    lengths = np.linalg.norm(trace["flow_residual_px"][near.speakers], axis=1)
+    residual = float(np.median(lengths))
+    dt = float(trace["time"] - trace["previous_time"])
+    place = _Place(trace, camera, parameters, px, near, residual, depth, dt)
+    numbers |= {"residual_px": residual, "threshold_px": parameters.flow.residual_threshold_px}
+    if depth > parameters.stereo.max_depth_m:
+        sentence, change = too_far_words(depth, parameters.stereo.max_depth_m)
+        return PixelAnswer(px, PixelVerdict.TOO_FAR, sentence, numbers, change)
+    judge = _moved if residual > parameters.flow.residual_threshold_px else _stood
+    verdict, sentence, change, more = judge(place)
+    return PixelAnswer(px, verdict, sentence, numbers | more, change)
+
+
+def _depth_at(disparity: Float64Array, px: Float64Array, camera: StereoCamera) -> float:
+    """Metres, the middle one of the depths around a pixel of t; NaN where too few are known."""
+    u, v = (round(float(c)) for c in px)
+    rows = slice(max(0, v - _DEPTH_REACH_PX), max(0, v + _DEPTH_REACH_PX + 1))
+    columns = slice(max(0, u - _DEPTH_REACH_PX), max(0, u + _DEPTH_REACH_PX + 1))
+    around = disparity[rows, columns]
+    seen = around[around > 0]
+    if around.size == 0 or seen.size < _DEPTH_KNOWN * around.size:
+        return float("nan")
+    return camera.fx * camera.baseline / float(np.median(seen))
+
+
+def _speakers(place: _Place) -> str:
+    return f"the {count_of(len(place.near.speakers), 'nearest feature')}"
+
+
+# --- it stood --------------------------------------------------------------------------------
+
+
+def _stood(place: _Place) -> _Judgement:
+    p, residual = place.parameters, place.residual_px
+    threshold = p.flow.residual_threshold_px
+    least = threshold * place.depth / (place.camera.fx * place.dt)
+    sentence = (
+        f"It stands: {_speakers(place)} moved {residual:.2f} px otherwise than the camera's motion "
+        f"explains, which is within the {threshold:g} px that count as none."
+    )
+    change = _if_it_counted(residual, p)
+    if np.isfinite(least):
+        faster = (
+            f"Anything that goes sideways faster than {least:.2f} m/s here would count as motion"
+        )
+        change = f"{faster}. {change}"
+    return PixelVerdict.STATIC, sentence, change, {"least_speed_mps": known(least)}
+
+
+def _if_it_counted(residual: float, p: Parameters) -> str:
+    lowest, _ = limits(_THRESHOLD)
+    value = below(residual)
+    if float(value) < lowest:
+        return f"No value of {_THRESHOLD} would make it dynamic: it ends at {lowest:g} px."
+    return (
+        f"With {_THRESHOLD} at {value} px or below this would count as motion, and be dynamic if "
+        f"at least {p.clustering.min_points} such points stand out together."
+    )
+
+
+# --- it moved --------------------------------------------------------------------------------
+
+
+def _moved(place: _Place) -> _Judgement:
+    motions: PointMotions = place.trace["motions"]
+    around = np.flatnonzero(distances(motions.px_current, place.px) <= radius_px(place.camera))
+    if len(around) == 0:
+        return _not_measured(place)
+    p = place.parameters
+    labels = _groups(motions, p.clustering)
+    ours = labels[around]
+    if (ours < 0).all():
+        return _too_small(place, motions, around)
+    label = int(np.bincount(ours[ours >= 0]).argmax())
+    group = _detections(motions, place, p.clustering)[label]
+    numbers = _figures(group, p)
+    needed = p.motion.min_significance
+    if group.significance < needed:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"It may move, at {group.speed:.2f} m/s, but its {count_of(group.points, 'point')} "
+            f"stand out by {group.significance:.1f} standard deviations only, of {needed:g} that "
+            f"are needed.",
+            f"With motion.min_significance at {_at_most(group.significance)} or below it would "
+            f"count as dynamic.",
+            numbers,
+        )
+    return (
+        PixelVerdict.DYNAMIC,
+        f"It moves at {group.speed:.2f} m/s: {_speakers(place)} moved {place.residual_px:.2f} px "
+        f"otherwise than the camera's motion explains, and the group of "
+        f"{count_of(group.points, 'point')} here stands out by {group.significance:.1f} standard "
+        f"deviations.",
+        _end_of_dynamic(place, group),
+        numbers,
+    )
+
+
+def _not_measured(place: _Place) -> _Judgement:
+    p, depth = place.parameters, place.depth
+    seen = (
+        f"Something moves: {_speakers(place)} moved {place.residual_px:.2f} px otherwise than the "
+        f"camera's motion explains"
+    )
+    if depth < p.stereo.min_depth_m:
+        least, _ = limits("stereo.min_depth_m")
+        value = below(depth)
+        change = f"With stereo.min_depth_m at {value} m or below it would be measured."
+        if float(value) < least:
+            change = f"No setting reaches so near: stereo.min_depth_m ends at {least:g} m."
+        why = f"but it is {depth:.2f} m away, nearer than {p.stereo.min_depth_m:g} m"
+        return PixelVerdict.UNDECIDED, f"{seen}, {why}.", change, {}
+    return (
+        PixelVerdict.UNDECIDED,
+        f"{seen}, but its depth is not known at both instants, or its speed exceeds "
+        f"{p.motion.max_speed_mps:g} m/s, so that it cannot be measured.",
+        f"A value of stereo.uniqueness_percent below {p.stereo.uniqueness_percent}, a smaller "
+        f"stereo.block_px or a larger stereo.max_disparity_px may give it a depth.",
+        {},
+    )
+
+
+def _too_small(place: _Place, motions: PointMotions, around: np.ndarray[Any, Any]) -> _Judgement:
+    p = place.parameters
+    alone = p.clustering.model_copy(update={"min_points": 1})
+    labels = _groups(motions, alone)
+    sizes = np.bincount(labels)
+    # The largest of the groups here needs the least change.
+    label = int(max(labels[around], key=lambda each: sizes[each]))
+    size = int(sizes[label])
+    group = _detections(motions, place, alone)[label]
+    also = ""
+    if group.significance < p.motion.min_significance:
+        also = f" and motion.min_significance at {_at_most(group.significance)} or below"
+    return (
+        PixelVerdict.UNDECIDED,
+        f"Something moves, but only {count_of(size, 'point')} of it, of "
+        f"{p.clustering.min_points} that make an obstacle.",
+        f"With clustering.min_points at {size} or below{also} it would count as dynamic.",
+        _figures(group, p) | {"group_points": size},
+    )
+
+
+def _end_of_dynamic(place: _Place, group: Detection) -> str:
+    """The nearest way to another answer."""
+    p = place.parameters
+    by_flow = place.residual_px / p.flow.residual_threshold_px
+    by_significance = group.significance / max(p.motion.min_significance, 1e-9)
+    ways = [
+        (by_flow, _THRESHOLD, place.residual_px, " px", "it would count as static"),
+        (
+            by_significance,
+            "motion.min_significance",
+            group.significance,
+            "",
+            "it would not stand out enough to count",
+        ),
+    ]
+    for _, name, value, unit, outcome in sorted(ways):
+        if float(above(value)) <= limits(name)[1]:
+            return f"With {name} at {above(value)}{unit} or above {outcome}."
+    return "No single threshold would change it: it moves by more than any of them reaches."
+
+
+def _groups(motions: PointMotions, parameters: ClusteringParameters) -> np.ndarray[Any, Any]:
+    """(K,) number of each point's group, -1 = too small; as the method groups them."""
+    return group_points(motions.points_camera, np.sqrt(motions.point_cov[:, 2, 2]), parameters)
+
+
+def _detections(
+    motions: PointMotions, place: _Place, clustering: ClusteringParameters
+) -> tuple[Detection, ...]:
+    """All groups as the method describes them, those that do not stand out as well."""
+    motion: MotionParameters = place.parameters.motion.model_copy(update={"min_significance": 0.0})
+    return detect_obstacles(motions, float(place.trace["time"]), clustering, motion)
+
+
+def _figures(group: Detection, p: Parameters) -> dict[str, float | None]:
+    return {
+        "speed_mps": known(group.speed),
+        "significance": known(group.significance),
+        "min_significance": p.motion.min_significance,
+        "group_points": group.points,
+    }
+
+
+def _at_most(value: float) -> str:
+    """Two decimals, rounded down: a least value that is reached."""
+    return f"{np.floor(value * 100) / 100:.2f}"

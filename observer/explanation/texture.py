@@ -1,0 +1,149 @@
+"""Why there is no feature at a place: nothing to see, or something that was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+import cv2
+import numpy as np
+
+from observer.camera import as_gray
+from observer.explanation.answer import Nearby, below, count_of, distances, limits
+from observer.geometry import Float64Array
+from observer.parameters import FeaturesParameters, FlowParameters, Parameters
+from observer.stages.features import detect_features
+from observer.types import Image
+
+# OpenCV gives the smaller eigenvalue of the mean gradient matrix in 1/1024 (grey levels/px)^2.
+_EIGENVALUE_UNIT = 1024.0
+# FAST looks at a circle of this radius around a corner.
+_FAST_REACH_PX = 4
+
+
+def why_no_feature(
+    trace: Mapping[str, Any], parameters: Parameters, px: Float64Array, near: Nearby
+) -> tuple[str, str]:
+    """The sentence, and what would change it.
+
+    Args:
+        px: (2,) the place in the image of t, where features are looked for.
+        near: what was found around it, which is nothing.
+    """
+    image = as_gray(trace["previous_left"])
+    place = (float(px[0]), float(px[1]))
+    found = np.flatnonzero(distances(trace["features_px"], place) <= near.radius_px)
+    if len(found):
+        return _not_followed(image, trace["features_px"][found], parameters.flow, near)
+    nearest = (
+        "there is none in the image"
+        if near.nearest_px is None
+        else f"the nearest is {near.nearest_px:.0f} px away"
+    )
+    sentence = f"There is no feature within {near.radius_px:.0f} px of here; {nearest}."
+    return sentence, _to_get_one(image, place, parameters, near)
+
+
+def _not_followed(
+    image: Image, px: np.ndarray[Any, Any], flow: FlowParameters, near: Nearby
+) -> tuple[str, str]:
+    texture = float(_texture(image, px, flow).max())
+    sentence = (
+        f"{count_of(len(px), 'feature')} within {near.radius_px:.0f} px of here could not be "
+        f"followed to the next image"
+    )
+    if texture < flow.min_texture:
+        return (
+            f"{sentence}: the texture, {texture:.2f} grey levels/px, is below "
+            f"{flow.min_texture:g}.",
+            f"With flow.min_texture at {below(max(texture, 0.01))} or below they would be "
+            f"followed, though they may slide along edges.",
+        )
+    return (
+        f"{sentence}: something covers them, or this place has left the image.",
+        f"A value of flow.max_error above {flow.max_error:g} or of flow.back_check_px above "
+        f"{flow.back_check_px:g} px may let them through.",
+    )
+
+
+def _texture(image: Image, px: np.ndarray[Any, Any], flow: FlowParameters) -> Float64Array:
+    """(N,) grey levels/px in the direction of least texture, as ``flow.min_texture`` means it."""
+    _, _, eigenvalue = cv2.calcOpticalFlowPyrLK(
+        image,
+        image,
+        np.ascontiguousarray(px, dtype=np.float32),
+        cast(Any, None),
+        winSize=(flow.window_px | 1, flow.window_px | 1),
+        maxLevel=0,
+        flags=cv2.OPTFLOW_LK_GET_MIN_EIGENVALS,
+        minEigThreshold=0.0,
+    )
+    value = np.asarray(eigenvalue, dtype=np.float64)[:, 0]
+    return np.asarray(np.sqrt(np.maximum(value, 0.0) * _EIGENVALUE_UNIT), dtype=np.float64)
+
+
+def _to_get_one(
+    image: Image, place: tuple[float, float], parameters: Parameters, near: Nearby
+) -> str:
+    """Which setting gives a feature here: found by detecting with it."""
+    features = parameters.features
+    ways: list[str] = []
+    if features.detector == "fast":
+        score = _best_corner(image, place, near.radius_px)
+        lowest, _ = limits("features.fast_threshold")
+        if score is None or score < lowest:
+            return (
+                f"Nothing here can be followed, not even with features.fast_threshold at "
+                f"{lowest:g}: only texture or light would change it."
+            )
+        if score < features.fast_threshold:
+            ways.append(
+                f"features.fast_threshold at {score:.0f} or below (now {features.fast_threshold})"
+            )
+            features = features.model_copy(update={"fast_threshold": int(score)})
+    count = _count_that_finds(image, place, features, near.radius_px)
+    if count is None:
+        return (
+            "Others nearby are stronger, at any features.max_count; more texture or light here, "
+            "or another features.detector, may give one."
+        )
+    if count > features.max_count:
+        ways.append(f"features.max_count at {count} or above (now {features.max_count})")
+    if not ways:
+        return (
+            "Features of this place were left out after they were found; the next frame may tell."
+        )
+    return f"With {' and '.join(ways)} there would be a feature here."
+
+
+def _count_that_finds(
+    image: Image, place: tuple[float, float], features: FeaturesParameters, radius_px: float
+) -> int | None:
+    """A number of features, from the one in force up, with which one is here; None without any."""
+    most = int(limits("features.max_count")[1])
+    count = features.max_count
+    while True:
+        found = detect_features(image, features.model_copy(update={"max_count": count}))
+        if (distances(found.px, place) <= radius_px).any():
+            return count
+        if count >= most:
+            return None
+        count = min(most, count * 3 // 2)
+
+
+def _best_corner(image: Image, place: tuple[float, float], radius_px: float) -> float | None:
+    """The greatest FAST threshold at which a corner around the place is one; None without any."""
+    reach = int(np.ceil(radius_px)) + _FAST_REACH_PX
+    u, v = (round(c) for c in place)
+    left, top = max(0, u - reach), max(0, v - reach)
+    part = image[top : max(0, v + reach + 1), left : max(0, u + reach + 1)]
+    if part.size == 0:
+        return None
+    lowest, _ = limits("features.fast_threshold")
+    corners = cv2.FastFeatureDetector.create(int(lowest)).detect(np.ascontiguousarray(part))
+    scores = [
+        corner.response
+        for corner in corners
+        if np.hypot(corner.pt[0] + left - place[0], corner.pt[1] + top - place[1]) <= radius_px
+    ]
+    return max(scores, default=None)

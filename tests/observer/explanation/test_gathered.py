@@ -1,0 +1,187 @@
+"""Answers by evidence that was gathered over time, on arrays; every promised change is tried."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from observer.camera import StereoCamera
+from observer.evidence import Evidence
+from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel, gathered
+from observer.geometry import Pose
+from observer.parameters import Parameters
+from observer.stages.ego_motion import PlanarEgoMotion
+from observer.types import Status
+
+CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
+HERE = (200.0, 100.0)
+EGO = PlanarEgoMotion(
+    "rigid", Status.OK, (), np.arange(50) < 45, None, None, Pose.identity(), None, 0.2
+)
+TESTS = 40
+RATE = 0.01
+THRESHOLD = float(np.sqrt(chi2.isf(RATE / TESTS, df=3)))
+
+
+def evidence(significance: Any, **changes: Any) -> Evidence:
+    """Features in a row from ``HERE`` to the right, 2 px apart, nearest first."""
+    length = np.atleast_1d(np.asarray(significance, dtype=np.float64))
+    count = len(length)
+    px = np.stack([HERE[0] + 2 * np.arange(count), np.full(count, HERE[1])], axis=1)
+    std = np.full(count, 0.05)
+    made = Evidence(
+        px=px.astype(np.float32),
+        depth=np.full(count, 3.0),
+        age_s=np.full(count, 0.6),
+        velocity=np.stack([length * std, 0 * std, 0 * std], axis=1),
+        velocity_std=std,
+        significance=length,
+        threshold=THRESHOLD,
+        dynamic=length > THRESHOLD,
+        neighbours=np.full(count, 12),
+        obstacle_id=np.where(length > THRESHOLD, 3, -1),
+    )
+    return replace(made, **changes)
+
+
+def ask(made: Evidence, px: tuple[float, float] = HERE) -> PixelAnswer:
+    return explain_pixel({"ego_motion": EGO, "evidence": made}, CAMERA, Parameters(), px)
+
+
+def test_what_stands_out_is_dynamic_with_its_figures() -> None:
+    answer = ask(evidence([9.0] * 4 + [1.0]))
+    assert answer.verdict is PixelVerdict.DYNAMIC
+    assert "obstacle 3" in answer.sentence
+    assert "0.45 m/s" in answer.sentence
+    assert answer.numbers == {
+        "features_near": 5,
+        "nearest_feature_px": 0.0,
+        "depth_m": 3.0,
+        "age_s": 0.6,
+        "speed_mps": pytest.approx(0.45),
+        "speed_std_mps": 0.05,
+        "least_speed_mps": pytest.approx(0.05 * THRESHOLD),
+        "significance": 9.0,
+        "threshold": THRESHOLD,
+        "neighbours": 12,
+        "inliers": 45,
+        "matches": 50,
+    }
+    loose = ask(evidence(9.0, obstacle_id=np.array([-1])))
+    assert "no obstacle yet" in loose.sentence
+
+
+def test_the_majority_of_the_nearest_speaks() -> None:
+    assert ask(evidence([1.0, 9.0, 9.0])).verdict is PixelVerdict.DYNAMIC
+    assert ask(evidence([9.0, 1.0, 1.0])).verdict is PixelVerdict.STATIC
+    # Of two, the nearer one; those beyond the radius have no say.
+    assert ask(evidence([9.0, 1.0])).verdict is PixelVerdict.DYNAMIC
+    far = evidence([1.0] + [9.0] * 4)
+    far.px[1:, 1] += 20
+    assert ask(far).verdict is PixelVerdict.STATIC
+
+
+def test_what_is_noise_is_static_and_says_what_would_be_seen() -> None:
+    answer = ask(evidence([0.5, 1.0, 1.5]))
+    assert answer.verdict is PixelVerdict.STATIC
+    assert answer.numbers["significance"] == 1.0
+    assert f"faster than {0.05 * THRESHOLD:.2f} m/s" in answer.would_change
+
+
+def test_between_noise_and_the_threshold_it_is_undecided() -> None:
+    assert THRESHOLD > 4
+    assert ask(evidence(3.9)).verdict is PixelVerdict.UNDECIDED
+    assert ask(evidence(3.3)).verdict is PixelVerdict.STATIC
+
+
+def test_young_features_are_undecided_until_the_time_that_is_told() -> None:
+    answer = ask(evidence([1.0], age_s=np.array([0.07])))
+    assert answer.verdict is PixelVerdict.UNDECIDED
+    assert "0.13 s more" in answer.would_change
+    assert ask(evidence([1.0], age_s=np.array([0.07 + 0.14]))).verdict is PixelVerdict.STATIC
+
+
+def test_too_few_that_agree_are_undecided() -> None:
+    alone = evidence(9.0, neighbours=np.array([1]), dynamic=np.array([False]))
+    answer = ask(alone)
+    assert answer.verdict is PixelVerdict.UNDECIDED
+    assert "only 1 feature here agrees" in answer.sentence
+    assert "evidence.min_points at 1" in answer.would_change
+
+
+def test_depth_decides_only_over_what_does_not_move() -> None:
+    for depth, expected in ((np.nan, PixelVerdict.UNDECIDED), (60.0, PixelVerdict.TOO_FAR)):
+        standing = ask(evidence(1.0, depth=np.array([depth])))
+        assert standing.verdict is expected
+        assert standing.numbers["depth_m"] == (None if np.isnan(depth) else depth)
+        assert ask(evidence(9.0, depth=np.array([depth]))).verdict is PixelVerdict.DYNAMIC
+    told = ask(evidence(1.0, depth=np.array([60.0]))).would_change
+    value = float(re.search(r"stereo.max_depth_m at ([\d.]+) m", told).group(1))
+    farther = Parameters().changed({"stereo.max_depth_m": value})
+    trace = {"ego_motion": EGO, "evidence": evidence(1.0, depth=np.array([60.0]))}
+    assert explain_pixel(trace, CAMERA, farther, HERE).verdict is PixelVerdict.STATIC
+
+
+def test_without_a_feature_near_there_are_too_few() -> None:
+    answer = ask(evidence(1.0), (HERE[0] + 40, HERE[1]))
+    assert answer.verdict is PixelVerdict.TOO_FEW_FEATURES
+    assert answer.numbers["nearest_feature_px"] == 40
+    nothing = ask(evidence(np.empty(0)))
+    assert nothing.verdict is PixelVerdict.TOO_FEW_FEATURES
+    assert nothing.numbers["nearest_feature_px"] is None
+
+
+class RatedParameters(Parameters):
+    """Parameters with the rate of false alarms from which the threshold follows."""
+
+    def flat(self) -> dict[str, Any]:
+        return super().flat() | {"evidence.false_alarms_per_frame": RATE}
+
+
+@pytest.fixture
+def rated(monkeypatch: pytest.MonkeyPatch) -> RatedParameters:
+    known = gathered.limits
+    monkeypatch.setattr(
+        gathered, "limits", lambda name: (1e-9, 1.0) if "false_alarms" in name else known(name)
+    )
+    return RatedParameters()
+
+
+@pytest.mark.parametrize("length", [3.5, 4.0, THRESHOLD - 0.01, THRESHOLD + 0.01, 6.0])
+def test_the_promised_rate_of_false_alarms_gives_the_other_answer(
+    rated: RatedParameters, length: float
+) -> None:
+    def answer(rate: float) -> PixelAnswer:
+        threshold = float(np.sqrt(chi2.isf(rate / TESTS, df=3)))
+        made = evidence(length, threshold=threshold, dynamic=np.atleast_1d(length > threshold))
+        return explain_pixel({"ego_motion": EGO, "evidence": made}, CAMERA, rated, HERE)
+
+    now = answer(RATE)
+    found = re.search(r"false_alarms_per_frame at (\S+) or (above|below)", now.would_change)
+    assert found, now.would_change
+    value = float(found[1])
+    moves = length > THRESHOLD
+    assert (now.verdict is PixelVerdict.DYNAMIC) == moves
+    assert (answer(value).verdict is PixelVerdict.DYNAMIC) != moves
+    # And a tenth before it, it does not.
+    nearly = value * (1.15 if moves else 0.85)
+    if (nearly < RATE) == moves:
+        assert (answer(nearly).verdict is PixelVerdict.DYNAMIC) == moves
+
+
+def test_where_no_rate_reaches_it_says_so(rated: RatedParameters) -> None:
+    for length, words in ((1.0, "would make it dynamic"), (30.0, "would change it")):
+        trace = {"ego_motion": EGO, "evidence": evidence(length)}
+        change = explain_pixel(trace, CAMERA, rated, HERE).would_change
+        assert "No value of evidence.false_alarms_per_frame" in change
+        assert words in change
+
+
+def test_arrays_of_different_lengths_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"depth must have shape \(1,\)"):
+        evidence(1.0, depth=np.zeros(2))
