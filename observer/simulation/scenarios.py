@@ -287,6 +287,9 @@ class Scenario(_Spec):
         name: the file's name without its ending.
         declares: ``ideal`` where the method must be right, ``faulty`` where the cameras or
             their calibration are worse than a stereo method may assume.
+        scored_for: ``everything``, or ``detection`` where the fault biases depth as such, so that
+            errors of position and speed are no figures of the method: then only its status,
+            detection and coverage count.
         benchmark: whether ``benchmark`` counts it; the lab is for showing.
     """
 
@@ -294,6 +297,7 @@ class Scenario(_Spec):
     title: str = Field(min_length=1)
     help: str = Field(min_length=1)
     declares: Literal["ideal", "faulty"]
+    scored_for: Literal["everything", "detection"] = "everything"
     benchmark: bool = True
     duration_s: float = Field(gt=0, le=3600)
     frame_rate: float = Field(15.0, gt=0, le=240)
