@@ -7,6 +7,7 @@ import os
 import platform
 import random
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Any
 
 import cv2
@@ -14,19 +15,19 @@ import typer
 
 from app.benchmark.browser import PageFigures
 from app.benchmark.served import ServedFigures, served_figures
+from app.commands.output import whole_file
 from app.commands.progress import progress_bar
-from observer.evaluation.benchmark import (
-    DEFAULT_MAX_FRAMES,
-    Benchmark,
-    Progress,
-    run_benchmark,
-    simulated_sources,
-)
+from observer.errors import InputError
+from observer.evaluation.benchmark import DEFAULT_MAX_FRAMES, Progress, run_benchmark
+from observer.evaluation.breakdown import LAB, ROAD
 from observer.evaluation.evaluate import markdown_table
-from observer.evaluation.tally import GATE_M, ROAD_GATE_M
+from observer.evaluation.report import benchmark_markdown
+from observer.evaluation.results import Benchmark
+from observer.evaluation.sources import simulated_sources
 from observer.parameters import preset, preset_names
 from observer.simulation.scenarios import load_scenario, scenario_names
 
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 _SERVED_SOURCE = "simulated:lab"
 
 
@@ -46,8 +47,29 @@ def benchmark(
         int, typer.Option(min=5, help="Most frames of each source.")
     ] = DEFAULT_MAX_FRAMES,
     road: Annotated[
-        bool, typer.Option("--road", help="Match truth within 3 m instead of 0.5 m.")
+        bool,
+        typer.Option(
+            "--road",
+            help=f"Match truth within {ROAD.gate_m:g} m instead of {LAB.gate_m:g} m, and classes "
+            f"of range and speed for roads.",
+        ),
     ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="A folder for benchmark.json, benchmark.md and benchmark.png."),
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw the comparison into this .png, .svg or .pdf.")
+    ] = None,
+    jobs: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=64,
+            help="Spread the sources over so many processes: the same accuracy sooner, but the "
+            "cost of observe is then not measured.",
+        ),
+    ] = 1,
     served: Annotated[
         bool, typer.Option(help="Measure a running server, too: viewers, page, latency.")
     ] = True,
@@ -57,6 +79,7 @@ def benchmark(
     viewers: Annotated[int, typer.Option(min=1, max=50, help="Viewers on the server.")] = 5,
 ) -> None:
     """Compare the presets over scenarios and seeds, and time the loop and the server."""
+    figures_to = _figure_paths(figure, output)
     drawn = seed or random.SystemRandom().sample(range(1, 10_000), seeds)
     sources = [source] if source else list(simulated_sources(_benchmark_scenarios(), drawn))
     with progress_bar("observing") as progress:
@@ -68,7 +91,8 @@ def benchmark(
             sources,
             {name: preset(name) for name in preset_names()},
             max_frames=frames,
-            gate_m=ROAD_GATE_M if road else GATE_M,
+            scale=ROAD if road else LAB,
+            jobs=jobs,
             progress=report,
         )
     figures: ServedFigures | None = None
@@ -80,11 +104,38 @@ def benchmark(
             say=lambda what: typer.echo(f"measuring {what}", err=True),
         )
     shown_seeds = None if source else drawn
-    if as_json:
-        result = _as_dict(method, figures, shown_seeds)
-        typer.echo(json.dumps(result, indent=2, allow_nan=False))
-    else:
-        typer.echo(_markdown(method, figures, shown_seeds))
+    as_text = _markdown(method, figures, shown_seeds)
+    as_data = json.dumps(_as_dict(method, figures, shown_seeds), indent=2, allow_nan=False)
+    if output is not None:
+        for name, text in (("benchmark.json", as_data), ("benchmark.md", as_text)):
+            with whole_file(output / name) as file:
+                file.write(text + "\n")
+    if figures_to:
+        # Imported where it is needed: matplotlib would slow down the start of every command.
+        from observer.evaluation.figure import benchmark_figure, save_figure
+
+        for path in figures_to:
+            save_figure(benchmark_figure(method), path)
+    typer.echo(as_data if as_json else as_text)
+
+
+def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
+    """Where to draw; refused before hours of work rather than after them."""
+    paths = [] if figure is None else [figure]
+    if output is not None:
+        try:
+            output.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the folder {output}: {error.strerror}") from None
+        paths.append(output / "benchmark.png")
+    for path in paths:
+        if path.suffix.lower() not in FIGURE_SUFFIXES:
+            raise InputError(
+                f"a figure's name must end in {', '.join(FIGURE_SUFFIXES)}, unlike {path.name}"
+            )
+        if not path.parent.is_dir():
+            raise InputError(f"cannot write {path}: the folder {path.parent} does not exist")
+    return paths
 
 
 def _benchmark_scenarios() -> list[str]:
@@ -117,7 +168,7 @@ def _markdown(method: Benchmark, served: ServedFigures | None, seeds: list[int] 
     parts = [f"Machine: {machine}."]
     if seeds:
         parts.append(f"Seeds: {', '.join(map(str, seeds))}.")
-    parts += ["", method.markdown()]
+    parts += ["", benchmark_markdown(method)]
     if served is not None:
         parts += [
             "\n## The loop in a running server, unique frames per second\n",

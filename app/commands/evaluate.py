@@ -8,9 +8,11 @@ from typing import Annotated
 
 import typer
 
-from observer.evaluation.evaluate import evaluate as compare
+from observer.evaluation.breakdown import LAB, ROAD, break_down, breakdown_tables
+from observer.evaluation.evaluate import summarise
 from observer.evaluation.lines import read_lines
-from observer.evaluation.tally import GATE_M, ROAD_GATE_M
+from observer.evaluation.results import listed
+from observer.evaluation.tally import tally
 from observer.truth.csv_file import CsvTruth
 
 
@@ -21,10 +23,22 @@ def evaluate(
     road: Annotated[
         bool,
         typer.Option(
-            "--road", help=f"Match within {ROAD_GATE_M:g} m instead of {GATE_M:g} m, for roads."
+            "--road",
+            help=f"Match within {ROAD.gate_m:g} m instead of {LAB.gate_m:g} m, and classes of "
+            f"range and speed for roads.",
         ),
     ] = False,
 ) -> None:
     """Compare tracks with truth: recall, false obstacles, errors of position and velocity."""
-    result = compare(read_lines(tracks), CsvTruth(truth), gate_m=ROAD_GATE_M if road else GATE_M)
-    typer.echo(json.dumps(result.as_dict(), indent=2) if as_json else result.markdown().rstrip())
+    scale = ROAD if road else LAB
+    counted = tally(read_lines(tracks), CsvTruth(truth), scale.gate_m)
+    result, classes = summarise([counted]), break_down([counted], scale)
+    if as_json:
+        figures = {
+            **result.as_dict(),
+            "breakdown": classes.as_dict(),
+            **listed(tuple(counted.false)),
+        }
+        typer.echo(json.dumps(figures, indent=2, allow_nan=False))
+    else:
+        typer.echo(f"{result.markdown()}\n{breakdown_tables({'': classes})}".rstrip())

@@ -1,39 +1,34 @@
-"""Accuracy and cost of presets over sources with truth: scenarios and seeds, or a folder.
-
-Time spent in the source (rendering, reading) is left out of every figure.
-"""
+"""Accuracy and cost of presets over sources with truth: scenarios and seeds, or a folder."""
 
 from __future__ import annotations
 
 import statistics
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from observer.errors import InputError
-from observer.evaluation.evaluate import (
-    FIGURE_TITLES,
-    Evaluation,
-    markdown_table,
-    shown,
-    summarise,
+from observer.evaluation.breakdown import LAB, Scale, break_down
+from observer.evaluation.evaluate import summarise
+from observer.evaluation.jobs import run_sources_in_processes
+from observer.evaluation.results import (
+    Benchmark,
+    OpenCvCost,
+    PresetResult,
+    SourceResult,
+    Timing,
 )
-from observer.evaluation.lines import checked_lines
-from observer.evaluation.tally import GATE_M, Tally, tally
-from observer.jsonl import observation_line
-from observer.observer import Observer
-from observer.opening import open_source
+from observer.evaluation.source_run import SourceRun, run_source
+from observer.evaluation.sources import BenchmarkSource, described
+from observer.evaluation.tally import Tally
+from observer.evaluation.targets import Cost, targets
 from observer.parameters import Parameters
-from observer.types import StereoFrame
 
 # A scenario without an end is left after this many frames, unless told otherwise.
 DEFAULT_MAX_FRAMES = 300
-# Caches and clocks settle first.
-_WARM_UP_FRAMES = 3
 
 
 @dataclass(frozen=True)
@@ -49,257 +44,153 @@ class Progress:
     what: str
 
 
-@dataclass(frozen=True)
-class Timing:
-    """Milliseconds of one stage over all frames."""
-
-    median_ms: float
-    p95_ms: float
-
-
-@dataclass(frozen=True)
-class SourceResult:
-    """One preset on one source.
-
-    Attributes:
-        evaluation: None where the source has no truth.
-        skipped: frames that the source could not read.
-    """
-
-    preset: str
-    source: str
-    frames: int
-    skipped: int
-    evaluation: Evaluation | None
-
-
-@dataclass(frozen=True)
-class PresetResult:
-    """One preset over all sources.
-
-    Attributes:
-        timings: by stage, ``total`` being the whole of ``observe``; without the first frames.
-        evaluation: all sources with truth together, None without any.
-    """
-
-    preset: str
-    timings: Mapping[str, Timing]
-    evaluation: Evaluation | None
-
-
-@dataclass(frozen=True)
-class Benchmark:
-    """What ``run_benchmark`` found."""
-
-    presets: tuple[PresetResult, ...]
-    sources: tuple[SourceResult, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {
-            "presets": [
-                {
-                    "preset": p.preset,
-                    "timings_ms": {
-                        stage: {"median": t.median_ms, "p95": t.p95_ms}
-                        for stage, t in p.timings.items()
-                    },
-                    "evaluation": p.evaluation.as_dict() if p.evaluation else None,
-                }
-                for p in self.presets
-            ],
-            "sources": [
-                {
-                    "preset": s.preset,
-                    "source": s.source,
-                    "frames": s.frames,
-                    "skipped": s.skipped,
-                    "evaluation": s.evaluation.as_dict() if s.evaluation else None,
-                }
-                for s in self.sources
-            ],
-        }
-
-    def markdown(self) -> str:
-        """Three tables: accuracy, accuracy by source, and cost."""
-        names = [p.preset for p in self.presets]
-        parts = ["## Accuracy\n", markdown_table(["figure", *names], self._accuracy())]
-        parts += [
-            "\n## By source\n",
-            markdown_table(_SOURCE_HEADER, map(_source_row, self.sources)),
-        ]
-        parts += ["\n## Cost of `observe`, ms, median / p95\n"]
-        parts += [markdown_table(["stage", *names], self._cost())]
-        return "\n".join(parts)
-
-    def _accuracy(self) -> list[list[str]]:
-        return [
-            [
-                title,
-                *(shown(getattr(p.evaluation, name) if p.evaluation else None)
-                  for p in self.presets),
-            ]
-            for name, title in FIGURE_TITLES.items()
-        ]  # fmt: skip
-
-    def _cost(self) -> list[list[str]]:
-        stages = dict.fromkeys(stage for p in self.presets for stage in p.timings)
-        return [
-            [
-                stage,
-                *(
-                    f"{p.timings[stage].median_ms:.1f} / {p.timings[stage].p95_ms:.1f}"
-                    if stage in p.timings
-                    else "-"
-                    for p in self.presets
-                ),
-            ]
-            for stage in stages
-        ]
-
-
-def simulated_sources(scenarios: Sequence[str], seeds: Sequence[int]) -> tuple[str, ...]:
-    """The specs of every scenario with every seed."""
-    return tuple(f"simulated:{name}?seed={seed}" for name in scenarios for seed in seeds)
-
-
 def run_benchmark(
     sources: Sequence[str],
     presets: Mapping[str, Parameters],
     *,
     max_frames: int = DEFAULT_MAX_FRAMES,
-    gate_m: float = GATE_M,
+    scale: Scale = LAB,
+    jobs: int = 1,
     progress: Callable[[Progress], None] | None = None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Benchmark:
     """Run every preset over every source, at full speed.
 
     Each frame is read once and observed by all presets in turn, so that they see the same noise
-    and share the machine's moods.
+    and share the machine's moods. On some of the frames OpenCV's calls are timed in place of the
+    stages.
 
     Args:
         sources: specs as ``open_source`` takes them.
         presets: by the name to print, as ``{"paper": preset("paper")}``.
         max_frames: most frames of each source.
-        gate_m: as for ``evaluate``.
-        progress: called after each frame of a source.
+        scale: a room or a road.
+        jobs: processes to spread the sources over. Accuracy is the same whatever their number;
+            cost is measured with one only.
+        progress: called after each frame of a source, or a few times a second with several jobs.
 
     Raises:
         InputError: nothing to do, or a source cannot be opened or has no calibration.
+        WorkerLost: a process was ended by the system.
     """
     if not sources or not presets:
         raise InputError("a benchmark needs at least one source and one preset")
-    times: dict[str, dict[str, list[float]]] = {name: defaultdict(list) for name in presets}
-    tallies: dict[str, list[Tally]] = {name: [] for name in presets}
-    results: list[SourceResult] = []
-    for number, spec in enumerate(sources):
+    plan = [described(spec) for spec in sources]
+    total = sum(source.planned(max_frames) for source in plan)
 
-        def report(done: int, number: int = number, spec: str = spec) -> None:
-            if progress is not None:
-                total = len(sources) * max_frames
-                progress(Progress(number * max_frames + done, total, spec))
+    def report(done: int, what: str) -> None:
+        if progress is not None:
+            progress(Progress(done, total, what))
 
-        runs = _run_source(spec, presets, max_frames, gate_m, report, clock)
-        for name, run in runs.items():
-            for stage, values in run.times.items():
-                times[name][stage] += values
-            if run.tally is not None:
-                tallies[name].append(run.tally)
-            evaluation = None if run.tally is None else summarise([run.tally])
-            results.append(SourceResult(name, spec, run.frames, run.skipped, evaluation))
-        report(max_frames)
+    if jobs > 1:
+        what = f"{len(plan)} sources in {jobs} processes"
+        runs = run_sources_in_processes(
+            plan, presets, max_frames, scale.gate_m, jobs, lambda done: report(done, what)
+        )
+    else:
+        runs = []
+        before = 0
+        for source in plan:
+            planned = source.planned(max_frames)
+
+            def note(
+                number: int, before: int = before, planned: int = planned, spec: str = source.spec
+            ) -> None:
+                report(before + min(number, planned), spec)
+
+            runs.append(run_source(source, presets, max_frames, scale.gate_m, note, clock))
+            before += planned
+            report(before, source.spec)
     return Benchmark(
+        scale=scale,
+        jobs=jobs,
         presets=tuple(
-            PresetResult(
-                preset=name,
-                timings={stage: _timing(values) for stage, values in times[name].items()},
-                evaluation=summarise(tallies[name]) if tallies[name] else None,
-            )
-            for name in presets
+            _preset_result(name, plan, [each[name] for each in runs], scale) for name in presets
         ),
-        sources=tuple(sorted(results, key=lambda r: list(presets).index(r.preset))),
+        sources=tuple(
+            _source_result(name, source, each[name])
+            for name in presets
+            for source, each in zip(plan, runs, strict=True)
+        ),
     )
 
 
-@dataclass(frozen=True)
-class _Run:
-    frames: int
-    skipped: int
-    times: Mapping[str, list[float]]
-    tally: Tally | None
+def _source_result(name: str, source: BenchmarkSource, run: SourceRun) -> SourceResult:
+    return SourceResult(
+        preset=name,
+        source=source,
+        frames=run.frames,
+        skipped=run.skipped,
+        evaluation=None if run.tally is None else summarise([run.tally]),
+        false=() if run.tally is None else tuple(run.tally.false),
+    )
 
 
-def _run_source(
-    spec: str,
-    presets: Mapping[str, Parameters],
-    max_frames: int,
-    gate_m: float,
-    report: Callable[[int], None],
-    clock: Callable[[], float],
-) -> dict[str, _Run]:
-    opened = open_source(spec)
-    try:
-        calibration = opened.source.calibration
-        if calibration is None:
-            raise InputError(f"{spec} brings no calibration, so it cannot be benchmarked")
-        observers = {
-            name: Observer(calibration, parameters, clock=clock)
-            for name, parameters in presets.items()
-        }
-        lines: dict[str, list[dict[str, Any]]] = {name: [] for name in presets}
-        times: dict[str, dict[str, list[float]]] = {name: defaultdict(list) for name in presets}
-        read = skipped = 0
-        for frame in _frames(opened.source.read, max_frames):
-            read += 1
-            report(read)
-            if not isinstance(frame, StereoFrame):
-                skipped += 1
-                continue
-            for name, observer in observers.items():
-                observation = observer.observe(frame)
-                lines[name].append(observation_line(observation))
-                if read > _WARM_UP_FRAMES:
-                    for stage, ms in observation.timings_ms.items():
-                        times[name][stage].append(ms)
-        return {
-            name: _Run(
-                frames=len(lines[name]),
-                skipped=skipped,
-                times=times[name],
-                tally=None
-                if opened.truth is None
-                else tally(checked_lines(lines[name]), opened.truth, gate_m),
-            )
-            for name in presets
-        }
-    finally:
-        opened.source.close()
+def _preset_result(
+    name: str, plan: Sequence[BenchmarkSource], runs: Sequence[SourceRun], scale: Scale
+) -> PresetResult:
+    timings = _timings(runs)
+    opencv = _opencv(runs, timings)
+    judged: list[tuple[Tally, str | None]] = [
+        (run.tally, source.declares)
+        for source, run in zip(plan, runs, strict=True)
+        if run.tally is not None
+    ]
+    if not judged:
+        return PresetResult(name, timings, opencv, None, None)
+    tallies = [t for t, _ in judged]
+    kinds: dict[str, list[Tally]] = defaultdict(list)
+    for each, declares in judged:
+        if declares is not None:
+            kinds[declares].append(each)
+    return PresetResult(
+        preset=name,
+        timings=timings,
+        opencv=opencv,
+        evaluation=summarise(tallies),
+        breakdown=break_down(tallies, scale, {kind: kinds[kind] for kind in sorted(kinds)[::-1]}),
+        targets=targets(judged, _cost(runs, timings, opencv)) if scale is LAB else (),
+    )
 
 
-def _frames(read: Callable[[], Any], most: int) -> Iterator[Any]:
-    for _ in range(most):
-        frame = read()
-        if frame is None:
-            return
-        yield frame
+def _timings(runs: Sequence[SourceRun]) -> dict[str, Timing]:
+    values: dict[str, list[float]] = defaultdict(list)
+    for run in runs:
+        for stage, each in run.times_ms.items():
+            values[stage] += each
+    return {stage: _timing(each) for stage, each in values.items()}
 
 
-def _timing(values: list[float]) -> Timing:
+def _opencv(runs: Sequence[SourceRun], timings: Mapping[str, Timing]) -> OpenCvCost | None:
+    frames = [calls for run in runs for calls in run.opencv_ms]
+    if not frames or "total" not in timings:
+        return None
+    timing = _timing([sum(calls.values()) for calls in frames])
+    if timing.median_ms <= 0:
+        return None
+    sums: dict[str, float] = defaultdict(float)
+    for calls in frames:
+        for call, ms in calls.items():
+            sums[call] += ms / len(frames)
+    return OpenCvCost(
+        timing=timing,
+        ratio=timings["total"].median_ms / timing.median_ms,
+        calls_ms=dict(sorted(sums.items(), key=lambda item: -item[1])),
+    )
+
+
+def _cost(
+    runs: Sequence[SourceRun], timings: Mapping[str, Timing], opencv: OpenCvCost | None
+) -> Cost | None:
+    if "total" not in timings:
+        return None
+    sizes = {run.image_size for run in runs}
+    return Cost(
+        image_size=sizes.pop() if len(sizes) == 1 else None,
+        median_ms=timings["total"].median_ms,
+        opencv_ratio=None if opencv is None else opencv.ratio,
+    )
+
+
+def _timing(values: Sequence[float]) -> Timing:
     return Timing(statistics.median(values), float(np.percentile(values, 95)))
-
-
-_SOURCE_HEADER = [
-    "source", "preset", "recall", "false / 100", "speed RMSE", "velocity RMSE", "centre RMSE",
-    "coverage", "delay s", "MOTA",
-]  # fmt: skip
-
-
-def _source_row(result: SourceResult) -> list[str]:
-    e = result.evaluation
-    if e is None:
-        return [result.source, result.preset, *["-"] * (len(_SOURCE_HEADER) - 2)]
-    figures = [
-        e.recall, e.false_per_100_frames, e.speed_rmse_mps, e.velocity_rmse_mps, e.centre_rmse_m,
-        e.coverage, e.delay_median_s, e.mota,
-    ]  # fmt: skip
-    return [result.source, result.preset, *map(shown, figures)]

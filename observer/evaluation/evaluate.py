@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from observer.evaluation.lines import Line, checked_lines
-from observer.evaluation.tally import GATE_M, Tally, tally
+from observer.evaluation.tally import GATE_M, Episode, Sample, Tally, tally
 from observer.truth.contract import Truth
 
 # Three components of velocity, 95 %.
@@ -21,8 +21,11 @@ _MAHALANOBIS2_95 = float(chi2.ppf(0.95, df=3))
 class Evaluation:
     """How good one or several runs were. A figure that nothing was there to draw from is None.
 
+    Runs that are scored for detection only give no errors of position, speed and velocity.
+
     Attributes:
         frames: compared. frames_without_world: left out, their world being unrelated to truth's.
+        frames_degraded, frames_lost: of all frames, by the status that the method gave them.
         truth_count: obstacles that count, summed over frames. matched: of these were found.
         recall: matched / truth_count.
         false: instances with no moving truth near. false_per_100_frames. duplicates: second
@@ -42,6 +45,8 @@ class Evaluation:
 
     frames: int
     frames_without_world: int
+    frames_degraded: int
+    frames_lost: int
     truth_count: int
     matched: int
     recall: float | None
@@ -77,6 +82,8 @@ class Evaluation:
 FIGURE_TITLES: dict[str, str] = {
     "frames": "frames compared",
     "frames_without_world": "frames without a common world",
+    "frames_degraded": "frames degraded",
+    "frames_lost": "frames lost",
     "truth_count": "moving obstacles in sight, summed over frames",
     "recall": "recall",
     "false_per_100_frames": "false per 100 frames",
@@ -116,37 +123,60 @@ def summarise(tallies: Sequence[Tally]) -> Evaluation:
     """The figures of several runs together."""
     samples = [s for t in tallies for s in t.samples]
     pairs = [s for s in samples if s.matched]
+    measured = [s for t in tallies if t.scored_for == "everything" for s in t.samples]
     episodes = [e for t in tallies for e in t.episodes]
     frames = sum(t.frames for t in tallies)
-    false = sum(t.false for t in tallies)
+    false = sum(len(t.false) for t in tallies)
     duplicates = sum(t.duplicates for t in tallies)
     switches = sum(s.switched for s in pairs)
-    misses = len(samples) - len(pairs)
-    inside = [s.mahalanobis2 <= _MAHALANOBIS2_95 for s in pairs if s.mahalanobis2 is not None]
-    delay = float(np.median([e.delay_s for e in episodes])) if episodes else float("inf")
-    errors = misses + false + duplicates + switches
+    errors = len(samples) - len(pairs) + false + duplicates + switches
     return Evaluation(
         frames=frames,
         frames_without_world=sum(t.frames_without_world for t in tallies),
+        frames_degraded=sum(t.frames_degraded for t in tallies),
+        frames_lost=sum(t.frames_lost for t in tallies),
         truth_count=len(samples),
         matched=len(pairs),
-        recall=len(pairs) / len(samples) if samples else None,
+        recall=recall(samples),
         false=false,
         false_per_100_frames=100 * false / frames if frames else None,
         duplicates=duplicates,
-        surface_rmse_m=_rms([s.surface_error_m for s in pairs]),
-        centre_rmse_m=_rms([s.centre_error_m for s in pairs]),
-        speed_rmse_mps=_rms([s.speed_error_mps for s in pairs]),
-        speed_bias_mps=_mean([s.speed_error_mps for s in pairs]),
-        velocity_rmse_mps=_rms([s.velocity_error_mps for s in pairs]),
+        surface_rmse_m=rms(s.surface_error_m for s in measured),
+        centre_rmse_m=rms(s.centre_error_m for s in measured),
+        speed_rmse_mps=rms(s.speed_error_mps for s in measured),
+        speed_bias_mps=_mean(s.speed_error_mps for s in measured),
+        velocity_rmse_mps=rms(s.velocity_error_mps for s in measured),
         identity_switches=switches,
         episodes=len(episodes),
         episodes_missed=sum(e.first_seen is None for e in episodes),
-        delay_median_s=delay if np.isfinite(delay) else None,
-        coverage=_mean([float(i) for i in inside]),
+        delay_median_s=delay_median(episodes),
+        coverage=coverage(samples),
         mota=1 - errors / len(samples) if samples else None,
-        motp_m=_mean([s.distance_m for s in pairs]),
+        motp_m=_mean(s.distance_m for s in measured),
     )
+
+
+def recall(samples: Sequence[Sample]) -> float | None:
+    """Share of the samples that were found."""
+    return sum(s.matched for s in samples) / len(samples) if samples else None
+
+
+def coverage(samples: Iterable[Sample]) -> float | None:
+    """Share of the velocities inside their stated 95 %, of those that state a covariance."""
+    known = (s.mahalanobis2 for s in samples)
+    return _mean(float(d <= _MAHALANOBIS2_95) for d in known if d is not None)
+
+
+def delay_median(episodes: Sequence[Episode]) -> float | None:
+    """Seconds to the first report; None without episodes, or if half of them were missed."""
+    median = float(np.median([e.delay_s for e in episodes])) if episodes else float("inf")
+    return median if np.isfinite(median) else None
+
+
+def rms(values: Iterable[float | None]) -> float | None:
+    """Root of the mean square of the values that are known."""
+    known = _known(values)
+    return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
 
 def shown(value: float | int | None) -> str:
@@ -168,11 +198,6 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def _known(values: Iterable[float | None]) -> list[float]:
     return [v for v in values if v is not None]
-
-
-def _rms(values: Iterable[float | None]) -> float | None:
-    known = _known(values)
-    return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
 
 def _mean(values: Iterable[float | None]) -> float | None:

@@ -16,7 +16,8 @@ The definitions, the same for every method:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -31,6 +32,10 @@ VISIBLE_SHARE = 0.5
 SETTLING_S = 0.6
 GATE_M = 0.5
 ROAD_GATE_M = 3.0
+
+# What a run is judged by: everything, or only status, detection and coverage (where depth is
+# known to be biased, errors of position and speed say nothing about the method).
+ScoredFor = Literal["everything", "detection"]
 
 _REFUSED = 1e9
 
@@ -70,7 +75,9 @@ class Episode:
     Attributes:
         body: its id. began, ended: seconds. first_seen: time of the first instance that belongs
             to it, None if there never was one.
-        radial: mean share of the motion along the line of sight. range_m: at its beginning.
+        range_m: from the camera, when it began.
+        radial: share of the true velocity along the line of sight, mean of its first 0.6 s:
+            what starts slowly or turns on the spot settles its direction then.
     """
 
     body: int
@@ -86,19 +93,55 @@ class Episode:
         return float("inf") if self.first_seen is None else self.first_seen - self.began
 
 
+@dataclass(frozen=True)
+class FalseInstance:
+    """An instance with no moving truth near it: where and when, for whoever looks for the cause.
+
+    Attributes:
+        frame, segment, time: of its line; the time in seconds. id: of the reported obstacle.
+        position: (x, y, z) metres, the truth's world. speed_mps: as reported.
+        range_m: from the camera.
+        nearest_id: the true body whose centre is nearest, moving or not; None without any.
+        nearest_m: its distance. nearest_moving: whether it moves.
+    """
+
+    frame: int
+    segment: int
+    time: float
+    id: int
+    position: tuple[float, float, float]
+    speed_mps: float
+    range_m: float
+    nearest_id: int | None
+    nearest_m: float | None
+    nearest_moving: bool | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return asdict(self)
+
+
 @dataclass
 class Tally:
     """What one run came to; several runs are summed up together.
 
     Attributes:
         frames: compared frames. frames_without_world: those left out because the segment's
-            world cannot be related to the truth's. false, duplicates: instances.
+            world cannot be related to the truth's.
+        frames_degraded, frames_lost: of all frames, by the status that the method gave them.
+        false: instances with no moving truth near. duplicates: second instances on one body.
+        moved: whether any true obstacle moved at any time, visible or not.
+        scored_for: which of its figures may be drawn.
     """
 
     frames: int = 0
     frames_without_world: int = 0
-    false: int = 0
+    frames_degraded: int = 0
+    frames_lost: int = 0
+    false: list[FalseInstance] = field(default_factory=list)
     duplicates: int = 0
+    moved: bool = False
+    scored_for: ScoredFor = "everything"
     samples: list[Sample] = field(default_factory=list)
     episodes: list[Episode] = field(default_factory=list)
 
@@ -115,9 +158,16 @@ class _Instance:
     speed: float
 
 
-def tally(lines: Sequence[Line], truth: Truth, gate_m: float = GATE_M) -> Tally:
+def tally(
+    lines: Sequence[Line],
+    truth: Truth,
+    gate_m: float = GATE_M,
+    scored_for: ScoredFor = "everything",
+) -> Tally:
     """Compare one run's lines with the truth."""
-    return _Comparison(truth, gate_m).run(lines)
+    result = _Comparison(truth, gate_m).run(lines)
+    result.scored_for = scored_for
+    return result
 
 
 class _Comparison:
@@ -127,6 +177,7 @@ class _Comparison:
         self._tally = Tally()
         # By the body's id: its present episode, the identity it last had, the sides seen so far.
         self._running: dict[int, Episode] = {}
+        self._first_radial: dict[int, list[float]] = {}
         self._identity: dict[int, tuple[int, int]] = {}
         self._sides: dict[int, frozenset[int]] = {}
         self._together: dict[int, tuple[int, int]] = {}
@@ -134,6 +185,8 @@ class _Comparison:
 
     def run(self, lines: Sequence[Line]) -> Tally:
         for line in lines:
+            self._tally.frames_degraded += line.status == "degraded"
+            self._tally.frames_lost += line.status == "lost"
             world = self._world(line)
             if world is None:
                 self._tally.frames_without_world += 1
@@ -172,11 +225,9 @@ class _Comparison:
             and entry.position is not None
             and entry.velocity is not None
         ]
-        moving = [
-            b
-            for b in self._truth.bodies(line.time)
-            if b.role != "observer" and b.speed > MOVING_MPS
-        ]
+        bodies = [b for b in self._truth.bodies(line.time) if b.role != "observer"]
+        moving = [b for b in bodies if b.speed > MOVING_MPS]
+        self._tally.moved |= bool(moving)
         camera = self._camera_position(line, world)
         for body in moving:
             self._note_sides(body, camera)
@@ -195,7 +246,7 @@ class _Comparison:
                 if episode is not None and episode.first_seen is None:
                     episode.first_seen = line.time
             if not near:
-                self._tally.false += 1
+                self._tally.false.append(_false(instance, line, bodies, camera))
             elif j not in taken and all(b.id in counted for b in near):
                 self._tally.duplicates += 1
 
@@ -221,14 +272,14 @@ class _Comparison:
             self._tally.episodes.append(self._running.pop(number))
         for number, body in in_sight.items():
             if number not in self._running:
-                self._running[number] = Episode(
-                    number,
-                    time,
-                    time,
-                    range_m=float(np.linalg.norm(body.position - camera)),
-                    radial=_radial(body, camera),
-                )
-            self._running[number].ended = time
+                distance = float(np.linalg.norm(body.position - camera))
+                self._running[number] = Episode(number, time, time, range_m=distance)
+                self._first_radial[number] = []
+            episode = self._running[number]
+            episode.ended = time
+            if time - episode.began <= SETTLING_S:
+                self._first_radial[number].append(_radial(body, camera))
+                episode.radial = float(np.mean(self._first_radial[number]))
         return [b for n, b in in_sight.items() if time - self._running[n].began >= SETTLING_S]
 
     def _pair(
@@ -293,6 +344,25 @@ def _instance(entry: ObstacleEntry, segment: int, world: Pose) -> _Instance:
         velocity_cov=cov,
         velocity_time=entry.velocity_time,
         speed=entry.speed,
+    )
+
+
+def _false(
+    instance: _Instance, line: Line, bodies: list[TrueBody], camera: Float64Array
+) -> FalseInstance:
+    nearest = min(bodies, key=lambda body: _distance(body, instance), default=None)
+    x, y, z = map(float, instance.position)
+    return FalseInstance(
+        frame=line.frame,
+        segment=line.segment,
+        time=line.time,
+        id=instance.identity[1],
+        position=(x, y, z),
+        speed_mps=instance.speed,
+        range_m=float(np.linalg.norm(instance.position - camera)),
+        nearest_id=None if nearest is None else nearest.id,
+        nearest_m=None if nearest is None else _distance(nearest, instance),
+        nearest_moving=None if nearest is None else nearest.speed > MOVING_MPS,
     )
 
 

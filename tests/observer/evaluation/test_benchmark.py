@@ -7,12 +7,10 @@ import json
 import pytest
 
 from observer.errors import InputError, ScenarioError
-from observer.evaluation.benchmark import (
-    Benchmark,
-    Progress,
-    run_benchmark,
-    simulated_sources,
-)
+from observer.evaluation.benchmark import Progress, run_benchmark
+from observer.evaluation.report import benchmark_markdown
+from observer.evaluation.results import Benchmark
+from observer.evaluation.sources import simulated_sources
 from observer.parameters import preset
 
 PRESETS = {"paper": preset("paper"), "default": preset("default")}
@@ -28,7 +26,7 @@ def lab() -> tuple[Benchmark, list[Progress]]:
 
 def test_every_preset_meets_every_source(lab: tuple[Benchmark, list[Progress]]) -> None:
     result, _ = lab
-    assert [(s.preset, s.source) for s in result.sources] == [
+    assert [(s.preset, s.source.spec) for s in result.sources] == [
         ("paper", "simulated:lab?seed=0"),
         ("paper", "simulated:lab?seed=5"),
         ("default", "simulated:lab?seed=0"),
@@ -62,13 +60,13 @@ def test_progress_rises_to_its_end(lab: tuple[Benchmark, list[Progress]]) -> Non
 def test_the_result_as_json_and_markdown(lab: tuple[Benchmark, list[Progress]]) -> None:
     result, _ = lab
     again = json.loads(json.dumps(result.as_dict(), allow_nan=False))
-    assert set(again) == {"presets", "sources"}
+    assert set(again) == {"scale", "jobs", "presets", "sources"}
     assert again["presets"][0]["timings_ms"]["total"]["median"] > 0
-    text = result.markdown()
+    text = benchmark_markdown(result)
     for words in (
         "| figure | paper | default |",
         "| recall |",
-        "| total |",
+        "| **whole step** |",
         "simulated:lab?seed=5",
     ):
         assert words in text
@@ -77,7 +75,7 @@ def test_the_result_as_json_and_markdown(lab: tuple[Benchmark, list[Progress]]) 
 def test_accuracy_is_the_same_each_time(lab: tuple[Benchmark, list[Progress]]) -> None:
     sources = simulated_sources(["lab"], [5])
     again = run_benchmark(sources, {"default": PRESETS["default"]}, max_frames=FRAMES)
-    (first,) = [s for s in lab[0].sources if (s.preset, s.source) == ("default", sources[0])]
+    (first,) = [s for s in lab[0].sources if (s.preset, s.source.spec) == ("default", sources[0])]
     assert again.sources[0].evaluation == first.evaluation
 
 

@@ -1,0 +1,99 @@
+"""Spreading a benchmark's sources over processes, where only accuracy is asked for."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.sharedctypes import Synchronized
+
+import cv2
+
+from observer.errors import DynamicObserverError
+from observer.evaluation.source_run import SourceRun, run_source
+from observer.evaluation.sources import BenchmarkSource
+from observer.parameters import Parameters
+
+_POLL_S = 0.2
+
+
+class WorkerLost(DynamicObserverError):
+    """A process ended in the middle of its work."""
+
+
+def run_sources_in_processes(
+    sources: Sequence[BenchmarkSource],
+    presets: Mapping[str, Parameters],
+    max_frames: int,
+    gate_m: float,
+    jobs: int,
+    report: Callable[[int], None],
+) -> list[dict[str, SourceRun]]:
+    """As ``run_source`` for each source, in the order of the sources, without times.
+
+    Args:
+        jobs: how many processes work at a time.
+        report: called with the number of frames done over all sources, a few times a second.
+
+    Raises:
+        InputError: as ``run_source``.
+        WorkerLost: a process was ended, by the system for want of memory for example.
+    """
+    context = multiprocessing.get_context("spawn")
+    done: Synchronized[int] = context.Value("L", 0)
+    pool = ProcessPoolExecutor(
+        min(jobs, len(sources)), mp_context=context, initializer=_begin, initargs=(done,)
+    )
+    try:
+        futures: list[Future[dict[str, SourceRun]]] = [
+            pool.submit(_work, source, presets, max_frames, gate_m) for source in sources
+        ]
+        waiting = set(futures)
+        while waiting:
+            finished, waiting = wait(waiting, timeout=_POLL_S, return_when=FIRST_COMPLETED)
+            for each in finished:
+                each.result()
+            report(done.value)
+        return [each.result() for each in futures]
+    except BrokenProcessPool:
+        raise WorkerLost(
+            "a process of the benchmark was ended by the system; run with fewer jobs"
+        ) from None
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+# In a worker: where it counts its frames, for the process that started it.
+_done: list[Synchronized[int]] = []
+
+
+def _begin(done: Synchronized[int]) -> None:
+    # One core for each process: OpenCV's own threads would only stand in the way of the others.
+    cv2.setNumThreads(1)
+    _done.append(done)
+
+
+def _work(
+    source: BenchmarkSource, presets: Mapping[str, Parameters], max_frames: int, gate_m: float
+) -> dict[str, SourceRun]:
+    planned, counted = source.planned(max_frames), 0
+
+    def report(number: int) -> None:
+        nonlocal counted
+        _count(min(number, planned) - counted)
+        counted = min(number, planned)
+
+    runs = run_source(source, presets, max_frames, gate_m, report)
+    _count(planned - counted)
+    return {name: _without_times(run) for name, run in runs.items()}
+
+
+def _count(frames: int) -> None:
+    (done,) = _done
+    with done.get_lock():
+        done.value += frames
+
+
+def _without_times(run: SourceRun) -> SourceRun:
+    return SourceRun(run.frames, run.skipped, run.image_size, {}, [], run.tally)

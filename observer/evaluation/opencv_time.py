@@ -1,0 +1,105 @@
+"""The bare cost of OpenCV's calls: how long its functions run while a frame is observed.
+
+While a recorder is on, every function of ``cv2`` and every method of its algorithms (detectors,
+matchers) is wrapped by one that takes the time. The wrapping itself costs time, so that nothing
+else should be timed meanwhile.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache, wraps
+from types import BuiltinFunctionType, MethodDescriptorType
+from typing import Any
+
+import cv2
+
+# Classes beside the algorithms that have functions of their own; the rest is read and written.
+_OTHER_CLASSES = (cv2.KeyPoint,)
+
+
+class OpenCvRecorder:
+    """Sums up the time that passes inside OpenCV's calls, by the call's name.
+
+    A call made within another one (from Python) counts as part of that one. Calls of several
+    threads are added up. It must be on in one place of a process at a time.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._clock = clock
+        self._thread = threading.local()
+        self._seconds: dict[str, float] = defaultdict(float)
+        self._wrapped: list[tuple[Any, str, Any]] = []
+
+    @contextmanager
+    def on(self) -> Iterator[None]:
+        """Record while the block runs; then OpenCV is as it was.
+
+        Raises:
+            RuntimeError: it is on already.
+        """
+        if any(getattr(owner, name) is not original for owner, name, original in _calls()[:1]):
+            raise RuntimeError("a recorder of OpenCV's time is on already")
+        if not self._wrapped:
+            self._wrapped = [
+                (owner, name, self._timed(owner, name, original))
+                for owner, name, original in _calls()
+            ]
+        try:
+            for owner, name, wrapper in self._wrapped:
+                setattr(owner, name, wrapper)
+            yield
+        finally:
+            for owner, name, original in _calls():
+                setattr(owner, name, original)
+
+    def take(self) -> Mapping[str, float]:
+        """Milliseconds by call since the last time this was asked, and begin anew."""
+        taken = {name: 1e3 * seconds for name, seconds in self._seconds.items()}
+        self._seconds.clear()
+        return taken
+
+    def _timed(self, owner: Any, name: str, original: Any) -> Any:
+        title = name if owner is cv2 else f"{owner.__name__}.{name}"
+        call = original.__func__ if isinstance(original, staticmethod) else original
+        thread, seconds, clock = self._thread, self._seconds, self._clock
+
+        @wraps(call)
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            if getattr(thread, "inside", False):
+                return call(*args, **kwargs)
+            thread.inside = True
+            begin = clock()
+            try:
+                return call(*args, **kwargs)
+            finally:
+                seconds[title] += clock() - begin
+                thread.inside = False
+
+        return staticmethod(timed) if isinstance(original, staticmethod) else timed
+
+
+@cache
+def _calls() -> tuple[tuple[Any, str, Any], ...]:
+    """What is wrapped: the module or class, the attribute, and what stands there."""
+    classes = [
+        each
+        for each in vars(cv2).values()
+        if isinstance(each, type) and (issubclass(each, cv2.Algorithm) or each in _OTHER_CLASSES)
+    ]
+    functions = [
+        (cv2, name, value)
+        for name, value in vars(cv2).items()
+        if isinstance(value, BuiltinFunctionType)
+    ]
+    methods = [
+        (owner, name, value)
+        for owner in dict.fromkeys(classes)
+        for name, value in vars(owner).items()
+        if not name.startswith("_") and isinstance(value, staticmethod | MethodDescriptorType)
+    ]
+    return (*functions, *methods)

@@ -1,0 +1,136 @@
+"""Running the presets over one source: what they found, and what they cost.
+
+Time spent in the source (rendering, reading) is left out of every figure.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+from observer.errors import InputError
+from observer.evaluation.lines import checked_lines
+from observer.evaluation.opencv_time import OpenCvRecorder
+from observer.evaluation.sources import BenchmarkSource
+from observer.evaluation.tally import Tally, tally
+from observer.jsonl import observation_line
+from observer.observer import Observer
+from observer.opening import OpenedSource, open_source
+from observer.parameters import Parameters
+from observer.types import StereoFrame
+
+# Caches and clocks settle first.
+_WARM_UP_FRAMES = 3
+# Share of the frames on which OpenCV's calls are timed in place of the stages. They are drawn, so
+# that nothing which the method does every so many frames falls on one kind only.
+_RECORDED_SHARE = 1 / 3
+
+
+@dataclass(frozen=True)
+class SourceRun:
+    """One preset on one source.
+
+    Attributes:
+        frames: observed. skipped: frames that the source could not read.
+        image_size: width, height.
+        times_ms: by stage, one value for each frame on which they were taken.
+        opencv_ms: by call, one mapping for each of the other frames.
+        tally: None where the source has no truth.
+    """
+
+    frames: int
+    skipped: int
+    image_size: tuple[int, int]
+    times_ms: Mapping[str, list[float]]
+    opencv_ms: list[Mapping[str, float]]
+    tally: Tally | None
+
+
+def run_source(
+    source: BenchmarkSource,
+    presets: Mapping[str, Parameters],
+    max_frames: int,
+    gate_m: float,
+    report: Callable[[int], None],
+    clock: Callable[[], float] = time.perf_counter,
+) -> dict[str, SourceRun]:
+    """Observe one source by all presets, frame by frame in turn.
+
+    They see the same noise and share the machine's moods.
+
+    Args:
+        report: called with the number of frames done, before each one.
+
+    Raises:
+        InputError: the source cannot be opened or has no calibration.
+    """
+    opened = open_source(source.spec)
+    with closing(opened.source):
+        return _run(opened, source, presets, max_frames, gate_m, report, clock)
+
+
+def _run(
+    opened: OpenedSource,
+    source: BenchmarkSource,
+    presets: Mapping[str, Parameters],
+    max_frames: int,
+    gate_m: float,
+    report: Callable[[int], None],
+    clock: Callable[[], float],
+) -> dict[str, SourceRun]:
+    calibration = opened.source.calibration
+    if calibration is None:
+        raise InputError(f"{source.spec} brings no calibration, so it cannot be benchmarked")
+    observers = {
+        name: Observer(calibration, parameters, clock=clock) for name, parameters in presets.items()
+    }
+    lines: dict[str, list[dict[str, Any]]] = {name: [] for name in presets}
+    times: dict[str, dict[str, list[float]]] = {name: defaultdict(list) for name in presets}
+    opencv: dict[str, list[Mapping[str, float]]] = {name: [] for name in presets}
+    recorder, draw = OpenCvRecorder(clock), random.Random(0)
+    skipped = 0
+    for number, frame in enumerate(_frames(opened.source.read, max_frames)):
+        report(number)
+        settled = number >= _WARM_UP_FRAMES
+        recorded = settled and draw.random() < _RECORDED_SHARE
+        if not isinstance(frame, StereoFrame):
+            skipped += 1
+            continue
+        for name, observer in observers.items():
+            if recorded:
+                with recorder.on():
+                    observation = observer.observe(frame)
+                opencv[name].append(recorder.take())
+            else:
+                observation = observer.observe(frame)
+            lines[name].append(observation_line(observation))
+            if settled and not recorded:
+                for stage, ms in observation.timings_ms.items():
+                    times[name][stage].append(ms)
+    info = opened.source.info
+    return {
+        name: SourceRun(
+            frames=len(lines[name]),
+            skipped=skipped,
+            image_size=(info.width, info.height),
+            times_ms=dict(times[name]),
+            opencv_ms=opencv[name],
+            tally=None
+            if opened.truth is None
+            else tally(checked_lines(lines[name]), opened.truth, gate_m, source.scored_for),
+        )
+        for name in presets
+    }
+
+
+def _frames(read: Callable[[], Any], most: int) -> Iterator[Any]:
+    for _ in range(most):
+        frame = read()
+        if frame is None:
+            return
+        yield frame

@@ -1,0 +1,189 @@
+"""What the default preset is to reach in the lab's benchmark scenarios, and whether it does.
+
+The figures are for obstacles between 0.8 and 4 m from the camera: samples and episodes elsewhere
+do not count here (they do in ``breakdown``). What moves laterally must be found from 0.2 m/s on,
+what moves otherwise from 0.3 m/s on. False instances count wherever they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from observer.evaluation.breakdown import NEAR_M, direction_of
+from observer.evaluation.evaluate import (
+    coverage,
+    delay_median,
+    markdown_table,
+    recall,
+    rms,
+    shown,
+)
+from observer.evaluation.tally import Episode, Sample, Tally
+
+RANGE_M = (0.8, 4.0)
+# A motion this fast must be found, by its direction; slower ones are found where they can be.
+LATERAL_MPS = 0.2
+OTHER_MPS = 0.3
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What ``observe`` takes.
+
+    Attributes:
+        image_size: width, height of all images; None where they differ.
+        median_ms: of the whole step. opencv_ratio: over the bare cost of its OpenCV calls.
+    """
+
+    image_size: tuple[int, int] | None
+    median_ms: float
+    opencv_ratio: float | None
+
+
+@dataclass(frozen=True)
+class Target:
+    """One figure, between what limits it should lie, and what it is.
+
+    Attributes:
+        least, most: limits, None where there is none.
+        measured: None where nothing was there to draw it from, or where half of the episodes
+            or more never got a report.
+        count: samples, episodes or frames it was drawn from; 0 where it was not measured.
+    """
+
+    figure: str
+    least: float | None
+    most: float | None
+    measured: float | None
+    count: int
+
+    @property
+    def wanted(self) -> str:
+        """The limits as text."""
+        if self.least is None:
+            return f"<= {self.most:g}" if self.most else "0"
+        return f">= {self.least:g}" if self.most is None else f"{self.least:g}-{self.most:g}"
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the figure lies within its limits; None where it was not measured."""
+        if self.count == 0:
+            return None
+        if self.measured is None:
+            return False
+        return (self.least is None or self.measured >= self.least) and (
+            self.most is None or self.measured <= self.most
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return asdict(self) | {"reached": self.reached}
+
+
+def targets(
+    runs: Sequence[tuple[Tally, str | None]], cost: Cost | None = None
+) -> tuple[Target, ...]:
+    """The table of one preset.
+
+    Args:
+        runs: each with what its scenario declares, ``ideal`` or ``faulty``, None where unknown.
+        cost: None where it was not measured, or not on a quiet machine.
+    """
+    tallies = [t for t, _ in runs]
+    samples = [s for t in tallies for s in _in_range(t)]
+    lateral = [s for s in samples if _is_lateral(s.radial) and s.speed_mps >= LATERAL_MPS]
+    other = [s for s in samples if not _is_lateral(s.radial) and s.speed_mps >= OTHER_MPS]
+    measured = [s for t in tallies if t.scored_for == "everything" for s in _in_range(t)]
+    centres = [s.centre_error_m for s in measured if s.centre_error_m is not None]
+    stated = [s for s in samples if s.mahalanobis2 is not None]
+    episodes = [e for t in tallies for e in t.episodes if _between(e.range_m)]
+    static = [t for t in tallies if not t.moved]
+    return (
+        Target(f"recall, {LATERAL_MPS:g} m/s lateral or {OTHER_MPS:g} m/s otherwise", 0.97, None,
+               recall(lateral + other), len(lateral + other)),
+        Target(f"recall, lateral from {LATERAL_MPS:g} m/s", 0.97, None, recall(lateral),
+               len(lateral)),
+        Target(f"recall, radial and diagonal from {OTHER_MPS:g} m/s", 0.97, None, recall(other),
+               len(other)),
+        _false("false per 100 frames, all scenarios", 0.5, tallies),
+        _false("false per 100 frames, static scenarios", 0.0, static),
+        *_errors("ideal", 0.02, 0.03, [t for t, declares in runs if declares == "ideal"]),
+        *_errors("faulty", 0.05, 0.08, [t for t, declares in runs if declares == "faulty"]),
+        Target("centre RMSE, m", None, 0.08, rms(centres), len(centres)),
+        Target("identity switches", None, 0.0, _switches(samples), len(samples)),
+        _delay("delay s, lateral, median", 0.5, [e for e in episodes if _is_lateral(e.radial)]),
+        _delay(f"delay s, radial begun within {NEAR_M:g} m, median", 0.7, [
+            e for e in episodes if direction_of(e.radial) == "radial" and e.range_m <= NEAR_M
+        ]),
+        Target("coverage of velocity", 0.90, 0.98, coverage(stated), len(stated)),
+        *([] if cost is None else _costs(cost)),
+    )  # fmt: skip
+
+
+def targets_table(by_preset: Mapping[str, Sequence[Target]]) -> str:
+    """Markdown: figure, target, then what each preset measured and whether that reaches it."""
+    header = ["figure at 0.8-4 m", "target"]
+    for name in by_preset:
+        header += [name, "reached"]
+    figures = {t.figure: t.wanted for each in by_preset.values() for t in each}
+    rows = []
+    for figure, wanted in figures.items():
+        row = [figure, wanted]
+        for each in by_preset.values():
+            found = next((t for t in each if t.figure == figure), None)
+            row += ["-", "-"] if found is None else [_measured(found), _yes_or_no(found)]
+        rows.append(row)
+    return markdown_table(header, rows)
+
+
+def _measured(target: Target) -> str:
+    return "never" if target.count and target.measured is None else shown(target.measured)
+
+
+def _yes_or_no(target: Target) -> str:
+    return {True: "yes", False: "**no**", None: "-"}[target.reached]
+
+
+def _between(range_m: float) -> bool:
+    return RANGE_M[0] <= range_m <= RANGE_M[1]
+
+
+def _in_range(tally: Tally) -> list[Sample]:
+    return [s for s in tally.samples if _between(s.range_m)]
+
+
+def _is_lateral(radial: float) -> bool:
+    return direction_of(radial) == "lateral"
+
+
+def _false(figure: str, most: float, tallies: Sequence[Tally]) -> Target:
+    frames = sum(t.frames for t in tallies)
+    false = sum(len(t.false) for t in tallies)
+    return Target(figure, None, most, 100 * false / frames if frames else None, frames)
+
+
+def _errors(kind: str, speed: float, velocity: float, tallies: Sequence[Tally]) -> list[Target]:
+    pairs = [s for t in tallies if t.scored_for == "everything" for s in _in_range(t) if s.matched]
+    return [
+        Target(f"speed RMSE, {kind}, m/s", None, speed,
+               rms(s.speed_error_mps for s in pairs), len(pairs)),
+        Target(f"velocity RMSE, {kind}, m/s", None, velocity,
+               rms(s.velocity_error_mps for s in pairs), len(pairs)),
+    ]  # fmt: skip
+
+
+def _switches(samples: Sequence[Sample]) -> int | None:
+    return sum(s.switched for s in samples) if samples else None
+
+
+def _delay(figure: str, most: float, episodes: Sequence[Episode]) -> Target:
+    return Target(figure, None, most, delay_median(episodes), len(episodes))
+
+
+def _costs(cost: Cost) -> list[Target]:
+    most = {(512, 256): 8.0, (1242, 375): 25.0}.get(cost.image_size or (0, 0))
+    rows = [] if most is None else [Target("observe ms, median", None, most, cost.median_ms, 1)]
+    measured = int(cost.opencv_ratio is not None)
+    return [*rows, Target("observe over bare OpenCV", None, 2.0, cost.opencv_ratio, measured)]
