@@ -17,6 +17,8 @@ from typing import Any, Literal
 #   residual  residual flow as arrows and colours over the darkened image
 #   plain     the rectified left image as it is (camera frustum in the 3D scene)
 VIEW_NAMES: tuple[str, ...] = ("left", "warped", "disparity", "residual", "plain")
+# The view that needs dense stereo, like the cloud.
+DISPARITY_NAME = "disparity"
 # The slot of the dense cloud; watched like a view.
 CLOUD_NAME = "cloud"
 
@@ -218,6 +220,27 @@ class EngineStartedEvent:
 
 
 @dataclass(frozen=True)
+class DenseStereoEvent:
+    """The thread of dense stereo made the cloud or the disparity view, or failed at it.
+
+    Attributes:
+        frame, received: of the pair it was made of.
+        published: the host's monotonic clock behind it.
+        seconds: from taking the pair to its last slot.
+        coarseness: how many pixels of the pair lie along one that was matched, each way; None
+            where nothing was.
+        trouble: one sentence of what failed, None where nothing did.
+    """
+
+    frame: int
+    received: float
+    published: float
+    seconds: float
+    coarseness: int | None
+    trouble: str | None
+
+
+@dataclass(frozen=True)
 class EngineLostEvent:
     """Made by the supervisor: the engine process ended or hung, and why in one sentence."""
 
@@ -229,6 +252,7 @@ Event = (
     ObservationEvent
     | StateEvent
     | SkippedFrameEvent
+    | DenseStereoEvent
     | HeartbeatEvent
     | EngineStartedEvent
     | EngineLostEvent

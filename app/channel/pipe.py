@@ -15,7 +15,13 @@ from collections import deque
 from typing import Any
 
 from app.channel.errors import ChannelError
-from app.messages import HeartbeatEvent, ObservationEvent, Reply, SkippedFrameEvent
+from app.messages import (
+    DenseStereoEvent,
+    HeartbeatEvent,
+    ObservationEvent,
+    Reply,
+    SkippedFrameEvent,
+)
 
 _LENGTH = struct.Struct(">I")
 # The largest honest message is a previewed calibration of two large images.
@@ -89,8 +95,8 @@ class MessageSender:
     """Sends messages from a thread of its own, so that a slow reader never delays the caller.
 
     The queue is bounded: of observations and skipped frames the oldest are dropped and counted,
-    of heartbeats only the newest waits. Replies and states are never dropped; there are only as
-    many of them as there were requests.
+    of heartbeats and of news of dense stereo only the newest waits. Replies and states are never
+    dropped; there are only as many of them as there were requests.
     """
 
     def __init__(self, sock: socket.socket, *, backlog: int = DEFAULT_BACKLOG) -> None:
@@ -120,8 +126,8 @@ class MessageSender:
         with self._changed:
             if self._closing or self._broken:
                 return
-            if isinstance(message, HeartbeatEvent):
-                self._drop_first(HeartbeatEvent)
+            if isinstance(message, HeartbeatEvent | DenseStereoEvent):
+                self._drop_first(type(message))
             elif isinstance(message, ObservationEvent | SkippedFrameEvent):
                 if self._waiting_observations >= self._backlog:
                     dropped = self._drop_first(ObservationEvent, SkippedFrameEvent)

@@ -44,7 +44,7 @@ def run_engine(
         inbox=inbox,
         send=sender.send,
         observations_lost=lambda: sender.observations_lost,
-        publisher=Publisher(slots, time.monotonic),
+        publisher=Publisher(slots, time.monotonic, sender.send),
         open_source=open_source,
         make_observer=make_observer,
     )

@@ -2,31 +2,59 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 
 from app.channel.latest import LatestWriter
-from app.engine.clouds import MIN_INTERVAL_S, CloudMaker, RateLimit
-from app.engine.views import draw_view, jpeg_size
+from app.engine.dense_stereo import DensePair, DenseStereo, PairKeeper, cloud_value, dense_stereo
+from app.engine.latest_worker import LatestWorker
+from app.engine.views import draw_disparity, draw_view, jpeg_size
 from app.engine.watched import Observed
-from app.messages import CLOUD_NAME, VIEW_NAMES
+from app.messages import CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES, DenseStereoEvent
 from observer.errors import InputError
+
+# The scene is drawn ten times a second; a little more, so that a busy machine keeps the ten.
+DENSE_RATE_HZ = 12.0
+_DENSE = frozenset({CLOUD_NAME, DISPARITY_NAME})
+
+
+@dataclass(frozen=True, eq=False)
+class _DenseJob:
+    pair: DensePair
+    # Of which source: what was begun for one that is closed by now is not shown.
+    epoch: int
 
 
 class Publisher:
-    """Draws, encodes and writes views and the cloud while somebody watches them."""
+    """Draws, encodes and writes views and the cloud while somebody watches them.
 
-    def __init__(self, slots: Mapping[str, LatestWriter], clock: Callable[[], float]) -> None:
+    What needs dense stereo is made by a thread beside the loop, from the newest pair at its
+    own rate; the rest at once. A slot is written by one thread only.
+    """
+
+    def __init__(
+        self,
+        slots: Mapping[str, LatestWriter],
+        clock: Callable[[], float],
+        send: Callable[[DenseStereoEvent], None],
+    ) -> None:
         """
         Args:
             slots: one for each name in ``VIEW_NAMES`` and ``CLOUD_NAME``.
             clock: the host's monotonic clock.
+            send: told of every cloud or disparity view, also of one that failed; called in the
+                other thread.
         """
         self._slots = slots
         self._clock = clock
+        self._send = send
         self._watched: frozenset[str] = frozenset()
         self._newest: Observed | None = None
-        self._clouds = CloudMaker()
-        self._cloud_limit = RateLimit(MIN_INTERVAL_S)
+        self._pairs = PairKeeper()
+        self._epoch = 0
+        self._writing = threading.Lock()
+        self._dense = LatestWorker("dense stereo", self._make_dense, rate_hz=DENSE_RATE_HZ)
 
     def watch(self, names: Iterable[str]) -> None:
         """Draw these from now on; what is newly watched is shown at once, also while paused.
@@ -48,26 +76,69 @@ class Publisher:
     def publish(self, observed: Observed) -> None:
         """Draw the watched views of the newest frame."""
         self._newest = observed
-        self._clouds.remember(observed)
-        wanted = self._watched
-        if CLOUD_NAME in wanted and not self._cloud_limit.allows(self._clock()):
-            wanted = wanted - {CLOUD_NAME}
-        self._draw(observed, wanted)
+        self._pairs.remember(observed)
+        self._draw(observed, self._watched)
 
     def forget(self) -> None:
         """The source is closed: what was observed of it is not shown again."""
         self._newest = None
-        self._clouds = CloudMaker()
+        self._pairs = PairKeeper()
+        self._dense.forget()
+        with self._writing:
+            self._epoch += 1
 
-    def _draw(self, observed: Observed, names: Iterable[str]) -> None:
+    def close(self) -> None:
+        """End the thread; nothing is written any more."""
+        self.forget()
+        self._dense.close()
+
+    def _draw(self, observed: Observed, names: frozenset[str]) -> None:
+        if names & _DENSE:
+            self._dense.give(_DenseJob(self._pairs.pair(observed), self._epoch))
         frame = observed.frame
         facts = {"frame": frame.index, "time": frame.time, "received": frame.received}
-        for name in names:
-            if name == CLOUD_NAME:
-                cloud = self._clouds.make(observed)
-                if cloud is not None:
-                    self._slots[name].write(cloud[0], *cloud[1])
-                continue
+        for name in names - _DENSE:
             width, height = jpeg_size(*frame.left.shape[1::-1])
             header = {**facts, "width": width, "height": height}
             self._slots[name].write(header, draw_view(name, observed))
+
+    # --- in the other thread ---------------------------------------------------------------
+
+    def _make_dense(self, job: _DenseJob) -> None:
+        begin, watched = self._clock(), self._watched & _DENSE
+        if not watched:
+            return
+        dense = trouble = None
+        try:
+            dense = dense_stereo(job.pair)
+            self._write_dense(job, dense, watched)
+        except Exception as error:  # noqa: BLE001
+            # What is only looked at must not end what is observed, nor the next attempt.
+            trouble = f"dense stereo failed: {type(error).__name__}: {error}"
+        now, instant = self._clock(), job.pair.instant
+        self._send(
+            DenseStereoEvent(
+                frame=instant["frame"],
+                received=instant["received"],
+                published=now,
+                seconds=now - begin,
+                coarseness=None if dense is None else dense.coarseness,
+                trouble=trouble,
+            )
+        )
+
+    def _write_dense(
+        self, job: _DenseJob, dense: DenseStereo | None, watched: frozenset[str]
+    ) -> None:
+        pair, values = job.pair, []
+        if CLOUD_NAME in watched and dense is not None:
+            values.append((CLOUD_NAME, *cloud_value(pair, dense)))
+        if DISPARITY_NAME in watched:
+            facts = {name: pair.instant[name] for name in ("frame", "time", "received")}
+            width, height = jpeg_size(*pair.left.shape[1::-1])
+            header = {**facts, "width": width, "height": height}
+            values.append((DISPARITY_NAME, header, [draw_disparity(pair, dense)]))
+        with self._writing:
+            if job.epoch == self._epoch:
+                for name, header, payload in values:
+                    self._slots[name].write(header, *payload)

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from app.engine.dense_stereo import DensePair, DenseStereo
 from app.engine.watched import Observed
 from observer.types import Image, Obstacle
 
@@ -35,8 +36,24 @@ RESIDUAL_SCALE = 4.0
 
 
 def draw_view(name: str, observed: Observed) -> bytes:
-    """The named view (one of ``app.messages.VIEW_NAMES``) as a JPEG."""
+    """The named view (of ``app.messages.VIEW_NAMES`` all but the disparity) as a JPEG."""
     return encode_jpeg(_VIEWS[name](observed), fine_colors=name in _FINELY_DRAWN)
+
+
+def draw_disparity(pair: DensePair, dense: DenseStereo | None) -> bytes:
+    """Disparity as colours, near is red, what is unknown stays dark; a JPEG of the pair's size."""
+    height, width = pair.left.shape[:2]
+    if dense is None:
+        return encode_jpeg(_nothing((height, width), "no disparity in this frame", pair.reasons))
+    # The square root spreads the far part, where most of a scene lies; unknown becomes 0.
+    share = np.nan_to_num(dense.disparity, nan=0.0) / dense.parameters.max_disparity_px
+    level = cv2.convertScaleAbs(cv2.sqrt(share.clip(0.0, 1.0)), alpha=255.0)
+    colors = np.asarray(cv2.applyColorMap(level, _disparity_colors()), dtype=np.uint8)
+    if dense.coarseness > 1:
+        # Coarse pixels stay visible as such: what was not matched is not smoothed into being.
+        resized = cv2.resize(colors, (width, height), interpolation=cv2.INTER_NEAREST)
+        colors = np.asarray(resized, dtype=np.uint8)
+    return encode_jpeg(colors)
 
 
 def encode_jpeg(image: Image, *, fine_colors: bool = False) -> bytes:
@@ -90,20 +107,9 @@ def _plain(observed: Observed) -> Image:
 def _warped(observed: Observed) -> Image:
     warped = observed.trace.get("warped_left")
     if warped is None:
-        return _nothing(observed, "no transformed image in this frame")
+        return _nothing_of(observed, "no transformed image in this frame")
     image: Image = warped
     return image
-
-
-def _disparity(observed: Observed) -> Image:
-    """Disparity as colours, near is red; what is unknown stays dark."""
-    disparity = observed.trace.get("disparity")
-    if disparity is None:
-        return _nothing(observed, "no disparity in this frame")
-    # The square root spreads the far part, where most of a scene lies; unknown becomes 0.
-    share = np.nan_to_num(disparity, nan=0.0) / observed.parameters.stereo.max_disparity_px
-    level = cv2.convertScaleAbs(cv2.sqrt(share.clip(0.0, 1.0)), alpha=255.0)
-    return np.asarray(cv2.applyColorMap(level, _disparity_colors()), dtype=np.uint8)
 
 
 def _disparity_colors() -> Image:
@@ -122,7 +128,7 @@ def _residual(observed: Observed) -> Image:
     trace = observed.trace
     start, residual = trace.get("flow_px"), trace.get("flow_residual_px")
     if start is None or residual is None:
-        return _nothing(observed, "no residual flow in this frame")
+        return _nothing_of(observed, "no residual flow in this frame")
     base = trace.get("previous_left")
     base = trace["left"] if base is None else base
     canvas = _color_copy(np.asarray(cv2.convertScaleAbs(base, alpha=0.45), dtype=np.uint8))
@@ -142,7 +148,6 @@ def _residual(observed: Observed) -> Image:
 _VIEWS: Mapping[str, Callable[[Observed], Image]] = {
     "left": _left,
     "warped": _warped,
-    "disparity": _disparity,
     "residual": _residual,
     "plain": _plain,
 }
@@ -156,12 +161,16 @@ def _color_copy(image: Image) -> Image:
     return image.copy()
 
 
-def _nothing(observed: Observed, sentence: str) -> Image:
-    height, width = observed.trace["left"].shape[:2]
-    canvas = np.full((height, width, 3), _DARK, dtype=np.uint8)
-    for row, text in enumerate([sentence, *observed.observation.reasons[:3]]):
+def _nothing(size: tuple[int, int], sentence: str, reasons: tuple[str, ...]) -> Image:
+    """A dark picture of this height and width that says why it is one."""
+    canvas = np.full((*size, 3), _DARK, dtype=np.uint8)
+    for row, text in enumerate([sentence, *reasons[:3]]):
         _text(canvas, text, (8, 22 + 20 * row), _GREY)
     return canvas
+
+
+def _nothing_of(observed: Observed, sentence: str) -> Image:
+    return _nothing(observed.trace["left"].shape[:2], sentence, observed.observation.reasons)
 
 
 def _lines(

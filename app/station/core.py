@@ -16,6 +16,7 @@ from typing import Any
 import structlog
 
 from app.messages import (
+    DenseStereoEvent,
     EngineLostEvent,
     EngineStartedEvent,
     EngineState,
@@ -151,6 +152,9 @@ class StationCore:
                 self._state_changed(event)
             case SkippedFrameEvent():
                 self.telemetry.frame_skipped(event)
+            case DenseStereoEvent():
+                if self.telemetry.dense_made(event, self.clock()):
+                    self.followers.status_changed()
             case EngineStartedEvent():
                 self._engine_started(event.generation)
             case EngineLostEvent():

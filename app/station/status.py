@@ -13,6 +13,7 @@ def status(station: Station) -> dict[str, Any]:
     """Everything the page shows about the server; finite numbers, no arrays."""
     health = station.engine.health
     telemetry = station.telemetry
+    dense = telemetry.dense(station.clock())
     state = station.state
     run = station.run
     calibration = station.wanted.calibration
@@ -36,6 +37,7 @@ def status(station: Station) -> dict[str, Any]:
         else {"id": calibration.id, "name": calibration.name},
         "parameters_revision": station.parameters.current.revision,
         "rates": {"unique_frames_per_s": round(telemetry.rate(station.clock()), 2)},
+        "dense_stereo": asdict(dense) | {"per_s": round(dense.per_s, 2)},
         "frames_observed": telemetry.frames_observed,
         "latency_ms": asdict(telemetry.latency),
         "timings_ms": telemetry.timings_ms,
@@ -60,7 +62,8 @@ def observation_age_s(station: Station) -> float | None:
 
 
 def _trouble(station: Station) -> list[str]:
-    return [] if station.writer.trouble is None else [station.writer.trouble]
+    troubles = (station.writer.trouble, station.telemetry.dense_trouble)
+    return [trouble for trouble in troubles if trouble is not None]
 
 
 def _rounded(value: float | None) -> float | None:

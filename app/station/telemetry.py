@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
-from app.messages import ObservationEvent, SkippedFrameEvent
+from app.messages import DenseStereoEvent, ObservationEvent, SkippedFrameEvent
 
 _RATE_WINDOW_S = 2.0
 _TIMED_FRAMES = 90
@@ -25,6 +26,23 @@ class Latency:
     count: int
 
 
+@dataclass(frozen=True)
+class DenseStereo:
+    """What the thread of dense stereo does beside the loop.
+
+    Attributes:
+        per_s: clouds (or disparity views) lately; 0 while nobody watches.
+        age_s: since the reception of the newest one's pair; None before the first.
+        median_ms: to make one; None where none was made lately.
+        coarseness: how many pixels lie along one that is matched; None before the first.
+    """
+
+    per_s: float
+    age_s: float | None
+    median_ms: float | None
+    coarseness: int | None
+
+
 class Telemetry:
     """Collects what ``status`` shows of the last seconds."""
 
@@ -33,11 +51,14 @@ class Telemetry:
         self._timings: deque[dict[str, float]] = deque(maxlen=_TIMED_FRAMES)
         self._latency: deque[float] = deque(maxlen=_LATENCY_SAMPLES)
         self._skipped: deque[SkippedFrameEvent] = deque(maxlen=_SKIPPED_SHOWN)
+        self._dense: deque[tuple[float, DenseStereoEvent]] = deque()
+        self._newest_dense: DenseStereoEvent | None = None
         self._last: tuple[int, int] | None = None
         self._observed_before = 0
         self._observed_now = 0
         self.frame_skips = 0
         self.live_messages_dropped = 0
+        self.dense_trouble: str | None = None
 
     @property
     def frames_observed(self) -> int:
@@ -61,6 +82,8 @@ class Telemetry:
         self._timings.clear()
         self._skipped.clear()
         self._latency.clear()
+        self._dense.clear()
+        self._newest_dense = self.dense_trouble = None
         self._last = None
         self.frame_skips = 0
 
@@ -74,6 +97,27 @@ class Telemetry:
             self._arrivals.append(now)
         self._timings.append(event.line["timings_ms"])
 
+    def dense_made(self, event: DenseStereoEvent, now: float) -> bool:
+        """Count a cloud or disparity view, or that it failed; whether the trouble is another."""
+        changed = event.trouble != self.dense_trouble
+        self.dense_trouble = event.trouble
+        if event.trouble is None:
+            self._newest_dense = event
+            self._dense.append((now, event))
+        return changed
+
+    def dense(self, now: float) -> DenseStereo:
+        """Rate and cost of the last 2 s, and the newest one's age."""
+        while self._dense and self._dense[0][0] < now - _RATE_WINDOW_S:
+            self._dense.popleft()
+        newest, lately = self._newest_dense, [event for _, event in self._dense]
+        return DenseStereo(
+            per_s=_per_second([arrival for arrival, _ in self._dense], now),
+            age_s=None if newest is None else round(max(0.0, now - newest.received), 3),
+            median_ms=round(1e3 * median(e.seconds for e in lately), 1) if lately else None,
+            coarseness=None if newest is None else newest.coarseness,
+        )
+
     def frame_skipped(self, event: SkippedFrameEvent) -> None:
         self._skipped.append(event)
 
@@ -85,11 +129,7 @@ class Telemetry:
         """Unique frames per second over the last 2 s."""
         while self._arrivals and self._arrivals[0] < now - _RATE_WINDOW_S:
             self._arrivals.popleft()
-        if len(self._arrivals) < 2:
-            return 0.0
-        span = max(now - self._arrivals[0], 1e-3)
-        # Intervals, not frames: the first one only starts the clock.
-        return (len(self._arrivals) - 1) / span
+        return _per_second(self._arrivals, now)
 
     @property
     def timings_ms(self) -> dict[str, float]:
@@ -106,6 +146,13 @@ class Telemetry:
         if not values:
             return Latency(None, None, 0)
         return Latency(round(median(values), 1), round(_percentile(values, 0.95), 1), len(values))
+
+
+def _per_second(arrivals: Sequence[float], now: float) -> float:
+    if len(arrivals) < 2:
+        return 0.0
+    # Intervals, not arrivals: the first one only starts the clock.
+    return (len(arrivals) - 1) / max(now - arrivals[0], 1e-3)
 
 
 def _percentile(ordered: list[float], share: float) -> float:

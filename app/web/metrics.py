@@ -45,6 +45,18 @@ class _StatusCollector(Collector):
             "Unique frames observed per second, lately.",
             value=now["rates"]["unique_frames_per_s"],
         )
+        dense = now["dense_stereo"]
+        yield GaugeMetricFamily(
+            "dynamic_observer_dense_stereo_per_second",
+            "Clouds or disparity views made per second, lately; 0 while nobody watches.",
+            value=dense["per_s"],
+        )
+        if dense["age_s"] is not None:
+            yield GaugeMetricFamily(
+                "dynamic_observer_dense_stereo_age_seconds",
+                "Since the reception of the pair that the newest one was made of.",
+                value=dense["age_s"],
+            )
         yield CounterMetricFamily(
             "dynamic_observer_engine_restarts",
             "How often the engine process was replaced.",

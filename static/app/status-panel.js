@@ -20,6 +20,7 @@ class StatusPanel extends Part {
       h("h2", {}, "Status"),
       h("dl", { class: "figures" },
         this.#figure("rate", "Unique frames", "frames observed each second, each counted once"),
+        this.#figure("dense", "Dense cloud", "clouds and disparity views made each second, and the newest one's age"),
         this.#figure("median", "Exposure to page", "median from reception to painted here"),
         this.#figure("p95", "Exposure to page, 95 %", "19 of 20 frames are faster"),
         this.#figure("viewers", "Open pages", "that receive live data now"),
@@ -103,9 +104,10 @@ function fillList(list, lines) {
 }
 
 /** @param {Status} status @returns {Record<string, string>} */
-function figuresOf({ rates, latency_ms, viewers, engine, drops, version }) {
+function figuresOf({ rates, dense_stereo, latency_ms, viewers, engine, drops, version }) {
   return {
     rate: `${fixed(rates.unique_frames_per_s, 1)} /s`,
+    dense: denseWords(dense_stereo),
     median: `${fixed(latency_ms.median, 0)} ms`,
     p95: `${fixed(latency_ms.p95, 0)} ms`,
     viewers: String(viewers),
@@ -116,6 +118,13 @@ function figuresOf({ rates, latency_ms, viewers, engine, drops, version }) {
     writes_dropped: String(drops.writes_dropped),
     version: `Dynamic Observer ${version}${engine.pid ? `, engine process ${engine.pid}` : ""}`,
   };
+}
+
+/** @param {Status["dense_stereo"]} dense */
+function denseWords({ per_s, age_s, coarseness }) {
+  if (!per_s || age_s === null) return "–";
+  const grid = coarseness && coarseness > 1 ? `, of 1/${coarseness} size` : "";
+  return `${fixed(per_s, 1)} /s, ${fixed(1000 * age_s, 0)} ms old${grid}`;
 }
 
 customElements.define("observer-status", StatusPanel);

@@ -90,6 +90,27 @@
  * @property {number | null} frame_count
  * @property {boolean} live
  *
+ * @typedef {object} EgoMotion from the frame that the newest one was compared with
+ * @property {string} model
+ * @property {"ok" | "degraded" | "lost"} status
+ * @property {number} matches
+ * @property {number} inliers
+ * @property {number | null} dt seconds
+ * @property {{translation_px: number[], rotation_rad: number, shear: number | null,
+ *   scale: number[]} | null} decomposition of planar models
+ * @property {{rotation_rad: number[], translation_m: number[]} | null} motion of the camera
+ *
+ * @typedef {object} PixelAnswer of GET /api/pixel
+ * @property {number} frame
+ * @property {number} segment
+ * @property {number} u
+ * @property {number} v
+ * @property {string} verdict
+ * @property {string} sentence
+ * @property {Record<string, number | null>} numbers
+ * @property {string} would_change
+ * @property {{id: number, reported: boolean, why: string} | null} obstacle
+ *
  * @typedef {object} Status
  * @property {{state: string, reason: string | null, pid: number | null, generation: number,
  *   restarts: number, heartbeat_age_s: number | null}} engine
@@ -99,8 +120,11 @@
  * @property {{id: string, name: string} | null} calibration
  * @property {number} parameters_revision
  * @property {{unique_frames_per_s: number | null}} rates
+ * @property {{per_s: number, age_s: number | null, median_ms: number | null,
+ *   coarseness: number | null}} dense_stereo
  * @property {{median: number | null, p95: number | null, count: number}} latency_ms
  * @property {Record<string, number>} timings_ms
+ * @property {EgoMotion | null} ego_motion
  * @property {{frames_skipped: number, observations_lost: number,
  *   live_messages_dropped: number, writes_dropped: number}} drops
  * @property {{index: number, reason: string}[]} skipped

@@ -104,6 +104,17 @@ class Rates(BaseModel):
     unique_frames_per_s: float
 
 
+class DenseStereoStatus(BaseModel):
+    """The cloud and the disparity view, made beside the loop while somebody watches one."""
+
+    per_s: float
+    age_s: float | None = Field(description="Since the reception of the newest one's pair.")
+    median_ms: float | None = Field(description="To make one, lately.")
+    coarseness: int | None = Field(
+        description="How many pixels lie along one that is matched: more than 1 for large images."
+    )
+
+
 class LatencyStatus(BaseModel):
     """From a frame's reception to the page's acknowledgement after painting, milliseconds."""
 
@@ -133,6 +144,7 @@ class Status(BaseModel):
     calibration: CalibrationReference | None = Field(description="None: the source's own.")
     parameters_revision: int
     rates: Rates
+    dense_stereo: DenseStereoStatus
     frames_observed: int
     latency_ms: LatencyStatus
     timings_ms: dict[str, float] = Field(description="Median of each stage.")

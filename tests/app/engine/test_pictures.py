@@ -1,25 +1,21 @@
-"""Views, clouds and calibration previews, from a trace that is made here."""
+"""Views and calibration previews, from a trace that is made here."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-from app.channel.latest import LatestReader, LatestWriter, create_slot
 from app.engine.calibration_preview import preview_calibration, vertical_error
-from app.engine.clouds import MAX_POINTS, RateLimit
-from app.engine.publishing import Publisher
-from app.engine.views import MAX_WIDTH, draw_view
+from app.engine.dense_stereo import PairKeeper, dense_stereo
+from app.engine.views import MAX_WIDTH, draw_disparity, draw_view
 from app.engine.watched import Observed
-from app.messages import CLOUD_NAME, VIEW_NAMES
+from app.messages import VIEW_NAMES
 from observer.calibration.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera
-from observer.errors import CalibrationError, InputError
+from observer.errors import CalibrationError
 from observer.geometry import Pose
 from observer.parameters import Parameters
 from observer.types import (
@@ -84,7 +80,7 @@ def observed(
     left[-30:] = 180
     if not gray:
         left = cv2.cvtColor(left, cv2.COLOR_GRAY2BGR)
-    trace: dict[str, Any] = {"left": left, "right": left}
+    trace: dict[str, Any] = {"left": left}
     if full:
         previous = np.array([[40, 40], [80, 120], [220, 100]], np.float32)
         disparity = np.full((height, width), 10.0, np.float32)
@@ -109,8 +105,17 @@ def observed(
     return Observed(frame, observation, trace, CAMERA, Parameters())
 
 
+def drawn(name: str, what: Observed) -> bytes:
+    if name != "disparity":
+        return draw_view(name, what)
+    keeper = PairKeeper()
+    keeper.remember(observed(0))
+    pair = keeper.pair(what)
+    return draw_disparity(pair, dense_stereo(pair))
+
+
 def picture(name: str, what: Observed) -> np.ndarray[Any, Any]:
-    image = cv2.imdecode(np.frombuffer(draw_view(name, what), np.uint8), cv2.IMREAD_COLOR)
+    image = cv2.imdecode(np.frombuffer(drawn(name, what), np.uint8), cv2.IMREAD_COLOR)
     assert image is not None
     return image.astype(int)
 
@@ -163,64 +168,6 @@ def test_every_view_has_a_picture_also_of_a_first_frame(name: str) -> None:
 
 def test_wide_images_are_shrunk() -> None:
     assert picture("plain", observed(width=2560)).shape == (HEIGHT // 2, MAX_WIDTH, 3)
-
-
-@pytest.fixture
-def slots() -> Iterator[dict[str, int]]:
-    made = {name: create_slot(2_000_000) for name in (*VIEW_NAMES, CLOUD_NAME)}
-    yield made
-    for fd in made.values():
-        os.close(fd)
-
-
-def test_only_what_is_watched_is_written(slots: dict[str, int]) -> None:
-    publisher = Publisher({n: LatestWriter(fd) for n, fd in slots.items()}, lambda: 0.0)
-    readers = {n: LatestReader(fd) for n, fd in slots.items()}
-    publisher.publish(observed(1))
-    assert all(reader.read() is None for reader in readers.values())
-    # Who begins to watch sees the newest frame at once, also while nothing is played.
-    publisher.watch(("left",))
-    latest = readers["left"].read()
-    assert latest is not None
-    assert latest.header == {
-        "frame": 1, "time": 0.1, "received": 51.0, "width": WIDTH, "height": HEIGHT,
-    }  # fmt: skip
-    publisher.publish(observed(2))
-    assert [n for n, reader in readers.items() if reader.read() is not None] == ["left"]
-    publisher.watch(())
-    publisher.publish(observed(3))
-    assert readers["left"].read(after=2) is None
-    with pytest.raises(InputError, match=r"no view front; there are: left, .*, cloud"):
-        publisher.watch(("left", "front"))
-
-
-def test_the_cloud_has_the_pose_and_frame_of_its_own_instant(slots: dict[str, int]) -> None:
-    publisher = Publisher({n: LatestWriter(fd) for n, fd in slots.items()}, lambda: 0.0)
-    reader = LatestReader(slots[CLOUD_NAME])
-    publisher.watch((CLOUD_NAME,))
-    publisher.publish(observed(1, full=False, gray=False))
-    assert reader.read() is None
-    # The rate limit let the first frame pass, which had no cloud; a later watcher gets one.
-    publisher.watch(())
-    publisher.publish(observed(2, gray=False))
-    publisher.watch((CLOUD_NAME,))
-    latest = reader.read()
-    assert latest is not None
-    header = latest.header
-    count = header["count"]
-    assert (header["frame"], header["time"], header["received"]) == (1, 0.1, 51.0)
-    assert np.reshape(header["T_world_camera"], (4, 4))[2, 3] == pytest.approx(0.1)
-    assert 0 < count <= MAX_POINTS
-    assert len(latest.payload) == count * 15
-    points = np.frombuffer(latest.payload[: 12 * count], np.float32).reshape(-1, 3)
-    assert points[:, 2] == pytest.approx(200.0 * 0.1 / 10.0)
-
-
-def test_the_rate_limit_keeps_its_average() -> None:
-    limit = RateLimit(0.1)
-    assert sum(limit.allows(frame / 15) for frame in range(150)) in range(98, 103)
-    assert limit.allows(100.0)
-    assert not limit.allows(100.05)
 
 
 def rectified() -> StereoCalibration:

@@ -1,0 +1,186 @@
+"""Dense stereo for the eye: the pair it is made of, and the disparity and cloud made of it.
+
+Nothing of it goes back into an observation. The method may have computed the disparity anyway;
+then it is taken over, together with the pose of the pair it belongs to.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from app.engine.watched import Observed
+from observer.camera import StereoCamera, as_gray
+from observer.geometry import Pose
+from observer.parameters import StereoParameters
+from observer.stages.stereo import disparity_map, point_cloud
+from observer.types import Image
+
+# On a link of 20 Mbit/s this many points ten times a second lag 75 ms, 50000 lag seconds.
+MAX_POINTS = 20_000
+# The longest distance of a pair's frames, and a few more for frames that were left out.
+_REMEMBERED = 16
+# Pixels times disparities that are searched. 512x256 with 96 disparities is 12.6 million and
+# takes 24 ms of one core; 1242x375 would take 85 ms ten times a second.
+_MOST_COMPARISONS = 16_000_000
+_FEWEST_DISPARITIES = 16
+
+
+@dataclass(frozen=True, eq=False)
+class DensePair:
+    """A rectified pair that is worth a cloud.
+
+    Attributes:
+        left: (H, W) grey or (H, W, 3) BGR. right: the same, or None where none is known.
+        disparity: (H, W) pixels, where the method has computed it.
+        instant: of this very pair: frame, time, received, segment and T_world_camera (16 numbers
+            by rows, or None), as the cloud's header holds them.
+        reasons: what the observation says of itself.
+    """
+
+    left: Image
+    right: Image | None
+    disparity: NDArray[np.float32] | None
+    instant: dict[str, Any]
+    camera: StereoCamera
+    parameters: StereoParameters
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class DenseStereo:
+    """The disparity of a pair, perhaps on a coarser grid of pixels than the pair's.
+
+    Attributes:
+        disparity: (h, w) pixels of this grid, NaN = unknown.
+        image: (h, w) grey or (h, w, 3) BGR, the left image on this grid.
+        camera: the rectified pair with images of this size.
+        parameters: with the largest disparity of this grid.
+        coarseness: how many pixels of the pair lie along one of this grid.
+    """
+
+    disparity: NDArray[np.float32]
+    image: Image
+    camera: StereoCamera
+    parameters: StereoParameters
+    coarseness: int
+
+
+class PairKeeper:
+    """Finds the pair with the pose that belongs to it.
+
+    A model that computes a dense disparity does so of the pair at t, a frame before the newest
+    one; so the poses of the last frames are remembered.
+    """
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[Image, dict[str, Any]]] = deque(maxlen=_REMEMBERED)
+
+    def remember(self, observed: Observed) -> None:
+        """Keep the frame's pose for the disparity that a later frame may bring."""
+        left = observed.trace.get("left")
+        if left is not None:
+            self._seen.append((left, _instant(observed)))
+
+    def pair(self, observed: Observed) -> DensePair:
+        """The pair whose disparity is known, else the newest pair."""
+        trace = observed.trace
+        left, right, instant = trace["left"], trace.get("right"), _instant(observed)
+        disparity, time = trace.get("disparity"), trace.get("previous_time")
+        seen = next((seen for seen in self._seen if seen[1]["time"] == time), None)
+        if disparity is not None and seen is not None:
+            left, instant = seen
+        else:
+            disparity = None
+        reasons, stereo = observed.observation.reasons, observed.parameters.stereo
+        return DensePair(left, right, disparity, instant, observed.camera, stereo, reasons)
+
+
+def dense_stereo(pair: DensePair) -> DenseStereo | None:
+    """The pair's disparity; None where there is no second image."""
+    if pair.disparity is not None:
+        return DenseStereo(pair.disparity, pair.left, pair.camera, pair.parameters, 1)
+    if pair.right is None:
+        return None
+    factor = coarseness(pair.camera, pair.parameters)
+    image, right = _coarser(pair.left, factor), _coarser(pair.right, factor)
+    parameters = _coarser_search(pair.parameters, factor)
+    disparity = disparity_map(as_gray(image), as_gray(right), parameters)
+    return DenseStereo(disparity, image, _coarser_camera(pair.camera, factor), parameters, factor)
+
+
+def coarseness(camera: StereoCamera, parameters: StereoParameters) -> int:
+    """How many pixels are taken together along each side: 1 up to 512x256 by default, 2 at KITTI's.
+
+    It follows from sizes alone, not from how busy the machine is.
+    """
+    factor = 1
+    while _comparisons(camera, parameters, factor) > _MOST_COMPARISONS:
+        factor += 1
+    return factor
+
+
+def cloud_value(pair: DensePair, dense: DenseStereo) -> tuple[dict[str, Any], list[bytes]]:
+    """Header and payload as the cloud slot carries them.
+
+    The payload is points (N, 3) float32, metres, in the camera frame of the header's frame,
+    then colours (N, 3) uint8 RGB.
+    """
+    points, colors = point_cloud(
+        dense.disparity, dense.image, dense.camera, dense.parameters, MAX_POINTS
+    )
+    header = {**pair.instant, "count": len(points), "coarseness": dense.coarseness}
+    return header, [points.tobytes(), colors.tobytes()]
+
+
+def _comparisons(camera: StereoCamera, parameters: StereoParameters, factor: int) -> int:
+    search = _coarser_search(parameters, factor).max_disparity_px
+    return (camera.width // factor) * (camera.height // factor) * search
+
+
+def _coarser_search(parameters: StereoParameters, factor: int) -> StereoParameters:
+    search = max(_FEWEST_DISPARITIES, -(-parameters.max_disparity_px // factor))
+    return parameters.model_copy(update={"max_disparity_px": search})
+
+
+def _coarser(image: Image, factor: int) -> Image:
+    """The mean of each ``factor`` by ``factor`` pixels; a rest at the right and below is cut."""
+    if factor == 1:
+        return image
+    height, width = (side // factor for side in image.shape[:2])
+    whole = image[: height * factor, : width * factor]
+    small = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(small, dtype=np.uint8)
+
+
+def _coarser_camera(camera: StereoCamera, factor: int) -> StereoCamera:
+    # Pixel centres lie on whole numbers, so it is the pixels' edges that scale.
+    return replace(
+        camera,
+        width=camera.width // factor,
+        height=camera.height // factor,
+        fx=camera.fx / factor,
+        fy=camera.fy / factor,
+        cx=(camera.cx + 0.5) / factor - 0.5,
+        cy=(camera.cy + 0.5) / factor - 0.5,
+    )
+
+
+def _instant(observed: Observed) -> dict[str, Any]:
+    observation = observed.observation
+    return {
+        "frame": observation.frame,
+        "time": observation.time,
+        "received": observation.received,
+        "segment": observation.segment,
+        "T_world_camera": _listed(observation.T_world_camera),
+    }
+
+
+def _listed(pose: Pose | None) -> list[float] | None:
+    return None if pose is None else [float(value) for value in pose.matrix.ravel()]

@@ -1,0 +1,174 @@
+"""What is watched reaches its slot: drawn by the loop, or by the thread of dense stereo."""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from app.channel.latest import Latest, LatestReader, LatestWriter, create_slot
+from app.engine import publishing
+from app.engine.dense_stereo import MAX_POINTS, DensePair, DenseStereo, dense_stereo
+from app.engine.publishing import Publisher
+from app.engine.watched import Observed
+from app.messages import CLOUD_NAME, VIEW_NAMES, DenseStereoEvent
+from observer.camera import StereoCamera
+from observer.errors import InputError
+from observer.geometry import Pose
+from observer.parameters import Parameters
+from observer.types import Observation, Status, StereoFrame
+
+PATIENCE_S = 10.0
+WIDTH, HEIGHT = 160, 120
+CAMERA = StereoCamera(WIDTH, HEIGHT, 200.0, 200.0, 80.0, 60.0, 0.1)
+
+
+def image() -> Any:
+    noise = np.random.default_rng(1).integers(0, 256, (HEIGHT // 3, WIDTH // 3), dtype=np.uint8)
+    return cv2.resize(noise, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
+
+
+def observed(index: int, **changes: Any) -> Observed:
+    """A pair 8 pixels apart; the trace of a method that needs no dense stereo of its own."""
+    left = image()
+    trace = {"left": left, "right": np.roll(left, -8, axis=1)} | changes
+    frame = StereoFrame(index, index / 10, left, left, received=50.0 + index)
+    pose = Pose(np.eye(3), np.array([0, 0, 0.1 * index]))
+    observation = Observation(index, frame.time, frame.received, 0, Status.OK, (), 1, pose, ())
+    return Observed(frame, observation, trace, CAMERA, Parameters())
+
+
+class Bench:
+    """A publisher with real slots and a list of what it told."""
+
+    def __init__(self) -> None:
+        self.fds = {name: create_slot(2_000_000) for name in (*VIEW_NAMES, CLOUD_NAME)}
+        writers = {name: LatestWriter(fd) for name, fd in self.fds.items()}
+        self.readers = {name: LatestReader(fd) for name, fd in self.fds.items()}
+        self.told: queue.SimpleQueue[DenseStereoEvent] = queue.SimpleQueue()
+        self.publisher = Publisher(writers, time.monotonic, self.told.put)
+
+    def wait_read(self, name: str, fits: Callable[[Latest], bool] = lambda _: True) -> Latest:
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            latest = self.readers[name].read()
+            if latest is not None and fits(latest):
+                return latest
+            time.sleep(0.005)
+        pytest.fail(f"nothing fitting was written to {name}")
+
+    def next_told(self) -> DenseStereoEvent:
+        return self.told.get(timeout=PATIENCE_S)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench()
+    yield made
+    made.publisher.close()
+    for fd in made.fds.values():
+        os.close(fd)
+
+
+def test_only_what_is_watched_is_written(bench: Bench) -> None:
+    publisher, readers = bench.publisher, bench.readers
+    publisher.publish(observed(1))
+    assert all(reader.read() is None for reader in readers.values())
+    # Who begins to watch sees the newest frame at once, also while nothing is played.
+    publisher.watch(("left",))
+    latest = readers["left"].read()
+    assert latest is not None
+    assert latest.header == {
+        "frame": 1, "time": 0.1, "received": 51.0, "width": WIDTH, "height": HEIGHT,
+    }  # fmt: skip
+    publisher.publish(observed(2))
+    assert [n for n, reader in readers.items() if reader.read() is not None] == ["left"]
+    publisher.watch(())
+    publisher.publish(observed(3))
+    assert readers["left"].read(after=2) is None
+    assert "dense stereo" not in {thread.name for thread in threading.enumerate()}
+    with pytest.raises(InputError, match=r"no view front; there are: left, .*, cloud"):
+        publisher.watch(("left", "front"))
+
+
+def test_a_cloud_is_made_where_the_method_makes_no_disparity(bench: Bench) -> None:
+    bench.publisher.watch((CLOUD_NAME,))
+    bench.publisher.publish(observed(4))
+    latest = bench.wait_read(CLOUD_NAME)
+    header, count = latest.header, latest.header["count"]
+    assert (header["frame"], header["time"], header["received"]) == (4, 0.4, 54.0)
+    assert np.reshape(header["T_world_camera"], (4, 4))[2, 3] == pytest.approx(0.4)
+    assert 0 < count <= MAX_POINTS
+    assert len(latest.payload) == count * 15
+    points = np.frombuffer(latest.payload[: 12 * count], np.float32).reshape(-1, 3)
+    assert np.median(points[:, 2]) == pytest.approx(200.0 * 0.1 / 8.0, rel=0.02)
+    told = bench.next_told()
+    assert (told.frame, told.received, told.coarseness, told.trouble) == (4, 54.0, 1, None)
+    assert told.seconds > 0
+    assert bench.readers["disparity"].read() is None, "nobody watches it"
+
+
+def test_a_later_watcher_gets_the_cloud_of_the_known_disparity(bench: Bench) -> None:
+    bench.publisher.publish(observed(1))
+    known = np.full((HEIGHT, WIDTH), 10.0, np.float32)
+    bench.publisher.publish(observed(2, disparity=known, previous_time=0.1))
+    bench.publisher.watch((CLOUD_NAME,))
+    latest = bench.wait_read(CLOUD_NAME)
+    assert latest.header["frame"] == 1
+    count = latest.header["count"]
+    points = np.frombuffer(latest.payload[: 12 * count], np.float32).reshape(-1, 3)
+    assert points[:, 2] == pytest.approx(200.0 * 0.1 / 10.0)
+
+
+def test_the_disparity_view_is_made_beside_the_loop_too(bench: Bench) -> None:
+    bench.publisher.watch(("disparity", "plain"))
+    bench.publisher.publish(observed(3))
+    plain = bench.readers["plain"].read()
+    assert plain is not None
+    latest = bench.wait_read("disparity")
+    assert latest.header == plain.header
+    picture = cv2.imdecode(np.frombuffer(latest.payload, np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    assert picture.shape == (HEIGHT, WIDTH, 3)
+    assert np.median(picture[:, 40:-20].max(axis=2)) > 100, "most of it is known"
+    assert bench.readers[CLOUD_NAME].read() is None
+
+
+def test_a_failure_is_told_by_name_and_the_next_pair_is_tried(bench: Bench) -> None:
+    bench.publisher.watch((CLOUD_NAME,))
+    bench.publisher.publish(observed(1, right=np.zeros((5, 5), np.uint8)))
+    told = bench.next_told()
+    assert told.frame == 1
+    assert (told.trouble or "").startswith("dense stereo failed: error: ")
+    bench.publisher.publish(observed(2))
+    assert bench.next_told().trouble is None
+    assert bench.wait_read(CLOUD_NAME).header["frame"] == 2
+
+
+def test_nothing_of_a_closed_source_is_written_later(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at_work, go_on = threading.Event(), threading.Event()
+
+    def slow(pair: DensePair) -> DenseStereo | None:
+        at_work.set()
+        assert go_on.wait(PATIENCE_S)
+        return dense_stereo(pair)
+
+    monkeypatch.setattr(publishing, "dense_stereo", slow)
+    bench.publisher.watch((CLOUD_NAME,))
+    bench.publisher.publish(observed(1))
+    assert at_work.wait(PATIENCE_S)
+    bench.publisher.forget()
+    go_on.set()
+    assert bench.next_told().frame == 1
+    assert bench.readers[CLOUD_NAME].read() is None
+    bench.publisher.publish(observed(2))
+    assert bench.wait_read(CLOUD_NAME).header["frame"] == 2
