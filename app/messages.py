@@ -109,6 +109,20 @@ class PreviewCalibration:
 
 
 @dataclass(frozen=True)
+class ExplainPixel:
+    """Say why a pixel of the newest observed frame counts as moving, standing or neither.
+
+    ``u``, ``v`` are in the rectified left image. The reply's value is ``{"frame": int,
+    "segment": int, "u", "v", "verdict", "sentence", "numbers": {name: float | None},
+    "would_change"}`` as in ``observer.explanation.PixelAnswer``, and ``"obstacle"``: ``{"id",
+    "reported", "why"}`` of the obstacle at a dynamic pixel, or None.
+    """
+
+    u: float
+    v: float
+
+
+@dataclass(frozen=True)
 class Shutdown:
     """Close the source and leave."""
 
@@ -121,6 +135,7 @@ Command = (
     | SetPlayback
     | WatchViews
     | PreviewCalibration
+    | ExplainPixel
     | Shutdown
 )
 
@@ -161,6 +176,11 @@ class ObservationEvent:
         received, published: the host's monotonic clock at reception and after observing.
         frame_skips: frames the source could not read so far.
         run_id: the run it belongs to, or None in preview.
+        ego_motion: how the camera moved since the frame that this one was compared with:
+            ``model, status, matches, inliers, dt`` (s), ``decomposition`` of a planar model
+            (``translation_px, rotation_rad, shear, scale``) or None, and ``motion`` of the camera
+            in its own axes (``rotation_rad, translation_m``, 3 each) or None. None for a frame
+            that was compared with none.
     """
 
     sequence: int
@@ -170,6 +190,7 @@ class ObservationEvent:
     published: float
     frame_skips: int
     run_id: str | None
+    ego_motion: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -204,22 +225,6 @@ class SkippedFrameEvent:
 
 
 @dataclass(frozen=True)
-class HeartbeatEvent:
-    """The engine's own loop is alive; sent at least every 100 ms, also while paused."""
-
-    monotonic: float
-    counters: dict[str, int] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class EngineStartedEvent:
-    """Made by the supervisor: a new engine process is ready. ``generation`` counts from 1."""
-
-    generation: int
-    pid: int
-
-
-@dataclass(frozen=True)
 class DenseStereoEvent:
     """The thread of dense stereo made the cloud or the disparity view, or failed at it.
 
@@ -238,6 +243,22 @@ class DenseStereoEvent:
     seconds: float
     coarseness: int | None
     trouble: str | None
+
+
+@dataclass(frozen=True)
+class HeartbeatEvent:
+    """The engine's own loop is alive; sent at least every 100 ms, also while paused."""
+
+    monotonic: float
+    counters: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EngineStartedEvent:
+    """Made by the supervisor: a new engine process is ready. ``generation`` counts from 1."""
+
+    generation: int
+    pid: int
 
 
 @dataclass(frozen=True)

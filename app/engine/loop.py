@@ -16,6 +16,7 @@ from typing import Any
 
 from app.engine.calibration_preview import preview_calibration
 from app.engine.errors import NotNow
+from app.engine.explaining import Explainer, ego_motion_facts
 from app.engine.opening import Opening
 from app.engine.publishing import Publisher
 from app.engine.session import (
@@ -30,6 +31,7 @@ from app.engine.watched import Observed
 from app.messages import (
     CloseSource,
     EngineState,
+    ExplainPixel,
     HeartbeatEvent,
     ObservationEvent,
     OpenSource,
@@ -94,6 +96,7 @@ class Engine:
         self._opening: Opening | None = None
         self._failed: StateEvent | None = None
         self._raw_pair: StereoFrame | None = None
+        self._explainer = Explainer()
         self._sequence = 0
         self._leaving = False
         self._next_beat = 0.0
@@ -195,6 +198,8 @@ class Engine:
                 return {}
             case PreviewCalibration():
                 return self._preview(command.calibration_yaml)
+            case ExplainPixel():
+                return self._explainer.explain(command.u, command.v)
             case Shutdown():
                 self._leaving = True
                 return {}
@@ -298,6 +303,7 @@ class Engine:
         session, self._session = self._session, None
         if session is not None:
             self._publisher.forget()
+            self._explainer.forget()
             session.close()
 
     def _fail(self, doing: str, error: Exception) -> None:
@@ -358,13 +364,14 @@ class Engine:
                 published=published,
                 frame_skips=session.player.skipped,
                 run_id=session.run_id,
+                ego_motion=ego_motion_facts(trace, observer.parameters),
             )
         )
         self._sequence += 1
         self.beat()
-        self._publisher.publish(
-            Observed(frame, observation, trace, observer.camera, observer.parameters)
-        )
+        observed = Observed(frame, observation, trace, observer.camera, observer.parameters)
+        self._explainer.remember(observed, session.segment)
+        self._publisher.publish(observed)
 
     # --- state -----------------------------------------------------------------------------
 

@@ -41,6 +41,7 @@ def status(station: Station) -> dict[str, Any]:
         "frames_observed": telemetry.frames_observed,
         "latency_ms": asdict(telemetry.latency),
         "timings_ms": telemetry.timings_ms,
+        "ego_motion": None if station.latest is None else station.latest.ego_motion,
         "drops": {
             "frames_skipped": telemetry.frame_skips,
             "observations_lost": health.observations_lost,

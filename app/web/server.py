@@ -17,7 +17,7 @@ from app.station.current_run import app_version
 from app.storage import Storage
 from app.viewer import Viewer, start_viewer
 from app.web import metrics, viewer_proxy
-from app.web.api import calibrations, parameters, runs, sources, status, views
+from app.web.api import calibrations, parameters, pixels, runs, sources, status, views
 from app.web.api.common import GATE_RESPONSES
 from app.web.errors import install_error_handlers
 from app.web.live import LiveHub
@@ -49,6 +49,7 @@ _TAGS = [
     {"name": "parameters", "description": "Parameters of the method, and presets."},
     {"name": "calibrations", "description": "Calibrations of stereo cameras."},
     {"name": "views", "description": "Live images."},
+    {"name": "pixels", "description": "Why a place in the image counts as moving or standing."},
 ]
 
 ViewerStarter = Callable[[Station], Viewer]
@@ -131,7 +132,7 @@ def create_app(
 
 def _add_rest(app: FastAPI, live: LiveHub) -> None:
     api = APIRouter(prefix="/api", responses=GATE_RESPONSES)
-    for part in (status, sources, runs, parameters, calibrations, views):
+    for part in (status, sources, runs, parameters, calibrations, views, pixels):
         api.include_router(part.router)
 
     @api.websocket("/live")

@@ -21,6 +21,7 @@ from app.messages import (
     EngineStartedEvent,
     EngineState,
     Event,
+    ExplainPixel,
     ObservationEvent,
     OpenSource,
     PreviewCalibration,
@@ -140,7 +141,26 @@ class PeerEngine:
                 return {}
             case PreviewCalibration():
                 return {"jpeg": JPEG, "vertical_error_px": 0.125, "matches": 42}
+            case ExplainPixel():
+                return self._explain(command)
         return {}
+
+    def _explain(self, command: ExplainPixel) -> dict[str, Any]:
+        if self.sequence == 0:
+            raise EngineRefused("no frame has been observed yet", "state")
+        if not (0 <= command.u < 512 and 0 <= command.v < 256):
+            raise EngineRefused("the pixel is outside the image of 512 x 256 pixels", "input")
+        return {
+            "frame": self.frame - 1,
+            "segment": 0,
+            "u": command.u,
+            "v": command.v,
+            "verdict": "dynamic",
+            "sentence": "It moves at 0.40 m/s.",
+            "numbers": {"residual_px": 4.2, "depth_m": None},
+            "would_change": "With flow.residual_threshold_px at 4.21 px or above it would not.",
+            "obstacle": {"id": 7, "reported": True, "why": "its flow differs"},
+        }
 
     def _open(self, command: OpenSource) -> dict[str, Any]:
         if command.source == "missing":

@@ -123,6 +123,34 @@ class LatencyStatus(BaseModel):
     count: int
 
 
+class Decomposition(BaseModel):
+    """A planar model's affine part, as the paper's table I takes it apart."""
+
+    translation_px: list[float] = Field(description="Along u and v.")
+    rotation_rad: float
+    shear: float | None
+    scale: list[float] = Field(description="Along u and v; 1 is unchanged.")
+
+
+class CameraMotion(BaseModel):
+    """Where the camera went, in its own axes: right, down, forward."""
+
+    rotation_rad: list[float] = Field(description="Rotation vector.")
+    translation_m: list[float]
+
+
+class EgoMotionStatus(BaseModel):
+    """How the camera moved from the frame that the newest one was compared with."""
+
+    model: str
+    status: Literal["ok", "degraded", "lost"]
+    matches: int
+    inliers: int
+    dt: float | None = Field(description="Between the two frames, s.")
+    decomposition: Decomposition | None = Field(description="Of planar models only.")
+    motion: CameraMotion | None = Field(description="None where it is not known.")
+
+
 class Drops(BaseModel):
     frames_skipped: int = Field(description="Frames of the source that could not be read.")
     observations_lost: int = Field(description="Not passed on, because the server was busy.")
@@ -148,6 +176,7 @@ class Status(BaseModel):
     frames_observed: int
     latency_ms: LatencyStatus
     timings_ms: dict[str, float] = Field(description="Median of each stage.")
+    ego_motion: EgoMotionStatus | None
     drops: Drops
     skipped: list[SkippedFrame]
     viewers: int = Field(description="Open live pages.")
@@ -218,6 +247,33 @@ class SpeedEntry(BaseModel):
     speed: float | None = Field(description="m/s; None is a gap.")
     std: float | None
     segment: int
+
+
+# --- pixels ---------------------------------------------------------------------------------
+
+
+class PixelObstacle(BaseModel):
+    id: int
+    reported: bool = Field(description="Whether it was seen often enough to be reported.")
+    why: str = Field(description="Why it counts as dynamic.")
+
+
+class Pixel(BaseModel):
+    """Why one pixel of the newest observed frame counts as what it does."""
+
+    frame: int
+    segment: int
+    u: float
+    v: float
+    verdict: Literal[
+        "dynamic", "static", "undecided", "too_far", "too_few_features", "ego_motion_lost"
+    ]
+    sentence: str
+    numbers: dict[str, float | None] = Field(
+        description="The figures behind it, by names that end with their unit; null = not known."
+    )
+    would_change: str = Field(description="What would give another answer, with its value.")
+    obstacle: PixelObstacle | None = Field(description="The one that a dynamic pixel is part of.")
 
 
 # --- parameters -----------------------------------------------------------------------------

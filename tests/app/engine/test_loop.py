@@ -18,6 +18,7 @@ from app.messages import (
     CloseSource,
     Command,
     EngineState,
+    ExplainPixel,
     HeartbeatEvent,
     ObservationEvent,
     OpenSource,
@@ -253,6 +254,24 @@ def test_a_source_is_observed_to_its_end(bench: Bench) -> None:
     assert bench.state.playback["frame"] == 4
     assert bench.publisher.published == 5
     assert bench.answer(StopRun()).refusal == "state"
+
+
+def test_a_pixel_of_the_newest_frame_can_be_asked(bench: Bench) -> None:
+    refused = bench.answer(ExplainPixel(3.0, 4.0))
+    assert refused.refusal == "state"
+    assert "no frame" in (refused.error or "")
+    bench.value(opening(segment=2))
+    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback["ended"])
+    value = bench.value(ExplainPixel(3.0, 4.5))
+    assert (value["frame"], value["segment"]) == (4, 2)
+    assert (value["u"], value["v"]) == (3.0, 4.5)
+    # The observer of these tests compares no frames.
+    assert value["verdict"] == "undecided"
+    outside = bench.answer(ExplainPixel(64.0, 0.0))
+    assert outside.refusal == "input"
+    assert "64 x 48" in (outside.error or "")
+    bench.value(CloseSource())
+    assert bench.answer(ExplainPixel(3.0, 4.0)).refusal == "state"
 
 
 def test_a_run_is_marked_until_it_is_stopped(bench: Bench) -> None:

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.messages import OpenSource, SetParameters, SetPlayback, StopRun
+from app.messages import ExplainPixel, OpenSource, SetParameters, SetPlayback, StopRun
 
 JSON = {"Content-Type": "application/json"}
 THRESHOLD = "ego_motion.ransac_threshold_px"
@@ -533,6 +533,69 @@ def test_a_calibration_can_be_activated_where_the_source_failed_for_want_of_one(
         assert isinstance(peer.opened, OpenSource)
 
     run(serve, scenario, source="uncalibrated")
+
+
+# --- pixels --------------------------------------------------------------------------------
+
+
+def test_a_pixel_answers_with_its_figures(serve: Any, peer: Any) -> None:
+    async def scenario(served: Any) -> None:
+        early = await served.http.get("/api/pixel?u=1&v=1")
+        assert early.status_code == 409
+        assert early.json()["detail"] == "no frame has been observed yet"
+        peer.observe()
+        answer = await served.http.get("/api/pixel?u=100.5&v=20")
+        assert answer.status_code == 200, answer.text
+        body = answer.json()
+        assert peer.commands[-1] == ExplainPixel(100.5, 20.0)
+        assert (body["u"], body["v"], body["frame"]) == (100.5, 20.0, 0)
+        assert body["numbers"] == {"residual_px": 4.2, "depth_m": None}
+        assert body["obstacle"]["id"] == 7
+        peer.lose()
+        assert (await served.http.get("/api/pixel?u=1&v=1")).status_code == 503
+
+    run(serve, scenario)
+
+
+def test_what_is_no_pixel_is_refused_in_one_sentence(serve: Any, peer: Any) -> None:
+    async def scenario(served: Any) -> None:
+        peer.observe()
+        asked = len(peer.commands)
+        for query in ("u=1", "v=1", "u=nan&v=1", "u=1&v=inf", "u=a&v=1", "u=1e9&v=1", ""):
+            answer = await served.http.get(f"/api/pixel?{query}")
+            assert answer.status_code == 422, query
+            assert answer.json()["detail"][0]["loc"][0] == "query"
+        assert len(peer.commands) == asked
+        outside = await served.http.get("/api/pixel?u=512&v=1")
+        assert outside.status_code == 422
+        (problem,) = outside.json()["detail"]
+        assert "512 x 256" in problem["msg"]
+
+    run(serve, scenario)
+
+
+def test_the_status_tells_how_the_camera_moved(serve: Any, peer: Any) -> None:
+    motion = {
+        "model": "affine",
+        "status": "ok",
+        "matches": 50,
+        "inliers": 45,
+        "dt": 0.133,
+        "decomposition": {
+            "translation_px": [5.0, 0.1],
+            "rotation_rad": 0.01,
+            "shear": None,
+            "scale": [1.0, 1.01],
+        },
+        "motion": {"rotation_rad": [0.0, 0.01, 0.0], "translation_m": [0.02, 0.0, 0.0]},
+    }
+
+    async def scenario(served: Any) -> None:
+        assert (await served.http.get("/api/status")).json()["ego_motion"] is None
+        peer.observe(ego_motion=motion)
+        assert (await served.http.get("/api/status")).json()["ego_motion"] == motion
+
+    run(serve, scenario)
 
 
 # --- the description -----------------------------------------------------------------------

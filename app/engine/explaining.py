@@ -1,0 +1,120 @@
+"""Why a pixel of the newest frame counts as what it does, and how the camera itself moved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from app.engine.errors import NotNow
+from app.engine.watched import Observed
+from observer.errors import InputError
+from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel
+from observer.parameters import Parameters
+from observer.types import Obstacle, TrackState
+
+
+@dataclass(frozen=True, eq=False)
+class _Newest:
+    observed: Observed
+    segment: int
+
+
+class Explainer:
+    """Keeps the newest frame that was observed, to be asked about."""
+
+    def __init__(self) -> None:
+        self._newest: _Newest | None = None
+
+    def remember(self, observed: Observed, segment: int) -> None:
+        """This is the newest frame; ``segment`` is counted over restarts."""
+        self._newest = _Newest(observed, segment)
+
+    def forget(self) -> None:
+        """The source is closed."""
+        self._newest = None
+
+    def explain(self, u: float, v: float) -> dict[str, Any]:
+        """The answer as ``app.messages.ExplainPixel`` tells it.
+
+        Raises:
+            NotNow: no frame was observed yet. InputError: the pixel is outside the image.
+        """
+        newest = self._newest
+        if newest is None:
+            raise NotNow("no frame has been observed yet; open a source and wait for its first one")
+        observed = newest.observed
+        answer = explain_pixel(observed.trace, observed.camera, observed.parameters, (u, v))
+        if answer.verdict is PixelVerdict.OUTSIDE:
+            raise InputError(f"{answer.sentence} {answer.would_change}")
+        obstacle = _obstacle_at(answer, observed.observation.obstacles)
+        return {
+            "frame": observed.frame.index,
+            "segment": newest.segment,
+            "u": answer.px[0],
+            "v": answer.px[1],
+            "verdict": answer.verdict.value,
+            "sentence": answer.sentence,
+            "numbers": dict(answer.numbers),
+            "would_change": answer.would_change,
+            "obstacle": None
+            if obstacle is None
+            else {
+                "id": obstacle.id,
+                "reported": obstacle.state is not TrackState.TENTATIVE,
+                "why": obstacle.reason,
+            },
+        }
+
+
+def _obstacle_at(answer: PixelAnswer, obstacles: tuple[Obstacle, ...]) -> Obstacle | None:
+    """The nearest obstacle seen at a dynamic pixel."""
+    if answer.verdict is not PixelVerdict.DYNAMIC:
+        return None
+    # Boxes end at the outermost features, around which pixels count as theirs.
+    reach = answer.numbers.get("nearest_feature_px") or 0.0
+    u, v = answer.px
+    here = [
+        o
+        for o in obstacles
+        if o.state is not TrackState.COASTING
+        and o.box_px[0] - reach <= u <= o.box_px[2] + reach
+        and o.box_px[1] - reach <= v <= o.box_px[3] + reach
+    ]
+    return min(here, key=lambda o: o.range, default=None)
+
+
+def ego_motion_facts(trace: Mapping[str, Any], parameters: Parameters) -> dict[str, Any] | None:
+    """The camera's motion between the two frames as ``ObservationEvent.ego_motion`` holds it."""
+    ego = trace.get("ego_motion")
+    if ego is None:
+        return None
+    parts, pose = trace.get("decomposition"), ego.T_current_previous
+    dt = trace["time"] - trace["previous_time"] if "previous_time" in trace else None
+    return {
+        "model": parameters.ego_motion.model,
+        "status": ego.status.value,
+        "matches": len(ego.inliers),
+        "inliers": int(ego.inliers.sum()),
+        "dt": dt,
+        "decomposition": None
+        if parts is None
+        else {
+            "translation_px": [float(c) for c in parts["translation_px"]],
+            "rotation_rad": float(parts["rotation_rad"]),
+            "shear": _known(parts["shear"]),
+            "scale": [float(c) for c in parts["scale"]],
+        },
+        # Where the camera went, in its own axes at t: the inverse of how points seem to move.
+        "motion": None
+        if pose is None
+        else {
+            "rotation_rad": pose.inverse().rotvec.tolist(),
+            "translation_m": pose.inverse().translation.tolist(),
+        },
+    }
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
