@@ -172,6 +172,22 @@ class StereoCamera:
         v = self.fy * p[..., 1] / z + self.cy
         return np.stack([u, v], axis=-1), self.fx * self.baseline / z
 
+    def projection_jacobian(self, points: ArrayLike) -> Float64Array:
+        """(..., 3, 3) derivative of u, v and disparity by camera-frame points (..., 3), px/m.
+
+        NaN for points that do not lie in front of the camera.
+        """
+        p = np.asarray(points, dtype=np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            w = np.where(p[..., 2] > 0, 1 / p[..., 2], np.nan)
+        J = np.zeros((*p.shape[:-1], 3, 3))
+        J[..., 0, 0] = self.fx * w
+        J[..., 0, 2] = -self.fx * p[..., 0] * w * w
+        J[..., 1, 1] = self.fy * w
+        J[..., 1, 2] = -self.fy * p[..., 1] * w * w
+        J[..., 2, 2] = -self.fx * self.baseline * w * w
+        return J
+
     def point_covariance(
         self, px: ArrayLike, disparity: ArrayLike, sigma_px: float, sigma_disparity: float
     ) -> Float64Array:

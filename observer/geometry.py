@@ -130,3 +130,35 @@ def map_pixels(homography: ArrayLike, px: ArrayLike) -> Float64Array:
     H = np.asarray(homography, dtype=np.float64)
     q = np.asarray(px, dtype=np.float64).reshape(-1, 2) @ H[:, :2].T + H[:, 2]
     return np.asarray(q[:, :2] / q[:, 2:], dtype=np.float64)
+
+
+def inverse_3x3(matrices: Float64Array) -> Float64Array:
+    """Inverses (N, 3, 3) of symmetric positive matrices (N, 3, 3), by cofactors.
+
+    For thousands of small matrices this is several times faster than ``numpy.linalg.inv``. A
+    matrix without an inverse gives huge numbers or infinities, never an error.
+    """
+    m = np.asarray(matrices, dtype=np.float64)
+    a, b, c = m[:, 0, 0], m[:, 0, 1], m[:, 0, 2]
+    d, e, f = m[:, 1, 1], m[:, 1, 2], m[:, 2, 2]
+    out = np.empty_like(m)
+    out[:, 0, 0] = d * f - e * e
+    out[:, 0, 1] = out[:, 1, 0] = c * e - b * f
+    out[:, 0, 2] = out[:, 2, 0] = b * e - c * d
+    out[:, 1, 1] = a * f - c * c
+    out[:, 1, 2] = out[:, 2, 1] = b * c - a * e
+    out[:, 2, 2] = a * d - b * b
+    determinant = a * out[:, 0, 0] + b * out[:, 0, 1] + c * out[:, 0, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        out /= determinant[:, None, None]
+    return out
+
+
+def cross_matrix(vectors: ArrayLike) -> Float64Array:
+    """(..., 3, 3) matrices [v]x with [v]x w = v x w."""
+    v = np.asarray(vectors, dtype=np.float64)
+    out = np.zeros((*v.shape[:-1], 3, 3))
+    out[..., 0, 1], out[..., 0, 2] = -v[..., 2], v[..., 1]
+    out[..., 1, 0], out[..., 1, 2] = v[..., 2], -v[..., 0]
+    out[..., 2, 0], out[..., 2, 1] = -v[..., 1], v[..., 0]
+    return out

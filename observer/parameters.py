@@ -109,10 +109,11 @@ class MatchingParameters(_Stage):
 class EgoMotionParameters(_Stage):
     """The camera's own motion, by RANSAC."""
 
-    model: Literal["affine", "homography"] = _choice(
+    model: Literal["rigid", "homography", "affine"] = _choice(
         "affine", title="Model",
-        help="affine has six parameters and is the paper's; homography has eight and also fits "
-        "a plane seen in perspective.",
+        help="rigid is the motion in space, by stereo, and tells motion from parallax; affine has "
+        "six parameters and is the paper's; homography has eight and also fits a plane seen in "
+        "perspective.",
     )
     ransac_threshold_px: Real = _number(
         1.2, ge=0.1, le=20.0, unit="px", step=0.1, title="RANSAC threshold",
@@ -126,10 +127,129 @@ class EgoMotionParameters(_Stage):
         12, ge=4, le=500, unit="matches", step=1, title="Fewest inliers",
         help="With fewer background matches the camera's motion counts as lost.",
     )
+    shared_error: Real = _number(
+        0.02, ge=0.0, le=1.0, unit="", step=0.01, title="Shared error",
+        help="Share of the noise that points have in common.",
+    )
     recover_frames: Whole = _number(
         5, ge=0, le=60, unit="frames", step=1, title="Recover within",
         help="While the camera's motion is lost, frames are compared with the last good one for "
         "this long; then all tracks end and a new segment begins.",
+    )
+
+
+class FollowingParameters(_Stage):
+    """Following points from frame to frame in both cameras (rigid)."""
+
+    spacing_px: Whole = _number(
+        18, ge=6, le=64, unit="px", step=1, title="Spacing",
+        help="One point is followed in each square of this side.",
+    )
+    fast_threshold: Whole = _number(
+        6, ge=2, le=100, unit="grey levels", step=1, title="FAST threshold",
+        help="Least difference between a corner and the circle around it.",
+    )
+    window_px: Whole = _number(
+        13, ge=5, le=51, unit="px", step=2, title="Window",
+        help="Side of the Lucas-Kanade window.",
+    )
+    min_texture: Real = _number(
+        1.6, ge=0.0, le=20.0, unit="grey levels/px", step=0.1, title="Least texture",
+        help="Points whose surroundings vary less than this in any one direction are left out.",
+    )
+    max_error: Real = _number(
+        20.0, ge=1.0, le=100.0, unit="grey levels", step=1.0, title="Largest match error",
+        help="Points whose surroundings differ more than this on average are left out.",
+    )
+    back_check_px: Real = _number(
+        0.5, ge=0.05, le=10.0, unit="px", step=0.05, title="Backward check",
+        help="A point followed forth and back must return within this distance.",
+    )
+    circle_px: Real = _number(
+        1.0, ge=0.05, le=10.0, unit="px", step=0.05, title="Circle check",
+        help="The two ways from the left image at t to the right one at t+dt must meet.",
+    )
+    row_px: Real = _number(
+        3.0, ge=0.5, le=20.0, unit="px", step=0.5, title="Row tolerance",
+        help="How far a match in the right image may lie off the row.",
+    )
+    noise_factor: Real = _number(
+        1.5, ge=0.1, le=10.0, unit="", step=0.1, title="Noise factor",
+        help="The noise of a followed position, relative to what texture and grey levels promise.",
+    )
+    noise_floor_px: Real = _number(
+        0.06, ge=0.0, le=3.0, unit="px", step=0.01, title="Noise floor",
+        help="Noise of a followed position that does not depend on texture.",
+    )
+    skew_sigma_s: Real = _number(
+        0.001, ge=0.0, le=0.1, unit="s", step=0.0005, title="Skew noise",
+        help="One standard deviation of the time between the exposures of free-running cameras.",
+    )
+
+
+class EvidenceParameters(_Stage):
+    """Which followed points move (rigid)."""
+
+    memory_s: Real = _number(
+        0.5, ge=0.05, le=10.0, unit="s", step=0.05, title="Memory",
+        help="How long sightings of a point count.",
+    )
+    radius_px: Real = _number(
+        26.0, ge=4.0, le=200.0, unit="px", step=1.0, title="Neighbourhood",
+        help="Points nearer than this, in the image and alike in depth, are judged together.",
+    )
+    false_alarms_per_frame: Real = _number(
+        0.001, ge=1e-9, le=1.0, unit="", step=0.001, title="False alarms",
+        help="Declared rate of false alarms per frame over all points.",
+    )
+    shared_error: Real = _number(
+        0.1, ge=0.0, le=1.0, unit="", step=0.05, title="Shared error",
+        help="Share of the noise that neighbouring points have in common.",
+    )
+    min_sightings: Whole = _number(
+        4, ge=2, le=30, unit="frames", step=1, title="Fewest sightings",
+        help="Points seen in fewer frames are not judged.",
+    )
+    min_points: Whole = _number(
+        3, ge=1, le=50, unit="points", step=1, title="Fewest points",
+        help="Fewer neighbours that move alike are no evidence.",
+    )
+
+
+class ObstacleParameters(_Stage):
+    """Obstacles as bodies over time (rigid)."""
+
+    acceleration_px: Real = _number(
+        200.0, ge=1.0, le=5000.0, unit="px/s^2", step=10.0, title="Acceleration",
+        help="One standard deviation of how strongly a manoeuvring obstacle accelerates.",
+    )
+    shared_error: Real = _number(
+        0.1, ge=0.0, le=1.0, unit="", step=0.05, title="Shared error",
+        help="Share of the noise that the points of an obstacle have in common.",
+    )
+    min_points: Whole = _number(
+        3, ge=1, le=50, unit="points", step=1, title="Fewest points",
+        help="An obstacle seen by fewer points is not seen.",
+    )
+    margin: Real = _number(
+        0.15, ge=0.0, le=2.0, unit="", step=0.05, title="Margin",
+        help="Points join an obstacle up to this share of its size outside its box.",
+    )
+    confirm_sigmas: Real = _number(
+        5.0, ge=0.5, le=50.0, unit="standard deviations", step=0.5, title="Confirm above",
+        help="How significant its velocity must be.",
+    )
+    confirm_hits: Whole = _number(
+        3, ge=1, le=30, unit="frames", step=1, title="Confirm after",
+        help="For how many frames.",
+    )
+    coast_s: Real = _number(
+        1.5, ge=0.0, le=10.0, unit="s", step=0.1, title="Coast for",
+        help="An obstacle that is not seen any more is kept for this long.",
+    )
+    stopped_below_mps: Real = _number(
+        0.06, ge=0.0, le=5.0, unit="m/s", step=0.01, title="Stopped below",
+        help="An obstacle slower than this counts as stopped.",
     )
 
 
@@ -266,6 +386,9 @@ class Parameters(_Stage):
     features: FeaturesParameters = FeaturesParameters()
     matching: MatchingParameters = MatchingParameters()
     ego_motion: EgoMotionParameters = EgoMotionParameters()
+    following: FollowingParameters = FollowingParameters()
+    evidence: EvidenceParameters = EvidenceParameters()
+    obstacles: ObstacleParameters = ObstacleParameters()
     flow: FlowParameters = FlowParameters()
     stereo: StereoParameters = StereoParameters()
     motion: MotionParameters = MotionParameters()
@@ -380,6 +503,7 @@ def _did_you_mean(name: str, known: Mapping[str, Any]) -> str:
 # What is declared above is the best we have; the method exactly as published differs from it here.
 _PRESETS: dict[str, dict[str, ParameterValue]] = {
     "paper": {
+        "ego_motion.model": "affine",
         "frames.interval": 1,
         "ego_motion.ransac_threshold_px": 1.5,
         "flow.residual_threshold_px": 1.5,

@@ -1,0 +1,136 @@
+"""Position and velocity of many points at once, by weighted sums over their sightings.
+
+For each point the model is ``z_i = p + v s_i``, where ``s_i <= 0`` is how long ago the sighting
+was. With the information ``L_i`` (inverse covariance) of each sighting five sums hold all that is
+needed; this is the Kalman filter with state (position, velocity) of 6D-Vision (Franke, Rabe,
+Badino, Gehrig: 6D-Vision, DAGM 2005) in information form, without a prior:
+
+    A0 = sum L,  A1 = sum L s,  A2 = sum L s^2,  b0 = sum L z,  b1 = sum L z s
+
+In this form nothing needs to be assumed of a point at first, the information of neighbours is
+simply added, and "the point is static" (v = 0) is answered by the same sums. Old sightings are
+forgotten at a constant rate, which takes the place of process noise and knows no scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array, inverse_3x3
+
+# Information below this is none: the point was seen once, or always in one place.
+_TINY = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSums:
+    """The sums of N points; coordinates are relative to each point's own origin.
+
+    Attributes:
+        origin: (N, 3) metres, a fixed place near the point, so that no digits are lost far away.
+        a0, a1, a2: (N, 3, 3) 1/m^2, s/m^2, s^2/m^2. b0, b1: (N, 3) 1/m, s/m.
+    """
+
+    origin: Float64Array
+    a0: Float64Array
+    a1: Float64Array
+    a2: Float64Array
+    b0: Float64Array
+    b1: Float64Array
+
+    @staticmethod
+    def begin(position: Float64Array, information: Float64Array) -> MotionSums:
+        """Of N points seen for the first time at (N, 3), with information (N, 3, 3)."""
+        nothing = np.zeros_like(information)
+        return MotionSums(
+            origin=position.copy(),
+            a0=information.copy(),
+            a1=nothing,
+            a2=nothing.copy(),
+            b0=np.zeros_like(position),
+            b1=np.zeros_like(position),
+        )
+
+    def advanced(self, dt: float, memory_s: float) -> MotionSums:
+        """The same sums ``dt`` seconds later, all sightings forgotten a little."""
+        keep = float(np.exp(-dt / memory_s))
+        return MotionSums(
+            origin=self.origin,
+            a0=keep * self.a0,
+            a1=keep * (self.a1 - dt * self.a0),
+            a2=keep * (self.a2 - 2 * dt * self.a1 + dt * dt * self.a0),
+            b0=keep * self.b0,
+            b1=keep * (self.b1 - dt * self.b0),
+        )
+
+    def with_sightings(self, position: Float64Array, information: Float64Array) -> MotionSums:
+        """The sums with a sighting of each point now; information of zero adds nothing."""
+        gap = np.where(np.isfinite(position), position - self.origin, 0.0)
+        return MotionSums(
+            origin=self.origin,
+            a0=self.a0 + information,
+            a1=self.a1,
+            a2=self.a2,
+            b0=self.b0 + np.einsum("nij,nj->ni", information, gap),
+            b1=self.b1,
+        )
+
+    def static_position(self) -> tuple[Float64Array, Float64Array]:
+        """Where each point is if it does not move: (N, 3) metres and covariance (N, 3, 3)."""
+        cov = inverse_3x3(self.a0)
+        return self.origin + np.einsum("nij,nj->ni", cov, self.b0), cov
+
+    def velocity_information(self) -> tuple[Float64Array, Float64Array]:
+        """Information (N, 3, 3) s^2/m^2 of each velocity, and information times velocity (N, 3).
+
+        That of neighbours may be added; ``information^-1 @ vector`` is the velocity.
+        """
+        gain = self.a1 @ inverse_3x3(self.a0)
+        information = self.a2 - gain @ self.a1
+        vector = self.b1 - np.einsum("nij,nj->ni", gain, self.b0)
+        return (information + np.swapaxes(information, 1, 2)) / 2, vector
+
+    def moving_position(
+        self, velocity: Float64Array, velocity_cov: Float64Array | None = None
+    ) -> tuple[Float64Array, Float64Array]:
+        """Where each point is now if it moves with the velocity (N, 3) m/s, and how sure.
+
+        Under "it is static" a point that moves seems to be at the wrong depth, for its lines of
+        sight then meet where it never was.
+
+        Args:
+            velocity_cov: (N, 3, 3), by which the covariance (N, 3, 3) m^2 grows.
+        """
+        cov = inverse_3x3(self.a0)
+        inner = self.b0 - np.einsum("nij,nj->ni", self.a1, velocity)
+        position = self.origin + np.einsum("nij,nj->ni", cov, inner)
+        if velocity_cov is not None:
+            lever = cov @ self.a1
+            cov = cov + lever @ velocity_cov @ np.swapaxes(lever, 1, 2)
+        return position, cov
+
+    def window_s(self) -> Float64Array:
+        """(N,) seconds over which the sightings effectively lie.
+
+        The length of an evenly filled window with the same variance of the sightings' times.
+        """
+        weight = np.trace(self.a0, axis1=1, axis2=2)
+        mean = np.trace(self.a1, axis1=1, axis2=2) / np.maximum(weight, _TINY)
+        square = np.trace(self.a2, axis1=1, axis2=2) / np.maximum(weight, _TINY)
+        return np.sqrt(12 * np.maximum(square - mean**2, 0.0))
+
+    def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> MotionSums:
+        """The sums of some of the points."""
+        return MotionSums(*(getattr(self, name)[which] for name in _NAMES))
+
+    def joined(self, other: MotionSums) -> MotionSums:
+        """These points and then the others."""
+        return MotionSums(
+            *(np.concatenate([getattr(self, name), getattr(other, name)]) for name in _NAMES)
+        )
+
+
+_NAMES = ("origin", "a0", "a1", "a2", "b0", "b1")

@@ -1,0 +1,99 @@
+"""The box of one obstacle, learnt from its points over the life of its track."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.obstacle_filter import yaw_matrix
+
+# The outermost points are partly wrong ones.
+_TRIM = 0.03
+# A face that turns less of itself than this towards the camera does not show how far it goes.
+_SHOWN = 0.3
+# Points further from the middle than this many standard deviations do not belong to the body.
+_STRAY = 3.5
+# Where one side of the box was never seen, it is taken for this share of the other one.
+_ASPECT = 0.85
+# The heading is learnt from velocities that are known at least this well.
+_HEADING_SIGMAS = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A box that stands upright in the world.
+
+    Attributes:
+        centre: (3,) metres, in the body's frame (origin and yaw of the filter).
+        size: (3,) metres: across the heading, height, along the heading.
+        heading: radians, of the box's long way in the body's frame (about y, 0 is z).
+    """
+
+    centre: Float64Array
+    size: Float64Array
+    heading: float
+
+
+class ObstacleShape:
+    """Collects where an obstacle's points are in its own frame, and how it drives."""
+
+    def __init__(self) -> None:
+        # Doubled angle of the heading, since to and fro is one axis; weighted.
+        self._axis = np.zeros(2)
+        self._kept = np.zeros((0, 3))
+        self._shown = np.zeros(2, np.bool_)
+
+    def note_heading(self, velocity: Float64Array, cov: Float64Array, yaw: float) -> None:
+        """Learn from a velocity (3,) m/s, world, with its covariance, at the body's yaw."""
+        flat, flat_cov = velocity[[0, 2]], cov[np.ix_([0, 2], [0, 2])]
+        squared = float(flat @ np.linalg.solve(flat_cov, flat))
+        if squared < _HEADING_SIGMAS**2:
+            return
+        angle = 2 * (np.arctan2(flat[0], flat[1]) - yaw)
+        self._axis = 0.97 * self._axis + min(squared, 400.0) * np.array(
+            [np.cos(angle), np.sin(angle)]
+        )
+
+    def keep(self, points: Float64Array) -> None:
+        """Remember points (N, 3) of the body that will not be seen any more."""
+        self._kept = np.concatenate([self._kept, points])[-300:]
+
+    def forget(self) -> None:
+        """Forget where points were (the body was lost for a while), but not its size."""
+        self._kept = np.zeros((0, 3))
+
+    def box(self, points: Float64Array, view: Float64Array) -> Box:
+        """The box around points (N, 3) and the remembered ones, seen along ``view``.
+
+        Args:
+            points: body frame. view: (3,) from the camera to the body, in the body's frame.
+        """
+        heading = float(np.arctan2(self._axis[1], self._axis[0]) / 2)
+        R = yaw_matrix(-heading)
+        every = np.concatenate([points, self._kept]) @ R.T
+        every = every[np.isfinite(every).all(axis=1)]
+        middle = np.median(every, axis=0)
+        spread = 1.4826 * np.median(np.abs(every - middle), axis=0) + 1e-3
+        near = (np.abs(every - middle) <= _STRAY * spread).all(axis=1)
+        every = every[near] if near.any() else every
+        low, high = np.quantile(every, [_TRIM, 1 - _TRIM], axis=0)
+        direction = R @ view
+        direction = direction / max(float(np.hypot(direction[0], direction[2])), 1e-9)
+        extent = (high - low)[[0, 2]]
+        # Axis k is seen in its full length on the face whose normal is the other axis.
+        self._shown |= np.abs(direction[[2, 0]]) >= _SHOWN
+        size = extent.copy()
+        for k in (0, 1):
+            if not self._shown[k]:
+                size[k] = max(size[k], _ASPECT * extent[1 - k])
+        centre = (low + high) / 2
+        for k, axis in enumerate((0, 2)):
+            # What is missing lies behind what is seen.
+            centre[axis] += np.sign(direction[axis]) * (size[k] - extent[k]) / 2
+        return Box(
+            centre=R.T @ centre,
+            size=np.array([size[0], high[1] - low[1], size[1]]),
+            heading=heading,
+        )

@@ -1,0 +1,192 @@
+"""Which points move: evidence pooled over neighbours in space, against all known errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+from scipy.stats import chi2
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
+from observer.parameters import EvidenceParameters
+from observer.points import Points
+
+# Neighbours must agree in depth and velocity to within this many standard deviations of both.
+_DEPTH_SIGMAS = 3.0
+_VELOCITY_CHI2 = float(chi2.ppf(0.999, df=3))
+# A regression over a random walk of the pose knows the slope this much worse than its step.
+_RANDOM_WALK = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What is known of the motion of N points, pooled over their neighbours.
+
+    Attributes:
+        own_velocity: (N, 3) m/s, world, of each point alone. own_information: (N, 3, 3).
+        position: (N, 3) metres, world, now. position_cov: (N, 3, 3).
+        velocity: (N, 3) m/s, world, pooled. covariance: (N, 3, 3), of ``velocity``.
+        significance: (N,) Mahalanobis length of ``velocity``; 0 where nothing can be said.
+        neighbours: (N,) how many points were pooled, each one itself included.
+        threshold: Mahalanobis length above which a point counts as dynamic.
+        dynamic: (N,).
+        pairs: (P, 2) indices of points that agree in place and velocity.
+    """
+
+    own_velocity: Float64Array
+    own_information: Float64Array
+    position: Float64Array
+    position_cov: Float64Array
+    velocity: Float64Array
+    covariance: Float64Array
+    significance: Float64Array
+    neighbours: NDArray[np.int64]
+    threshold: float
+    dynamic: NDArray[np.bool_]
+    pairs: NDArray[np.intp]
+
+
+def pooled_motion(
+    points: Points,
+    T_camera_world: Pose,
+    step_covariance: Float64Array,
+    dt: float,
+    camera: StereoCamera,
+    parameters: EvidenceParameters,
+) -> Motion:
+    """Test every point for motion, together with the neighbours that move as it does.
+
+    The velocity's covariance is the inverse of the summed information, made larger for errors
+    that neighbours share and for scatter beyond the noise, plus that of the camera's own motion:
+    this is the same for all points, no pooling reduces it, and from frame to frame it adds up to
+    a random walk. The threshold is that of chi-squared at the declared rate of false alarms per
+    frame, divided by the number of independent tests.
+
+    Args:
+        step_covariance: (6, 6) of the camera's motion over one frame (rad, m), camera axes.
+        dt: seconds of that frame.
+    """
+    count = len(points)
+    information, vector = points.sums.velocity_information()
+    ready = (points.sightings >= parameters.min_sightings) & np.isfinite(vector).all(axis=1)
+    ready &= np.linalg.det(information) > 0
+    information = np.where(ready[:, None, None], information, 0.0)
+    vector = np.where(ready[:, None], vector, 0.0)
+    own_cov = inverse_3x3(np.where(ready[:, None, None], information, np.eye(3)))
+    velocity = np.einsum("nij,nj->ni", own_cov, vector)
+    velocity[~ready] = 0.0
+    position, position_cov = points.sums.moving_position(velocity, own_cov * ready[:, None, None])
+    pairs = _neighbours(
+        points, ready, position, position_cov, velocity, own_cov, T_camera_world, camera,
+        parameters,
+    )  # fmt: skip
+    near = _adjacency(pairs, count)
+    sums = near @ np.column_stack([
+        information.reshape(count, 9), vector, np.einsum("ni,ni->n", velocity, vector),
+        ready.astype(np.float64),
+    ])  # fmt: skip
+    pooled_information = sums[:, :9].reshape(count, 3, 3)
+    pooled_vector, squares, neighbours = sums[:, 9:12], sums[:, 12], sums[:, 13]
+    cov = inverse_3x3(np.where(ready[:, None, None], pooled_information, np.eye(3)))
+    pooled = np.einsum("nij,nj->ni", cov, pooled_vector)
+    spread = squares - np.einsum("ni,ni->n", pooled, pooled_vector)
+    scatter = np.maximum(1.0, spread / np.maximum(3 * (neighbours - 1), 1))
+    shared = 1 + parameters.shared_error * np.maximum(neighbours - 1, 0)
+    cov = cov * (scatter * shared)[:, None, None]
+    cov = cov + _ego_covariance(points, position, T_camera_world, step_covariance, dt)
+    squared = np.einsum("ni,nij,nj->n", pooled, inverse_3x3(cov), pooled)
+    squared = np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0)
+    tests = max(1.0, ready.sum() / max(1.0, float(neighbours[ready].mean()) if ready.any() else 1))
+    threshold = float(np.sqrt(chi2.isf(parameters.false_alarms_per_frame / tests, df=3)))
+    significance = np.sqrt(squared)
+    return Motion(
+        own_velocity=velocity,
+        own_information=information,
+        position=position,
+        position_cov=position_cov,
+        velocity=pooled,
+        covariance=cov,
+        significance=significance,
+        neighbours=neighbours.astype(np.int64),
+        threshold=threshold,
+        dynamic=(significance > threshold) & (neighbours >= parameters.min_points),
+        pairs=pairs,
+    )
+
+
+def group_dynamic(motion: Motion, free: NDArray[np.bool_], min_points: int) -> NDArray[np.int64]:
+    """Number the groups of dynamic points that hang together in place and velocity.
+
+    Args:
+        free: (N,) which points may be grouped.
+
+    Returns:
+        (N,) group number from 0, largest group first; -1 for all other points.
+    """
+    count = len(free)
+    chosen = motion.dynamic & free
+    pairs = motion.pairs[chosen[motion.pairs].all(axis=1)]
+    _, labels = connected_components(_adjacency(pairs, count), directed=False)
+    sizes = np.bincount(labels[chosen], minlength=labels.max(initial=-1) + 1)
+    order = np.argsort(-sizes, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    kept = chosen & (sizes[labels] >= min_points)
+    return np.where(kept, rank[labels], -1)
+
+
+def _adjacency(pairs: NDArray[np.intp], count: int) -> coo_matrix:
+    i, j = pairs[:, 0], pairs[:, 1]
+    own = np.arange(count)
+    rows, columns = np.concatenate([i, j, own]), np.concatenate([j, i, own])
+    return coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
+
+
+def _neighbours(
+    points: Points,
+    ready: NDArray[np.bool_],
+    position: Float64Array,
+    place_cov: Float64Array,
+    velocity: Float64Array,
+    covariance: Float64Array,
+    T_camera_world: Pose,
+    camera: StereoCamera,
+    parameters: EvidenceParameters,
+) -> NDArray[np.intp]:
+    """(P, 2) pairs that are near in the image and in depth, and may have one velocity."""
+    if len(points) < 2:
+        return np.zeros((0, 2), np.intp)
+    found = cKDTree(points.px).query_pairs(parameters.radius_px, output_type="ndarray")
+    i, j = found[:, 0], found[:, 1]
+    depth = T_camera_world.apply(position)[:, 2]
+    forward = T_camera_world.rotation[2]
+    variance = np.einsum("i,nij,j->n", forward, place_cov, forward)
+    reach = parameters.radius_px / camera.fx * np.minimum(depth[i], depth[j])
+    allowed = reach + _DEPTH_SIGMAS * np.sqrt(variance[i] + variance[j])
+    near = ready[i] & ready[j] & (np.abs(depth[i] - depth[j]) <= allowed)
+    i, j = i[near], j[near]
+    gap = velocity[i] - velocity[j]
+    squared = np.einsum("pi,pij,pj->p", gap, inverse_3x3(covariance[i] + covariance[j]), gap)
+    agree = squared <= _VELOCITY_CHI2
+    return np.stack([i[agree], j[agree]], axis=1)
+
+
+def _ego_covariance(
+    points: Points,
+    position: Float64Array,
+    T_camera_world: Pose,
+    step_covariance: Float64Array,
+    dt: float,
+) -> Float64Array:
+    """(N, 3, 3) (m/s)^2, world axes: by how much the camera's motion makes points seem to move."""
+    p = T_camera_world.apply(position)
+    G = np.concatenate([-cross_matrix(p), np.broadcast_to(np.eye(3), (len(p), 3, 3))], axis=2)
+    G = T_camera_world.rotation.T @ G
+    window = np.maximum(points.sums.window_s(), dt)
+    scale = _RANDOM_WALK / (dt * window)
+    return np.asarray((G @ step_covariance @ np.swapaxes(G, 1, 2)) * scale[:, None, None])
