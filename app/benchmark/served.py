@@ -5,13 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from statistics import mean
 
 from app.benchmark.browser import PageFigures, page_figures
 from app.benchmark.server_process import RunningServer, running_server
-from app.benchmark.viewers import viewers
+from app.benchmark.viewers import scene_viewer, viewers
 
 # How long a newcomer may be kept waiting before we call it never.
 _PATIENCE_S = 45.0
+_FAST = 4.0
+# With and without the cloud take turns, because a noisy machine drifts within seconds.
+_TURNS = 3
+# As far back as the status's rates look.
+_RATE_WINDOW_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -41,10 +47,39 @@ class LoopRates:
 
 
 @dataclass(frozen=True)
+class DenseCloudRates:
+    """What the dense cloud beside the loop costs it, with all that one 3D scene needs besides.
+
+    Attributes:
+        playback_rate: 1 is the source's recorded pace.
+        without, watched: unique frames per second while nobody and while one scene watches.
+        clouds_per_s: while it is watched.
+        age_s: mean time since the reception of the pair that the newest cloud was made of.
+        median_ms: to make one cloud. coarseness: pixels along one that is matched.
+        failures: of the client that watched.
+    """
+
+    playback_rate: float
+    without: float
+    watched: float
+    clouds_per_s: float
+    age_s: float | None
+    median_ms: float | None
+    coarseness: int | None
+    failures: tuple[str, ...]
+
+    @property
+    def ratio(self) -> float:
+        """Watched over without."""
+        return self.watched / self.without if self.without else 0.0
+
+
+@dataclass(frozen=True)
 class ServedFigures:
     """All that was measured from outside; ``page`` is a sentence where it could not be."""
 
     rates: tuple[LoopRates, ...]
+    dense_cloud: DenseCloudRates
     page: PageFigures | str
 
 
@@ -70,9 +105,10 @@ def served_figures(
             _loop_rates(server, playback_rate, seconds, viewer_count, say)
             # At its recorded pace the loop may have time to spare; at four times it has none,
             # so that a cost of the viewers cannot hide.
-            for playback_rate in (1.0, 4.0)
+            for playback_rate in (1.0, _FAST)
         )
-    return ServedFigures(rates, page)
+        dense_cloud = _dense_cloud_rates(server, _FAST, seconds, say)
+    return ServedFigures(rates, dense_cloud, page)
 
 
 def _loop_rates(
@@ -99,6 +135,33 @@ def _loop_rates(
         drained.observations,
         drained.images,
         tuple(drained.failures),
+    )
+
+
+def _dense_cloud_rates(
+    server: RunningServer, playback_rate: float, seconds: float, say: Callable[[str], None]
+) -> DenseCloudRates:
+    server.request("POST", "/api/playback", {"rate": playback_rate, "loop": True})
+    say(f"the loop with and without the dense cloud, playing at {playback_rate:g} x")
+    turn_s = max(seconds / _TURNS, _RATE_WINDOW_S)
+    without, watched, dense, failures = [], [], [], []
+    for _ in range(_TURNS):
+        without.append(_observed_rate(server, turn_s))
+        with scene_viewer(server) as drained:
+            watched.append(_observed_rate(server, turn_s))
+            dense.append(server.request("GET", "/api/status")["dense_stereo"])
+        failures += drained.failures
+    ages = [each["age_s"] for each in dense if each["age_s"] is not None]
+    costs = [each["median_ms"] for each in dense if each["median_ms"] is not None]
+    return DenseCloudRates(
+        playback_rate,
+        mean(without),
+        mean(watched),
+        mean(each["per_s"] for each in dense),
+        mean(ages) if ages else None,
+        mean(costs) if costs else None,
+        dense[-1]["coarseness"],
+        tuple(failures),
     )
 
 

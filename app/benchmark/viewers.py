@@ -6,9 +6,10 @@ import asyncio
 import contextlib
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Coroutine, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 import viser
 from websockets.asyncio.client import connect
@@ -35,16 +36,28 @@ def viewers(server: RunningServer, count: int) -> Iterator[Drained]:
     Each one drains the scene (``/viewer``), acknowledges every observation (``/api/live``) and
     every image of the view ``left``, as the page does.
     """
+    with _clients(server, (_drain_scene, _drain_live, _drain_view) * count) as drained:
+        yield drained
+
+
+@contextmanager
+def scene_viewer(server: RunningServer) -> Iterator[Drained]:
+    """One viewer of the 3D scene alone, dense cloud included, while the block runs."""
+    with _clients(server, (_drain_scene,)) as drained:
+        yield drained
+
+
+@contextmanager
+def _clients(
+    server: RunningServer,
+    clients: Sequence[Callable[[RunningServer, Drained], Coroutine[Any, Any, None]]],
+) -> Iterator[Drained]:
     drained = Drained()
     loop = asyncio.new_event_loop()
     stopping = asyncio.Event()
 
     async def all_of_them() -> None:
-        tasks = [
-            asyncio.create_task(client(server, drained))
-            for _ in range(count)
-            for client in (_drain_scene, _drain_live, _drain_view)
-        ]
+        tasks = [asyncio.create_task(client(server, drained)) for client in clients]
         await stopping.wait()
         for task in tasks:
             task.cancel()

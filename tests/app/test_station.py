@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from app.messages import EngineState, OpenSource, SkippedFrameEvent
+from app.messages import DenseStereoEvent, EngineState, OpenSource, SkippedFrameEvent
 from app.station import Conflict, FieldError, NotAvailable, Station
 from app.station.current_run import speed_rows
 from app.station.status import status
-from app.station.telemetry import Telemetry
+from app.station.telemetry import DenseStereo, Telemetry
 from app.station.writer import Writer
 from app.storage import RunState, Storage, StorageBusy, StorageError
 from observer.errors import ParameterError
@@ -390,6 +390,40 @@ def test_unique_frames_are_counted_once(peer: Any) -> None:
     peer.sequence = 0
     telemetry.observed(peer.observe(), now)
     assert telemetry.frames_observed == 32
+
+
+def dense(frame: int, received: float, trouble: str | None = None) -> DenseStereoEvent:
+    return DenseStereoEvent(frame, received, received + 0.04, 0.03, 1, trouble)
+
+
+def test_clouds_have_a_rate_and_an_age() -> None:
+    telemetry = Telemetry()
+    assert telemetry.dense(5.0) == DenseStereo(0.0, None, None, None)
+    for frame in range(21):
+        telemetry.dense_made(dense(frame, 0.1 * frame), 0.1 * frame + 0.05)
+    shown = telemetry.dense(2.05)
+    assert shown.per_s == pytest.approx(10.0)
+    assert (shown.age_s, shown.median_ms, shown.coarseness) == (0.05, 30.0, 1)
+    # Nobody watches any more: the newest only grows old.
+    shown = telemetry.dense(6.0)
+    assert (shown.per_s, shown.age_s, shown.median_ms) == (0.0, 4.0, None)
+    telemetry.new_source()
+    assert telemetry.dense(6.0).age_s is None
+
+
+def test_what_fails_in_dense_stereo_is_a_warning_until_it_works_again(
+    peer: Any, storage: Storage
+) -> None:
+    async def scenario() -> None:
+        async with started(peer, storage) as station:
+            peer.publish(dense(1, 0.1, "dense stereo failed: error: no sense"))
+            shown = status(station)
+            assert "dense stereo failed: error: no sense" in shown["warnings"]
+            assert shown["dense_stereo"]["age_s"] is None
+            peer.publish(dense(2, 0.2))
+            assert status(station)["warnings"] == []
+
+    run(scenario())
 
 
 def test_percentiles_are_of_the_last_samples() -> None:
