@@ -136,7 +136,7 @@ def vertical_error(
     """A plane through the vertical disparities, by Tukey's weights; None with too few points.
 
     A wrong pitch between the cameras shifts all rows, a wrong roll tilts them along u, a wrong
-    focal length along v (Hartley and Zisserman, Multiple View Geometry, 11.12). Takes 0.2 ms.
+    focal length along v (Hartley and Zisserman, Multiple View Geometry, 11.12). Takes 0.3 ms.
 
     Args:
         px_left: (N, 2) pixels in the left image.

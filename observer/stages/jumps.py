@@ -1,0 +1,166 @@
+"""Whether the camera can have moved as its estimated motion says: implausible jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+
+# What a body that carries a camera can do. A car brakes at 10 m/s^2, a drone turns over at
+# 20 rad/s^2, and shaking by a quarter of a degree at 11 Hz amounts to 21 rad/s^2.
+_MAX_ACCELERATION = 20.0
+_MAX_ANGULAR_ACCELERATION = 50.0
+# A bump (a threshold, a kerb) changes the velocity at once, however short the time between frames.
+_BUMP_MPS = 0.5
+_BUMP_RADPS = 0.3
+# No camera of ours is that fast; holds where there is no motion yet to compare with.
+_MAX_SPEED = 100.0
+_MAX_TURN_RATE = 20.0
+# A frame's stamp may be late by so much of the time between two frames; the speed seems wrong by
+# as much.
+_STAMP_SHARE = 0.25
+# Measurement noise explains this many standard deviations, but never more than as much again as
+# the body can do: a motion that is uncertain beyond that says nothing.
+_SIGMAS = 4.0
+# Motions further back do not tell how fast the camera moves now.
+RECENT_MOTIONS = 3
+# A frame is worth comparing with for so long.
+_MAX_GAP_S = 1.0
+# After dropped frames the camera may well have turned back meanwhile, which is no contradiction to
+# how features were found; what the body can do still holds.
+_MAX_REACH_GAP_S = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMotion:
+    """How the camera moved between two frames.
+
+    Attributes:
+        time: of the later frame, seconds. dt: between the two, seconds.
+        turn_rate: (3,) rad/s and velocity: (3,) m/s of the camera, in its own axes.
+        turn_rate_std, velocity_std: their standard deviations, rad/s and m/s.
+    """
+
+    time: float
+    dt: float
+    turn_rate: Float64Array
+    velocity: Float64Array
+    turn_rate_std: float
+    velocity_std: float
+
+    @staticmethod
+    def from_pose(
+        time: float, dt: float, T_current_previous: Pose, covariance: Float64Array | None
+    ) -> CameraMotion:
+        """From the motion between two frames and its (6, 6) covariance (rad, m), if known.
+
+        Raises:
+            ValueError: ``dt`` is not positive.
+        """
+        if not dt > 0:
+            raise ValueError(f"a motion takes time, not {dt:g} s")
+        variances = np.zeros(6) if covariance is None else np.diag(covariance)
+        return CameraMotion(
+            time,
+            dt,
+            -T_current_previous.rotvec / dt,
+            -T_current_previous.translation / dt,
+            float(np.sqrt(variances[:3].sum())) / dt,
+            float(np.sqrt(variances[3:].sum())) / dt,
+        )
+
+
+@dataclass(frozen=True)
+class ImageReach:
+    """How far apart from where it is expected a feature can still be found.
+
+    Attributes:
+        focal_px: focal length. depth_m: median depth of the points that gave the motion.
+        reach_px: as far as tracking follows: half its window times 2 to the pyramid's levels.
+    """
+
+    focal_px: float
+    depth_m: float
+    reach_px: float
+
+
+def jump_reason(
+    motion: CameraMotion, recent: Sequence[CameraMotion], reach: ImageReach | None = None
+) -> str | None:
+    """Whether a motion contradicts the plausible ones before it.
+
+    A body cannot change its velocity faster than its drive, its brakes or a bump allow, and a
+    motion that would have moved the picture further than features can be followed was not found
+    by following them. Of the last ``RECENT_MOTIONS`` the one that fits best decides, so that
+    neither hard braking nor shaking faster than the frame rate is a jump. Takes 0.01 ms.
+
+    Args:
+        motion: the newest. recent: those before it that were no jumps themselves, oldest first.
+        reach: left out where features are found by their descriptors alone.
+    """
+    speed = float(np.linalg.norm(motion.velocity))
+    turn = float(np.linalg.norm(motion.turn_rate))
+    if not (speed <= _MAX_SPEED and turn <= _MAX_TURN_RATE):
+        return (
+            f"the camera's motion jumps: {speed:.3g} m/s and {np.degrees(turn):.3g} deg/s are "
+            f"more than any camera does"
+        )
+    if not recent:
+        return None
+    # What fits an older motion within the time since the last one shows the last one to be odd.
+    last = recent[-1]
+    gap = max(abs(motion.time - motion.dt / 2 - (last.time - last.dt / 2)), 1e-3)
+    if gap > _MAX_GAP_S:
+        return None
+    told: str | None = None
+    for earlier in recent[-RECENT_MOTIONS:]:
+        told = _contradiction(motion, earlier, gap)
+        if told is None and reach is not None and gap <= _MAX_REACH_GAP_S:
+            told = _beyond_reach(motion, earlier, reach)
+        if told is None:
+            return None
+    return told
+
+
+def _contradiction(motion: CameraMotion, earlier: CameraMotion, gap: float) -> str | None:
+    change = float(np.linalg.norm(motion.velocity - earlier.velocity))
+    possible = _BUMP_MPS + _MAX_ACCELERATION * gap
+    noise = _SIGMAS * float(np.hypot(motion.velocity_std, earlier.velocity_std))
+    late = _STAMP_SHARE * float(np.linalg.norm(earlier.velocity))
+    allowed = possible + min(noise, possible) + late
+    if change > allowed:
+        return (
+            f"the camera's motion jumps: {change:.3g} m/s of change within {gap:.2g} s "
+            f"({change / gap:.3g} m/s^2), {allowed:.2g} m/s are possible"
+        )
+    change = float(np.linalg.norm(motion.turn_rate - earlier.turn_rate))
+    possible = _BUMP_RADPS + _MAX_ANGULAR_ACCELERATION * gap
+    noise = _SIGMAS * float(np.hypot(motion.turn_rate_std, earlier.turn_rate_std))
+    late = _STAMP_SHARE * float(np.linalg.norm(earlier.turn_rate))
+    allowed = possible + min(noise, possible) + late
+    if change > allowed:
+        return (
+            f"the camera's motion jumps: {np.degrees(change):.3g} deg/s of change within "
+            f"{gap:.2g} s, {np.degrees(allowed):.3g} deg/s are possible"
+        )
+    return None
+
+
+def _beyond_reach(motion: CameraMotion, earlier: CameraMotion, reach: ImageReach) -> str | None:
+    # By how much the picture moves otherwise than if the camera had gone on as before.
+    turned = float(np.linalg.norm(motion.turn_rate - earlier.turn_rate)) * motion.dt
+    moved = float(np.linalg.norm(motion.velocity - earlier.velocity)) * motion.dt
+    depth = max(reach.depth_m, 1e-3)
+    shift = reach.focal_px * (turned + moved / depth)
+    turn_std = float(np.hypot(motion.turn_rate_std, earlier.turn_rate_std))
+    velocity_std = float(np.hypot(motion.velocity_std, earlier.velocity_std))
+    noise = _SIGMAS * reach.focal_px * motion.dt * (turn_std + velocity_std / depth)
+    if shift <= reach.reach_px + min(noise, reach.reach_px):
+        return None
+    return (
+        f"the camera's motion jumps: it would move the image {shift:.0f} px otherwise than "
+        f"expected, and features are followed over {reach.reach_px:.0f} px at most"
+    )
