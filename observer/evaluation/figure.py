@@ -66,6 +66,9 @@ def benchmark_figure(result: Benchmark) -> Figure:
         facecolor="white",
     )
     heights = [height for height in (upper, lower) if height > 0]
+    _legend(figure, names, result.sources)
+    if not heights:
+        return figure
     parts = iter(figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False).flat)
     if presets:
         _accuracy(next(parts), presets, names)
@@ -75,7 +78,6 @@ def benchmark_figure(result: Benchmark) -> Figure:
             _false(part.add_subplot(1, places, 1), by_source, names)
         if stages:
             _cost(part.add_subplot(1, places, places), timed, stages, names)
-    _legend(figure, names, result.sources)
     return figure
 
 
@@ -102,13 +104,13 @@ def _recall(
 def _velocity(
     axes: Axes, presets: Sequence[PresetResult], attribute: str, names: Sequence[str]
 ) -> None:
-    _points(axes, presets, attribute, "velocity_rmse_mps", names)
+    errors = _points(axes, presets, attribute, "velocity_rmse_mps", names)
+    low, high = min([v for v in errors if v > 0], default=1.0), max(errors, default=0.0)
     axes.set_yscale("log")
-    low, high = axes.get_ylim()
-    axes.set_ylim(min(low, 0.015), max(1.15 * high, 0.2))
+    axes.set_ylim(min(low / 1.3, 0.015), max(1.3 * high, 0.2))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
-    ticks = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
+    ticks = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
     axes.set_yticks([t for t in ticks if axes.get_ylim()[0] <= t <= axes.get_ylim()[1]])
     _horizontal_target(axes, _VELOCITY_IDEAL, "ideal")
     _horizontal_target(axes, _VELOCITY_FAULTY, "faulty")
@@ -118,18 +120,22 @@ def _velocity(
 
 def _points(
     axes: Axes, presets: Sequence[PresetResult], attribute: str, figure: str, names: Sequence[str]
-) -> None:
+) -> list[float]:
+    """Draw one figure of all presets, and return the values that are known."""
     labels: list[str] = []
+    known: list[float] = []
     for p in presets:
         groups: tuple[Group, ...] = getattr(p.breakdown, attribute)
         labels = [f"{g.label}\nn = {g.count}" for g in groups]
         values = [np.nan if (v := getattr(g, figure)) is None else v for g in groups]
+        known += [v for v in values if not np.isnan(v)]
         number = names.index(p.preset)
         places = np.arange(len(values)) + _apart(number, len(names))
         axes.plot(places, values, linewidth=1.4, **_style(number))
     axes.set_xticks(range(len(labels)), labels, fontsize=8.5)
     axes.set_xlim(-0.4, len(labels) - 0.6)
     _plain(axes, "y")
+    return known
 
 
 def _false(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -10,8 +11,10 @@ from observer.errors import InputError, ScenarioError
 from observer.evaluation.benchmark import Progress, run_benchmark
 from observer.evaluation.report import benchmark_markdown
 from observer.evaluation.results import Benchmark
-from observer.evaluation.sources import simulated_sources
+from observer.evaluation.source_run import run_source
+from observer.evaluation.sources import described, simulated_sources
 from observer.parameters import preset
+from observer.simulation.export import export_stereo_folder
 
 PRESETS = {"paper": preset("paper"), "default": preset("default")}
 FRAMES = 12
@@ -70,6 +73,82 @@ def test_the_result_as_json_and_markdown(lab: tuple[Benchmark, list[Progress]]) 
         "simulated:lab?seed=5",
     ):
         assert words in text
+
+
+def test_opencvs_share_of_the_cost_is_told(lab: tuple[Benchmark, list[Progress]]) -> None:
+    result, _ = lab
+    for each in result.presets:
+        cost = each.opencv
+        assert cost is not None
+        assert "calcOpticalFlowPyrLK" in cost.calls_ms
+        assert list(cost.calls_ms.values()) == sorted(cost.calls_ms.values(), reverse=True)
+        assert cost.ratio == pytest.approx(each.timings["total"].median_ms / cost.timing.median_ms)
+        figures = {t.figure for t in each.targets}
+        assert {"observe ms, median", "observe over bare OpenCV"} <= figures
+    assert "whole step / OpenCV" in benchmark_markdown(result)
+
+
+def test_opencv_is_timed_on_frames_of_their_own() -> None:
+    seen = run_source(described("simulated:lab"), PRESETS, 18, 0.5, lambda _: None)
+    for run in seen.values():
+        clean, recorded = len(run.times_ms["total"]), len(run.opencv_ms)
+        assert clean + recorded == 18 - 3
+        assert 2 <= recorded <= 8
+        assert all(sum(calls.values()) > 0 for calls in run.opencv_ms)
+
+
+def test_several_processes_find_the_same_and_leave_cost_out() -> None:
+    sources = simulated_sources(["lateral", "miscalibrated_vergence"], [3])
+    steps: list[Progress] = []
+    alone = run_benchmark(sources, PRESETS, max_frames=13)
+    spread = run_benchmark(sources, PRESETS, max_frames=13, jobs=2, progress=steps.append)
+    assert spread.sources == alone.sources
+    for one, other in zip(alone.presets, spread.presets, strict=True):
+        assert (one.evaluation, one.breakdown) == (other.evaluation, other.breakdown)
+        assert other.timings == {}
+        assert other.opencv is None
+        accuracy = [t for t in one.targets if not t.figure.startswith("observe ")]
+        assert list(other.targets) == accuracy
+    assert [s.done for s in steps] == sorted(s.done for s in steps)
+    assert steps[-1].done == steps[-1].total == 2 * 13
+    assert "Not measured: 2 processes" in benchmark_markdown(spread)
+
+
+def test_an_error_in_a_process_is_the_same_error(tmp_path: Path) -> None:
+    scenario, folder = tmp_path / "short.yaml", tmp_path / "short"
+    scenario.write_text("based_on: lab\nduration_s: 0.2\n")
+    export_stereo_folder(str(scenario), 0, folder)
+    (folder / "calibration.yaml").unlink()
+    with pytest.raises(InputError, match="brings no calibration"):
+        run_benchmark([str(folder)] * 2, PRESETS, max_frames=3, jobs=2)
+
+
+def test_what_is_scored_for_detection_gives_no_errors() -> None:
+    (spec,) = simulated_sources(["miscalibrated_vergence"], [0])
+    source = described(spec)
+    assert (source.declares, source.scored_for, source.frames) == ("faulty", "detection", 150)
+    presets = {"default": PRESETS["default"]}
+    result = run_benchmark([spec], presets, max_frames=30)
+    for found in (result.sources[0].evaluation, result.presets[0].evaluation):
+        assert found is not None
+        assert found.matched > 0
+        assert found.coverage is not None
+        assert (found.speed_rmse_mps, found.velocity_rmse_mps) == (None, None)
+        assert (found.centre_rmse_m, found.surface_rmse_m, found.motp_m) == (None, None, None)
+    whole = run_benchmark(simulated_sources(["lateral"], [0]), presets, max_frames=30)
+    assert whole.presets[0].evaluation is not None
+    assert whole.presets[0].evaluation.speed_rmse_mps is not None
+
+
+def test_progress_knows_how_long_a_scenario_is() -> None:
+    steps: list[Progress] = []
+    run_benchmark(["simulated:lab"], {"paper": PRESETS["paper"]}, max_frames=6,
+                  progress=steps.append)  # fmt: skip
+    assert {s.total for s in steps} == {6}
+    # One step for each frame, and none left out.
+    assert [s.done for s in steps] == list(range(7))
+    assert described("simulated:toward?seed=4").planned(300) == 135
+    assert described("simulated:toward?seed=4").planned(20) == 20
 
 
 def test_accuracy_is_the_same_each_time(lab: tuple[Benchmark, list[Progress]]) -> None:

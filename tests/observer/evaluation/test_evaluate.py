@@ -12,6 +12,7 @@ import pytest
 from observer.errors import InputError
 from observer.evaluation.evaluate import FIGURE_TITLES, evaluate, summarise
 from observer.evaluation.lines import checked_lines, read_lines
+from observer.evaluation.results import FALSE_LISTED, listed
 from observer.evaluation.tally import ROAD_GATE_M, tally
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody
@@ -141,6 +142,63 @@ def test_a_report_far_from_everything_is_false(gate: float, false: int) -> None:
     assert result.recall == (0.0 if false else 1.0)
     if false:
         assert result.mota == pytest.approx(1 - (14 + 20) / 14)
+
+
+def test_false_ones_are_kept_with_where_and_when() -> None:
+    paths = {1: ((-1.0, 0.0, 3.0), (0.4, 0.0, 0.0)), 2: ((1.0, 0.0, 4.0), (0.0, 0.0, 0.0))}
+    camera = Pose.from_rotvec((0, 0, 0), (0.0, 0.0, 1.0))
+    truth = StraightTruth(paths, camera=camera)
+    # Seen from a camera 1 m ahead of the truth's origin, and reported in that camera's world.
+    ghost = entry(truth, 0.3, 1, id=42) | {"position": [1.0, 0.3, 3.4], "speed": 0.2}
+    lines = [line(k, [ghost] if k == 3 else []) for k in range(5)]
+    counted = tally(checked_lines(lines), truth)
+    (found,) = counted.false
+    assert (found.frame, found.segment, found.time, found.id) == (3, 0, pytest.approx(0.3), 42)
+    assert found.position == pytest.approx((1.0, 0.3, 4.4))
+    assert found.speed_mps == 0.2
+    assert found.range_m == pytest.approx(np.sqrt(1 + 0.09 + 3.4**2))
+    assert (found.nearest_id, found.nearest_moving) == (2, False)
+    assert found.nearest_m == pytest.approx(0.5)
+    assert counted.moved
+    json.dumps(found.as_dict(), allow_nan=False)
+
+
+def test_false_ones_are_listed_up_to_a_number() -> None:
+    truth = StraightTruth({})
+    lines = [line(k, [entry(StraightTruth(RIGHT), k * DT)]) for k in range(FALSE_LISTED + 5)]
+    counted = tally(checked_lines(lines), truth)
+    assert not counted.moved
+    result = listed(tuple(counted.false))
+    assert len(result["false_instances"]) == FALSE_LISTED
+    assert result["false_instances_left_out"] == 5
+    assert result["false_instances"][0]["nearest_id"] is None
+    assert summarise([counted]).false == FALSE_LISTED + 5
+
+
+def test_the_methods_own_status_is_counted() -> None:
+    truth = StraightTruth(RIGHT)
+    lines = [
+        line(k, [], status=status)
+        for k, status in enumerate(["degraded", "ok", "lost", "lost", "ok"])
+    ]
+    result = evaluate(lines, truth)
+    assert (result.frames_degraded, result.frames_lost) == (1, 2)
+
+
+def test_an_episodes_direction_is_that_of_its_first_moments() -> None:
+    """It comes near head-on and turns aside a second later."""
+
+    class Turning(StraightTruth):
+        def bodies(self, time: float) -> tuple[TrueBody, ...]:
+            (b,) = super().bodies(time)
+            velocity = np.array([0.0, 0.0, -0.4] if time < 1 else [0.4, 0.0, 0.0])
+            return (TrueBody(**{**b.__dict__, "velocity": velocity}),)
+
+    truth = Turning({1: ((0.0, 0.0, 3.0), (0.0, 0.0, 0.0))})
+    counted = tally(checked_lines([line(k, []) for k in range(40)]), truth)
+    (episode,) = counted.episodes
+    assert episode.radial == pytest.approx(1.0)
+    assert episode.range_m == pytest.approx(3.0)
 
 
 def test_a_report_of_something_parked_is_false() -> None:
