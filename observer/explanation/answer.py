@@ -14,8 +14,8 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.parameters import parameter_schema
 
-# Around a pixel: as large a part of the image as a small obstacle takes, 13 px of 512.
-_RADIUS_SHARE = 1 / 40
+# Around a pixel: about as far as features of one textured surface lie apart, 10 px of 512.
+_RADIUS_SHARE = 1 / 50
 _LEAST_RADIUS_PX = 6.0
 # As many of the nearest features speak for a pixel; odd, so that there is a majority.
 _SPEAKERS = 5

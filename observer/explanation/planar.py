@@ -113,7 +113,8 @@ def _depth_at(disparity: Float64Array, px: Float64Array, camera: StereoCamera) -
 
 
 def _speakers(place: _Place) -> str:
-    return f"the {count_of(len(place.near.speakers), 'nearest feature')}"
+    count = len(place.near.speakers)
+    return "the nearest feature" if count == 1 else f"the {count} nearest features"
 
 
 # --- it stood --------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import { h, setAttribute, setText } from "./dom.js";
 import { Part } from "./part.js";
+import { PixelQuestion } from "./pixel-question.js";
 import { ViewSocket } from "./view-socket.js";
 
 const STALE_AFTER_MS = 1000;
@@ -10,7 +11,9 @@ const STALE_AFTER_MS = 1000;
 export const VIEWS = {
   left: {
     title: "Left",
-    help: "Green stars are features, lines their flow; a yellow box is an obstacle that moves.",
+    help:
+      "Green stars are features, lines their flow; a yellow box is an obstacle that moves. " +
+      "Click a place to ask why it counts as moving or not.",
   },
   warped: {
     title: "Warped",
@@ -44,12 +47,16 @@ export class LiveView extends Part {
     const helpId = `view-help-${this.name}`;
     this.#canvas.setAttribute("aria-label", `${title}, live`);
     this.#canvas.setAttribute("aria-describedby", helpId);
+    // The other views show another instant, or are no picture of a place.
+    const question = this.name === "left" ? new PixelQuestion() : null;
+    question?.attach(this.hub);
     this.append(
       h(
         "figure",
         {},
-        h("div", { class: "view-image" }, this.#canvas, this.#mark),
+        h("div", { class: "view-image" }, this.#canvas, this.#mark, question?.pick),
         h("figcaption", {}, h("b", {}, title), " ", h("span", { id: helpId }, help)),
+        question,
       ),
     );
     this.#socket = new ViewSocket(this.name, ({ bitmap, ageMs }) => this.#show(bitmap, ageMs));

@@ -1,6 +1,7 @@
 /** The page's start: one hub, and every part attached to it. */
 
 import "./calibration-panel.js";
+import "./ego-motion.js";
 import "./first-line.js";
 import "./freshness-banner.js";
 import "./live-views.js";

@@ -1,6 +1,7 @@
 /** All obstacles of the newest observation, one line each. */
 
 import { h, setAttribute, setText } from "./dom.js";
+import { fillFigures } from "./figure-list.js";
 import { Part } from "./part.js";
 import { bearingInWords, fixed, speedWithBand, trackColour } from "./words.js";
 
@@ -37,7 +38,7 @@ class ObstacleTable extends Part {
     for (const obstacle of obstacles) {
       let row = this.#rows.get(obstacle.id);
       if (!row) {
-        row = makeRow(obstacle.id);
+        row = makeRow(obstacle.id, () => this.#render());
         this.#rows.set(obstacle.id, row);
         this.#body.append(...row);
       }
@@ -50,16 +51,32 @@ class ObstacleTable extends Part {
 }
 
 /**
- * Two lines: the figures, and why it counts as dynamic.
+ * Two lines: the figures, and why it counts as dynamic. A click on either, or on the button with
+ * the number, shows the figures behind the reason.
  *
  * @param {number} id
+ * @param {() => void} opened
  * @returns {[HTMLTableRowElement, HTMLTableRowElement]}
  */
-function makeRow(id) {
+function makeRow(id, opened) {
   const swatch = h("span", { class: "swatch", "data-track": trackColour(id), "aria-hidden": "true" });
   const cells = COLUMNS.slice(1).map(() => h("td"));
-  const figures = h("tr", {}, h("th", { scope: "row" }, swatch, String(id)), ...cells);
-  const why = h("tr", { class: "why" }, h("td", { colspan: COLUMNS.length }));
+  const more = h("button", { type: "button", class: "row-button", "aria-expanded": "false", title: "Why it counts as moving" }, swatch, String(id));
+  const figures = h("tr", {}, h("th", { scope: "row" }, more), ...cells);
+  const behind = h("dl", { class: "figures", hidden: true });
+  const why = h("tr", { class: "why" }, h("td", { colspan: COLUMNS.length }, h("p"), behind));
+  const toggle = () => {
+    behind.hidden = !behind.hidden;
+    more.setAttribute("aria-expanded", String(!behind.hidden));
+    opened();
+  };
+  const close = (/** @type {KeyboardEvent} */ event) => {
+    if (event.key === "Escape" && !behind.hidden) toggle();
+  };
+  for (const row of [figures, why]) {
+    row.addEventListener("click", toggle);
+    row.addEventListener("keydown", close);
+  }
   return [figures, why];
 }
 
@@ -79,9 +96,21 @@ function fillRow([figures, why], obstacle, truth) {
     if (cell) setText(cell, text);
   });
   setAttribute(figures, "data-state", obstacle.state);
-  const cell = why.cells[0];
+  const [sentence, behind] = why.cells[0]?.children ?? [];
   const state = obstacle.state === "coasting" ? "Not seen now" : STATES[obstacle.motion];
-  if (cell) setText(cell, `${state ?? obstacle.motion}. ${(obstacle.why ?? "").replace(/\.?$/, ".")}`);
+  if (sentence) setText(sentence, `${state ?? obstacle.motion}. ${(obstacle.why ?? "").replace(/\.?$/, ".")}`);
+  if (behind instanceof HTMLDListElement && !behind.hidden) fillFigures(behind, figuresBehind(obstacle));
+}
+
+/** @param {import("./types.js").Obstacle} obstacle */
+function figuresBehind({ points, significance, closing_speed, size, state }) {
+  return [
+    { term: "Stands out by", text: `${fixed(significance, 1)} σ` },
+    { term: "Points that move", text: String(points) },
+    { term: "Comes nearer by", text: closing_speed === null ? "not known" : `${fixed(closing_speed, 2)} m/s` },
+    { term: "Size seen", text: `${size.map((m) => fixed(m, 2)).join(" × ")} m` },
+    { term: "State", text: state },
+  ];
 }
 
 customElements.define("observer-obstacles", ObstacleTable);

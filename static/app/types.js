@@ -43,6 +43,8 @@
  * @property {number} bearing radians, positive to the right
  * @property {number | null} closing_speed m/s, positive while the range shrinks
  * @property {number} points
+ * @property {number} significance standard deviations
+ * @property {number[]} size metres
  * @property {string} [why]
  *
  * @typedef {object} TrueBody
@@ -116,6 +118,7 @@
  *   restarts: number, heartbeat_age_s: number | null}} engine
  * @property {SourceInfo | null} source
  * @property {Playback | null} playback
+ * @property {{width: number, height: number} | null} camera the rectified pair
  * @property {{id: string, name: string, started_at: string} | null} run
  * @property {{id: string, name: string} | null} calibration
  * @property {number} parameters_revision

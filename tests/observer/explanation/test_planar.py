@@ -269,7 +269,7 @@ def test_what_is_said_to_give_a_feature_gives_one() -> None:
     changes[name] = value
     found = _observed(**changes)
     assert found.verdict is PixelVerdict.TOO_FEW_FEATURES
-    assert "1 feature within 13 px of here could not be followed" in found.sentence
+    assert "1 feature within 10 px of here could not be followed" in found.sentence
     name, value = promised(found)
     assert name == "flow__min_texture"
     assert _observed(**changes, **{name: value + 0.02}).verdict is found.verdict

@@ -1,0 +1,152 @@
+"""Any pixel can be asked why it counts as what it does, and every obstacle says why."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+pytestmark = pytest.mark.browser
+
+_STEP_PX = 16
+
+
+@pytest.fixture
+def standing(server, open_panel, eventually):
+    """A page whose picture stands, and a pixel of it that moves."""
+
+    def open_one(**options):
+        eventually(lambda: server.get("/status")["source"], 30)
+        # Other tests may have left the playback as they liked.
+        server.api.post("/api/playback", json={"paused": False}).raise_for_status()
+        page = open_panel(**options)
+        found = None
+        while found is None:
+            moving = page.locator(".first-line-text")
+            expect(moving).to_have_text(re.compile(r"Obstacle \d+ moves"), timeout=30_000)
+            server.api.post("/api/playback", json={"paused": True}).raise_for_status()
+            eventually(lambda: server.get("/status")["playback"]["paused"])
+            found = _moving_pixel(server)
+            if found is None:
+                server.api.post("/api/playback", json={"paused": False}).raise_for_status()
+                page.wait_for_timeout(1000)
+        return page, found
+
+    yield open_one
+    server.api.post("/api/playback", json={"paused": False}).raise_for_status()
+
+
+def _moving_pixel(server):
+    camera = server.get("/status")["camera"]
+    for v in range(_STEP_PX, camera["height"], _STEP_PX):
+        for u in range(_STEP_PX, camera["width"], _STEP_PX):
+            # A click may miss by a pixel, so its surroundings must be of the same.
+            around = [(u, v), (u - 2, v - 2), (u + 2, v - 2), (u - 2, v + 2), (u + 2, v + 2)]
+            answers = (server.get(f"/pixel?u={x}&v={y}") for x, y in around)
+            if all(answer["obstacle"] for answer in answers):
+                return server.get(f"/pixel?u={u}&v={v}")
+    return None
+
+
+def _click(page, u, v, camera):
+    pick = page.locator(".pixel-pick")
+    pick.scroll_into_view_if_needed()
+    box = pick.bounding_box()
+    x = (u + 0.5) / camera["width"] * box["width"]
+    y = (v + 0.5) / camera["height"] * box["height"]
+    pick.click(position={"x": x, "y": y})
+
+
+def test_a_click_on_the_picture_is_answered(server, standing, keep_picture):
+    page, told = standing()
+    camera = server.get("/status")["camera"]
+    _click(page, told["u"], told["v"], camera)
+    card = page.locator(".answer")
+    expect(card.locator(".verdict-chip")).to_have_text("Moving")
+    # A click hits a pixel of the picture as it is shown, which may be smaller.
+    where = card.locator(".answer-head .figure")
+    expect(where).to_have_text(re.compile(r"Pixel \d+, \d+ · frame \d+"))
+    u, v, frame = (int(n) for n in re.findall(r"\d+", where.inner_text()))
+    assert abs(u - told["u"]) <= 2
+    assert abs(v - told["v"]) <= 2
+    same = server.get(f"/pixel?u={u}&v={v}")
+    assert frame == same["frame"]
+    expect(card).to_contain_text(same["sentence"])
+    expect(card).to_contain_text(f"What would change it: {same['would_change']}")
+    expect(card).to_contain_text(f"Obstacle {same['obstacle']['id']}")
+    speed = card.locator("dl div", has=page.locator("dt", has_text=re.compile("^Speed$")))
+    expect(speed.locator("dd")).to_have_text(f"{same['numbers']['speed_mps']:.2f} m/s")
+    mark = page.locator(".pixel-mark").bounding_box()
+    picture = page.locator(".pixel-pick").bounding_box()
+    middle = (mark["x"] + mark["width"] / 2 - picture["x"]) / picture["width"]
+    assert middle == pytest.approx((u + 0.5) / camera["width"], abs=0.003)
+    keep_picture(page, "answer")
+
+    page.keyboard.press("Escape")
+    expect(card).to_be_hidden()
+    expect(page.locator(".pixel-mark")).to_be_hidden()
+
+
+def test_the_mark_moves_by_keyboard_and_enter_asks(server, standing):
+    page, _ = standing()
+    camera = server.get("/status")["camera"]
+    page.locator(".pixel-pick").focus()
+    for key in ("ArrowRight", "ArrowRight", "ArrowUp", "Shift+ArrowLeft"):
+        page.keyboard.press(key)
+    expect(page.locator(".pixel-mark")).to_be_visible()
+    page.keyboard.press("Enter")
+    u, v = camera["width"] // 2 + 15, camera["height"] // 2 - 8
+    where = page.locator(".answer .answer-head .figure")
+    expect(where).to_have_text(re.compile(rf"Pixel {u}, {v} · frame \d+"))
+    for _ in range(80):
+        page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Enter")
+    expect(where).to_have_text(re.compile(rf"Pixel 0, {v} "))
+    page.get_by_role("button", name="Close the answer").click()
+    expect(page.locator(".answer")).to_be_hidden()
+    expect(page.locator(".pixel-pick")).to_be_focused()
+
+
+def test_an_obstacles_row_opens_the_figures_behind_its_reason(standing):
+    page, told = standing()
+    row = page.locator("observer-obstacles tbody tr").first
+    why = page.locator("observer-obstacles tr.why").first
+    expect(why).to_contain_text(told["obstacle"]["why"][:20])
+    expect(why.locator("dl")).to_be_hidden()
+    row.locator("td").first.click()
+    expect(why.locator("dl")).to_contain_text("Stands out by")
+    expect(row.get_by_role("button")).to_have_attribute("aria-expanded", "true")
+    row.get_by_role("button").press("Escape")
+    expect(why.locator("dl")).to_be_hidden()
+    row.get_by_role("button").press("Enter")
+    expect(why.locator("dl")).to_be_visible()
+
+
+def test_the_cameras_own_motion_is_shown(server, open_panel, keep_picture):
+    before = server.get("/parameters")["values"]
+    try:
+        server.api.patch("/api/parameters", json={"ego_motion.model": "affine"}).raise_for_status()
+        page = open_panel()
+        page.get_by_role("tab", name="Status").click()
+        shown = page.locator("observer-ego-motion")
+        expect(shown).to_contain_text(re.compile(r"affine model over \d+ ms: \d+ of \d+ matches"))
+        for term in ("Translation", "Rotation", "Shear", "Scale"):
+            expect(shown.locator("dt", has_text=term).first).to_be_visible()
+        expect(shown).to_contain_text(re.compile(r"-?\d+\.\d, -?\d+\.\d, -?\d+\.\d mm"))
+        shown.scroll_into_view_if_needed()
+        keep_picture(page, "camera-motion")
+    finally:
+        server.api.patch("/api/parameters", json=before).raise_for_status()
+
+
+def test_an_answer_fits_on_a_phone(server, standing, keep_picture):
+    page, told = standing(viewport={"width": 360, "height": 780}, has_touch=True)
+    _click(page, told["u"], told["v"], server.get("/status")["camera"])
+    card = page.locator(".answer")
+    expect(card).to_be_visible()
+    box = card.bounding_box()
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= 360
+    assert page.evaluate("document.documentElement.scrollWidth") <= 360
+    keep_picture(page, "phone-answer")
