@@ -14,7 +14,8 @@ Job = TypeVar("Job")
 
 # The loop goes first where both want the same core.
 _NICENESS = 10
-_STOP_TIMEOUT_S = 5.0
+# Who ends the worker is waited for as well; a daemon thread holds up nothing.
+_STOP_TIMEOUT_S = 0.5
 
 
 class LatestWorker(Generic[Job]):
@@ -65,7 +66,7 @@ class LatestWorker(Generic[Job]):
             self._newest = None
 
     def close(self) -> None:
-        """Drop what waits, let the job at hand finish, and end the thread; safe to call twice."""
+        """Drop what waits, end the thread behind the job at hand; safe to call twice."""
         with self._changed:
             self._closing = True
             self._newest = None

@@ -113,6 +113,7 @@ class Publisher:
     def __init__(self) -> None:
         self.watched: tuple[str, ...] = ()
         self.published = 0
+        self.closed = False
 
     def watch(self, names: tuple[str, ...]) -> None:
         self.watched = names
@@ -122,6 +123,9 @@ class Publisher:
 
     def forget(self) -> None:
         pass
+
+    def close(self) -> None:
+        self.closed = True
 
 
 class Bench:
@@ -472,3 +476,4 @@ def test_watching_reaches_the_publisher_and_shutdown_ends(bench: Bench) -> None:
     bench._thread.join(PATIENCE_S)
     assert not bench._thread.is_alive()
     assert bench.sources["many"].closed == 1
+    assert bench.publisher.closed

@@ -1,0 +1,146 @@
+"""What each command does, apart from when the loop comes to it."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from app.engine.calibration_preview import preview_calibration
+from app.engine.current_source import CurrentSource
+from app.engine.errors import NotNow
+from app.engine.explaining import Explainer
+from app.engine.publishing import Publisher
+from app.engine.replies import refusal, unexpected
+from app.engine.session import parse_parameters
+from app.messages import (
+    CloseSource,
+    ExplainPixel,
+    OpenSource,
+    PreviewCalibration,
+    Reply,
+    Request,
+    SetParameters,
+    SetPlayback,
+    Shutdown,
+    StopRun,
+    WatchViews,
+)
+from observer.errors import DynamicObserverError, InputError
+
+_log = logging.getLogger(__name__)
+
+
+class CommandDesk:
+    """Carries out commands and says what came of them.
+
+    Attributes:
+        leaving: the engine was told to leave.
+    """
+
+    def __init__(
+        self,
+        current: CurrentSource,
+        publisher: Publisher,
+        explainer: Explainer,
+        *,
+        send: Callable[[Reply], None],
+        beat: Callable[[], None],
+        clock: Callable[[], float],
+    ) -> None:
+        """
+        Args:
+            send: takes the refusal of an opening that a later command ends.
+            beat: called between the steps of what takes long.
+            clock: the host's monotonic clock.
+        """
+        self._current = current
+        self._publisher = publisher
+        self._explainer = explainer
+        self._send = send
+        self._beat = beat
+        self._clock = clock
+        self.leaving = False
+
+    def answer(self, request: Request) -> Reply | None:
+        """Carry it out; None where the answer comes later, once a source is open."""
+        command = request.command
+        try:
+            if isinstance(command, OpenSource):
+                self._current.begin(request, command)
+                return None
+            return Reply(request.number, value=self._handle(command))
+        except DynamicObserverError as error:
+            return refusal(request.number, error)
+        except Exception as error:  # noqa: BLE001
+            # The border of the process: whatever a command runs into, the engine stays alive
+            # and says so.
+            _log.exception("%s failed", type(command).__name__)
+            return Reply(request.number, error=unexpected(error), refusal="failure")
+
+    def _handle(self, command: object) -> dict[str, Any]:
+        match command:
+            case StopRun():
+                return self._stop_run()
+            case CloseSource():
+                return self._close_source()
+            case SetParameters():
+                return self._set_parameters(command)
+            case SetPlayback():
+                return self._set_playback(command)
+            case WatchViews():
+                self._publisher.watch(command.names)
+                return {}
+            case PreviewCalibration():
+                return self._preview(command.calibration_yaml)
+            case ExplainPixel():
+                return self._explainer.explain(command.u, command.v)
+            case Shutdown():
+                self.leaving = True
+                return {}
+        raise InputError(f"the engine knows no command {type(command).__name__}")
+
+    def _stop_run(self) -> dict[str, Any]:
+        session = self._current.session
+        if session is None or session.run_id is None:
+            raise NotNow("no run is going; start one first")
+        session.run_id = None
+        return {}
+
+    def _close_source(self) -> dict[str, Any]:
+        given_up = self._current.give_up_opening()
+        if given_up is not None:
+            self._send(given_up)
+        self._current.close()
+        return {}
+
+    def _set_parameters(self, command: SetParameters) -> dict[str, Any]:
+        parameters = parse_parameters(command.parameters)
+        opening, session = self._current.opening, self._current.session
+        if opening is not None:
+            opening.parameters = (parameters, command.revision)
+        if session is None:
+            return {"frame": None}
+        session.use(parameters, command.revision)
+        return {"frame": session.player.next_index}
+
+    def _set_playback(self, command: SetPlayback) -> dict[str, Any]:
+        session = self._current.session
+        if session is None:
+            raise NotNow("no source is open, so there is nothing to play; open one first")
+        session.player.change(
+            paused=command.paused,
+            rate=command.rate,
+            loop=command.loop,
+            step=command.step,
+            restart=command.restart,
+        )
+        return session.playback_facts(self._clock())
+
+    def _preview(self, calibration_yaml: str) -> dict[str, Any]:
+        session, pair = self._current.session, self._current.raw_pair
+        if session is not None and session.player.position is None:
+            pair = session.player.held or pair
+        if pair is None:
+            raise NotNow("there is no image to try the calibration on; open a source first")
+        return preview_calibration(pair, calibration_yaml, self._beat).reply()

@@ -1,0 +1,157 @@
+"""What is open, what is being opened, and why nothing is: the engine's state."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import asdict, replace
+
+from app.engine.errors import NotNow
+from app.engine.opening import Opening
+from app.engine.replies import refusal, unexpected
+from app.engine.session import (
+    NotCalibrated,
+    ObserverFactory,
+    Session,
+    SourceOpener,
+    open_session,
+)
+from app.messages import EngineState, OpenSource, Reply, Request, StateEvent
+from observer.errors import DynamicObserverError
+from observer.types import StereoFrame
+
+_log = logging.getLogger(__name__)
+
+
+class CurrentSource:
+    """At most one open session and at most one source that is being opened.
+
+    Attributes:
+        session: what is observed. opening: what is on its way.
+        raw_pair: the newest pair as it came, with which a calibration can be tried.
+    """
+
+    def __init__(
+        self,
+        *,
+        open_source: SourceOpener,
+        make_observer: ObserverFactory,
+        opened: Callable[[Opening], None],
+        closed: Callable[[], None],
+        stage_clock: Callable[[], float],
+        clock: Callable[[], float],
+    ) -> None:
+        """
+        Args:
+            opened: called in another thread when ``opening`` is done; ``finish`` comes next.
+            closed: called when a session is closed, before its source is.
+            stage_clock: serves the observer's timings. clock: the host's monotonic clock.
+        """
+        self._open_source = open_source
+        self._make_observer = make_observer
+        self._opened = opened
+        self._closed = closed
+        self._stage_clock = stage_clock
+        self._clock = clock
+        self.session: Session | None = None
+        self.opening: Opening | None = None
+        self.raw_pair: StereoFrame | None = None
+        self._failed: StateEvent | None = None
+
+    def begin(self, request: Request, command: OpenSource) -> None:
+        """Open in a thread of its own; the request is answered by what ``finish`` returns.
+
+        Raises:
+            NotNow: something else is being opened, or a run is going.
+        """
+        if self.opening is not None:
+            raise NotNow(
+                f"{self.opening.command.source} is being opened; wait for it, or close the source"
+            )
+        if self.session is not None and self.session.run_id is not None:
+            raise NotNow("a run is going; stop it before another source is opened")
+        self.opening = Opening(request, command)
+        self.opening.start(
+            lambda: open_session(
+                command, self._open_source, self._make_observer, self._stage_clock
+            ),
+            self._opened,
+        )
+
+    def finish(self, opening: Opening) -> Reply | None:
+        """Observe from now on what was opened, or say why it was not; None if it was given up."""
+        session = opening.session
+        if opening.abandoned:
+            if session is not None:
+                session.close()
+            return None
+        self.opening = None
+        if session is None:
+            return self._not_opened(opening)
+        self.close()
+        self.session = session
+        if opening.parameters is not None:
+            session.use(*opening.parameters)
+        facts = asdict(self.state()) | {"calibration_yaml": session.calibration_yaml}
+        return Reply(opening.request.number, value=facts)
+
+    def _not_opened(self, opening: Opening) -> Reply:
+        number, command, error = opening.request.number, opening.command, opening.error
+        if isinstance(error, NotCalibrated) and error.pair is not None:
+            self.raw_pair = error.pair
+        if isinstance(error, DynamicObserverError):
+            reply = refusal(number, error)
+        else:
+            _log.error("opening %s failed", command.source, exc_info=error)
+            what = f"opening {command.source} failed: {unexpected(error)}"
+            reply = Reply(number, error=what, refusal="failure")
+        if self.session is None:
+            self._failed = StateEvent(
+                EngineState.FAILED, reply.error, run_id=command.run_id, segment=command.segment
+            )
+        return reply
+
+    def give_up_opening(self) -> Reply | None:
+        """The refusal of whoever asked for what is being opened, if anything is."""
+        opening, self.opening = self.opening, None
+        if opening is None:
+            return None
+        opening.abandoned = True
+        what = f"opening {opening.command.source} was given up, because it was closed meanwhile"
+        return Reply(opening.request.number, error=what, refusal="state")
+
+    def close(self) -> None:
+        """Close the session, if any; the state is idle."""
+        session, self.session = self.session, None
+        self._failed = None
+        if session is not None:
+            self._closed()
+            session.close()
+
+    def fail(self, doing: str, error: Exception) -> None:
+        """The session cannot go on; the engine can."""
+        if isinstance(error, DynamicObserverError):
+            reason = f"{doing} failed: {error}"
+        else:
+            _log.error("%s failed", doing, exc_info=error)
+            reason = f"{doing} failed: {unexpected(error)}"
+        failed = replace(self.state(), state=EngineState.FAILED, reason=reason)
+        self.close()
+        self._failed = failed
+
+    def state(self) -> StateEvent:
+        """What the engine does, as it is told to others."""
+        session = self.session
+        if session is None:
+            return self._failed or StateEvent(EngineState.IDLE, None)
+        running = session.run_id is not None
+        return StateEvent(
+            state=EngineState.RUNNING if running else EngineState.PREVIEW,
+            reason=None,
+            source=asdict(session.source.info),
+            playback=session.playback_facts(self._clock()),
+            camera=session.camera_facts(),
+            run_id=session.run_id,
+            segment=session.segment,
+            has_truth=session.truth is not None,
+        )

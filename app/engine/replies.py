@@ -1,0 +1,21 @@
+"""How a command is refused."""
+
+from __future__ import annotations
+
+from app.engine.errors import NotNow
+from app.messages import Reply
+from observer.errors import DynamicObserverError, InputError
+
+
+def refusal(number: int, error: DynamicObserverError) -> Reply:
+    """What was asked is wrong, not possible now, or failed for a reason we know."""
+    if isinstance(error, NotNow):
+        return Reply(number, error=str(error), refusal="state")
+    if isinstance(error, InputError):
+        return Reply(number, error=str(error), refusal="input")
+    return Reply(number, error=str(error), refusal="failure")
+
+
+def unexpected(error: BaseException | None) -> str:
+    """An error that nobody foresaw, in words."""
+    return f"{type(error).__name__}: {error}"
