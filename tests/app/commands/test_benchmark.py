@@ -1,0 +1,123 @@
+"""``benchmark`` and ``evaluate`` as a shell sees them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def dynamic_observer(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "app.cli", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        stdin=subprocess.DEVNULL,
+        check=False,
+    )
+
+
+def test_one_run_writes_json_markdown_and_figures(tmp_path: Path) -> None:
+    folder, drawn = tmp_path / "new" / "results", tmp_path / "one.svg"
+    done = dynamic_observer(
+        "benchmark", "simulated:lateral", "--no-served", "--frames", "16", "--json",
+        "--output", str(folder), "--figure", str(drawn),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert {p.name for p in folder.iterdir()} == {
+        "benchmark.json",
+        "benchmark.md",
+        "benchmark.png",
+    }
+    assert (folder / "benchmark.png").read_bytes().startswith(b"\x89PNG")
+    assert drawn.read_text().startswith("<?xml")
+    figures = json.loads((folder / "benchmark.json").read_text())
+    assert figures == json.loads(done.stdout)
+    assert figures["scale"] == "lab"
+    for each in figures["presets"]:
+        assert each["breakdown"]["by_kind"][0]["label"] == "ideal"
+        assert each["timings_ms"]["total"]["median"] > 0
+        assert each["opencv"]["ratio"] > 0
+        assert {t["figure"] for t in each["targets"]} >= {"identity switches", "centre RMSE, m"}
+    assert all("false_instances" in each for each in figures["sources"])
+    text = (folder / "benchmark.md").read_text()
+    for title in ("## To reach", "## Accuracy by range", "## By source", "## Cost"):
+        assert title in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (("--figure", "figure.gif"), "must end in .png, .svg, .pdf"),
+        (("--figure", "/no/such/folder/figure.png"), "/no/such/folder"),
+        (("--output", "/dev/null/x"), "/dev/null/x"),
+        (("--jobs", "0"), "--jobs"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_before_the_work(
+    arguments: tuple[str, ...], part: str
+) -> None:
+    done = dynamic_observer("benchmark", "simulated:lateral", "--no-served", *arguments)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert part in done.stderr
+
+
+TRUTH = """frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw
+"""
+
+
+def files(folder: Path) -> tuple[str, str]:
+    """A body that crosses at 2.5 m with 0.3 m/s, reported 0.1 m/s too fast from the start."""
+    rows, lines = [], []
+    for k in range(20):
+        t, x = k / 10, -0.3 + 0.03 * k
+        rows.append(f"{k},{t},1,{x},0,2.5,0.3,0,0,1,0.45,0.38,0.24,1.5707963\n")
+        obstacle = {
+            "id": 4,
+            "state": "confirmed",
+            "motion": "moving",
+            "position": [x, 0, 2.5],
+            "velocity": [0.4, 0, 0],
+            "speed": 0.4,
+            "velocity_cov": None,
+            "velocity_time": t,
+        }
+        ghost = obstacle | {"id": 9, "position": [x, 0, 6.0]}
+        lines.append(
+            {
+                "frame": k,
+                "time": t,
+                "segment": 0,
+                "status": "ok",
+                "pose": {"position": [0, 0, 0], "orientation_wxyz": [1, 0, 0, 0]},
+                "obstacles": [obstacle, ghost] if k == 5 else [obstacle],
+            }
+        )
+    (folder / "truth.csv").write_text(TRUTH + "".join(rows))
+    (folder / "tracks.jsonl").write_text("".join(json.dumps(each) + "\n" for each in lines))
+    return str(folder / "tracks.jsonl"), str(folder / "truth.csv")
+
+
+def test_evaluate_breaks_down_as_benchmark_does(tmp_path: Path) -> None:
+    tracks, truth = files(tmp_path)
+    done = dynamic_observer("evaluate", tracks, "--truth", truth, "--json")
+    assert done.returncode == 0, done.stderr
+    figures = json.loads(done.stdout)
+    assert figures["speed_rmse_mps"] == pytest.approx(0.1)
+    groups = {g["label"]: g for g in figures["breakdown"]["by_range"]}
+    assert groups["2-3 m"]["count"] == figures["truth_count"] == 14
+    assert groups["2-3 m"]["speed_rmse_mps"] == pytest.approx(0.1)
+    (false,) = figures["false_instances"]
+    assert (false["frame"], false["id"], false["range_m"]) == (5, 9, pytest.approx(6.0, abs=0.01))
+    text = dynamic_observer("evaluate", tracks, "--truth", truth).stdout
+    assert "| recall | 1.000 |" in text
+    assert "| 2-3 m | 14 | 1.000 | 0.100 | 0.100 |" in text
+    assert "| lateral | 1 | 0 | 0.000 |" in text
+    road = dynamic_observer("evaluate", tracks, "--truth", truth, "--road").stdout
+    assert "| < 10 m | 14 |" in road
+    assert "| < 5 m/s | 14 |" in road
