@@ -68,7 +68,6 @@ class RunningServer:
             raise BenchmarkError(f"{method} {path} was answered {error.code}: {said}") from None
         return json.loads(text) if text else None
 
-
     def wait_for_frames(self, timeout_s: float = _START_TIMEOUT_S) -> None:
         """Wait until the server observes its source.
 

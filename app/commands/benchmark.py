@@ -14,7 +14,7 @@ import cv2
 import typer
 
 from app.benchmark.browser import PageFigures
-from app.benchmark.served import ServedFigures, served_figures
+from app.benchmark.served import DenseCloudRates, ServedFigures, served_figures
 from app.commands.output import whole_file
 from app.commands.progress import progress_bar
 from observer.errors import InputError
@@ -158,6 +158,7 @@ def _as_dict(
     if served is not None:
         result["served"] = {
             "loop": [asdict(r) | {"ratio": r.ratio} for r in served.rates],
+            "dense_cloud": asdict(served.dense_cloud) | {"ratio": served.dense_cloud.ratio},
             "page": asdict(served.page) if isinstance(served.page, PageFigures) else served.page,
         }
     return result
@@ -184,10 +185,29 @@ def _markdown(method: Benchmark, served: ServedFigures | None, seeds: list[int] 
                     for r in served.rates
                 ],
             ),
+            "\n## The dense cloud beside the loop\n",
+            _dense_cloud_table(served.dense_cloud),
             "\n## One visible page\n",
             served.page if isinstance(served.page, str) else _page_table(served.page),
         ]  # fmt: skip
     return "\n".join(parts).rstrip()
+
+
+def _dense_cloud_table(rates: DenseCloudRates) -> str:
+    def shown(value: float | None, factor: float = 1.0) -> str:
+        return "never" if value is None else f"{factor * value:.0f} ms"
+
+    return markdown_table(
+        ["played at", "loop without", "loop with", "ratio", "clouds per s", "age", "cost of one",
+         "pixels along one matched", "failures"],
+        [
+            [
+                f"{rates.playback_rate:g} x", f"{rates.without:.1f}", f"{rates.watched:.1f}",
+                f"{rates.ratio:.2f}", f"{rates.clouds_per_s:.1f}", shown(rates.age_s, 1e3),
+                shown(rates.median_ms), str(rates.coarseness), str(len(rates.failures)),
+            ]
+        ],
+    )  # fmt: skip
 
 
 def _page_table(page: PageFigures) -> str:

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.messages import ExplainPixel, OpenSource, SetParameters, SetPlayback, StopRun
+from app.messages import DenseStereoEvent, ExplainPixel, OpenSource, SetParameters, SetPlayback, StopRun
 
 JSON = {"Content-Type": "application/json"}
 THRESHOLD = "ego_motion.ransac_threshold_px"
@@ -485,12 +485,15 @@ def test_a_run_keeps_the_calibration_that_came_with_its_source(
 def test_metrics_are_the_statuss_figures_as_prometheus_reads_them(serve: Any, peer: Any) -> None:
     async def scenario(served: Any) -> None:
         peer.observe()
+        peer.publish(DenseStereoEvent(0, 0.0, 0.1, 0.05, 1, None))
         answer = await served.http.get("/metrics")
         assert answer.headers["content-type"].startswith("text/plain")
         lines = answer.text.splitlines()
         assert "dynamic_observer_frames_observed_total 1.0" in lines
         assert 'dynamic_observer_engine_state{state="preview"} 1.0' in lines
         assert 'dynamic_observer_engine_state{state="failed"} 0.0' in lines
+        assert "dynamic_observer_dense_stereo_per_second 0.0" in lines
+        assert any(line.startswith("dynamic_observer_dense_stereo_age_seconds ") for line in lines)
         assert any(line.startswith('dynamic_observer_stage_ms{stage="') for line in lines)
 
     run(serve, scenario)
