@@ -13,7 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.messages import DenseStereoEvent, ExplainPixel, OpenSource, SetParameters, SetPlayback, StopRun
+from app.messages import (
+    DenseStereoEvent,
+    ExplainPixel,
+    OpenSource,
+    SetParameters,
+    SetPlayback,
+    StopRun,
+)
 
 JSON = {"Content-Type": "application/json"}
 THRESHOLD = "ego_motion.ransac_threshold_px"
