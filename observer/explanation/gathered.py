@@ -14,7 +14,6 @@ from observer.explanation.answer import (
     PixelAnswer,
     PixelVerdict,
     above,
-    below,
     count_of,
     known,
     limits,
@@ -117,6 +116,13 @@ def _judge(
         )
     if depth > parameters.stereo.max_depth_m:
         return PixelVerdict.TOO_FAR, *too_far_words(depth, parameters.stereo.max_depth_m)
+    if middle == 0:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"The features here have been seen in too few frames to be judged, for {age:.2f} s.",
+            f"It is judged once they have been seen in {parameters.evidence.min_sightings} "
+            f"frames (evidence.min_sightings).",
+        )
     if age < _YOUNG_S:
         return (
             PixelVerdict.UNDECIDED,
@@ -160,11 +166,8 @@ def _until(middle: float, threshold: float, parameters: Parameters) -> str:
             "It is kept as dynamic by what was seen before; it ends once its features have stood "
             "for a while."
         )
-    rate = _rate_for(middle, threshold, parameters)
-    if rate is None:
-        return f"With a threshold of {above(middle, 1)} standard deviations it would not count."
-    now, least, _ = rate[1], *limits(_RATE)
-    value = _two_digits(rate[0], down=True)
+    now, (least, _) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
+    value = _two_digits(_rate_for(middle, threshold, now), down=True)
     if value < least:
         return f"No value of {_RATE} (now {now:g}) would change it: it ends at {least:g}."
     return f"With {_RATE} at {value:g} or below (now {now:g}) it would not count as dynamic."
@@ -172,29 +175,21 @@ def _until(middle: float, threshold: float, parameters: Parameters) -> str:
 
 def _sooner(middle: float, threshold: float, parameters: Parameters) -> str:
     """What would make a feature that does not stand out count as dynamic."""
-    rate = _rate_for(middle, threshold, parameters)
-    if rate is None:
-        return f"With a threshold of {below(middle, 1)} standard deviations it would be dynamic."
-    now, _, most = rate[1], *limits(_RATE)
-    value = _two_digits(rate[0], down=False)
+    now, (_, most) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
+    value = _two_digits(_rate_for(middle, threshold, now), down=False)
     if value > most:
         return f"No value of {_RATE} (now {now:g}) would make it dynamic: it ends at {most:g}."
     return f"With {_RATE} at {value:g} or above (now {now:g}) it would count as dynamic."
 
 
-def _rate_for(
-    length: float, threshold: float, parameters: Parameters
-) -> tuple[float, float] | None:
-    """The rate of false alarms whose threshold is ``length``, and the one in force.
+def _rate_for(length: float, threshold: float, now: float) -> float:
+    """The rate of false alarms whose threshold is ``length``, where ``now`` gives ``threshold``.
 
     The threshold is that of chi-squared at the rate divided by the number of tests, which need
-    not be known: it is the same for both. None where the parameters know no such rate.
+    not be known: it is the same for both.
     """
-    now = parameters.flat().get(_RATE)
-    if now is None:
-        return None
     log_ratio = chi2.logsf(length**2, df=3) - chi2.logsf(threshold**2, df=3)
-    return float(now) * float(np.exp(np.clip(log_ratio, -690.0, 690.0))), float(now)
+    return now * float(np.exp(np.clip(log_ratio, -690.0, 690.0)))
 
 
 def _two_digits(value: float, *, down: bool) -> float:

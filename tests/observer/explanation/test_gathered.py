@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from observer.camera import StereoCamera
 from observer.evidence import Evidence
-from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel, gathered
+from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel
 from observer.geometry import Pose
 from observer.parameters import Parameters
 from observer.stages.ego_motion import PlanarEgoMotion
@@ -25,6 +25,7 @@ EGO = PlanarEgoMotion(
 )
 TESTS = 40
 RATE = 0.01
+PARAMETERS = Parameters().changed({"evidence.false_alarms_per_frame": RATE})
 THRESHOLD = float(np.sqrt(chi2.isf(RATE / TESTS, df=3)))
 
 
@@ -50,7 +51,7 @@ def evidence(significance: Any, **changes: Any) -> Evidence:
 
 
 def ask(made: Evidence, px: tuple[float, float] = HERE) -> PixelAnswer:
-    return explain_pixel({"ego_motion": EGO, "evidence": made}, CAMERA, Parameters(), px)
+    return explain_pixel({"ego_motion": EGO, "evidence": made}, CAMERA, PARAMETERS, px)
 
 
 def test_what_stands_out_is_dynamic_with_its_figures() -> None:
@@ -106,6 +107,12 @@ def test_young_features_are_undecided_until_the_time_that_is_told() -> None:
     assert ask(evidence([1.0], age_s=np.array([0.07 + 0.14]))).verdict is PixelVerdict.STATIC
 
 
+def test_features_that_are_not_judged_yet_are_undecided() -> None:
+    answer = ask(evidence(0.0, age_s=np.array([0.4])))
+    assert answer.verdict is PixelVerdict.UNDECIDED
+    assert "evidence.min_sightings" in answer.would_change
+
+
 def test_too_few_that_agree_are_undecided() -> None:
     alone = evidence(9.0, neighbours=np.array([1]), dynamic=np.array([False]))
     answer = ask(alone)
@@ -136,30 +143,12 @@ def test_without_a_feature_near_there_are_too_few() -> None:
     assert nothing.numbers["nearest_feature_px"] is None
 
 
-class RatedParameters(Parameters):
-    """Parameters with the rate of false alarms from which the threshold follows."""
-
-    def flat(self) -> dict[str, Any]:
-        return super().flat() | {"evidence.false_alarms_per_frame": RATE}
-
-
-@pytest.fixture
-def rated(monkeypatch: pytest.MonkeyPatch) -> RatedParameters:
-    known = gathered.limits
-    monkeypatch.setattr(
-        gathered, "limits", lambda name: (1e-9, 1.0) if "false_alarms" in name else known(name)
-    )
-    return RatedParameters()
-
-
 @pytest.mark.parametrize("length", [3.5, 4.0, THRESHOLD - 0.01, THRESHOLD + 0.01, 6.0])
-def test_the_promised_rate_of_false_alarms_gives_the_other_answer(
-    rated: RatedParameters, length: float
-) -> None:
+def test_the_promised_rate_of_false_alarms_gives_the_other_answer(length: float) -> None:
     def answer(rate: float) -> PixelAnswer:
         threshold = float(np.sqrt(chi2.isf(rate / TESTS, df=3)))
         made = evidence(length, threshold=threshold, dynamic=np.atleast_1d(length > threshold))
-        return explain_pixel({"ego_motion": EGO, "evidence": made}, CAMERA, rated, HERE)
+        return explain_pixel({"ego_motion": EGO, "evidence": made}, CAMERA, PARAMETERS, HERE)
 
     now = answer(RATE)
     found = re.search(r"false_alarms_per_frame at (\S+) or (above|below)", now.would_change)
@@ -174,10 +163,9 @@ def test_the_promised_rate_of_false_alarms_gives_the_other_answer(
         assert (answer(nearly).verdict is PixelVerdict.DYNAMIC) == moves
 
 
-def test_where_no_rate_reaches_it_says_so(rated: RatedParameters) -> None:
+def test_where_no_rate_reaches_it_says_so() -> None:
     for length, words in ((1.0, "would make it dynamic"), (30.0, "would change it")):
-        trace = {"ego_motion": EGO, "evidence": evidence(length)}
-        change = explain_pixel(trace, CAMERA, rated, HERE).would_change
+        change = ask(evidence(length)).would_change
         assert "No value of evidence.false_alarms_per_frame" in change
         assert words in change
 
