@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -111,6 +112,7 @@ def known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+@functools.cache
 def limits(parameter: str) -> tuple[float, float]:
     """Least and greatest value that a numeric parameter, by its dotted name, takes."""
     entry = next(entry for entry in parameter_schema() if entry["name"] == parameter)
