@@ -165,7 +165,9 @@ def _opencv(runs: Sequence[SourceRun], timings: Mapping[str, Timing]) -> OpenCvC
     frames = [calls for run in runs for calls in run.opencv_ms]
     if not frames or "total" not in timings:
         return None
-    timing = _timing([sum(calls.values()) for calls in frames])
+    bare = [sum(calls.values()) for calls in frames]
+    whole = [ms for run in runs for ms in run.recorded_ms]
+    timing = _timing(bare)
     if timing.median_ms <= 0:
         return None
     sums: dict[str, float] = defaultdict(float)
@@ -175,6 +177,7 @@ def _opencv(runs: Sequence[SourceRun], timings: Mapping[str, Timing]) -> OpenCvC
     return OpenCvCost(
         timing=timing,
         ratio=timings["total"].median_ms / timing.median_ms,
+        ratio_within=statistics.median(w / b for w, b in zip(whole, bare, strict=True) if b > 0),
         calls_ms=dict(sorted(sums.items(), key=lambda item: -item[1])),
     )
 

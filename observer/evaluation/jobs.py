@@ -96,4 +96,4 @@ def _count(frames: int) -> None:
 
 
 def _without_times(run: SourceRun) -> SourceRun:
-    return SourceRun(run.frames, run.skipped, run.image_size, {}, [], run.tally)
+    return SourceRun(run.frames, run.skipped, run.image_size, {}, [], [], run.tally)

@@ -52,7 +52,11 @@ def _cost(presets: Sequence[PresetResult]) -> list[list[str]]:
     rows += [["**whole step**", *(_both(p.timings.get("total")) for p in presets)]]
     rows += [
         ["OpenCV's calls, bare", *(_both(p.opencv.timing if p.opencv else None) for p in presets)],
-        ["whole step / OpenCV", *(f"{p.opencv.ratio:.2f}" if p.opencv else "-" for p in presets)],
+        ["whole step / OpenCV", *(shown(p.opencv.ratio if p.opencv else None) for p in presets)],
+        [
+            "the same within a frame, median",
+            *(shown(p.opencv.ratio_within if p.opencv else None) for p in presets),
+        ],
     ]
     return rows
 

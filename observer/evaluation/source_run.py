@@ -39,7 +39,8 @@ class SourceRun:
         frames: observed. skipped: frames that the source could not read.
         image_size: width, height.
         times_ms: by stage, one value for each frame on which they were taken.
-        opencv_ms: by call, one mapping for each of the other frames.
+        opencv_ms: by call, one mapping for each of the other frames. recorded_ms: what the whole
+            of ``observe`` took on these, the taking of their time included.
         tally: None where the source has no truth.
     """
 
@@ -48,6 +49,7 @@ class SourceRun:
     image_size: tuple[int, int]
     times_ms: Mapping[str, list[float]]
     opencv_ms: list[Mapping[str, float]]
+    recorded_ms: list[float]
     tally: Tally | None
 
 
@@ -92,6 +94,7 @@ def _run(
     lines: dict[str, list[dict[str, Any]]] = {name: [] for name in presets}
     times: dict[str, dict[str, list[float]]] = {name: defaultdict(list) for name in presets}
     opencv: dict[str, list[Mapping[str, float]]] = {name: [] for name in presets}
+    whole: dict[str, list[float]] = {name: [] for name in presets}
     recorder, draw = OpenCvRecorder(clock), random.Random(0)
     skipped = 0
     for number, frame in enumerate(_frames(opened.source.read, max_frames)):
@@ -106,6 +109,7 @@ def _run(
                 with recorder.on():
                     observation = observer.observe(frame)
                 opencv[name].append(recorder.take())
+                whole[name].append(observation.timings_ms["total"])
             else:
                 observation = observer.observe(frame)
             lines[name].append(observation_line(observation))
@@ -120,6 +124,7 @@ def _run(
             image_size=(info.width, info.height),
             times_ms=dict(times[name]),
             opencv_ms=opencv[name],
+            recorded_ms=whole[name],
             tally=None
             if opened.truth is None
             else tally(checked_lines(lines[name]), opened.truth, gate_m, source.scored_for),

@@ -36,7 +36,7 @@ def result(*, timed: bool = True, truth: bool = True) -> Benchmark:
             PresetResult(
                 preset=name,
                 timings={"stereo": Timing(2.0, 3.0), "total": Timing(6.0, 9.0)} if timed else {},
-                opencv=OpenCvCost(Timing(4.0, 5.0), 1.5, {"remap": 4.0}) if timed else None,
+                opencv=OpenCvCost(Timing(4.0, 5.0), 1.5, 1.4, {"remap": 4.0}) if timed else None,
                 evaluation=summarise([tally]) if truth else None,
                 breakdown=break_down([tally], LAB) if truth else None,
             )
