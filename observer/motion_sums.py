@@ -32,6 +32,7 @@ class MotionSums:
     Attributes:
         origin: (N, 3) metres, a fixed place near the point, so that no digits are lost far away.
         a0, a1, a2: (N, 3, 3) 1/m^2, s/m^2, s^2/m^2. b0, b1: (N, 3) 1/m, s/m.
+        c0: (N,) sum z^T L z, and count: (N,) of the sightings, both forgotten like the rest.
     """
 
     origin: Float64Array
@@ -40,6 +41,8 @@ class MotionSums:
     a2: Float64Array
     b0: Float64Array
     b1: Float64Array
+    c0: Float64Array
+    count: Float64Array
 
     @staticmethod
     def begin(position: Float64Array, information: Float64Array) -> MotionSums:
@@ -52,6 +55,8 @@ class MotionSums:
             a2=nothing.copy(),
             b0=np.zeros_like(position),
             b1=np.zeros_like(position),
+            c0=np.zeros(len(position)),
+            count=np.ones(len(position)),
         )
 
     def advanced(self, dt: float, memory_s: float) -> MotionSums:
@@ -64,18 +69,23 @@ class MotionSums:
             a2=keep * (self.a2 - 2 * dt * self.a1 + dt * dt * self.a0),
             b0=keep * self.b0,
             b1=keep * (self.b1 - dt * self.b0),
+            c0=keep * self.c0,
+            count=keep * self.count,
         )
 
     def with_sightings(self, position: Float64Array, information: Float64Array) -> MotionSums:
         """The sums with a sighting of each point now; information of zero adds nothing."""
         gap = np.where(np.isfinite(position), position - self.origin, 0.0)
+        vector = np.einsum("nij,nj->ni", information, gap)
         return MotionSums(
             origin=self.origin,
             a0=self.a0 + information,
             a1=self.a1,
             a2=self.a2,
-            b0=self.b0 + np.einsum("nij,nj->ni", information, gap),
+            b0=self.b0 + vector,
             b1=self.b1,
+            c0=self.c0 + np.einsum("ni,ni->n", vector, gap),
+            count=self.count + (information[:, 2, 2] > 0),
         )
 
     def static_position(self) -> tuple[Float64Array, Float64Array]:
@@ -112,6 +122,21 @@ class MotionSums:
             cov = cov + lever @ velocity_cov @ np.swapaxes(lever, 1, 2)
         return position, cov
 
+    def excess(self, position: Float64Array, velocity: Float64Array) -> Float64Array:
+        """(N,) by how much the sightings scatter more about a straight course than their noise.
+
+        1 or more: the sum of squared Mahalanobis residuals over its degrees of freedom. A point
+        that brakes or turns does not fit a straight course, and its velocity is not to be trusted
+        as far as the noise alone would allow.
+
+        Args:
+            position, velocity: (N, 3) as fitted.
+        """
+        explained = np.einsum("ni,ni->n", position - self.origin, self.b0)
+        explained += np.einsum("ni,ni->n", velocity, self.b1)
+        freedom = np.maximum(3 * self.count - 6, 1.0)
+        return np.maximum(1.0, (self.c0 - explained) / freedom)
+
     def window_s(self) -> Float64Array:
         """(N,) seconds over which the sightings effectively lie.
 
@@ -133,4 +158,4 @@ class MotionSums:
         )
 
 
-_NAMES = ("origin", "a0", "a1", "a2", "b0", "b1")
+_NAMES = ("origin", "a0", "a1", "a2", "b0", "b1", "c0", "count")

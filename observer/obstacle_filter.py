@@ -16,6 +16,8 @@ _SIZE = 8
 _MEASURED = [0, 1, 2, 6]
 # Probability per second of changing from steady to manoeuvring, and back.
 _CHANGES_PER_S = (1.0, 2.0)
+# Share of its acceleration that a body may have across its axis.
+_SIDEWAYS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +65,20 @@ class ObstacleMotion:
         return np.einsum("m,mij->ij", self.probabilities, self.covariances + spread)
 
     def predicted(
-        self, dt: float, acceleration: tuple[float, float], yaw_acceleration: tuple[float, float]
+        self,
+        dt: float,
+        acceleration: tuple[float, float],
+        yaw_acceleration: tuple[float, float],
+        axis: Float64Array | None,
     ) -> ObstacleMotion:
         """The state ``dt`` seconds later.
 
         Args:
             acceleration: m/s^2, yaw_acceleration: rad/s^2; one standard deviation of white noise
                 over a frame, steady and manoeuvring.
+            axis: (3,) along which the body accelerates and brakes most, unit length, as wheels
+                make it; None where unknown. What is seen well across the line of sight then also
+                tells what happens along it.
         """
         stay = np.exp(-dt * np.array(_CHANGES_PER_S))
         change = np.array([[stay[0], 1 - stay[0]], [1 - stay[1], stay[1]]])
@@ -85,7 +94,7 @@ class ObstacleMotion:
         for mode in (0, 1):
             means[mode], F = _turned(mixed[mode], dt)
             out[mode] = F @ covs[mode] @ F.T
-            _add_noise(out[mode], dt, acceleration[mode], yaw_acceleration[mode])
+            _add_noise(out[mode], dt, acceleration[mode], yaw_acceleration[mode], axis)
         return ObstacleMotion(means, out, probabilities)
 
     def updated(self, measured: Float64Array, noise: Float64Array) -> ObstacleMotion:
@@ -144,9 +153,20 @@ def _turned(mean: Float64Array, dt: float) -> tuple[Float64Array, Float64Array]:
     return out, F
 
 
-def _add_noise(cov: Float64Array, dt: float, acceleration: float, yaw_acceleration: float) -> None:
+def _add_noise(
+    cov: Float64Array,
+    dt: float,
+    acceleration: float,
+    yaw_acceleration: float,
+    axis: Float64Array | None,
+) -> None:
+    spread = acceleration**2 * np.eye(3)
+    if axis is not None:
+        along = np.outer(axis, axis)
+        spread = acceleration**2 * (along + _SIDEWAYS**2 * (np.eye(3) - along))
+    cov[POSITION, POSITION] += dt**4 / 4 * spread
+    cov[POSITION, VELOCITY] += dt**3 / 2 * spread
+    cov[VELOCITY, POSITION] += dt**3 / 2 * spread
+    cov[VELOCITY, VELOCITY] += dt**2 * spread
     block = np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
-    for axis in range(3):
-        rows = [axis, axis + 3]
-        cov[np.ix_(rows, rows)] += acceleration**2 * block
     cov[np.ix_([YAW, YAW_RATE], [YAW, YAW_RATE])] += yaw_acceleration**2 * block

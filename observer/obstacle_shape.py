@@ -48,13 +48,20 @@ class ObstacleShape:
     def note_heading(self, velocity: Float64Array, cov: Float64Array, yaw: float) -> None:
         """Learn from a velocity (3,) m/s, world, with its covariance, at the body's yaw."""
         flat, flat_cov = velocity[[0, 2]], cov[np.ix_([0, 2], [0, 2])]
-        squared = float(flat @ np.linalg.solve(flat_cov, flat))
+        squared = float(flat @ np.linalg.solve(flat_cov + 1e-9 * np.eye(2), flat))
         if squared < _HEADING_SIGMAS**2:
             return
         angle = 2 * (np.arctan2(flat[0], flat[1]) - yaw)
         self._axis = 0.97 * self._axis + min(squared, 400.0) * np.array(
             [np.cos(angle), np.sin(angle)]
         )
+
+    def axis(self, yaw: float) -> Float64Array | None:
+        """(3,) unit length, world: along which the body drives; None while unknown."""
+        if not self._axis.any():
+            return None
+        angle = float(np.arctan2(self._axis[1], self._axis[0]) / 2) + yaw
+        return np.array([np.sin(angle), 0.0, np.cos(angle)])
 
     def keep(self, points: Float64Array) -> None:
         """Remember points (N, 3) of the body that will not be seen any more."""

@@ -207,7 +207,7 @@ class EvidenceParameters(_Stage):
         help="Share of the noise that neighbouring points have in common.",
     )
     min_sightings: Whole = _number(
-        4, ge=2, le=30, unit="frames", step=1, title="Fewest sightings",
+        3, ge=2, le=30, unit="frames", step=1, title="Fewest sightings",
         help="Points seen in fewer frames are not judged.",
     )
     min_points: Whole = _number(

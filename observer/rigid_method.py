@@ -23,6 +23,7 @@ from observer.stages.evidence import Motion, group_dynamic, pooled_motion
 from observer.stages.following import Sightings, as_bright_as, follow, match_right
 from observer.stages.obstacle_tracking import BodyTrack, BodyTracker
 from observer.stages.rigid_ego_motion import RigidEgoMotion, StaticScene, estimate_rigid_motion
+from observer.stages.selection import attention, crowding, new_points, squares, thinned
 from observer.stages.sparse_stereo import coarse_disparity
 from observer.types import Image
 
@@ -79,12 +80,11 @@ class RigidMethod:
         points, disparity, sigma = self._sighted(seen, view, dt, p)
         with timer("ego_motion"):
             place, place_cov = points.sums.static_position()
-            static = ~points.dynamic & (points.obstacle == NO_OBSTACLE)
-            if np.count_nonzero(static) < 2 * p.ego_motion.min_inliers:
-                static = np.ones(len(points), np.bool_)
-            index = np.flatnonzero(static)
+            index = np.flatnonzero(~self.tracker.known(points))
+            if len(index) < len(points) / 2:
+                index = np.arange(len(points))
             scene = StaticScene(place[index], place_cov[index], points.px[index].astype(np.float64),
-                                disparity[index], sigma[index])
+                                disparity[index], sigma[index], crowding(points.px[index], p.following))
             ego = estimate_rigid_motion(scene, self.T_camera_world, T_expected, camera, p.ego_motion, seed)
         if ego.T_camera_world is None:
             return ego, None
@@ -106,7 +106,8 @@ class RigidMethod:
             points = self.tracker.adopt(points, motion, p.obstacles)
             groups = group_dynamic(motion, points.obstacle == NO_OBSTACLE, p.obstacles.min_points)
             points = self.tracker.found(points, groups, motion, T_world.translation, camera, p.obstacles)
-            points = self.tracker.live(points, lost, dt, T_world.translation, p.obstacles)
+            radius_m = lambda place: p.evidence.radius_px / camera.fx * float(np.linalg.norm(place - T_world.translation))  # noqa: E731
+            points = self.tracker.live(points, lost, dt, T_world.translation, radius_m, p.obstacles)
         self.points = points
         self.view = view
         with timer("features"):
@@ -119,7 +120,7 @@ class RigidMethod:
     def _expectation(self, T_expected: Pose, dt: float, p: Parameters) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         points = self.points
         place, _ = points.sums.static_position()
-        body = self.tracker.expected_at(points, dt)
+        body = self.tracker.expected_at(points, place, dt, p.obstacles)
         place = np.where(np.isfinite(body), body, place)
         px, disparity = self.camera.project(T_expected.apply(place))
         unknown = ~np.isfinite(px).all(axis=1)
@@ -169,7 +170,14 @@ class RigidMethod:
         return points.sums.moving_position(v)[0]
 
     def _add_points(self, view: View, p: Parameters) -> None:
-        px = new_features(view.left, self.points.px, p)
+        size = (self.camera.width, self.camera.height)
+        moving = self.points.dynamic | (self.points.obstacle != NO_OBSTACLE)
+        boxes = self.tracker.boxes_px(self.T_camera_world, self.camera)
+        marked = attention(size, boxes, self.points.px[moving], p.following)
+        square = squares(self.points.px, marked, p.following)
+        kept = thinned(square, self.points.sightings)
+        self.points, square = self.points.take(kept), square[kept]
+        px = new_points(view.left, square, marked, p.following)
         if len(px) == 0:
             return
         coarse = coarse_disparity(view.left, view.right, px, p.stereo)
@@ -192,26 +200,3 @@ class RigidMethod:
         new = Points.begin(self._next, px, right, disparity, MotionSums.begin(place, information))
         self._next += len(px)
         self.points = self.points.joined(new)
-
-
-def new_features(image: Image, occupied: NDArray[np.float32], p: Parameters) -> NDArray[np.float32]:
-    """The strongest corner of every cell of the image in which no point is followed."""
-    side = p.following.spacing_px
-    height, width = image.shape
-    columns, rows = -(-width // side), -(-height // side)
-    keypoints = cv2.FastFeatureDetector.create(p.following.fast_threshold).detect(image)
-    if not keypoints:
-        return np.zeros((0, 2), np.float32)
-    px = np.asarray(cv2.KeyPoint.convert(keypoints), np.float32)
-    response = np.fromiter((k.response for k in keypoints), np.float32, len(keypoints))
-    cell = (px[:, 1] // side).astype(np.intp) * columns + (px[:, 0] // side).astype(np.intp)
-    taken = np.zeros(rows * columns, np.bool_)
-    at = (occupied[:, 1] // side).astype(np.intp) * columns + (occupied[:, 0] // side).astype(np.intp)
-    taken[at] = True
-    margin = p.following.window_px / 2
-    free = ~taken[cell] & (px >= margin).all(axis=1) & (px <= (width - 1 - margin, height - 1 - margin)).all(axis=1)
-    px, response, cell = px[free], response[free], cell[free]
-    order = np.lexsort((px[:, 0], px[:, 1], -response, cell))
-    first = np.ones(len(order), np.bool_)
-    first[1:] = cell[order][1:] != cell[order][:-1]
-    return px[order[first]]

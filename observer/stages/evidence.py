@@ -29,6 +29,7 @@ class Motion:
 
     Attributes:
         own_velocity: (N, 3) m/s, world, of each point alone. own_information: (N, 3, 3).
+        judged: (N,) whether the point was seen often enough. window_s: (N,) over how long.
         position: (N, 3) metres, world, now. position_cov: (N, 3, 3).
         velocity: (N, 3) m/s, world, pooled. covariance: (N, 3, 3), of ``velocity``.
         significance: (N,) Mahalanobis length of ``velocity``; 0 where nothing can be said.
@@ -40,6 +41,8 @@ class Motion:
 
     own_velocity: Float64Array
     own_information: Float64Array
+    judged: NDArray[np.bool_]
+    window_s: Float64Array
     position: Float64Array
     position_cov: Float64Array
     velocity: Float64Array
@@ -81,6 +84,9 @@ def pooled_motion(
     velocity = np.einsum("nij,nj->ni", own_cov, vector)
     velocity[~ready] = 0.0
     position, position_cov = points.sums.moving_position(velocity, own_cov * ready[:, None, None])
+    excess = points.sums.excess(position, velocity)
+    information, vector = information / excess[:, None, None], vector / excess[:, None]
+    own_cov, position_cov = own_cov * excess[:, None, None], position_cov * excess[:, None, None]
     pairs = _neighbours(
         points, ready, position, position_cov, velocity, own_cov, T_camera_world, camera,
         parameters,
@@ -107,6 +113,8 @@ def pooled_motion(
     return Motion(
         own_velocity=velocity,
         own_information=information,
+        judged=ready,
+        window_s=points.sums.window_s(),
         position=position,
         position_cov=position_cov,
         velocity=pooled,
@@ -167,7 +175,9 @@ def _neighbours(
     forward = T_camera_world.rotation[2]
     variance = np.einsum("i,nij,j->n", forward, place_cov, forward)
     reach = parameters.radius_px / camera.fx * np.minimum(depth[i], depth[j])
-    allowed = reach + _DEPTH_SIGMAS * np.sqrt(variance[i] + variance[j])
+    noise = _DEPTH_SIGMAS * np.sqrt(variance[i] + variance[j])
+    # What may be anywhere in depth is nobody's neighbour.
+    allowed = reach + np.minimum(noise, reach)
     near = ready[i] & ready[j] & (np.abs(depth[i] - depth[j]) <= allowed)
     i, j = i[near], j[near]
     gap = velocity[i] - velocity[j]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from observer.types import MotionState, TrackState
 # Share of the acceleration that a steadily driving body may still have.
 _STEADY = 0.1
 _YAW_RATE_SIGMA = 0.6
-_YAW_ACCELERATION = (0.3, 3.0)
+_YAW_ACCELERATION = (0.3, 5.0)
 # A point that fits its body worse than this leaves it.
 _LEAVE_SIGMAS = 4.0
 # A point joins if its velocity fits the body's and it is this much likelier than at rest.
@@ -38,9 +39,17 @@ _JOIN_RATIO = 8.0
 _SHAPE_MEMORY_S = 2.0
 # A member must have been seen this often before its place may stretch the box for good.
 _SETTLED = 6
-_STEPS = 2
+_MEDIAN_CHI2 = float(chi2.ppf(0.5, df=3))
+_STEPS = 3
+# Below this the velocity is no more than noise.
+_MOVING_SIGMAS = 3.0
+_CONFIRM_SIGHTINGS = 24
+_STRAY = 4.0
+# Share of its speed that a body may gain or lose in a second.
+_BRAKING_PER_S = 0.5
 _LEAST_YAW_INFORMATION = 1e-2
 _MEASURED = [0, 1, 2, YAW]
+_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 # How much a body may have turned in a frame against expectation, rad.
 _YAW_SLACK = 0.05
 # A tentative track that has not moved significantly within this time was none.
@@ -68,6 +77,7 @@ class BodyTrack:
     box: Box | None = None
     points: int = 0
     frames: int = 0
+    sightings: int = 0
     missed_s: float = 0.0
     age_s: float = 0.0
     hits: int = 0
@@ -116,19 +126,56 @@ class BodyTracker:
         for track in self.tracks:
             depth = float(np.linalg.norm(track.mean[POSITION] - camera_position))
             agile = parameters.acceleration_px * depth / camera.fx
-            track.filter = track.filter.predicted(dt, (_STEADY * agile, agile), _YAW_ACCELERATION)
+            axis = track.shape.axis(float(track.mean[YAW]))
+            track.filter = track.filter.predicted(
+                dt, (_STEADY * agile, agile), _YAW_ACCELERATION, axis
+            )
             track.age_s += dt
             track.frames += 1
 
-    def expected_at(self, points: Points, dt: float) -> Float64Array:
-        """(N, 3) where members should be ``dt`` seconds on, world; NaN for other points."""
+    def known(self, points: Points) -> NDArray[np.bool_]:
+        """(N,) which points belong to obstacles that are known to move."""
+        sure = [t.id for t in self.tracks if t.state is not TrackState.TENTATIVE]
+        return np.isin(points.obstacle, sure)
+
+    def expected_at(
+        self, points: Points, place: Float64Array, dt: float, parameters: ObstacleParameters
+    ) -> Float64Array:
+        """(N, 3) where points on bodies should be ``dt`` seconds on, world; NaN for others.
+
+        Points that are not members yet, but lie in a body's box, are expected to move with it.
+
+        Args:
+            place: (N, 3) metres, world, where points are now if they do not move.
+        """
         out = np.full((len(points), 3), np.nan)
+        young = (points.obstacle == NO_OBSTACLE) & (points.sightings < 4)
         for track in self.tracks:
-            mine = np.flatnonzero(points.obstacle == track.id)
             mean = track.mean
+            if track.box is not None:
+                room = parameters.margin * float(track.box.size.max())
+                guests = np.flatnonzero(young)[in_box(track, place[young], room)]
+                arm = place[guests] - mean[POSITION]
+                speed = mean[VELOCITY] + turning_velocity(mean[YAW_RATE], arm)
+                out[guests] = place[guests] + dt * speed
+            mine = np.flatnonzero(points.obstacle == track.id)
             R = yaw_matrix(float(mean[YAW] + dt * mean[YAW_RATE]))
             out[mine] = mean[POSITION] + dt * mean[VELOCITY] + shape_position(points, mine) @ R.T
         return out
+
+    def boxes_px(self, T_camera_world: Pose, camera: StereoCamera) -> Float64Array:
+        """(B, 4) u0 v0 u1 v1 around the obstacles' boxes in the left image."""
+        found = []
+        for track in self.tracks:
+            if track.box is None:
+                continue
+            corners = track.centre + (_CORNERS * track.box.size / 2) @ (
+                track.R @ yaw_matrix(track.box.heading)
+            ).T
+            px, _ = camera.project(T_camera_world.apply(corners))
+            if np.isfinite(px).all():
+                found.append([*px.min(axis=0), *px.max(axis=0)])
+        return np.array(found).reshape(-1, 4)
 
     def update(
         self,
@@ -205,12 +252,11 @@ class BodyTracker:
             arm = place @ R.T
             r = sighting[mine] - x[:3] - arm
             squared = np.einsum("ni,nij,nj->n", r, W, r)
-            length = np.sqrt(np.maximum(squared, 0.0))
+            # Far from the answer all of them fit badly; only those that fit worse are strangers.
+            scale = _scale(squared[known])
+            length = np.sqrt(np.maximum(squared, 0.0)) / scale
             weight = np.minimum(1.0, 2.0 / np.maximum(length, 1e-9)) * known
-            fits = length <= _LEAVE_SIGMAS
-            # Where most do not fit, the body has jumped; better than a body of strangers.
-            if np.count_nonzero(fits & known) >= parameters.min_points:
-                weight = weight * fits
+            weight = weight * (length <= _LEAVE_SIGMAS)
             H = np.concatenate(
                 [np.broadcast_to(np.eye(3), (len(mine), 3, 3)),
                  turning_velocity(1.0, arm)[:, :, None]], axis=2)  # fmt: skip
@@ -233,14 +279,14 @@ class BodyTracker:
         r = sighting[mine] - best[:3] - place @ R.T
         W = inverse_3x3(noise + R @ shape_cov @ R.T)
         squared = np.einsum("ni,nij,nj->n", r, W, r)
-        return known & (squared > _LEAVE_SIGMAS**2)
+        return known & (squared > (_LEAVE_SIGMAS * _scale(squared[known])) ** 2)
 
     def adopt(self, points: Points, motion: Motion,
               parameters: ObstacleParameters) -> Points:  # fmt: skip
         """Let points that move with a body, on it, join it."""
         obstacle = points.obstacle.copy()
         for track in self.tracks:
-            free = np.flatnonzero((obstacle == NO_OBSTACLE) & (points.sightings >= 3))
+            free = np.flatnonzero((obstacle == NO_OBSTACLE) & motion.judged)
             if track.box is None or len(free) == 0:
                 continue
             joins = self._belongs(track, free, motion, parameters)
@@ -264,8 +310,12 @@ class BodyTracker:
         expected = mean[VELOCITY] + turning_velocity(mean[YAW_RATE], now - mean[POSITION])
         L = motion.own_information[free]
         own = motion.own_velocity[free]
+        # A point's velocity is the mean over its window; a body that turns or brakes has moved on.
+        speed = float(np.linalg.norm(mean[VELOCITY]))
+        lag = speed * (abs(float(mean[YAW_RATE])) + _BRAKING_PER_S) * motion.window_s[free] / 2
+        loose = inverse_3x3(L + 1e-6 * np.eye(3)) + lag[:, None, None] ** 2 * np.eye(3)
         apart = own - expected
-        as_body = np.einsum("ni,nij,nj->n", apart, L, apart)
+        as_body = np.einsum("ni,nij,nj->n", apart, inverse_3x3(loose), apart)
         at_rest = np.einsum("ni,nij,nj->n", own, L, own)
         return inside & (as_body <= _JOIN_CHI2) & (at_rest - as_body >= _JOIN_RATIO)
 
@@ -282,6 +332,9 @@ class BodyTracker:
         obstacle = points.obstacle.copy()
         for group in range(int(groups.max(initial=-1)) + 1):
             mine = np.flatnonzero(groups == group)
+            mine = mine[_together(motion.position[mine])]
+            if len(mine) < parameters.min_points:
+                continue
             L = motion.own_information[mine].sum(axis=0)
             v = np.linalg.solve(L, np.einsum("nij,nj->i", motion.own_information[mine], motion.own_velocity[mine]))
             v_cov = np.linalg.inv(L) * (1 + parameters.shared_error * len(mine))
@@ -351,6 +404,7 @@ class BodyTracker:
         lost: Points,
         dt: float,
         camera_position: Float64Array,
+        radius_m: Callable[[Float64Array], float],
         parameters: ObstacleParameters,
     ) -> Points:
         """Learn boxes, decide on each track's state, merge and end tracks."""
@@ -371,12 +425,12 @@ class BodyTracker:
         obstacle = points.obstacle.copy()
         for number in ended:
             obstacle[obstacle == number] = NO_OBSTACLE
-        for older, younger in self._same(parameters):
+        for older, younger in self._same(radius_m, parameters):
             obstacle[obstacle == younger.id] = older.id
             self.tracks = [t for t in self.tracks if t is not younger]
         return self._placed(points, obstacle)
 
-    def _same(self, parameters: ObstacleParameters) -> list[tuple[BodyTrack, BodyTrack]]:
+    def _same(self, radius_m: Callable[[Float64Array], float], parameters: ObstacleParameters) -> list[tuple[BodyTrack, BodyTrack]]:
         """Pairs of tracks that are one body."""
         pairs = []
         taken: set[int] = set()
@@ -385,6 +439,7 @@ class BodyTracker:
                 if younger.id in taken or older.id in taken or older.box is None or younger.box is None:
                     continue
                 room = parameters.margin * float(older.box.size.max() + younger.box.size.max())
+                room = max(room, radius_m(younger.centre))
                 near = in_box(older, younger.centre[None], room + younger.box.size / 2)[0]
                 v1, c1 = older.centre_velocity()
                 v1 = v1 + turning_velocity(older.mean[YAW_RATE], younger.centre - older.centre)
@@ -404,9 +459,9 @@ class BodyTracker:
         sigma = float(np.sqrt(direction @ cov @ direction))
         limit = parameters.stopped_below_mps
         if track.motion is MotionState.MOVING:
-            if speed < limit:
+            if speed < limit or track.significance < _MOVING_SIGMAS:
                 track.motion = MotionState.STOPPED
-        elif speed - sigma > limit:
+        elif speed - sigma > limit and track.significance >= _MOVING_SIGMAS:
             track.motion = MotionState.MOVING
         if track.missed_s > 0:
             if track.state is TrackState.CONFIRMED:
@@ -414,11 +469,16 @@ class BodyTracker:
             return
         if track.state is TrackState.COASTING:
             track.state = TrackState.CONFIRMED
-        if track.significance >= parameters.confirm_sigmas and track.motion is MotionState.MOVING:
+        moves = track.significance >= parameters.confirm_sigmas
+        if moves and track.motion is MotionState.MOVING:
             track.hits += 1
+            track.sightings += track.points
         elif track.state is TrackState.TENTATIVE:
             track.hits = max(0, track.hits - 1)
-        if track.state is TrackState.TENTATIVE and track.hits >= parameters.confirm_hits:
+        if track.state is not TrackState.TENTATIVE:
+            return
+        # The fewer points there are, the longer they must keep moving alike.
+        if track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS:
             track.state = TrackState.CONFIRMED
 
 
@@ -440,6 +500,18 @@ def _ego_noise(position: Float64Array, T_camera_world: Pose, step_covariance: Fl
     p = T_camera_world.apply(position)
     G = T_camera_world.rotation.T @ np.concatenate([-cross_matrix(p), np.eye(3)], axis=1)
     return np.asarray(G @ step_covariance @ G.T)
+
+
+def _together(position: Float64Array) -> NDArray[np.bool_]:
+    """(N,) which of a group's places (N, 3) are not far from most of the others."""
+    apart = np.abs(position - np.median(position, axis=0))
+    spread = 1.4826 * np.median(apart, axis=0)
+    return np.asarray((apart <= _STRAY * spread + 1e-3).all(axis=1), dtype=np.bool_)
+
+
+def _scale(squared: Float64Array) -> float:
+    """By how much squared Mahalanobis lengths in space exceed their noise, at least 1."""
+    return float(np.sqrt(max(1.0, np.median(squared) / _MEDIAN_CHI2)))
 
 
 def shape_position(points: Points, which: NDArray[np.intp]) -> Float64Array:

@@ -40,6 +40,8 @@ class StaticScene:
         position: (N, 3) metres, world. covariance: (N, 3, 3) m^2.
         px: (N, 2) pixels now, left image. disparity: (N,) pixels now, NaN unknown.
         sigma: (N, 3) pixels, standard deviations of u, v and disparity.
+        weight: (N,) share of the image a point stands for; where points are dense it is less, so
+            that a well textured obstacle cannot outvote the background.
     """
 
     position: Float64Array
@@ -47,6 +49,7 @@ class StaticScene:
     px: Float64Array
     disparity: Float64Array
     sigma: Float64Array
+    weight: Float64Array
 
     def __len__(self) -> int:
         return len(self.position)
@@ -170,7 +173,10 @@ def _ransac(
     if len(deep) < _SAMPLE:
         return start
     judges = np.linspace(0, len(scene) - 1, min(_JUDGES, len(scene))).astype(np.intp)
-    threshold = parameters.ransac_threshold_px
+    sigma = _total_sigma(scene, start, camera)
+    limit = np.minimum(parameters.ransac_threshold_px, _OUTLIER_SIGMAS * sigma[:, 0])[judges]
+    cap = (limit / sigma[judges, 0]) ** 2
+    weight = scene.weight[judges]
     best, best_cost, tried, wanted = start, np.inf, 0, float(parameters.ransac_iterations)
     # The expected pose itself is a candidate: in quiet driving it is nearly right.
     while tried < wanted:
@@ -181,15 +187,15 @@ def _ransac(
             R, t = _sample_step(scene, sample, R, t, camera)
         if tried == 0:
             R[0], t[0] = start.rotation, start.translation
-        squared = _squared_px(scene, judges, R, t, camera)
+        squared = _squared(scene, judges, sigma[judges], R, t, camera)
         # MSAC: an outlier costs what the worst inlier costs (Torr and Zisserman, 2000).
-        cost = np.minimum(squared, threshold**2).sum(axis=1)
+        cost = np.minimum(squared, cap) @ weight
         cost[~np.isfinite(cost)] = np.inf
         number = int(np.argmin(cost))
         if cost[number] < best_cost:
             best_cost = float(cost[number])
             best = Pose(_orthonormal(R[number]), t[number])
-            share = float(np.mean(squared[number] <= threshold**2))
+            share = float(np.mean(squared[number] <= cap))
             miss = np.log1p(-min(share**_SAMPLE, 1 - 1e-9)) if share > 0 else -1e-9
             wanted = min(wanted, np.log(1 - _CONFIDENCE) / miss)
         tried += _BATCH
@@ -217,16 +223,23 @@ def _residuals(
     return r
 
 
-def _squared_px(
+def _total_sigma(scene: StaticScene, pose: Pose, camera: StereoCamera) -> Float64Array:
+    """(N, 3) pixels: of u, v, disparity, of the sighting and of what is known of the place."""
+    J = camera.projection_jacobian(pose.apply(scene.position)) @ pose.rotation
+    spread = np.einsum("nij,njk,nik->ni", J, scene.covariance, J)
+    return np.sqrt(scene.sigma**2 + np.where(np.isfinite(spread), spread, 0.0))
+
+
+def _squared(
     scene: StaticScene,
     which: NDArray[np.intp],
+    sigma: Float64Array,
     R: Float64Array,
     t: Float64Array,
     camera: StereoCamera,
 ) -> Float64Array:
-    """(S, K) squared pixels by which points miss; disparity counts by its larger noise."""
-    r = _residuals(scene, which, _camera_points(scene, which, R, t), camera)
-    r[..., 2] *= scene.sigma[which, 0] / scene.sigma[which, 2]
+    """(S, K) squared residuals of K points at S poses, in standard deviations."""
+    r = _residuals(scene, which, _camera_points(scene, which, R, t), camera) / sigma
     squared = np.einsum("ski,ski->sk", r, r)
     return np.where(np.isfinite(squared), squared, np.inf)
 
@@ -263,13 +276,9 @@ def _fits(
     scene: StaticScene, pose: Pose, camera: StereoCamera, threshold_px: float
 ) -> NDArray[np.bool_]:
     """(N,) which points the pose explains, allowing for how well each one's place is known."""
-    everything = np.arange(len(scene))
-    p = pose.apply(scene.position)
-    r = _residuals(scene, everything, p, camera)
-    J = camera.projection_jacobian(p)
-    spread = np.einsum("nij,njk,nik->ni", J @ pose.rotation, scene.covariance, J @ pose.rotation)
-    sigma = np.sqrt(scene.sigma**2 + np.where(np.isfinite(spread), spread, 0.0))
-    scaled = r * (scene.sigma[:, :1] / sigma)
+    r = _residuals(scene, np.arange(len(scene)), pose.apply(scene.position), camera)
+    sigma = _total_sigma(scene, pose, camera)
+    scaled = r * (sigma[:, :1] / sigma)
     squared = np.einsum("ni,ni->n", scaled, scaled)
     with np.errstate(invalid="ignore"):
         return np.asarray(squared <= threshold_px**2, dtype=np.bool_)
