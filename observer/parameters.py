@@ -181,6 +181,11 @@ class FollowingParameters(_Stage):
         0.06, ge=0.0, le=3.0, unit="px", step=0.01, title="Noise floor",
         help="Noise of a followed position that does not depend on texture.",
     )
+    growth_noise: Real = _number(
+        0.3, ge=0.0, le=2.0, unit="", step=0.05, title="Growth noise",
+        help="Noise of a followed position by the growing or shrinking of its surroundings, as a "
+        "share of how far they grow.",
+    )
     skew_sigma_s: Real = _number(
         0.001, ge=0.0, le=0.1, unit="s", step=0.0005, title="Skew noise",
         help="One standard deviation of the time between the exposures of free-running cameras.",
@@ -205,6 +210,11 @@ class EvidenceParameters(_Stage):
     shared_error: Real = _number(
         0.1, ge=0.0, le=1.0, unit="", step=0.05, title="Shared error",
         help="Share of the noise that neighbouring points have in common.",
+    )
+    least_noise: Real = _number(
+        1.0, ge=0.1, le=10.0, unit="", step=0.1, title="Least noise",
+        help="The noise of the sightings is learnt from the background; it is taken for no less "
+        "than this share of what texture and grey levels promise.",
     )
     min_sightings: Whole = _number(
         3, ge=2, le=30, unit="frames", step=1, title="Fewest sightings",

@@ -30,6 +30,7 @@ from observer.types import Image
 Timer = Callable[[str], AbstractContextManager[None]]
 
 _LEAST_DISPARITY_PX = 0.25
+_NOISE_GAIN = 0.3
 _FIRST_LEVELS, _LEVELS = 4, 2
 
 
@@ -56,6 +57,7 @@ class RigidMethod:
         self._turn = np.zeros(3)
         self._speed = np.zeros(3)
         self._moving = False
+        self._noise = 1.0
         self._next = 0
         self.tracker.clear()
 
@@ -77,7 +79,7 @@ class RigidMethod:
             seen = follow(before, (view.left, view.right), self.points.px, self.points.right_px,
                           expected_px, expected_disparity, levels, p.following)
         lost = self.points.take(~seen.found)
-        points, disparity, sigma = self._sighted(seen, view, dt, p)
+        points, disparity, sigma = self._sighted(seen, expected_disparity, view, dt, p)
         with timer("ego_motion"):
             place, place_cov = points.sums.static_position()
             index = np.flatnonzero(~self.tracker.known(points))
@@ -95,7 +97,8 @@ class RigidMethod:
         self._moving = True
         self.T_camera_world = ego.T_camera_world
         with timer("motion"):
-            sighting, information = self._measured(points, disparity, sigma, T_world)
+            self._noise += _NOISE_GAIN * (max(ego.noise_scale, p.evidence.least_noise) - self._noise)
+            sighting, information = self._measured(points, disparity, sigma * self._noise, T_world)
             sums = points.sums.advanced(dt, p.evidence.memory_s).with_sightings(sighting, information)
             points = points.but(sums=sums, disparity=disparity)
             motion = pooled_motion(points, ego.T_camera_world, step_cov, dt, camera, p.evidence)
@@ -128,14 +131,16 @@ class RigidMethod:
         disparity = np.where(np.isfinite(points.disparity), disparity, np.nan)
         return px.astype(np.float32), disparity.astype(np.float32)
 
-    def _sighted(self, seen: Sightings, view: View, dt: float, p: Parameters):
+    def _sighted(self, seen: Sightings, expected_disparity: NDArray[np.float32], view: View, dt: float, p: Parameters):
         found = seen.found
         points = self.points.take(found)
         px, right_px = seen.px[found], seen.right_px[found]
         flow = (px - points.px).astype(np.float64) / dt
         disparity = (px[:, 0] - right_px[:, 0]).astype(np.float64)
         sigma = np.empty((len(px), 3))
-        sigma[:, :2] = seen.sigma[found, :1]
+        growth = np.abs(expected_disparity[found] / self.points.disparity[found] - 1)
+        warp = p.following.growth_noise * p.following.window_px / 2 * np.nan_to_num(growth)
+        sigma[:, :2] = np.hypot(seen.sigma[found, :1], warp[:, None])
         variance = seen.sigma[found, 1].astype(np.float64) ** 2
         if view.right_time is not None:
             skew = view.right_time - view.time

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
@@ -30,6 +31,7 @@ _WEAK_SHARE = 0.4
 # Residuals beyond this many standard deviations are outliers of the refinement.
 _OUTLIER_SIGMAS = 3.5
 _DAMPING = 1e-9
+_MEDIAN_CHI2 = float(chi2.ppf(0.5, df=3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +68,8 @@ class RigidEgoMotion:
         pose_covariance: (6, 6) of both, as rotation vector (rad) and translation (m) in the
             camera's axes; None while lost.
         residual_rms: of the inliers, in standard deviations of their noise; NaN while lost.
+        noise_scale: by how much all points, not only the inliers, scatter more than their noise;
+            by the median, so that obstacles do not count.
     """
 
     status: Status
@@ -75,6 +79,7 @@ class RigidEgoMotion:
     T_current_previous: Pose | None
     pose_covariance: Float64Array | None
     residual_rms: float
+    noise_scale: float
 
 
 def estimate_rigid_motion(
@@ -137,6 +142,7 @@ def estimate_rigid_motion(
         T_current_previous=pose @ T_previous_world.inverse(),
         pose_covariance=covariance,
         residual_rms=rms,
+        noise_scale=float(np.sqrt(np.median(mahalanobis**2) / _MEDIAN_CHI2)),
     )
 
 
@@ -154,6 +160,7 @@ def _lost(count: int, reason: str) -> RigidEgoMotion:
         T_current_previous=None,
         pose_covariance=None,
         residual_rms=float("nan"),
+        noise_scale=1.0,
     )
 
 
