@@ -59,9 +59,10 @@ class StaticScene:
 
 @dataclass(frozen=True, eq=False)
 class RigidEgoMotion:
-    """The camera's pose at t+dt, and its motion since t.
+    """The camera's pose at t+dt, and its motion since t (see ``observer.types.EgoMotion``).
 
     Attributes:
+        camera: the rectified pair, by which ``predict`` projects.
         inliers: (N,) which points follow it: the static background.
         T_camera_world: pose at t+dt; None while lost.
         T_current_previous: the motion; None while lost.
@@ -72,6 +73,7 @@ class RigidEgoMotion:
             by the median, so that obstacles do not count.
     """
 
+    camera: StereoCamera
     status: Status
     reasons: tuple[str, ...]
     inliers: NDArray[np.bool_]
@@ -80,6 +82,27 @@ class RigidEgoMotion:
     pose_covariance: Float64Array | None
     residual_rms: float
     noise_scale: float
+
+    @property
+    def covariance(self) -> Float64Array | None:
+        """(6, 6): the model's parameters are the motion itself."""
+        return self.pose_covariance
+
+    @property
+    def homography(self) -> None:
+        """No image is warped."""
+        return None
+
+    def predict(self, px: Float64Array, disparity: Float64Array | None) -> Float64Array:
+        """Pixels (N, 2) at t+dt of static points at (N, 2) with disparity (N,) at t.
+
+        NaN while lost and for points of unknown disparity.
+        """
+        px = np.asarray(px, dtype=np.float64).reshape(-1, 2)
+        if self.T_current_previous is None or disparity is None:
+            return np.full_like(px, np.nan)
+        place = self.T_current_previous.apply(self.camera.triangulate(px, disparity))
+        return self.camera.project(place)[0]
 
 
 def estimate_rigid_motion(
@@ -103,6 +126,7 @@ def estimate_rigid_motion(
     count = len(scene)
     if count < parameters.min_inliers:
         return _lost(
+            camera,
             count,
             f"only {count} static points could be followed, {parameters.min_inliers} are needed: "
             f"too few features, or too large a motion",
@@ -122,6 +146,7 @@ def estimate_rigid_motion(
     support = int(inliers.sum())
     if support < parameters.min_inliers:
         return _lost(
+            camera,
             count,
             f"only {support} of {count} points follow one motion, "
             f"{parameters.min_inliers} are needed",
@@ -135,6 +160,7 @@ def estimate_rigid_motion(
     excess = max(1.0, rms**2 / 3)
     covariance = np.linalg.pinv(information) * excess * _shared(support, parameters)
     return RigidEgoMotion(
+        camera=camera,
         status=Status.DEGRADED if reasons else Status.OK,
         reasons=tuple(reasons),
         inliers=inliers,
@@ -151,8 +177,9 @@ def _shared(count: int, parameters: EgoMotionParameters) -> float:
     return 1 + parameters.shared_error * count
 
 
-def _lost(count: int, reason: str) -> RigidEgoMotion:
+def _lost(camera: StereoCamera, count: int, reason: str) -> RigidEgoMotion:
     return RigidEgoMotion(
+        camera=camera,
         status=Status.LOST,
         reasons=(reason,),
         inliers=np.zeros(count, np.bool_),
