@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
@@ -13,6 +11,7 @@ from scipy.stats import chi2
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
+from observer.motion_evidence import Motion
 from observer.parameters import EvidenceParameters
 from observer.points import Points
 
@@ -21,37 +20,6 @@ _DEPTH_SIGMAS = 3.0
 _VELOCITY_CHI2 = float(chi2.ppf(0.999, df=3))
 # A regression over a random walk of the pose knows the slope this much worse than its step.
 _RANDOM_WALK = 1.2
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """What is known of the motion of N points, pooled over their neighbours.
-
-    Attributes:
-        own_velocity: (N, 3) m/s, world, of each point alone. own_information: (N, 3, 3).
-        judged: (N,) whether the point was seen often enough. window_s: (N,) over how long.
-        position: (N, 3) metres, world, now. position_cov: (N, 3, 3).
-        velocity: (N, 3) m/s, world, pooled. covariance: (N, 3, 3), of ``velocity``.
-        significance: (N,) Mahalanobis length of ``velocity``; 0 where nothing can be said.
-        neighbours: (N,) how many points were pooled, each one itself included.
-        threshold: Mahalanobis length above which a point counts as dynamic.
-        dynamic: (N,).
-        pairs: (P, 2) indices of points that agree in place and velocity.
-    """
-
-    own_velocity: Float64Array
-    own_information: Float64Array
-    judged: NDArray[np.bool_]
-    window_s: Float64Array
-    position: Float64Array
-    position_cov: Float64Array
-    velocity: Float64Array
-    covariance: Float64Array
-    significance: Float64Array
-    neighbours: NDArray[np.int64]
-    threshold: float
-    dynamic: NDArray[np.bool_]
-    pairs: NDArray[np.intp]
 
 
 def pooled_motion(

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
+from observer.motion_evidence import Motion
 from observer.obstacle_filter import (
     POSITION,
     VELOCITY,
@@ -23,7 +24,6 @@ from observer.obstacle_filter import (
 from observer.obstacle_shape import Box, ObstacleShape
 from observer.parameters import ObstacleParameters
 from observer.points import NO_OBSTACLE, Points
-from observer.stages.evidence import Motion
 from observer.types import MotionState, TrackState
 
 # Share of the acceleration that a steadily driving body may still have.
