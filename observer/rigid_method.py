@@ -1,207 +1,389 @@
 """Motion in space: points are followed in both cameras and judged by where they are in the world.
 
 Between two frames the camera's own motion is the rigid one that keeps the static points where
-they are; what does not stay there although its neighbours move as it does is a dynamic obstacle.
+they are; what does not stay there, although its neighbours move as it does, is a dynamic obstacle.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
+from observer.evidence import Evidence
 from observer.geometry import Float64Array, Pose
+from observer.method import StageTimer, Step, StereoRows, View
 from observer.motion_sums import MotionSums
 from observer.parameters import Parameters
+from observer.plausibility import PlausibleMotions
 from observer.points import NO_OBSTACLE, Points
+from observer.stages.body_reporting import describe_body
 from observer.stages.evidence import Motion, group_dynamic, pooled_motion
 from observer.stages.following import Sightings, as_bright_as, follow, match_right
-from observer.stages.obstacle_tracking import BodyTrack, BodyTracker
+from observer.stages.jumps import ImageReach
+from observer.stages.obstacle_tracking import BodyTracker
 from observer.stages.rigid_ego_motion import RigidEgoMotion, StaticScene, estimate_rigid_motion
 from observer.stages.selection import attention, crowding, new_points, squares, thinned
 from observer.stages.sparse_stereo import coarse_disparity
-from observer.types import Image
+from observer.types import EgoMotion, Matches, Status, Trace
 
-Timer = Callable[[str], AbstractContextManager[None]]
-
+# Disparities below this are as good as none; their points are taken to be this far away.
 _LEAST_DISPARITY_PX = 0.25
-_NOISE_GAIN = 0.3
+# Noise and miscalibration may make the disparity of a far point negative by so much.
+_MOST_NEGATIVE_PX = -2.0
+# Pyramid levels while nothing is known of the camera's motion, and once it is.
 _FIRST_LEVELS, _LEVELS = 4, 2
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    time: float
-    left: Image
-    right: Image
-    right_time: float | None
+# The noise learnt from the background follows the newest frame by this share.
+_NOISE_GAIN = 0.3
+# The noise of points that are seen for the first time, before it can be told.
+_FIRST_SIGMA_PX = 0.15
+# From so many sightings on a point's own velocity says where it is now.
+_KNOWN_SIGHTINGS = 4
+# Time step of the derivative by which a new point's flow is predicted, seconds.
+_FLOW_STEP_S = 0.01
 
 
 class RigidMethod:
-    """Holds the followed points, the obstacles' tracks and the camera's pose of one segment."""
+    """Holds the followed points, the obstacles and the camera's pose of one segment.
 
-    def __init__(self, camera: StereoCamera) -> None:
-        self.camera = camera
-        self.tracker = BodyTracker()
-        self.clear()
+    See ``observer.method.Method``.
+    """
 
-    def clear(self) -> None:
-        self.points = Points.none()
-        self.view: View | None = None
-        self.T_camera_world = Pose.identity()
-        self._turn = np.zeros(3)
-        self._speed = np.zeros(3)
-        self._moving = False
+    def __init__(self, camera: StereoCamera, numbers: Iterator[int] | None = None) -> None:
+        self._camera = camera
+        self._tracker = BodyTracker(numbers)
+        self._plausible = PlausibleMotions()
+        self._points = Points.none()
+        self._view: View | None = None
+        self._T_camera_world = Pose.identity()
+        # The camera's motion, per second: rotation vector and translation; None while unknown.
+        self._rate: tuple[Float64Array, Float64Array] | None = None
         self._noise = 1.0
-        self._next = 0
-        self.tracker.clear()
+        self._next_point = 0
 
-    def begin(self, view: View, p: Parameters) -> None:
-        self.view = view
-        self.T_camera_world = Pose.identity()
-        self._add_points(view, p)
+    def begin(self, view: View, parameters: Parameters) -> None:
+        """Forget everything; this view is the first of a new world."""
+        self._tracker.clear()
+        self._plausible.clear()
+        self._points = Points.none()
+        self._T_camera_world = Pose.identity()
+        self._rate = None
+        self._noise = 1.0
+        self._view = view
+        self._renew_points(view, parameters)
 
-    def step(self, view: View, p: Parameters, seed: int, timer: Timer) -> tuple[RigidEgoMotion, Motion | None]:
-        previous = self.view
+    def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
+        """Compare this view with the last one whose pose is known."""
+        previous, before, p = self._view, self._points, parameters
         assert previous is not None
         dt = view.time - previous.time
-        camera = self.camera
-        T_expected = self._expected_pose(dt)
         with timer("following"):
+            T_expected = self._expected_pose(dt)
             expected_px, expected_disparity = self._expectation(T_expected, dt, p)
-            before = (as_bright_as(view.left, previous.left), as_bright_as(view.right, previous.right))
-            levels = _LEVELS if self._moving else _FIRST_LEVELS
-            seen = follow(before, (view.left, view.right), self.points.px, self.points.right_px,
-                          expected_px, expected_disparity, levels, p.following)
-        lost = self.points.take(~seen.found)
-        points, disparity, sigma = self._sighted(seen, expected_disparity, view, dt, p)
+            seen = self._follow(previous, view, expected_px, expected_disparity, p)
+            points, sigma = self._sighted(seen, expected_disparity, view, dt, p)
         with timer("ego_motion"):
-            place, place_cov = points.sums.static_position()
-            index = np.flatnonzero(~self.tracker.known(points))
-            if len(index) < len(points) / 2:
-                index = np.arange(len(points))
-            scene = StaticScene(place[index], place_cov[index], points.px[index].astype(np.float64),
-                                disparity[index], sigma[index], crowding(points.px[index], p.following))
-            ego = estimate_rigid_motion(scene, self.T_camera_world, T_expected, camera, p.ego_motion, seed)
-        if ego.T_camera_world is None:
-            return ego, None
-        T_world = ego.T_camera_world.inverse()
-        step_cov = ego.pose_covariance
-        self._turn = ego.T_current_previous.rotvec / dt
-        self._speed = ego.T_current_previous.translation / dt
-        self._moving = True
-        self.T_camera_world = ego.T_camera_world
+            ego = self._ego_motion(points, sigma, T_expected, view, dt, p)
+        rows = StereoRows(points.px.astype(np.float64), _row_offset(points))
+        share = float(np.isfinite(points.disparity).mean()) if len(points) else 0.0
+        _keep_background(trace, previous, before, points, seen, ego)
+        if ego.T_camera_world is None or ego.T_current_previous is None:
+            return Step(ego, None, (), share, rows)
+        T_camera_world, step_cov = ego.T_camera_world, ego.pose_covariance
+        assert step_cov is not None
         with timer("motion"):
-            self._noise += _NOISE_GAIN * (max(ego.noise_scale, p.evidence.least_noise) - self._noise)
-            sighting, information = self._measured(points, disparity, sigma * self._noise, T_world)
-            sums = points.sums.advanced(dt, p.evidence.memory_s).with_sightings(sighting, information)
-            points = points.but(sums=sums, disparity=disparity)
-            motion = pooled_motion(points, ego.T_camera_world, step_cov, dt, camera, p.evidence)
+            T_world_camera = T_camera_world.inverse()
+            sighting, information = self._measured(points, sigma, ego, T_world_camera, p)
+            sums = points.sums.advanced(dt, p.evidence.memory_s)
+            points = points.but(sums=sums.with_sightings(sighting, information))
+            motion = pooled_motion(points, T_camera_world, step_cov, dt, self._camera, p.evidence)
             points = points.but(dynamic=motion.dynamic)
         with timer("tracking"):
-            self.tracker.predict(dt, T_world.translation, camera, p.obstacles)
-            points = self.tracker.update(points, sighting, information, ego.T_camera_world, step_cov, dt, p.obstacles)
-            points = self.tracker.adopt(points, motion, p.obstacles)
+            lost = before.take(~seen.found)
+            tracker, camera_position = self._tracker, T_world_camera.translation
+            tracker.predict(dt, camera_position, self._camera, p.obstacles)
+            points = tracker.update(
+                points, sighting, information, T_camera_world, step_cov, dt, p.obstacles
+            )
+            points = tracker.adopt(points, motion, p.obstacles)
             groups = group_dynamic(motion, points.obstacle == NO_OBSTACLE, p.obstacles.min_points)
-            points = self.tracker.found(points, groups, motion, T_world.translation, camera, p.obstacles)
-            radius_m = lambda place: p.evidence.radius_px / camera.fx * float(np.linalg.norm(place - T_world.translation))  # noqa: E731
-            points = self.tracker.live(points, lost, dt, T_world.translation, radius_m, p.obstacles)
-        self.points = points
-        self.view = view
+            points = tracker.found(
+                points, groups, motion, camera_position, self._camera, p.obstacles
+            )
+            points = tracker.live(
+                points, lost, dt, camera_position, self._neighbourhood(camera_position, p),
+                p.obstacles,
+            )  # fmt: skip
+        _keep_motion(trace, before, points, seen, ego, motion)
+        self._T_camera_world, self._points, self._view = T_camera_world, points, view
+        moved = ego.T_current_previous
+        self._rate = (moved.rotvec / dt, moved.translation / dt)
         with timer("features"):
-            self._add_points(view, p)
-        return ego, motion
+            self._renew_points(view, p)
+        velocity = -moved.translation / dt
+        obstacles = tuple(
+            describe_body(track, T_world_camera, velocity, view.time) for track in tracker.tracks
+        )
+        return Step(ego, T_world_camera, obstacles, share, rows)
 
     def _expected_pose(self, dt: float) -> Pose:
-        return Pose.from_rotvec(self._turn * dt, self._speed * dt) @ self.T_camera_world
+        if self._rate is None:
+            return self._T_camera_world
+        turn, shift = self._rate
+        return Pose.from_rotvec(turn * dt, shift * dt) @ self._T_camera_world
 
-    def _expectation(self, T_expected: Pose, dt: float, p: Parameters) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        points = self.points
+    def _expectation(
+        self, T_expected: Pose, dt: float, p: Parameters
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Where each point should be seen (N, 2), and its disparity (N,)."""
+        points = self._points
         place, _ = points.sums.static_position()
-        body = self.tracker.expected_at(points, place, dt, p.obstacles)
+        body = self._tracker.expected_at(points, place, dt, p.obstacles)
         place = np.where(np.isfinite(body), body, place)
-        px, disparity = self.camera.project(T_expected.apply(place))
+        px, disparity = self._camera.project(T_expected.apply(place))
         unknown = ~np.isfinite(px).all(axis=1)
         px[unknown] = points.px[unknown]
         disparity = np.where(np.isfinite(points.disparity), disparity, np.nan)
         return px.astype(np.float32), disparity.astype(np.float32)
 
-    def _sighted(self, seen: Sightings, expected_disparity: NDArray[np.float32], view: View, dt: float, p: Parameters):
+    def _follow(
+        self,
+        previous: View,
+        view: View,
+        expected_px: NDArray[np.float32],
+        expected_disparity: NDArray[np.float32],
+        p: Parameters,
+    ) -> Sightings:
+        before = (
+            as_bright_as(view.left, previous.left),
+            as_bright_as(view.right, previous.right),
+        )
+        levels = _FIRST_LEVELS if self._rate is None else _LEVELS
+        return follow(
+            before, (view.left, view.right), self._points.px, self._points.right_px,
+            expected_px, expected_disparity, levels, p.following,
+        )  # fmt: skip
+
+    def _sighted(
+        self,
+        seen: Sightings,
+        expected_disparity: NDArray[np.float32],
+        view: View,
+        dt: float,
+        p: Parameters,
+    ) -> tuple[Points, Float64Array]:
+        """The points that were found, with their noise (N, 3) in u, v and disparity, pixels."""
         found = seen.found
-        points = self.points.take(found)
+        points = self._points.take(found)
         px, right_px = seen.px[found], seen.right_px[found]
         flow = (px - points.px).astype(np.float64) / dt
         disparity = (px[:, 0] - right_px[:, 0]).astype(np.float64)
-        sigma = np.empty((len(px), 3))
-        growth = np.abs(expected_disparity[found] / self.points.disparity[found] - 1)
+        growth = np.abs(expected_disparity[found] / points.disparity - 1)
         warp = p.following.growth_noise * p.following.window_px / 2 * np.nan_to_num(growth)
+        sigma = np.empty((len(px), 3))
         sigma[:, :2] = np.hypot(seen.sigma[found, :1], warp[:, None])
         variance = seen.sigma[found, 1].astype(np.float64) ** 2
         if view.right_time is not None:
-            skew = view.right_time - view.time
-            disparity = disparity + flow[:, 0] * skew
-            variance += (flow[:, 0] * p.following.skew_sigma_s) ** 2
+            # What moves in the image has moved on when the right camera exposes.
+            disparity = disparity + flow[:, 0] * (view.right_time - view.time)
+            variance = variance + (flow[:, 0] * p.following.skew_sigma_s) ** 2
         sigma[:, 2] = np.sqrt(variance)
-        disparity = np.where(disparity > -2.0, np.maximum(disparity, _LEAST_DISPARITY_PX), np.nan)
-        points = points.but(px=px, right_px=right_px, flow=flow, disparity=disparity,
-                            sightings=points.sightings + 1, age=points.age + dt)
-        return points, disparity, sigma
+        far = np.maximum(disparity, _LEAST_DISPARITY_PX)
+        points = points.but(
+            px=px,
+            right_px=right_px,
+            flow=flow,
+            disparity=np.where(disparity > _MOST_NEGATIVE_PX, far, np.nan),
+            sightings=points.sightings + 1,
+            age=points.age + dt,
+        )
+        return points, sigma
 
-    def _measured(self, points: Points, disparity: Float64Array, sigma: Float64Array, T_world: Pose):
-        """Where points are in the world now, with the information of each sighting."""
-        place = self.camera.triangulate(points.px, disparity)
+    def _ego_motion(
+        self,
+        points: Points,
+        sigma: Float64Array,
+        T_expected: Pose,
+        view: View,
+        dt: float,
+        p: Parameters,
+    ) -> RigidEgoMotion:
+        """The camera's motion by all points that are not known to move, unless impossible."""
+        place, place_cov = points.sums.static_position()
+        chosen = np.flatnonzero(~self._tracker.known(points))
+        if len(chosen) < len(points) / 2:
+            # Rather too many obstacles among the background than an obstacle taken for it.
+            chosen = np.arange(len(points))
+        px = points.px[chosen]
+        scene = StaticScene(
+            place[chosen], place_cov[chosen], px.astype(np.float64), points.disparity[chosen],
+            sigma[chosen], crowding(px, p.following),
+        )  # fmt: skip
+        ego = estimate_rigid_motion(
+            scene, self._T_camera_world, T_expected, self._camera, p.ego_motion, view.index
+        )
+        inliers = np.zeros(len(points), np.bool_)
+        inliers[chosen] = ego.inliers
+        ego = replace(ego, inliers=inliers)
+        if ego.T_current_previous is None:
+            return ego
+        known = points.disparity[np.isfinite(points.disparity)]
+        reach = None
+        if len(known) and self._rate is not None:
+            far = self._camera.fx * self._camera.baseline / float(np.median(known))
+            reach = ImageReach(self._camera.fx, far, p.following.window_px / 2 * 2**_LEVELS)
+        reason = self._plausible.refusal(
+            view.time, dt, ego.T_current_previous, ego.pose_covariance, reach
+        )
+        if reason is None:
+            return ego
+        return replace(
+            ego,
+            status=Status.LOST,
+            reasons=(*ego.reasons, reason),
+            T_camera_world=None,
+            T_current_previous=None,
+            pose_covariance=None,
+        )
+
+    def _measured(
+        self,
+        points: Points,
+        sigma: Float64Array,
+        ego: RigidEgoMotion,
+        T_world_camera: Pose,
+        p: Parameters,
+    ) -> tuple[Float64Array, Float64Array]:
+        """Where points are now (N, 3), world, and the information (N, 3, 3) of each sighting."""
+        self._noise += _NOISE_GAIN * (max(ego.noise_scale, p.evidence.least_noise) - self._noise)
+        place = self._camera.triangulate(points.px, points.disparity)
         # The information depends on the depth; the noise of this very sighting must not decide it.
-        steady = T_world.inverse().apply(self._place_now(points))
+        steady = T_world_camera.inverse().apply(_place_now(points))
         use = np.isfinite(steady).all(axis=1) & (steady[:, 2] > 0)
         at = np.where(use[:, None], steady, place)
-        J = self.camera.projection_jacobian(at) / sigma[..., None]
-        information = np.swapaxes(J, 1, 2) @ J
-        R = T_world.rotation
-        information = R @ information @ R.T
+        information = _information(at, sigma * self._noise, T_world_camera, self._camera)
         known = np.isfinite(place).all(axis=1) & np.isfinite(information).all(axis=(1, 2))
         information = np.where(known[:, None, None], information, 0.0)
-        return np.where(known[:, None], T_world.apply(place), np.nan), information
+        return np.where(known[:, None], T_world_camera.apply(place), np.nan), information
 
-    def _place_now(self, points: Points) -> Float64Array:
-        information, vector = points.sums.velocity_information()
-        known = (points.sightings >= 4) & (np.linalg.det(information) > 0)
-        cov = np.linalg.inv(np.where(known[:, None, None], information, np.eye(3)))
-        v = np.einsum("nij,nj->ni", cov, vector) * known[:, None]
-        return points.sums.moving_position(v)[0]
-
-    def _add_points(self, view: View, p: Parameters) -> None:
-        size = (self.camera.width, self.camera.height)
-        moving = self.points.dynamic | (self.points.obstacle != NO_OBSTACLE)
-        boxes = self.tracker.boxes_px(self.T_camera_world, self.camera)
-        marked = attention(size, boxes, self.points.px[moving], p.following)
-        square = squares(self.points.px, marked, p.following)
-        kept = thinned(square, self.points.sightings)
-        self.points, square = self.points.take(kept), square[kept]
-        px = new_points(view.left, square, marked, p.following)
+    def _renew_points(self, view: View, p: Parameters) -> None:
+        """Leave one point in each square of the image, and find one where there is none."""
+        points = self._points
+        moving = points.dynamic | (points.obstacle != NO_OBSTACLE)
+        boxes = self._tracker.boxes_px(self._T_camera_world, self._camera)
+        size = (self._camera.width, self._camera.height)
+        marked = attention(size, boxes, points.px[moving], p.following)
+        square = squares(points.px, marked, p.following)
+        kept = thinned(square, points.sightings)
+        self._points = points.take(kept)
+        px = new_points(view.left, square[kept], marked, p.following)
         if len(px) == 0:
             return
         coarse = coarse_disparity(view.left, view.right, px, p.stereo)
         right, _ = match_right((view.left, view.right), px, coarse, p.following)
         disparity = (px[:, 0] - right[:, 0]).astype(np.float64)
-        known = np.isfinite(disparity) & (disparity > -2.0)
+        known = np.isfinite(disparity) & (disparity > _MOST_NEGATIVE_PX)
         px, right = px[known], right[known]
         disparity = np.maximum(disparity[known], _LEAST_DISPARITY_PX)
-        if view.right_time is not None and self._moving:
-            place = self.camera.triangulate(px, disparity)
-            back = Pose.from_rotvec(-self._turn * 0.01, -self._speed * 0.01)
-            earlier, _ = self.camera.project(back.apply(place))
-            rate = (px[:, 0] - earlier[:, 0]) / 0.01
-            disparity = np.maximum(disparity + np.nan_to_num(rate) * (view.right_time - view.time), _LEAST_DISPARITY_PX)
-        T_world = self.T_camera_world.inverse()
-        place = T_world.apply(self.camera.triangulate(px, disparity))
-        sigma = np.full(3, 0.15)
-        J = self.camera.projection_jacobian(self.camera.triangulate(px, disparity)) / sigma[:, None]
-        information = T_world.rotation @ (np.swapaxes(J, 1, 2) @ J) @ T_world.rotation.T
-        new = Points.begin(self._next, px, right, disparity, MotionSums.begin(place, information))
-        self._next += len(px)
-        self.points = self.points.joined(new)
+        if view.right_time is not None:
+            shift = self._static_flow(px, disparity) * (view.right_time - view.time)
+            disparity = np.maximum(disparity + shift, _LEAST_DISPARITY_PX)
+        T_world_camera = self._T_camera_world.inverse()
+        place = self._camera.triangulate(px, disparity)
+        sigma = np.full((len(px), 3), _FIRST_SIGMA_PX)
+        information = _information(place, sigma, T_world_camera, self._camera)
+        sums = MotionSums.begin(T_world_camera.apply(place), information)
+        self._points = self._points.joined(
+            Points.begin(self._next_point, px, right, disparity, sums)
+        )
+        self._next_point += len(px)
+
+    def _static_flow(self, px: NDArray[np.float32], disparity: Float64Array) -> Float64Array:
+        """(N,) px/s along the rows of new points, if they are static."""
+        if self._rate is None:
+            return np.zeros(len(px))
+        turn, shift = self._rate
+        back = Pose.from_rotvec(-turn * _FLOW_STEP_S, -shift * _FLOW_STEP_S)
+        earlier, _ = self._camera.project(back.apply(self._camera.triangulate(px, disparity)))
+        return np.nan_to_num((px[:, 0] - earlier[:, 0]) / _FLOW_STEP_S)
+
+    def _neighbourhood(self, camera_position: Float64Array, p: Parameters):  # type: ignore[no-untyped-def]
+        """Metres that ``evidence.radius_px`` means at a place (3,), world."""
+        scale = p.evidence.radius_px / self._camera.fx
+
+        def radius_m(place: Float64Array) -> float:
+            return scale * float(np.linalg.norm(place - camera_position))
+
+        return radius_m
+
+
+def _information(
+    place: Float64Array, sigma: Float64Array, T_world_camera: Pose, camera: StereoCamera
+) -> Float64Array:
+    """(N, 3, 3) 1/m^2, world axes, of points (N, 3), camera frame, seen with sigma (N, 3) px."""
+    J = camera.projection_jacobian(place) / sigma[..., None]
+    R = T_world_camera.rotation
+    return np.asarray(R @ (np.swapaxes(J, 1, 2) @ J) @ R.T, dtype=np.float64)
+
+
+def _place_now(points: Points) -> Float64Array:
+    """(N, 3) metres, world: moving as each point does, where that is known."""
+    information, vector = points.sums.velocity_information()
+    known = (points.sightings >= _KNOWN_SIGHTINGS) & (np.linalg.det(information) > 0)
+    cov = np.linalg.inv(np.where(known[:, None, None], information, np.eye(3)))
+    velocity = np.einsum("nij,nj->ni", cov, vector) * known[:, None]
+    return points.sums.moving_position(velocity)[0]
+
+
+def _row_offset(points: Points) -> Float64Array:
+    return np.asarray(points.px[:, 1] - points.right_px[:, 1], dtype=np.float64)
+
+
+def _keep_background(
+    trace: Trace, previous: View, before: Points, points: Points, seen: Sightings, ego: EgoMotion
+) -> None:
+    trace.keep("previous_time", previous.time)
+    trace.keep("previous_left", previous.left)
+    trace.keep("previous_right", previous.right)
+    trace.keep("features_px", before.px)
+    trace.keep("matches", Matches(before.px[seen.found], points.px))
+    trace.keep("ego_motion", ego)
+
+
+def _keep_motion(
+    trace: Trace,
+    before: Points,
+    points: Points,
+    seen: Sightings,
+    ego: RigidEgoMotion,
+    motion: Motion,
+) -> None:
+    start = before.px[seen.found]
+    residual = points.px - ego.predict(start, before.disparity[seen.found])
+    known = np.isfinite(residual).all(axis=1)
+    trace.keep("flow_px", start[known])
+    trace.keep("flow_observed_px", (start + residual)[known].astype(np.float32))
+    trace.keep("flow_residual_px", residual[known].astype(np.float32))
+    trace.keep("dynamic", (motion.dynamic | (points.obstacle != NO_OBSTACLE))[known])
+    trace.keep("evidence", _evidence(points, ego, motion))
+
+
+def _evidence(points: Points, ego: RigidEgoMotion, motion: Motion) -> Evidence:
+    assert ego.T_camera_world is not None
+    R = ego.T_camera_world.rotation
+    depth = ego.T_camera_world.apply(motion.position)[:, 2]
+    return Evidence(
+        px=points.px,
+        depth=np.where(np.isfinite(points.disparity), depth, np.nan),
+        age_s=points.age,
+        velocity=motion.velocity @ R.T,
+        velocity_std=np.sqrt(np.maximum(np.einsum("nii->n", motion.covariance) / 3, 0.0)),
+        significance=motion.significance,
+        threshold=motion.threshold,
+        dynamic=motion.dynamic | (points.obstacle != NO_OBSTACLE),
+        neighbours=motion.neighbours,
+        obstacle_id=points.obstacle,
+    )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,9 +113,9 @@ class BodyTrack:
 class BodyTracker:
     """Keeps the obstacles' tracks; points carry the number of the obstacle they belong to."""
 
-    def __init__(self) -> None:
+    def __init__(self, numbers: Iterator[int] | None = None) -> None:
         self.tracks: list[BodyTrack] = []
-        self._next = 1
+        self._numbers = count(1) if numbers is None else numbers
 
     def clear(self) -> None:
         """End all tracks; their numbers are not used again."""
@@ -346,11 +347,10 @@ class BodyTracker:
                 depth = float(np.linalg.norm(centre - camera_position))
                 spread = np.cov(places.T) / len(mine) + np.eye(3) * 1e-6
                 track = BodyTrack(
-                    id=self._next,
+                    id=next(self._numbers),
                     filter=ObstacleMotion.begin(centre, v, spread * 0 + np.eye(3) * 1e-6, v_cov, _YAW_RATE_SIGMA),
                     shape=ObstacleShape(),
                 )
-                self._next += 1
                 self.tracks.append(track)
             elif track.missed_s > 0:
                 self._reappeared(track, centre, v, v_cov)

@@ -6,6 +6,7 @@ detections belong together. Its own idea of the velocity serves to expect the ne
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count
 
@@ -28,8 +29,9 @@ _FAR = 1e9
 class Tracker:
     """Nearest-neighbour tracks (Hungarian assignment) that are confirmed, coast and end."""
 
-    def __init__(self) -> None:
-        self._numbers = count(1)
+    def __init__(self, numbers: Iterator[int] | None = None) -> None:
+        """``numbers`` gives each track its own; from 1 if left out."""
+        self._numbers = count(1) if numbers is None else numbers
         self._tracks: list[Track] = []
         self._expected_velocity: dict[int, Float64Array] = {}
         self._time = 0.0

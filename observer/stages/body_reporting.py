@@ -1,0 +1,65 @@
+"""From a body that is followed to the obstacle that is reported: in the world, and to the camera."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+from observer.obstacle_filter import POSITION, yaw_matrix
+from observer.stages.obstacle_tracking import BodyTrack
+from observer.types import Obstacle, TrackState
+
+# The centre is known to this share of the box's size: its far side is not seen.
+_CENTRE_SHARE = 0.15
+
+
+def describe_body(
+    track: BodyTrack, T_world_camera: Pose, camera_velocity: Float64Array, time: float
+) -> Obstacle:
+    """One body as an obstacle at this frame.
+
+    Args:
+        camera_velocity: (3,) m/s, the camera's own, in its own axes. time: of this frame, seconds.
+    """
+    velocity, velocity_cov = track.centre_velocity()
+    T_camera_world = T_world_camera.inverse()
+    position_camera = T_camera_world.apply(track.centre)
+    velocity_camera = T_camera_world.rotate(velocity)
+    size = np.zeros(3) if track.box is None else track.box.size
+    R = track.R if track.box is None else track.R @ yaw_matrix(track.box.heading)
+    position_cov = track.filter.covariance[POSITION, POSITION]
+    position_cov = position_cov + R @ np.diag((_CENTRE_SHARE * size) ** 2) @ R.T
+    speed = float(np.linalg.norm(velocity))
+    along = velocity / speed if speed > 0 else np.array([0.0, 0.0, 1.0])
+    reach = max(float(np.linalg.norm(position_camera)), 1e-9)
+    return Obstacle(
+        id=track.id,
+        state=track.state,
+        motion=track.motion,
+        position_camera=position_camera,
+        velocity_camera=velocity_camera,
+        position=track.centre,
+        velocity=velocity,
+        position_cov=position_cov,
+        velocity_cov=velocity_cov,
+        velocity_time=time,
+        speed=speed,
+        speed_std=float(np.sqrt(max(0.0, along @ velocity_cov @ along))),
+        size=size,
+        orientation_wxyz=Pose(R, np.zeros(3)).quaternion_wxyz,
+        closing_speed=float((camera_velocity - velocity_camera) @ position_camera / reach),
+        points=track.points,
+        significance=track.significance,
+        box_px=track.box_px,
+        reason=_why(track, speed),
+    )
+
+
+def _why(track: BodyTrack, speed: float) -> str:
+    what = (
+        f"{track.points} points that keep their places on one body move at {speed:.2f} m/s, "
+        f"{track.significance:.1f} standard deviations from standing, known for {track.age_s:.1f} s"
+    )
+    if track.state is TrackState.COASTING:
+        return f"not seen for {track.missed_s:.1f} s, expected where it should be by now; {what}"
+    return what
