@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,9 +12,9 @@ from observer.geometry import Float64Array
 # State: position (3) m, velocity (3) m/s, yaw rad, yaw rate rad/s; world frame.
 POSITION, VELOCITY = slice(0, 3), slice(3, 6)
 YAW, YAW_RATE = 6, 7
-_SIZE = 8
+STATE_SIZE = 8
 # What is measured: position and yaw.
-_MEASURED = [0, 1, 2, 6]
+MEASURED = [0, 1, 2, YAW]
 # Probability per second of changing from steady to manoeuvring, and back.
 _CHANGES_PER_S = (1.0, 2.0)
 # Share of its acceleration that a body may have across its axis.
@@ -45,19 +46,19 @@ class ObstacleMotion:
         yaw_rate_sigma: float,
     ) -> ObstacleMotion:
         """With (3,) and (3, 3) each; the yaw is 0 by definition at first."""
-        mean = np.zeros(_SIZE)
+        mean = np.zeros(STATE_SIZE)
         mean[POSITION], mean[VELOCITY] = position, velocity
-        cov = np.zeros((_SIZE, _SIZE))
+        cov = np.zeros((STATE_SIZE, STATE_SIZE))
         cov[POSITION, POSITION], cov[VELOCITY, VELOCITY] = position_cov, velocity_cov
         cov[YAW, YAW], cov[YAW_RATE, YAW_RATE] = 1e-8, yaw_rate_sigma**2
         return ObstacleMotion(np.stack([mean, mean]), np.stack([cov, cov]), np.array([0.5, 0.5]))
 
-    @property
+    @cached_property
     def mean(self) -> Float64Array:
         """(8,) over both modes."""
         return self.probabilities @ self.means
 
-    @property
+    @cached_property
     def covariance(self) -> Float64Array:
         """(8, 8) over both modes."""
         gap = self.means - self.mean
@@ -103,12 +104,12 @@ class ObstacleMotion:
         likelihood = np.zeros(2)
         for mode in (0, 1):
             P = covs[mode]
-            S = P[np.ix_(_MEASURED, _MEASURED)] + noise
-            innovation = measured - means[mode, _MEASURED]
-            gain = np.linalg.solve(S, P[_MEASURED]).T
+            S = P[np.ix_(MEASURED, MEASURED)] + noise
+            innovation = measured - means[mode, MEASURED]
+            gain = np.linalg.solve(S, P[MEASURED]).T
             means[mode] += gain @ innovation
-            left = np.eye(_SIZE)
-            left[:, _MEASURED] -= gain
+            left = np.eye(STATE_SIZE)
+            left[:, MEASURED] -= gain
             covs[mode] = left @ P @ left.T + gain @ noise @ gain.T
             _, log_det = np.linalg.slogdet(S)
             likelihood[mode] = -0.5 * (innovation @ np.linalg.solve(S, innovation) + log_det)
@@ -144,7 +145,7 @@ def _turned(mean: Float64Array, dt: float) -> tuple[Float64Array, Float64Array]:
     out[POSITION] += dt * half @ v
     out[VELOCITY] = R @ v
     out[YAW] += dt * mean[YAW_RATE]
-    F = np.eye(_SIZE)
+    F = np.eye(STATE_SIZE)
     F[POSITION, VELOCITY] = dt * half
     F[POSITION, YAW_RATE] = dt * dt / 2 * turning_velocity(1.0, half @ v)
     F[VELOCITY, VELOCITY] = R

@@ -1,0 +1,159 @@
+"""Where a body is, and how far it has turned, measured by all of its points at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
+from observer.obstacle_filter import MEASURED, turning_velocity, yaw_matrix
+from observer.points import Points
+
+# A point that fits its body worse than this leaves it; from half of this it counts for less.
+_LEAVE_SIGMAS = 4.0
+_FULL_WEIGHT_SIGMAS = 2.0
+_MEDIAN_CHI2 = float(chi2.ppf(0.5, df=3))
+# Gauss-Newton converges quadratically; the yaw is never far from the prediction.
+_STEPS = 3
+# 1/rad^2: points all in one place say nothing of the yaw, and the equations must stay solvable.
+_LEAST_YAW_INFORMATION = 1e-2
+# By how much a body may have moved (variance, m^2: anywhere) and turned (rad) in a frame against
+# expectation when it is judged which of its points fit.
+_ANYWHERE = 1e6
+_YAW_SLACK = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMeasurement:
+    """Where a body is.
+
+    Attributes:
+        pose: (4,) metres, world, and yaw in radians. covariance: (4, 4).
+        misfits: (N,) which of its points do not move with it.
+    """
+
+    pose: Float64Array
+    covariance: Float64Array
+    misfits: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """Points of one body, where they are on it and where they are seen.
+
+    Attributes:
+        place: (N, 3) metres, the body's frame. place_cov: (N, 3, 3).
+        known: (N,) whether that is known.
+        sighting: (N, 3) metres, world. noise: (N, 3, 3) of the sighting.
+    """
+
+    place: Float64Array
+    place_cov: Float64Array
+    known: NDArray[np.bool_]
+    sighting: Float64Array
+    noise: Float64Array
+
+    @staticmethod
+    def of(
+        points: Points,
+        which: NDArray[np.intp],
+        sighting: Float64Array,
+        information: Float64Array,
+    ) -> Members:
+        """From followed points and the information (N, 3, 3) of all their sightings."""
+        own = points.shape_information[which]
+        known = np.trace(own, axis1=1, axis2=2) > 0
+        cov = inverse_3x3(np.where(known[:, None, None], own, np.eye(3)))
+        place = np.einsum("nij,nj->ni", cov, points.shape_vector[which])
+        return Members(
+            place=np.where(known[:, None], place, 0.0),
+            place_cov=cov,
+            known=known,
+            sighting=sighting[which],
+            noise=inverse_3x3(information[which]),
+        )
+
+    def residuals(self, pose: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """(N, 3) metres by which they are elsewhere than a body at (4,) has them.
+
+        Returns:
+            The residuals, their information (N, 3, 3) and squared Mahalanobis lengths (N,).
+        """
+        R = yaw_matrix(float(pose[3]))
+        W = inverse_3x3(self.noise + R @ self.place_cov @ R.T)
+        r = self.sighting - pose[:3] - self.place @ R.T
+        return r, W, np.einsum("ni,nij,nj->n", r, W, r)
+
+
+def measure_body(
+    members: Members,
+    expected: Float64Array,
+    spread: Float64Array,
+    T_camera_world: Pose,
+    step_covariance: Float64Array,
+    shared_error: float,
+) -> BodyMeasurement:
+    """The pose that brings the members nearest to where they are seen.
+
+    Iterated and reweighted least squares (Huber weights, cut off where points count as strangers)
+    about the pose that prediction and measurement agree on.
+
+    Args:
+        expected: (4,) predicted position, m, world, and yaw, rad; spread: (4, 4), its covariance.
+        step_covariance: (6, 6) of the camera's motion over one frame (rad, m), camera axes; all
+            members share this error.
+        shared_error: share of the noise that the points of a body have in common.
+    """
+    x = expected.copy()
+    for _ in range(_STEPS):
+        r, W, squared = members.residuals(x)
+        arm = members.place @ yaw_matrix(float(x[3])).T
+        # Far from the answer all of them fit badly; only those that fit worse are strangers.
+        length = np.sqrt(np.maximum(squared, 0.0)) / _scale(squared[members.known])
+        weight = np.minimum(1.0, _FULL_WEIGHT_SIGMAS / np.maximum(length, 1e-9)) * members.known
+        weight = weight * (length <= _LEAVE_SIGMAS)
+        H = np.concatenate(
+            [np.broadcast_to(np.eye(3), (len(arm), 3, 3)), turning_velocity(1.0, arm)[:, :, None]],
+            axis=2,
+        )
+        WH = (W * weight[:, None, None]) @ H
+        A = np.einsum("nai,naj->ij", H, WH)
+        A[3, 3] += _LEAST_YAW_INFORMATION
+        used = max(1.0, float(np.sum(weight > 0)))
+        excess = max(1.0, float((weight * squared).sum()) / (3 * used))
+        M = np.linalg.inv(A) * excess * (1 + shared_error * used)
+        M[:3, :3] += _ego_noise(x[:3], T_camera_world, step_covariance)
+        measured = x + np.linalg.solve(A, np.einsum("nai,na->i", WH, r))
+        x = expected + spread @ np.linalg.solve(spread + M, measured - expected)
+    # Whether a point fits is judged by where the points are, not by where they should be.
+    loose = spread.copy()
+    loose[:3, :3] += np.eye(3) * _ANYWHERE
+    loose[3, 3] += _YAW_SLACK**2
+    best = expected + loose @ np.linalg.solve(loose + M, measured - expected)
+    _, _, squared = members.residuals(best)
+    limit = (_LEAVE_SIGMAS * _scale(squared[members.known])) ** 2
+    return BodyMeasurement(measured, (M + M.T) / 2, members.known & (squared > limit))
+
+
+def expected_pose(
+    mean: Float64Array, covariance: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """What of a filter's state (8,), (8, 8) is measured: (4,), (4, 4)."""
+    return mean[MEASURED], covariance[np.ix_(MEASURED, MEASURED)]
+
+
+def _ego_noise(
+    position: Float64Array, T_camera_world: Pose, step_covariance: Float64Array
+) -> Float64Array:
+    """(3, 3) m^2, world: how the camera's error moves what is at (3,) m, world."""
+    p = T_camera_world.apply(position)
+    G = T_camera_world.rotation.T @ np.concatenate([-cross_matrix(p), np.eye(3)], axis=1)
+    return np.asarray(G @ step_covariance @ G.T)
+
+
+def _scale(squared: Float64Array) -> float:
+    """By how much squared Mahalanobis lengths in space exceed their noise, at least 1."""
+    return float(np.sqrt(max(1.0, np.median(squared) / _MEDIAN_CHI2)))

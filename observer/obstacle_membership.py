@@ -1,0 +1,153 @@
+"""Which points belong to which body, and which bodies are one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from observer.geometry import Float64Array, inverse_3x3
+from observer.motion_evidence import Motion
+from observer.obstacle_body import BodyTrack
+from observer.obstacle_filter import POSITION, VELOCITY
+from observer.parameters import ObstacleParameters
+from observer.points import Points
+
+# A point joins if its velocity fits the body's and it is this much likelier than at rest (twice
+# the logarithm of the likelihoods' ratio: e^4 = 55 times).
+_JOIN_CHI2 = float(chi2.ppf(0.99, df=3))
+_JOIN_RATIO = 8.0
+# Two velocities in space that differ by no more than this belong to one body.
+_SAME_CHI2 = float(chi2.ppf(0.999, df=3))
+# Share of its speed that a body may gain or lose in a second.
+_BRAKING_PER_S = 0.5
+# A member of a group further from its middle than this many standard deviations is none.
+_STRAY = 4.0
+# Share of the speed by which a body's velocity may differ from that of points seen again: it
+# turned or braked while it was hidden; and by which the velocities of its parts may differ.
+_CHANGED_WHILE_HIDDEN = 0.3
+_PARTS_DIFFER = 0.25
+# Metres, the extent of a body whose box is not known yet, and standard deviations of its place
+# within which points may be it.
+_FIRST_EXTENT_M = 0.3
+_FOUND_SIGMAS = 2.5
+# (m/s)^2: the velocity of a group is never known better than to a millimetre per second.
+_LEAST_VELOCITY_VARIANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Points that move alike.
+
+    Attributes:
+        members: (K,) their indices. places: (K, 3) metres, world. centre: (3,), their median.
+        velocity: (3,) m/s, world, with covariance (3, 3).
+    """
+
+    members: NDArray[np.intp]
+    places: Float64Array
+    centre: Float64Array
+    velocity: Float64Array
+    velocity_cov: Float64Array
+
+
+def group_of(
+    candidates: NDArray[np.intp], motion: Motion, parameters: ObstacleParameters
+) -> Group | None:
+    """What the candidates (K,) have in common, without strays; None if they are too few."""
+    members = candidates[_together(motion.position[candidates])]
+    if len(members) < parameters.min_points:
+        return None
+    information = motion.own_information[members]
+    L = information.sum(axis=0)
+    velocity = np.linalg.solve(L, np.einsum("nij,nj->i", information, motion.own_velocity[members]))
+    cov = np.linalg.inv(L) * (1 + parameters.shared_error * len(members))
+    places = motion.position[members]
+    return Group(
+        members=members,
+        places=places,
+        centre=np.median(places, axis=0),
+        velocity=velocity,
+        velocity_cov=cov + np.eye(3) * _LEAST_VELOCITY_VARIANCE,
+    )
+
+
+def joining(
+    track: BodyTrack,
+    free: NDArray[np.intp],
+    motion: Motion,
+    parameters: ObstacleParameters,
+) -> NDArray[np.bool_]:
+    """(K,) which free points (K,) lie on the body and move with it rather than rest."""
+    now = motion.position[free]
+    sigma = np.sqrt(np.einsum("nii->n", motion.position_cov[free]))
+    room = track.room(parameters.margin)
+    inside = track.contains(now, room + np.minimum(2 * sigma, room))
+    L = motion.own_information[free]
+    own = motion.own_velocity[free]
+    # A point's velocity is the mean over its window; a body that turns or brakes has moved on.
+    speed = float(np.linalg.norm(track.mean[VELOCITY]))
+    lag = speed * (abs(track.yaw_rate) + _BRAKING_PER_S) * motion.window_s[free] / 2
+    loose = inverse_3x3(L + 1e-6 * np.eye(3)) + lag[:, None, None] ** 2 * np.eye(3)
+    apart = own - track.velocity_at(now)
+    as_body = np.einsum("ni,nij,nj->n", apart, inverse_3x3(loose), apart)
+    at_rest = np.einsum("ni,nij,nj->n", own, L, own)
+    return np.asarray(inside & (as_body <= _JOIN_CHI2) & (at_rest - as_body >= _JOIN_RATIO))
+
+
+def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
+    """The track that a group belongs to, the nearest where there are several; None if none."""
+    best, best_distance = None, np.inf
+    for track in tracks:
+        cov = track.filter.covariance[POSITION, POSITION]
+        size = _FIRST_EXTENT_M
+        if track.box is not None:
+            size = float(np.linalg.norm(track.box.size[[0, 2]]))
+        slack = 0.5 * size + _FOUND_SIGMAS * float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
+        distance = float(np.linalg.norm(group.centre - track.centre))
+        velocity, own = track.centre_velocity()
+        squared = _apart(group.velocity, velocity, own + group.velocity_cov, _CHANGED_WHILE_HIDDEN)
+        if distance <= slack and squared <= _SAME_CHI2 and distance < best_distance:
+            best, best_distance = track, distance
+    return best
+
+
+def are_one(
+    older: BodyTrack, younger: BodyTrack, reach: float, parameters: ObstacleParameters
+) -> bool:
+    """Whether two tracks are of one body: in one place, and moving as one.
+
+    Args:
+        reach: metres within which points count as neighbours there.
+    """
+    if older.box is None or younger.box is None:
+        return False
+    room = max(older.room(parameters.margin) + younger.room(parameters.margin), reach)
+    if not older.contains(younger.centre[None], room + younger.box.size[0] / 2)[0]:
+        return False
+    _, older_cov = older.centre_velocity()
+    velocity, cov = younger.centre_velocity()
+    expected = older.velocity_at(younger.centre)
+    return _apart(expected, velocity, older_cov + cov, _PARTS_DIFFER) <= _SAME_CHI2
+
+
+def shape_position(points: Points, which: NDArray[np.intp]) -> Float64Array:
+    """(K, 3) metres: where points are on their obstacle, in its own frame."""
+    cov = inverse_3x3(points.shape_information[which])
+    return np.einsum("nij,nj->ni", cov, points.shape_vector[which])
+
+
+def _apart(a: Float64Array, b: Float64Array, cov: Float64Array, share: float) -> float:
+    """Squared Mahalanobis length of the gap of two velocities, a share of which may be real."""
+    gap = a - b
+    real = share * max(float(np.linalg.norm(a)), float(np.linalg.norm(b)))
+    return float(gap @ np.linalg.solve(cov + np.eye(3) * real**2, gap))
+
+
+def _together(position: Float64Array) -> NDArray[np.bool_]:
+    """(N,) which of a group's places (N, 3) are not far from most of the others."""
+    apart = np.abs(position - np.median(position, axis=0))
+    spread = 1.4826 * np.median(apart, axis=0)
+    return np.asarray((apart <= _STRAY * spread + 1e-3).all(axis=1), dtype=np.bool_)
