@@ -14,10 +14,18 @@ from observer.types import Image
 
 # OpenCV gives the smaller eigenvalue of the mean gradient matrix in 1/1024 (grey levels/px)^2.
 _EIGENVALUE_UNIT = 1024.0
-# Lucas-Kanade ends when it moves less than this, or after so many steps.
+# Lucas-Kanade ends when it moves less than this, px, or after so many steps.
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.01)
-# Checks start where the answer should be, so that one level below the full image is enough.
-_CHECK_LEVELS = 1
+# The first attempt trusts the expectation to within a window at half the resolution; only what
+# it does not find is searched for over all levels.
+_NEAR_LEVELS = 1
+# Checks, and the other camera's view of points whose depth is known, start where the answer
+# should be: a pyramid would only find what is somewhere else.
+_CHECK_LEVELS = 0
+# A mean absolute difference m of normally distributed noise means a deviation of m sqrt(pi / 2).
+_DEVIATION = float(np.sqrt(np.pi / 2))
+# Texture below this, grey levels/px, cannot be told from none.
+_LEAST_TEXTURE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +36,8 @@ class Sightings:
         px: (N, 2) float32 pixels, left image. right_px: (N, 2) float32, right image; NaN where
             the point has no match there.
         found: (N,) whether the point was followed in the left image and passed its checks.
-        sigma: (N, 2) pixels, one standard deviation of ``px`` and of the match in the right image.
+        sigma: (N, 2) float32 pixels, one standard deviation of ``px`` and of the match in the
+            right image.
     """
 
     px: NDArray[np.float32]
@@ -63,27 +72,30 @@ def follow(
         levels: of the pyramid, beyond the full image: how far off the expectation may be.
     """
     count = len(px)
-    if count == 0:
-        empty = np.zeros((0, 2), np.float32)
-        return Sightings(empty, empty, np.zeros(0, np.bool_), empty)
-    end, status, residual = _flow(previous[0], current[0], px, expected_px, levels, parameters)
-    back, returned, texture = _flow(
-        current[0], previous[0], end, px, _CHECK_LEVELS, parameters, want_texture=True
+    end, difference = np.array(expected_px, np.float32), np.zeros(count, np.float32)
+    texture, found = np.zeros(count, np.float32), np.zeros(count, np.bool_)
+    for depth in dict.fromkeys((min(_NEAR_LEVELS, levels), levels)):
+        # What is expected outside the image is not searched for.
+        open_ = np.flatnonzero(~found & _inside(expected_px, current[0], 0.0))
+        if len(open_) == 0:
+            break
+        end[open_], found[open_], difference[open_], texture[open_] = _there_and_back(
+            previous[0], current[0], px[open_], expected_px[open_], depth, parameters
+        )
+    matched = np.full((count, 2), np.nan, np.float32)
+    mismatch = np.zeros(count, np.float32)
+    seen = np.flatnonzero(found & np.isfinite(expected_disparity))
+    matched[seen], mismatch[seen] = match_right(
+        current, end[seen], expected_disparity[seen], parameters, _CHECK_LEVELS
     )
-    found = status & returned & _inside(end, current[0], parameters.window_px / 4)
-    found &= ((back - px) ** 2).sum(axis=1) <= parameters.back_check_px**2
-    found &= residual <= parameters.max_error
-    matched, mismatch = match_right(current, end, expected_disparity, parameters)
-    known = np.isfinite(right_px[:, 0]) & np.isfinite(matched[:, 0])
+    circle = seen[np.isfinite(right_px[seen, 0]) & np.isfinite(matched[seen, 0])]
     around, status, _ = _flow(
-        previous[1], current[1], np.where(known[:, None], right_px, 0.0).astype(np.float32),
-        np.where(known[:, None], matched, 0.0).astype(np.float32), _CHECK_LEVELS, parameters,
-    )  # fmt: skip
-    with np.errstate(invalid="ignore"):
-        apart = ((around - matched) ** 2).sum(axis=1) > parameters.circle_px**2
-    matched[known & (apart | ~status)] = np.nan
-    sigma = np.stack([residual, mismatch], axis=1)
-    return Sightings(end, matched, found, _noise_px(sigma, texture[:, None], parameters))
+        previous[1], current[1], right_px[circle], matched[circle], _CHECK_LEVELS, parameters
+    )
+    apart = ((around - matched[circle]) ** 2).sum(axis=1) > parameters.circle_px**2
+    matched[circle[apart | ~status]] = np.nan
+    noise = _noise_px(np.stack([difference, mismatch], axis=1), texture[:, None], parameters)
+    return Sightings(end, matched, found, noise)
 
 
 def match_right(
@@ -91,41 +103,31 @@ def match_right(
     px: NDArray[np.float32],
     expected_disparity: NDArray[np.float32],
     parameters: FollowingParameters,
+    levels: int = _NEAR_LEVELS,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Where points (N, 2) of the left image are in the right one, (N, 2) float32.
+    """Where points (N, 2) of the left image are in the right one, (N, 2) float32 pixels.
 
-    Also (N,) by how many grey levels their surroundings differ. NaN where it is not known beforehand to within a few pixels, where Lucas-Kanade loses it, and
-    where the match lies off the row by more than ``row_px``.
+    NaN where it is not known beforehand to within a few pixels, where Lucas-Kanade loses it, and
+    where the match lies off the row by more than ``row_px``. Also (N,) grey levels: by how much
+    the surroundings of both differ on average.
+
+    Args:
+        pair: left and right image (H, W) grey, rectified.
+        expected_disparity: (N,) pixels, NaN unknown.
+        levels: of the pyramid, beyond the full image: how far off the expectation may be.
     """
     known = np.isfinite(expected_disparity)
     start = px.copy()
     start[:, 0] -= np.where(known, expected_disparity, 0.0)
-    end, status, residual = _flow(pair[0], pair[1], px, start, _CHECK_LEVELS, parameters)
-    good = known & status & (residual <= parameters.max_error)
+    end, status, difference = _flow(pair[0], pair[1], px, start, levels, parameters)
+    good = known & status & (difference <= parameters.max_error)
     good &= np.abs(end[:, 1] - px[:, 1]) <= parameters.row_px
     good &= _inside(end, pair[1], 0.0)
-    return np.where(good[:, None], end, np.float32(np.nan)), residual
-
-
-def _noise_px(
-    difference: NDArray[np.float32],
-    texture: NDArray[np.float32],
-    parameters: FollowingParameters,
-) -> NDArray[np.float32]:
-    """Standard deviation, pixels, of a match by Lucas-Kanade.
-
-    Least squares over a window of n pixels whose gradient is g along the weakest direction knows
-    the shift to ``noise / (g sqrt(n))``; a mean absolute difference m of the two windows means a
-    noise of ``m sqrt(pi / 2)``. What Lucas-Kanade cannot model comes on top.
-    """
-    noise = np.sqrt(np.pi / 2) * difference
-    side = parameters.window_px | 1
-    statistical = noise / np.maximum(side * texture, 1e-3)
-    return np.hypot(parameters.noise_factor * statistical, parameters.noise_floor_px)
+    return np.where(good[:, None], end, np.float32(np.nan)), difference
 
 
 def as_bright_as(first: Image, second: Image) -> Image:
-    """The second image, scaled to the brightness of the first.
+    """The second image (H, W), scaled to the brightness of the first.
 
     Lucas-Kanade compares grey levels, so that a light that flickers looks like motion to it.
     """
@@ -136,7 +138,47 @@ def as_bright_as(first: Image, second: Image) -> Image:
     return np.asarray(cv2.convertScaleAbs(second, alpha=before / after), dtype=np.uint8)
 
 
+def _there_and_back(
+    first: Image,
+    second: Image,
+    px: NDArray[np.float32],
+    expected_px: NDArray[np.float32],
+    levels: int,
+    parameters: FollowingParameters,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32], NDArray[np.float32]]:
+    """(N, 2) where points are, (N,) whether they return, (N,) difference, (N,) texture."""
+    end, status, difference = _flow(first, second, px, expected_px, levels, parameters)
+    back, returned, texture = _flow(
+        second, first, end, px, _CHECK_LEVELS, parameters, want_texture=True
+    )
+    found = status & returned & _inside(end, second, parameters.window_px / 4)
+    found &= ((back - px) ** 2).sum(axis=1) <= parameters.back_check_px**2
+    found &= difference <= parameters.max_error
+    return end, found, difference, texture
+
+
+def _noise_px(
+    difference: NDArray[np.float32],
+    texture: NDArray[np.float32],
+    parameters: FollowingParameters,
+) -> NDArray[np.float32]:
+    """Standard deviation, pixels, of a match by Lucas-Kanade.
+
+    Least squares over a window of n pixels whose gradient is g along the weakest direction knows
+    the shift to ``noise / (g sqrt(n))`` (the inverse of its normal matrix). What Lucas-Kanade
+    cannot model comes on top.
+
+    Args:
+        difference: (N, K) grey levels, mean absolute difference of the two windows.
+        texture: (N, 1) grey levels/px, root mean square of the gradient g.
+    """
+    side = parameters.window_px | 1
+    statistical = _DEVIATION * difference / np.maximum(side * texture, _LEAST_TEXTURE)
+    return np.hypot(parameters.noise_factor * statistical, parameters.noise_floor_px)
+
+
 def _inside(px: NDArray[np.float32], image: Image, margin: float) -> NDArray[np.bool_]:
+    """(N,) which points (N, 2) lie in the image, at least ``margin`` pixels from its edge."""
     height, width = image.shape
     limits = (width - 1 - margin, height - 1 - margin)
     return np.asarray(((px >= margin) & (px <= limits)).all(axis=1), dtype=np.bool_)
@@ -152,24 +194,33 @@ def _flow(
     *,
     want_texture: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:
-    """Where points are, whether they were found, and their residual or texture, grey levels(/px)."""
+    """Where points are, whether they were found, and how well they match or can be matched.
+
+    Args:
+        px, start: (N, 2) in the first image, and about where in the second.
+
+    Returns:
+        (N, 2) pixels; (N,); (N,) mean absolute difference, grey levels, or with ``want_texture``
+        the texture, grey levels/px. Of points that were not found the latter is 0.
+    """
     if len(px) == 0:
         return px.copy(), np.zeros(0, np.bool_), np.zeros(0, np.float32)
-    end, found, error = cv2.calcOpticalFlowPyrLK(
+    side = parameters.window_px | 1
+    end, status, error = cv2.calcOpticalFlowPyrLK(
         first,
         second,
-        px,
-        np.ascontiguousarray(start, dtype=np.float32).copy(),
-        winSize=(parameters.window_px | 1, parameters.window_px | 1),
+        np.ascontiguousarray(px),
+        np.array(start, np.float32),
+        winSize=(side, side),
         maxLevel=levels,
         criteria=cast(Any, _CRITERIA),
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW
         | (cv2.OPTFLOW_LK_GET_MIN_EIGENVALS if want_texture else 0),
         minEigThreshold=parameters.min_texture**2 / _EIGENVALUE_UNIT,
     )
-    error = np.asarray(error, dtype=np.float32)[:, 0]
-    return (
-        np.asarray(end, dtype=np.float32),
-        np.asarray(found, dtype=np.uint8)[:, 0] > 0,
-        np.sqrt(np.maximum(error, 0) * np.float32(_EIGENVALUE_UNIT)) if want_texture else error,
-    )
+    found = np.asarray(status, dtype=np.uint8)[:, 0] > 0
+    # OpenCV leaves the quality of lost points as it found the memory.
+    quality = np.where(found, np.asarray(error, dtype=np.float32)[:, 0], np.float32(0))
+    if want_texture:
+        quality = np.sqrt(np.maximum(quality, 0) * np.float32(_EIGENVALUE_UNIT))
+    return np.asarray(end, dtype=np.float32), found, np.asarray(quality, dtype=np.float32)

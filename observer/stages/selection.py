@@ -11,6 +11,20 @@ from observer.types import Image
 
 # Where something moves, squares are this many times smaller.
 _FINER = 2
+# Corners are looked for in an image this many times smaller: a point to follow is a window, and
+# need not be a corner to the pixel.
+_REDUCTION = 2
+# Side of the patch, in the smaller image, whose gradients make a corner. It is smaller than the
+# window that is followed, so that the corner lies near the point and not at the window's edge.
+_CORNER_PX = 3
+# OpenCV's smaller eigenvalue is that of the mean gradient matrix in (2 / 255 grey levels/px)^2,
+# and in the smaller image gradients are steeper.
+_GREY_PER_ROOT = 255 / 2 / _REDUCTION
+# Most empty squares are empty because nothing in them can be followed; each is tried once in so
+# many frames.
+_TURNS = 2
+# Making the image smaller smooths it: so much of the gradients of fine texture remains.
+_SMOOTHED = 0.5
 
 
 def attention(
@@ -22,8 +36,9 @@ def attention(
     """(rows, columns) which squares of the image deserve more points.
 
     Args:
-        size: width and height of the image. boxes_px: (B, 4) u0 v0 u1 v1 around obstacles.
-        px: (N, 2) points that move.
+        size: width and height of the image, pixels.
+        boxes_px: (B, 4) pixels u0 v0 u1 v1 around obstacles.
+        px: (N, 2) pixels, points that move.
     """
     side = parameters.spacing_px
     width, height = size
@@ -32,7 +47,7 @@ def attention(
     for u0, v0, u1, v1 in boxes_px:
         c0, c1 = int(max(u0, 0) // side), int(min(u1, width - 1) // side)
         r0, r1 = int(max(v0, 0) // side), int(min(v1, height - 1) // side)
-        marked[r0 : r1 + 1, c0 : c1 + 1] = True
+        marked[r0 : max(r1 + 1, 0), c0 : max(c1 + 1, 0)] = True
     if len(px):
         near = np.zeros_like(marked)
         near[(px[:, 1] // side).astype(np.intp), (px[:, 0] // side).astype(np.intp)] = True
@@ -43,26 +58,30 @@ def attention(
 def squares(
     px: NDArray[np.float32], marked: NDArray[np.bool_], parameters: FollowingParameters
 ) -> NDArray[np.intp]:
-    """(N,) number of the square each point (N, 2) is in; marked squares are divided further."""
-    side, fine = parameters.spacing_px, parameters.spacing_px / _FINER
+    """(N,) number of the square each point (N, 2) px is in; marked squares are divided further."""
     rows, columns = marked.shape
-    row, column = (px[:, 1] // side).astype(np.intp), (px[:, 0] // side).astype(np.intp)
+    finer = (px * np.float32(_FINER / parameters.spacing_px)).astype(np.intp)
+    column, row = finer[:, 0] // _FINER, finer[:, 1] // _FINER
     coarse = row * columns + column
-    finer = (px[:, 1] // fine).astype(np.intp) * (columns * _FINER)
-    finer += (px[:, 0] // fine).astype(np.intp)
-    return np.where(marked[row, column], rows * columns + finer, coarse)
+    divided = rows * columns + finer[:, 1] * (columns * _FINER) + finer[:, 0]
+    return np.asarray(np.where(marked[row, column], divided, coarse), np.intp)
 
 
 def crowding(px: NDArray[np.float32], parameters: FollowingParameters) -> NDArray[np.float64]:
-    """(N,) one over the number of points that share a point's square."""
+    """(N,) one over the number of points that share the square of each point (N, 2) px."""
     column = (px[:, 0] // parameters.spacing_px).astype(np.intp)
     row = (px[:, 1] // parameters.spacing_px).astype(np.intp)
     square = row * (column.max(initial=0) + 1) + column
-    return 1.0 / np.bincount(square)[square]
+    return np.asarray(1.0 / np.bincount(square)[square], np.float64)
 
 
 def thinned(square: NDArray[np.intp], sightings: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Indices of the longest followed point in each square."""
+    """Indices, ascending, of the longest followed point in each square.
+
+    Args:
+        square: (N,) number of the square each point is in.
+        sightings: (N,) in how many frames each was seen.
+    """
     order = np.lexsort((-sightings, square))
     return np.sort(order[_firsts(square[order])])
 
@@ -72,30 +91,84 @@ def new_points(
     taken: NDArray[np.intp],
     marked: NDArray[np.bool_],
     parameters: FollowingParameters,
+    turn: int | None = None,
 ) -> NDArray[np.float32]:
-    """The strongest corner (N, 2) of every square in which no point is followed.
+    """The strongest corner (N, 2) px of every square in which no point is followed.
+
+    A corner is as strong as the smaller eigenvalue of its gradient matrix, for this is what
+    Lucas-Kanade goes by (Shi and Tomasi: Good Features to Track, CVPR 1994).
 
     Args:
-        image: (H, W) grey. taken: numbers of the squares that have one.
+        image: (H, W) grey. taken: numbers of the squares that have a point, as of ``squares``.
+        marked: (rows, columns) of ``attention``.
+        turn: number of the frame; of the squares that are not marked only one in ``_TURNS`` is
+            looked at, each frame another one. None looks at all of them.
     """
-    keypoints = cv2.FastFeatureDetector.create(parameters.fast_threshold).detect(image)
-    if not keypoints:
-        return np.zeros((0, 2), np.float32)
-    height, width = image.shape
-    px = np.asarray(cv2.KeyPoint.convert(keypoints), np.float32)
-    margin = parameters.window_px / 2
-    limits = (width - 1 - margin, height - 1 - margin)
+    strength = np.asarray(cv2.cornerMinEigenVal(cv2.pyrDown(image), _CORNER_PX), np.float32)
+    height, width = strength.shape
+    # Lucas-Kanade's window must lie in the image.
+    margin = -(-(parameters.window_px // 2 + 1) // _REDUCTION)
+    strength[:margin], strength[height - margin :] = 0, 0
+    strength[:, :margin], strength[:, width - margin :] = 0, 0
+    step = np.float32(_REDUCTION * _FINER / parameters.spacing_px)
+    v, u = ((np.arange(n, dtype=np.float32) * step).astype(np.intp) for n in (height, width))
+    best = _strongest(strength, v, u, marked)
+    best[~_free(taken, marked, turn) | (best < _least(parameters))] = np.inf
+    row, column = np.nonzero(strength == best[v][:, u])
+    px = np.stack([column, row], axis=1).astype(np.float32) * _REDUCTION
     square = squares(px, marked, parameters)
-    free = np.ones(square.max() + 1, np.bool_)
-    free[taken[taken < len(free)]] = False
-    chosen = np.flatnonzero(free[square] & ((px >= margin) & (px <= limits)).all(axis=1))
-    response = np.fromiter((keypoints[i].response for i in chosen), np.float32, len(chosen))
-    px, square = px[chosen], square[chosen]
-    order = np.lexsort((px[:, 0], px[:, 1], -response, square))
+    # Of equally strong ones it is the first in the image, so that equal images give equal points.
+    order = np.argsort(square, kind="stable")
     return px[order[_firsts(square[order])]]
 
 
+def _least(parameters: FollowingParameters) -> float:
+    """The least strength of a corner that can be followed."""
+    return float((_SMOOTHED * parameters.min_texture / _GREY_PER_ROOT) ** 2)
+
+
+def _strongest(
+    strength: NDArray[np.float32],
+    v: NDArray[np.intp],
+    u: NDArray[np.intp],
+    marked: NDArray[np.bool_],
+) -> NDArray[np.float32]:
+    """(2 rows, 2 columns) of the finer squares: the greatest strength in the square that counts.
+
+    Args:
+        strength: (h, w). v, u: (h,), (w,) the finer square of each of its rows and columns.
+        marked: (rows, columns) where the finer square counts rather than the whole.
+    """
+    rows, columns = marked.shape
+    best = np.zeros((rows * _FINER, columns * _FINER), np.float32)
+    down, across = (np.flatnonzero(_firsts(index)) for index in (v, u))
+    pooled = np.maximum.reduceat(np.maximum.reduceat(strength, down, axis=0), across, axis=1)
+    best[: len(down), : len(across)] = pooled
+    blocks = best.reshape(rows, _FINER, columns, _FINER)
+    whole = blocks.max(axis=(1, 3), keepdims=True)
+    return np.where(marked[:, None, :, None], blocks, whole).reshape(best.shape)
+
+
+def _free(
+    taken: NDArray[np.intp], marked: NDArray[np.bool_], turn: int | None
+) -> NDArray[np.bool_]:
+    """(2 rows, 2 columns) of the finer squares: in which a point is wanted."""
+    rows, columns = marked.shape
+    empty = np.ones(rows * columns * (1 + _FINER**2), np.bool_)
+    empty[taken] = False
+    coarse, finer = np.split(empty, [rows * columns])
+    coarse = coarse.reshape(rows, columns)
+    if turn is not None:
+        coarse &= (np.add.outer(np.arange(rows), np.arange(columns)) + turn) % _TURNS == 0
+    return np.where(
+        marked[:, None, :, None],
+        finer.reshape(rows, _FINER, columns, _FINER),
+        coarse[:, None, :, None],
+    ).reshape(rows * _FINER, columns * _FINER)
+
+
 def _firsts(ordered: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """(N,) which of N ascending numbers are not those before them."""
     first = np.ones(len(ordered), np.bool_)
     first[1:] = ordered[1:] != ordered[:-1]
     return first

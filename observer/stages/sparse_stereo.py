@@ -1,4 +1,4 @@
-"""Disparity where it is needed only: a coarse search for new points."""
+"""Disparity where it is needed only: a coarse search along the row for new points."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 from observer.parameters import StereoParameters
 from observer.types import Image
 
-_FIXED_POINT = 16.0
+# The search works at half the resolution; Lucas-Kanade finds the rest.
+_REDUCTION = 2
+# Side of the compared blocks, in the smaller images.
 _BLOCK_PX = 9
-_UNIQUENESS_PERCENT = 10
-# A corner often lies on the edge of what is known; the nearest known neighbour will do, for
-# Lucas-Kanade finds the rest.
-_SEARCH = ((0, 0), (0, 1), (0, -1), (1, 0), (-1, 0), (0, 2), (0, -2))
+# Gradients are compared rather than grey levels, for the cameras' brightness differs; steeper
+# ones than this count alike, so that one edge does not outvote the rest (as OpenCV's StereoBM).
+_CAP = 31
+# The best disparity must cost this share less than any but its neighbours.
+_UNIQUENESS = 0.1
 
 
 def coarse_disparity(
@@ -22,25 +25,62 @@ def coarse_disparity(
 ) -> NDArray[np.float32]:
     """Disparity (N,) of points (N, 2) to within about a pixel, NaN where unknown.
 
-    Block matching at half the resolution; cheap enough for every frame.
+    The block around each point is compared with all those on its row of the right image, up to
+    ``max_disparity_px``: the sum of absolute differences of the horizontal gradient, least and
+    unique (block matching as in Konolige: Small Vision Systems, ISRR 1997, at the points only).
 
     Args:
         left, right: (H, W) grey, rectified.
+        px: pixels of the left image.
     """
-    count = -(-parameters.max_disparity_px // 32) * 16
-    small_left, small_right = cv2.pyrDown(left), cv2.pyrDown(right)
-    # The matcher leaves the first columns out, although points there may well be seen by both.
-    small_left = cv2.copyMakeBorder(small_left, 0, 0, count, 0, cv2.BORDER_REPLICATE)
-    small_right = cv2.copyMakeBorder(small_right, 0, 0, count, 0, cv2.BORDER_REPLICATE)
-    matcher = cv2.StereoBM.create(count, _BLOCK_PX)
-    matcher.setUniquenessRatio(_UNIQUENESS_PERCENT)
-    matcher.setTextureThreshold(0)
-    fixed = np.asarray(matcher.compute(small_left, small_right))[:, count:]
-    height, width = fixed.shape
-    u = np.clip(np.rint(px[:, 0] / 2).astype(np.intp), 0, width - 1)
-    v = np.clip(np.rint(px[:, 1] / 2).astype(np.intp), 0, height - 1)
-    found = np.full(len(px), np.nan, np.float32)
-    for dv, du in _SEARCH:
-        value = fixed[np.clip(v + dv, 0, height - 1), np.clip(u + du, 0, width - 1)]
-        found = np.where(np.isnan(found) & (value >= 0), value * (2 / _FIXED_POINT), found)
-    return np.where(found <= px[:, 0], found, np.nan).astype(np.float32)
+    if len(px) == 0:
+        return np.zeros(0, np.float32)
+    count = -(-parameters.max_disparity_px // _REDUCTION)
+    half = _BLOCK_PX // 2
+    # Points near the left border may well be seen by both; what lies outside costs its difference.
+    first = _gradients(left, half, half)
+    second = _gradients(right, half, half + count)
+    column = np.rint(px[:, 0] / _REDUCTION).astype(np.intp)
+    row = np.rint(px[:, 1] / _REDUCTION).astype(np.intp)
+    column = np.minimum(column, first.shape[1] - _BLOCK_PX)
+    row = np.minimum(row, first.shape[0] - _BLOCK_PX)
+    rows = row[:, None, None] + np.arange(_BLOCK_PX)[:, None]
+    block = first[rows, column[:, None, None] + np.arange(_BLOCK_PX)]
+    # Number d of the strip's blocks has the disparity count - d.
+    strip = second[rows, column[:, None, None] + np.arange(_BLOCK_PX + count)]
+    cost = np.zeros((len(px), count + 1), np.uint16)
+    for x in range(_BLOCK_PX):
+        a, b = block[:, :, x : x + 1], strip[:, :, x : x + count + 1]
+        cost += (np.maximum(a, b) - np.minimum(a, b)).sum(axis=1, dtype=np.uint16)
+    return _best(cost, px[:, 0])
+
+
+def _gradients(image: Image, border: int, left: int) -> NDArray[np.uint8]:
+    """(h, w) capped horizontal gradients of the smaller image, with borders of so many pixels."""
+    small = cv2.pyrDown(image)
+    steep = cv2.Sobel(small, cv2.CV_8U, 1, 0, delta=_CAP)
+    capped = np.minimum(steep, 2 * _CAP)
+    return np.asarray(
+        cv2.copyMakeBorder(capped, border, border, left, border, cv2.BORDER_REPLICATE), np.uint8
+    )
+
+
+def _best(cost: NDArray[np.uint16], u: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N,) px disparity of least cost (N, D), by a parabola; NaN if not unique or outside.
+
+    Args:
+        cost: of the disparities D - 1, ..., 0 in the smaller image.
+        u: (N,) px column of each point.
+    """
+    number, last = np.arange(len(cost)), cost.shape[1] - 1
+    best = np.argmin(cost, axis=1)
+    least = cost[number, best].astype(np.float32)
+    others = cost.copy()
+    for offset in (-1, 0, 1):
+        others[number, np.clip(best + offset, 0, last)] = np.iinfo(np.uint16).max
+    unique = others.min(axis=1) * np.float32(1 - _UNIQUENESS) >= least
+    before = cost[number, np.maximum(best - 1, 0)].astype(np.float32)
+    after = cost[number, np.minimum(best + 1, last)].astype(np.float32)
+    bend = np.maximum(before + after - 2 * least, 1)
+    disparity = _REDUCTION * (last - best - np.clip((before - after) / (2 * bend), -0.5, 0.5))
+    return np.where(unique & (disparity <= u), disparity, np.nan).astype(np.float32)
