@@ -7,8 +7,6 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol
 
-from numpy.typing import NDArray
-
 from observer.geometry import Float64Array, Pose
 from observer.parameters import Parameters
 from observer.types import EgoMotion, Image, Obstacle, StereoFrame, Trace
@@ -47,7 +45,7 @@ class StereoRows:
         px: (N, 2) pixels, left image. offset_px: (N,) left minus right row, pixels.
     """
 
-    px: NDArray[Float64Array] | Float64Array
+    px: Float64Array
     offset_px: Float64Array
 
 

@@ -82,7 +82,8 @@ def joining(
 ) -> NDArray[np.bool_]:
     """(K,) which free points (K,) lie on the body and move with it rather than rest."""
     now = motion.position[free]
-    sigma = np.sqrt(np.einsum("nii->n", motion.position_cov[free]))
+    # Rounding makes variances of next to nothing negative.
+    sigma = np.sqrt(np.maximum(np.einsum("nii->n", motion.position_cov[free]), 0.0))
     room = track.room(parameters.margin)
     inside = track.contains(now, room + np.minimum(2 * sigma, room))
     L = motion.own_information[free]

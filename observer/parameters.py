@@ -110,7 +110,7 @@ class EgoMotionParameters(_Stage):
     """The camera's own motion, by RANSAC."""
 
     model: Literal["rigid", "homography", "affine"] = _choice(
-        "rigid", title="Model",
+        "affine", title="Model",
         help="rigid is the motion in space, by stereo, and tells motion from parallax; affine has "
         "six parameters and is the paper's; homography has eight and also fits a plane seen in "
         "perspective.",
@@ -526,8 +526,8 @@ _PRESETS: dict[str, dict[str, ParameterValue]] = {
 }
 PRESET_HELP: dict[str, str] = {
     "paper": "The method as published: FAST, descriptor matching, affine RANSAC, raw displacement.",
-    "default": "The best we have: motion in space by sparse stereo, evidence pooled over "
-    "neighbours and over time, obstacles as bodies.",
+    "default": "The paper's model with KLT matching, and only motion that stands out against all "
+    "known errors, parallax among them.",
 }
 
 

@@ -95,7 +95,7 @@ class Points:
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Points:
         """Some of the points."""
-        return Points(
+        return self.but(
             **{
                 f.name: value.take(which) if isinstance(value, MotionSums) else value[which]
                 for f in fields(self)
@@ -105,7 +105,7 @@ class Points:
 
     def joined(self, other: Points) -> Points:
         """These points and then the others."""
-        return Points(
+        return self.but(
             **{
                 f.name: a.joined(b) if isinstance(a, MotionSums) else np.concatenate([a, b])
                 for f in fields(self)

@@ -6,7 +6,7 @@ they are; what does not stay there, although its neighbours move as it does, is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,12 +16,13 @@ from observer.camera import StereoCamera
 from observer.evidence import Evidence
 from observer.geometry import Float64Array, Pose
 from observer.method import StageTimer, Step, StereoRows, View
+from observer.motion_evidence import Motion
 from observer.motion_sums import MotionSums
 from observer.parameters import Parameters
 from observer.plausibility import PlausibleMotions
 from observer.points import NO_OBSTACLE, Points
 from observer.stages.body_reporting import describe_body
-from observer.stages.evidence import Motion, group_dynamic, pooled_motion
+from observer.stages.evidence import group_dynamic, pooled_motion
 from observer.stages.following import Sightings, as_bright_as, follow, match_right
 from observer.stages.jumps import ImageReach
 from observer.stages.obstacle_tracking import BodyTracker
@@ -310,7 +311,9 @@ class RigidMethod:
         earlier, _ = self._camera.project(back.apply(self._camera.triangulate(px, disparity)))
         return np.nan_to_num((px[:, 0] - earlier[:, 0]) / _FLOW_STEP_S)
 
-    def _neighbourhood(self, camera_position: Float64Array, p: Parameters):  # type: ignore[no-untyped-def]
+    def _neighbourhood(
+        self, camera_position: Float64Array, p: Parameters
+    ) -> Callable[[Float64Array], float]:
         """Metres that ``evidence.radius_px`` means at a place (3,), world."""
         scale = p.evidence.radius_px / self._camera.fx
 

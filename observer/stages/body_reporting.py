@@ -1,12 +1,12 @@
-"""From a body that is followed to the obstacle that is reported: in the world, and to the camera."""
+"""From a body that is followed to the obstacle that is reported."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
+from observer.obstacle_body import BodyTrack
 from observer.obstacle_filter import POSITION, yaw_matrix
-from observer.stages.obstacle_tracking import BodyTrack
 from observer.types import Obstacle, TrackState
 
 # The centre is known to this share of the box's size: its far side is not seen.
@@ -44,7 +44,7 @@ def describe_body(
         velocity_cov=velocity_cov,
         velocity_time=time,
         speed=speed,
-        speed_std=float(np.sqrt(max(0.0, along @ velocity_cov @ along))),
+        speed_std=float(np.sqrt(max(0.0, float(along @ velocity_cov @ along)))),
         size=size,
         orientation_wxyz=Pose(R, np.zeros(3)).quaternion_wxyz,
         closing_speed=float((camera_velocity - velocity_camera) @ position_camera / reach),

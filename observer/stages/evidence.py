@@ -20,6 +20,8 @@ _DEPTH_SIGMAS = 3.0
 _VELOCITY_CHI2 = float(chi2.ppf(0.999, df=3))
 # A regression over a random walk of the pose knows the slope this much worse than its step.
 _RANDOM_WALK = 1.2
+# Product of the three eigenvalues of an information, relative to their mean, that is not rounding.
+_LEAST_RANK = 1e-12
 
 
 def pooled_motion(
@@ -45,7 +47,9 @@ def pooled_motion(
     count = len(points)
     information, vector = points.sums.velocity_information()
     ready = (points.sightings >= parameters.min_sightings) & np.isfinite(vector).all(axis=1)
-    ready &= np.linalg.det(information) > 0
+    # Seen along one line only, or always at one instant, a point's velocity is unknown.
+    scale = np.trace(information, axis1=1, axis2=2) / 3
+    ready &= np.linalg.det(information) > _LEAST_RANK * scale**3
     information = np.where(ready[:, None, None], information, 0.0)
     vector = np.where(ready[:, None], vector, 0.0)
     own_cov = inverse_3x3(np.where(ready[:, None, None], information, np.eye(3)))
@@ -143,6 +147,8 @@ def _neighbours(
     forward = T_camera_world.rotation[2]
     variance = np.einsum("i,nij,j->n", forward, place_cov, forward)
     reach = parameters.radius_px / camera.fx * np.minimum(depth[i], depth[j])
+    # What was not judged has no variance to speak of, and is left out below.
+    variance = np.where(ready & (variance > 0), variance, 0.0)
     noise = _DEPTH_SIGMAS * np.sqrt(variance[i] + variance[j])
     # What may be anywhere in depth is nobody's neighbour.
     allowed = reach + np.minimum(noise, reach)

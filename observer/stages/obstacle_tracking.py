@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,9 +54,10 @@ _ORIGIN_VARIANCE = 1e-6
 class BodyTracker:
     """Keeps the obstacles' tracks; points carry the number of the obstacle they belong to."""
 
-    def __init__(self) -> None:
+    def __init__(self, numbers: Iterator[int] | None = None) -> None:
+        """``numbers`` gives each track its own; from 1 if left out."""
         self.tracks: list[BodyTrack] = []
-        self._next = 1
+        self._numbers = count(1) if numbers is None else numbers
 
     def clear(self) -> None:
         """End all tracks; their numbers are not used again."""
@@ -203,8 +205,8 @@ class BodyTracker:
             members = group.members
             track = body_of(group, self.tracks)
             if track is None:
-                track = BodyTrack(id=self._next, filter=_begun(group), shape=ObstacleShape())
-                self._next += 1
+                number = next(self._numbers)
+                track = BodyTrack(id=number, filter=_begun(group), shape=ObstacleShape())
                 self.tracks.append(track)
             elif track.missed_s > 0:
                 # It keeps its name and its size; where its points were is of no use any more.
