@@ -135,7 +135,7 @@ class MotionSums:
         explained = np.einsum("ni,ni->n", position - self.origin, self.b0)
         explained += np.einsum("ni,ni->n", velocity, self.b1)
         freedom = np.maximum(3 * self.count - 6, 1.0)
-        return np.maximum(1.0, (self.c0 - explained) / freedom)
+        return np.asarray(np.maximum(1.0, (self.c0 - explained) / freedom), np.float64)
 
     def window_s(self) -> Float64Array:
         """(N,) seconds over which the sightings effectively lie.
@@ -145,7 +145,7 @@ class MotionSums:
         weight = np.trace(self.a0, axis1=1, axis2=2)
         mean = np.trace(self.a1, axis1=1, axis2=2) / np.maximum(weight, _TINY)
         square = np.trace(self.a2, axis1=1, axis2=2) / np.maximum(weight, _TINY)
-        return np.sqrt(12 * np.maximum(square - mean**2, 0.0))
+        return np.asarray(np.sqrt(12 * np.maximum(square - mean**2, 0.0)), np.float64)
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> MotionSums:
         """The sums of some of the points."""

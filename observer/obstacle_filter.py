@@ -63,7 +63,9 @@ class ObstacleMotion:
         """(8, 8) over both modes."""
         gap = self.means - self.mean
         spread = gap[:, :, None] * gap[:, None, :]
-        return np.einsum("m,mij->ij", self.probabilities, self.covariances + spread)
+        return np.asarray(
+            np.einsum("m,mij->ij", self.probabilities, self.covariances + spread), np.float64
+        )
 
     def predicted(
         self,

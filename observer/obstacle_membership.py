@@ -137,7 +137,7 @@ def are_one(
 def shape_position(points: Points, which: NDArray[np.intp]) -> Float64Array:
     """(K, 3) metres: where points are on their obstacle, in its own frame."""
     cov = inverse_3x3(points.shape_information[which])
-    return np.einsum("nij,nj->ni", cov, points.shape_vector[which])
+    return np.asarray(np.einsum("nij,nj->ni", cov, points.shape_vector[which]), np.float64)
 
 
 def _apart(a: Float64Array, b: Float64Array, cov: Float64Array, share: float) -> float:

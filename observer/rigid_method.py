@@ -266,7 +266,8 @@ class RigidMethod:
         use = np.isfinite(steady).all(axis=1) & (steady[:, 2] > 0)
         at = np.where(use[:, None], steady, place)
         information = _information(at, sigma * self._noise, T_world_camera, self._camera)
-        known = np.isfinite(place).all(axis=1) & np.isfinite(information).all(axis=(1, 2))
+        known = np.asarray(np.isfinite(place).all(axis=1))
+        known &= np.isfinite(information).reshape(-1, 9).all(axis=1)
         information = np.where(known[:, None, None], information, 0.0)
         return np.where(known[:, None], T_world_camera.apply(place), np.nan), information
 
@@ -286,7 +287,7 @@ class RigidMethod:
         coarse = coarse_disparity(view.left, view.right, px, p.stereo)
         right, _ = match_right((view.left, view.right), px, coarse, p.following)
         disparity = (px[:, 0] - right[:, 0]).astype(np.float64)
-        known = np.isfinite(disparity) & (disparity > _MOST_NEGATIVE_PX)
+        known = np.asarray(disparity > _MOST_NEGATIVE_PX)
         px, right = px[known], right[known]
         disparity = np.maximum(disparity[known], _LEAST_DISPARITY_PX)
         if view.right_time is not None:
@@ -364,7 +365,7 @@ def _keep_motion(
     ego: RigidEgoMotion,
     motion: Motion,
 ) -> None:
-    start = before.px[seen.found]
+    start = before.px[seen.found].astype(np.float64)
     residual = points.px - ego.predict(start, before.disparity[seen.found])
     known = np.isfinite(residual).all(axis=1)
     trace.keep("flow_px", start[known])

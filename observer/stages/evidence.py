@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
@@ -120,7 +120,7 @@ def group_dynamic(motion: Motion, free: NDArray[np.bool_], min_points: int) -> N
     return np.where(kept, rank[labels], -1)
 
 
-def _adjacency(pairs: NDArray[np.intp], count: int) -> coo_matrix:
+def _adjacency(pairs: NDArray[np.intp], count: int) -> csr_matrix:
     i, j = pairs[:, 0], pairs[:, 1]
     own = np.arange(count)
     rows, columns = np.concatenate([i, j, own]), np.concatenate([j, i, own])

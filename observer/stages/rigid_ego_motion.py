@@ -166,7 +166,7 @@ def estimate_rigid_motion(
         inliers=inliers,
         T_camera_world=pose,
         T_current_previous=pose @ T_previous_world.inverse(),
-        pose_covariance=covariance,
+        pose_covariance=covariance.astype(np.float64),
         residual_rms=rms,
         noise_scale=float(np.sqrt(np.median(mahalanobis**2) / _MEDIAN_CHI2)),
     )
