@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from observer.obstacle_filter import (
 from observer.obstacle_shape import Box, ObstacleShape
 from observer.types import MotionState, TrackState
 
+# One standard deviation of where the centre is, as a share of the box's longer side.
+_CENTRE_DOUBT = 0.15
+_LEVEL = np.diag([1.0, 0.0, 1.0])
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 
 
@@ -82,13 +85,29 @@ class BodyTrack:
         return self.mean[POSITION] + offset
 
     def centre_velocity(self) -> tuple[Float64Array, Float64Array]:
-        """(3,) m/s and its covariance (3, 3), world: of the centre."""
+        """(3,) m/s and its covariance (3, 3), world: of the centre.
+
+        That of a turning body depends on where its centre is, which is not known exactly.
+        """
         mean, cov = self.mean, self.filter.covariance
         arm = self.centre - mean[POSITION]
         J = np.zeros((3, STATE_SIZE))
         J[:, VELOCITY] = np.eye(3)
         J[:, YAW_RATE] = turning_velocity(1.0, arm)
-        return mean[VELOCITY] + turning_velocity(mean[YAW_RATE], arm), J @ cov @ J.T
+        cov = J @ cov @ J.T
+        if self.box is not None:
+            doubt = _CENTRE_DOUBT * float(self.box.size[[0, 2]].max()) * self.yaw_rate
+            cov = cov + doubt**2 * _LEVEL
+        return mean[VELOCITY] + turning_velocity(mean[YAW_RATE], arm), cov
+
+    def rebase(self) -> Float64Array:
+        """Make the centre of the box the body's origin; returns (3,) m, where it was before."""
+        assert self.box is not None
+        offset = self.box.centre
+        self.filter = self.filter.rebased(offset)
+        self.shape.shift(offset)
+        self.box = replace(self.box, centre=np.zeros(3))
+        return offset
 
     def velocity_at(self, place: Float64Array) -> Float64Array:
         """(..., 3) m/s, world: of the body's material at places (..., 3) m, world."""
@@ -114,9 +133,7 @@ class BodyTrack:
         """
         if self.box is None:
             return np.zeros(len(place), np.bool_)
-        R = self.R @ yaw_matrix(self.box.heading)
-        local = np.abs((place - self.centre) @ R)
-        return np.asarray((local <= self.box.size / 2 + np.reshape(margin, (-1, 1))).all(axis=1))
+        return self.box.contains(self.local(place), margin)
 
     def corners(self) -> Float64Array:
         """(8, 3) metres, world: of the box; a single point before there is one."""

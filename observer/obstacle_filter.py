@@ -118,13 +118,25 @@ class ObstacleMotion:
         weight = self.probabilities * np.exp(likelihood - likelihood.max())
         return ObstacleMotion(means, covs, np.maximum(weight / weight.sum(), 1e-3))
 
-    def shifted(self, gap: Float64Array) -> ObstacleMotion:
-        """The same motion of another point of the body, (3,) metres away."""
-        means = self.means.copy()
-        means[:, POSITION] += gap
+    def rebased(self, offset: Float64Array) -> ObstacleMotion:
+        """The same motion, told of another point of the body as its origin.
+
+        Args:
+            offset: (3,) metres, the body's frame, from the old origin to the new one.
+        """
+        means, covs = self.means.copy(), self.covariances.copy()
         for mode in (0, 1):
-            means[mode, VELOCITY] += turning_velocity(means[mode, YAW_RATE], gap)
-        return ObstacleMotion(means, self.covariances, self.probabilities)
+            rate = means[mode, YAW_RATE]
+            arm = yaw_matrix(means[mode, YAW]) @ offset
+            swing = turning_velocity(1.0, arm)
+            means[mode, POSITION] += arm
+            means[mode, VELOCITY] += rate * swing
+            J = np.eye(STATE_SIZE)
+            J[POSITION, YAW] = swing
+            J[VELOCITY, YAW] = rate * turning_velocity(1.0, swing)
+            J[VELOCITY, YAW_RATE] = swing
+            covs[mode] = J @ covs[mode] @ J.T
+        return ObstacleMotion(means, covs, self.probabilities)
 
 
 def turning_velocity(yaw_rate: float, arm: Float64Array) -> Float64Array:

@@ -15,6 +15,9 @@ from observer.points import Points
 # A point that fits its body worse than this leaves it; from half of this it counts for less.
 _LEAVE_SIGMAS = 4.0
 _FULL_WEIGHT_SIGMAS = 2.0
+# Share of a sighting's variance that the same point's next sightings repeat: its surroundings stay
+# the same, and so does the error of matching them.
+_PERSISTENT = 0.5
 _MEDIAN_CHI2 = float(chi2.ppf(0.5, df=3))
 # Gauss-Newton converges quadratically; the yaw is never far from the prediction.
 _STEPS = 3
@@ -62,18 +65,26 @@ class Members:
         which: NDArray[np.intp],
         sighting: Float64Array,
         information: Float64Array,
+        R: Float64Array,
     ) -> Members:
-        """From followed points and the information (N, 3, 3) of all their sightings."""
+        """Of followed points.
+
+        Args:
+            sighting: (P, 3) metres, world, and information: (P, 3, 3), of all followed points.
+            R: (3, 3) from the body's frame to the world's.
+        """
         own = points.shape_information[which]
         known = np.trace(own, axis1=1, axis2=2) > 0
         cov = inverse_3x3(np.where(known[:, None, None], own, np.eye(3)))
         place = np.einsum("nij,nj->ni", cov, points.shape_vector[which])
+        noise = inverse_3x3(information[which])
+        cov = cov + _PERSISTENT * (R.T @ noise @ R)
         return Members(
             place=np.where(known[:, None], place, 0.0),
             place_cov=cov,
             known=known,
             sighting=sighting[which],
-            noise=inverse_3x3(information[which]),
+            noise=noise,
         )
 
     def residuals(self, pose: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
@@ -110,7 +121,13 @@ def measure_body(
     x = expected.copy()
     for _ in range(_STEPS):
         r, W, squared = members.residuals(x)
-        arm = members.place @ yaw_matrix(float(x[3])).T
+        R = yaw_matrix(float(x[3]))
+        arm = members.place @ R.T
+        # A place is noisy itself: on a flat face the noise along the line of sight would pass for
+        # a lever and make the body seem to turn less than it does. Where it is to the best of both
+        # knowledge, the noise of the lever has nothing to do with that of the residual.
+        arm = arm + np.einsum("nij,njk,nk->ni", R @ members.place_cov @ R.T, W, r)
+        arm[~members.known] = 0.0
         # Far from the answer all of them fit badly; only those that fit worse are strangers.
         length = np.sqrt(np.maximum(squared, 0.0)) / _scale(squared[members.known])
         weight = np.minimum(1.0, _FULL_WEIGHT_SIGMAS / np.maximum(length, 1e-9)) * members.known

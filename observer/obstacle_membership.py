@@ -10,8 +10,9 @@ from scipy.stats import chi2
 
 from observer.geometry import Float64Array, inverse_3x3
 from observer.motion_evidence import Motion
+from observer.motion_sums import MotionSums
 from observer.obstacle_body import BodyTrack
-from observer.obstacle_filter import POSITION, VELOCITY
+from observer.obstacle_filter import POSITION, VELOCITY, turning_velocity
 from observer.parameters import ObstacleParameters
 from observer.points import Points
 
@@ -23,6 +24,8 @@ _JOIN_RATIO = 8.0
 _SAME_CHI2 = float(chi2.ppf(0.999, df=3))
 # Share of its speed that a body may gain or lose in a second.
 _BRAKING_PER_S = 0.5
+# Share of a body's yaw rate that it may not have had yet when a point was first seen.
+_TURN_DOUBT = 0.5
 # A member of a group further from its middle than this many standard deviations is none.
 _STRAY = 4.0
 # Share of the speed by which a body's velocity may differ from that of points seen again: it
@@ -132,6 +135,28 @@ def are_one(
     velocity, cov = younger.centre_velocity()
     expected = older.velocity_at(younger.centre)
     return _apart(expected, velocity, older_cov + cov, _PARTS_DIFFER) <= _SAME_CHI2
+
+
+def placed(track: BodyTrack, sums: MotionSums) -> tuple[Float64Array, Float64Array]:
+    """Where points (N, 3) m, world, are now that moved as the body does, and its information.
+
+    Their sightings ``z = p + v s + a s^2 / 2`` with the velocity v and the acceleration a that the
+    turning body has there. The turn may have been another one over that time, which makes the
+    place less certain.
+    """
+    cov = inverse_3x3(sums.a0)
+    velocity = np.broadcast_to(track.mean[VELOCITY], sums.origin.shape)
+    rate = track.yaw_rate
+    # Once where the velocity is that of the body's origin, then where it is the points' own.
+    for _ in range(2):
+        bend = turning_velocity(rate, velocity)
+        inner = sums.b0 - np.einsum("nij,nj->ni", sums.a1, velocity)
+        inner -= np.einsum("nij,nj->ni", sums.a2, bend) / 2
+        place = sums.origin + np.einsum("nij,nj->ni", cov, inner)
+        velocity = track.velocity_at(place)
+    since = np.trace(sums.a2, axis1=1, axis2=2) / np.trace(sums.a0, axis1=1, axis2=2)
+    doubt = _TURN_DOUBT * abs(rate) * np.linalg.norm(velocity, axis=1) * since / 2
+    return place, inverse_3x3(cov + (doubt**2)[:, None, None] * np.eye(3))
 
 
 def shape_position(points: Points, which: NDArray[np.intp]) -> Float64Array:

@@ -5,16 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.obstacle_filter import yaw_matrix
 
-# The outermost points are partly wrong ones.
+# Share of the places on each side that are left out: the outermost are partly wrong ones.
 _TRIM = 0.03
 # A face that turns less of itself than this towards the camera does not show how far it goes.
-_SHOWN = 0.3
-# Points further from the middle than this many standard deviations do not belong to the body.
-_STRAY = 3.5
+_SHOWN = 0.5
+# Places of members are remembered in every so many frames, and so many of them: several seconds,
+# so that the box neither follows each frame's points nor forgets the faces that are hidden now.
+_NOTE_EVERY = 3
+_MEMORY = 400
 # Where one side of the box was never seen, it is taken for this share of the other one.
 _ASPECT = 0.85
 # The heading is learnt from velocities that are known at least this well.
@@ -35,6 +38,17 @@ class Box:
     size: Float64Array
     heading: float
 
+    def contains(
+        self, places: Float64Array, margin: Float64Array | float = 0.0
+    ) -> NDArray[np.bool_]:
+        """(N,) which places (N, 3) m, body's frame, lie in the box made larger on all sides.
+
+        Args:
+            margin: metres; one for all, or (N,) one for each place.
+        """
+        local = np.abs((places - self.centre) @ yaw_matrix(self.heading))
+        return np.asarray((local <= self.size / 2 + np.reshape(margin, (-1, 1))).all(axis=1))
+
 
 class ObstacleShape:
     """Collects where an obstacle's points are in its own frame, and how it drives."""
@@ -42,7 +56,8 @@ class ObstacleShape:
     def __init__(self) -> None:
         # Doubled angle of the heading, since to and fro is one axis; weighted.
         self._axis = np.zeros(2)
-        self._kept = np.zeros((0, 3))
+        self._places = np.zeros((0, 3))
+        self._frames = 0
         self._shown = np.zeros(2, np.bool_)
 
     def note_heading(self, velocity: Float64Array, cov: Float64Array, yaw: float) -> None:
@@ -63,13 +78,19 @@ class ObstacleShape:
         angle = float(np.arctan2(self._axis[1], self._axis[0]) / 2) + yaw
         return np.array([np.sin(angle), 0.0, np.cos(angle)])
 
-    def keep(self, points: Float64Array) -> None:
-        """Remember points (N, 3) of the body that will not be seen any more."""
-        self._kept = np.concatenate([self._kept, points])[-300:]
+    def note(self, points: Float64Array) -> None:
+        """Remember where members (N, 3) m, body frame, are in this frame."""
+        self._frames += 1
+        if self._frames % _NOTE_EVERY == 0:
+            self._places = np.concatenate([self._places, points])[-_MEMORY:]
+
+    def shift(self, offset: Float64Array) -> None:
+        """Tell places from another origin, which is at (3,) metres in the old frame."""
+        self._places = self._places - offset
 
     def forget(self) -> None:
         """Forget where points were (the body was lost for a while), but not its size."""
-        self._kept = np.zeros((0, 3))
+        self._places = np.zeros((0, 3))
 
     def box(self, points: Float64Array, view: Float64Array) -> Box:
         """The box around points (N, 3) and the remembered ones, seen along ``view``.
@@ -79,12 +100,8 @@ class ObstacleShape:
         """
         heading = float(np.arctan2(self._axis[1], self._axis[0]) / 2)
         R = yaw_matrix(-heading)
-        every = np.concatenate([points, self._kept]) @ R.T
+        every = np.concatenate([points, self._places]) @ R.T
         every = every[np.isfinite(every).all(axis=1)]
-        middle = np.median(every, axis=0)
-        spread = 1.4826 * np.median(np.abs(every - middle), axis=0) + 1e-3
-        near = (np.abs(every - middle) <= _STRAY * spread).all(axis=1)
-        every = every[near] if near.any() else every
         low, high = np.quantile(every, [_TRIM, 1 - _TRIM], axis=0)
         direction = R @ view
         direction = direction / max(float(np.hypot(direction[0], direction[2])), 1e-9)

@@ -103,21 +103,19 @@ class RigidMethod:
             motion = pooled_motion(points, T_camera_world, step_cov, dt, self._camera, p.evidence)
             points = points.but(dynamic=motion.dynamic)
         with timer("tracking"):
-            lost = before.take(~seen.found)
             tracker, camera_position = self._tracker, T_world_camera.translation
             tracker.predict(dt, camera_position, self._camera, p.obstacles)
             points = tracker.update(
                 points, sighting, information, T_camera_world, step_cov, dt, p.obstacles
             )
             points = tracker.adopt(points, motion, p.obstacles)
-            groups = group_dynamic(motion, points.obstacle == NO_OBSTACLE, p.obstacles.min_points)
+            free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
+            groups = group_dynamic(motion, free, p.obstacles.min_points)
             points = tracker.found(
                 points, groups, motion, camera_position, self._camera, p.obstacles
             )
-            points = tracker.live(
-                points, lost, dt, camera_position, self._neighbourhood(camera_position, p),
-                p.obstacles,
-            )  # fmt: skip
+            near = self._neighbourhood(camera_position, p)
+            points = tracker.live(points, camera_position, near, p.obstacles)
         _keep_motion(trace, before, points, seen, ego, motion)
         self._T_camera_world, self._points, self._view = T_camera_world, points, view
         moved = ego.T_current_previous

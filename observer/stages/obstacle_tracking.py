@@ -20,6 +20,7 @@ from observer.obstacle_membership import (
     body_of,
     group_of,
     joining,
+    placed,
     shape_position,
 )
 from observer.obstacle_shape import ObstacleShape
@@ -37,6 +38,8 @@ _YAW_ACCELERATION = (0.3, 5.0)
 _SHAPE_MEMORY_S = 2.0
 # A member must have been seen this often before its place may stretch the box for good.
 _SETTLED = 6
+# Frames for which a point that did not fit its body may not join one again.
+_BANISHED = 5
 # A point seen more often than this knows its own motion, and needs no guess.
 _YOUNG = 4
 # Below this the velocity is no more than noise.
@@ -145,12 +148,15 @@ class BodyTracker:
             step_covariance: (6, 6) of the camera's motion over one frame (rad, m), camera axes.
         """
         obstacle = points.obstacle.copy()
-        tenure = np.where(obstacle == NO_OBSTACLE, 0, points.tenure + 1)
+        tenure = np.where(
+            obstacle == NO_OBSTACLE, np.minimum(points.tenure + 1, 0), points.tenure + 1
+        )
         shape_information = points.shape_information * np.exp(-dt / _SHAPE_MEMORY_S)
         shape_vector = points.shape_vector * np.exp(-dt / _SHAPE_MEMORY_S)
         for track in self.tracks:
             mine = np.flatnonzero((obstacle == track.id) & np.isfinite(sighting[:, 0]))
-            members = Members.of(points, mine, sighting, information)
+            members = Members.of(points, mine, sighting, information, track.R)
+            pose, _ = expected_pose(track.mean, track.filter.covariance)
             if np.count_nonzero(members.known) >= parameters.min_points:
                 seen = measure_body(
                     members,
@@ -160,11 +166,15 @@ class BodyTracker:
                     parameters.shared_error,
                 )
                 track.filter = track.filter.updated(seen.pose, seen.covariance)
+                pose, _ = expected_pose(track.mean, track.filter.covariance)
                 obstacle[mine[seen.misfits]] = NO_OBSTACLE
+                tenure[mine[seen.misfits]] = -_BANISHED
                 mine = mine[~seen.misfits]
-            local = track.R.T @ information[mine] @ track.R
+            R = yaw_matrix(float(pose[3]))
+            local = R.T @ information[mine] @ R
             shape_information[mine] += local
-            shape_vector[mine] += np.einsum("nij,nj->ni", local, track.local(sighting[mine]))
+            at = (sighting[mine] - pose[:3]) @ R
+            shape_vector[mine] += np.einsum("nij,nj->ni", local, at)
             _note_seen(track, points.px[mine], dt, parameters)
         return points.but(
             obstacle=obstacle,
@@ -177,7 +187,7 @@ class BodyTracker:
         """Let points that move with a body, on it, join it."""
         obstacle = points.obstacle.copy()
         for track in self.tracks:
-            free = np.flatnonzero((obstacle == NO_OBSTACLE) & motion.judged)
+            free = np.flatnonzero((obstacle == NO_OBSTACLE) & motion.judged & (points.tenure >= 0))
             if track.box is None or len(free) == 0:
                 continue
             obstacle[free[joining(track, free, motion, parameters)]] = track.id
@@ -205,8 +215,9 @@ class BodyTracker:
             members = group.members
             track = body_of(group, self.tracks)
             if track is None:
-                number = next(self._numbers)
-                track = BodyTrack(id=number, filter=_begun(group), shape=ObstacleShape())
+                track = BodyTrack(
+                    id=next(self._numbers), filter=_begun(group), shape=ObstacleShape()
+                )
                 self.tracks.append(track)
             elif track.missed_s > 0:
                 # It keeps its name and its size; where its points were is of no use any more.
@@ -221,8 +232,6 @@ class BodyTracker:
     def live(
         self,
         points: Points,
-        lost: Points,
-        dt: float,  # noqa: ARG002
         camera_position: Float64Array,
         radius_m: Callable[[Float64Array], float],
         parameters: ObstacleParameters,
@@ -230,16 +239,18 @@ class BodyTracker:
         """Learn boxes, decide on each track's state, merge and end tracks.
 
         Args:
-            lost: the points that are not seen any more. camera_position: (3,) metres, world.
+            camera_position: (3,) metres, world.
             radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
         """
+        shape_vector = points.shape_vector.copy()
         for track in self.tracks:
-            gone = np.flatnonzero((lost.obstacle == track.id) & (lost.tenure >= _SETTLED))
-            track.shape.keep(shape_position(lost, gone))
             mine = np.flatnonzero(points.obstacle == track.id)
             if len(mine) >= parameters.min_points:
                 self._learn(track, points, mine, camera_position, parameters)
+                # About its centre a body's turning has least to do with its driving.
+                shape_vector[mine] -= points.shape_information[mine] @ track.rebase()
             _judge(track, parameters)
+        points = points.but(shape_vector=shape_vector)
         obstacle = points.obstacle.copy()
         for track in [t for t in self.tracks if _over(t, parameters)]:
             obstacle[obstacle == track.id] = NO_OBSTACLE
@@ -263,7 +274,21 @@ class BodyTracker:
         settled = mine[points.tenure[mine] >= min(_SETTLED // 2, track.frames)]
         settled = settled if len(settled) >= parameters.min_points else mine
         view = track.R.T @ (track.mean[POSITION] - camera_position)
+        self._note_places(track, points, mine[points.tenure[mine] >= _SETTLED], parameters)
         track.box = track.shape.box(shape_position(points, settled), view)
+
+    def _note_places(
+        self,
+        track: BodyTrack,
+        points: Points,
+        settled: NDArray[np.intp],
+        parameters: ObstacleParameters,
+    ) -> None:
+        """Remember where settled members (K,) are; a stranger may not stretch the box by much."""
+        at = shape_position(points, settled)
+        if track.box is not None:
+            at = at[track.box.contains(at, track.room(parameters.margin))]
+        track.shape.note(at)
 
     def _placed(self, points: Points, obstacle: NDArray[np.int64]) -> Points:
         """Give points that have just joined a place on their body."""
@@ -276,9 +301,9 @@ class BodyTracker:
             if len(new) == 0:
                 continue
             sums = points.sums.take(new)
-            moving = np.broadcast_to(track.mean[VELOCITY], (len(new), 3))
-            at = track.local(sums.moving_position(moving)[0])
-            information[new] = track.R.T @ sums.a0 @ track.R
+            place, known = placed(track, sums)
+            information[new] = track.R.T @ known @ track.R
+            at = track.local(place)
             vector[new] = np.einsum("nij,nj->ni", information[new], at)
         return points.but(obstacle=obstacle, shape_information=information, shape_vector=vector)
 
