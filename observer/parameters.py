@@ -7,7 +7,7 @@ documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -16,17 +16,34 @@ from observer.surf import surf_missing
 
 ParameterValue = float | int | bool | str
 
+# Of the camera's own motion; by which of them a parameter is used is said where it is declared.
+MODELS = ("rigid", "homography", "affine")
+_RIGID: tuple[str, ...] = ("rigid",)
+_PLANAR: tuple[str, ...] = ("homography", "affine")
+
 
 def _number(
-    default: float, *, ge: float, le: float, unit: str, title: str, help: str, step: float
+    default: float,
+    *,
+    ge: float,
+    le: float,
+    unit: str,
+    title: str,
+    help: str,
+    step: float,
+    models: tuple[str, ...] | None = None,
 ) -> Any:
+    """A number; ``models`` where it acts with fewer models than its group."""
+    extra: dict[str, Any] = {"unit": unit, "step": step}
+    if models is not None:
+        extra["models"] = list(models)
     return Field(
         default=default,
         ge=ge,
         le=le,
         title=title,
         description=help,
-        json_schema_extra={"unit": unit, "step": step},
+        json_schema_extra=extra,
     )
 
 
@@ -43,77 +60,19 @@ Flag = Annotated[bool, Field(strict=True)]
 class _Stage(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-
-class FramesParameters(_Stage):
-    """Which two frames are compared."""
-
-    interval: Whole = _number(
-        2, ge=1, le=10, unit="frames", step=1, title="Pair distance",
-        help="How many frames lie between t and t+dt. A longer distance makes slow obstacles "
-        "visible and parallax worse.",
-    )
-
-
-class FeaturesParameters(_Stage):
-    """Feature points on the image at t."""
-
-    detector: Literal[
-        "fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"
-    ] = _choice(
-        "fast", title="Detector",
-        help="Which feature points are used. The paper uses FAST; minimum eigenvalue is "
-        "shi_tomasi and Harris-Stephens is harris. surf is installed by: "
-        "pip install 'dynamic-observer[surf]'.",
-    )
-    max_count: Whole = _number(
-        600, ge=50, le=4000, unit="points", step=50, title="Most features",
-        help="The strongest points kept, spread over the image by the grid.",
-    )
-    grid_cells: Whole = _number(
-        8, ge=1, le=32, unit="cells", step=1, title="Grid columns",
-        help="The image is divided into this many columns of square cells, each with an equal "
-        "share of the features; 1 keeps the strongest wherever they are.",
-    )
-    fast_threshold: Whole = _number(
-        12, ge=2, le=100, unit="grey levels", step=1, title="FAST threshold",
-        help="Least difference between a corner and the circle around it.",
-    )
-    quality: Real = _number(
-        0.01, ge=0.0005, le=0.5, unit="", step=0.0005, title="Corner quality",
-        help="Least corner measure of shi_tomasi and harris, relative to the strongest corner.",
-    )
-
-
-class MatchingParameters(_Stage):
-    """Matching features between t and t+dt."""
-
-    method: Literal["descriptor", "klt"] = _choice(
-        "klt", title="Matching",
-        help="descriptor compares feature values (ORB, or the detector's own); klt tracks each "
-        "feature by Lucas-Kanade.",
-    )
-    ratio: Real = _number(
-        0.85, ge=0.3, le=1.0, unit="", step=0.01, title="Ratio test",
-        help="A match is kept if its distance is below this share of the second best one's.",
-    )
-    cross_check: Flag = _choice(
-        True, title="Cross check",
-        help="Keep only matches that are the best in both directions; with klt, track back.",
-    )
-    max_shift: Real = _number(
-        0.25, ge=0.01, le=1.0, unit="image widths", step=0.01, title="Largest shift",
-        help="Matches that move further than this between the two images are refused.",
-    )
+    # With which ego_motion.model the group acts.
+    models: ClassVar[tuple[str, ...]] = MODELS
 
 
 class EgoMotionParameters(_Stage):
-    """The camera's own motion, by RANSAC."""
+    """The camera's own motion, by RANSAC; the model decides how moving obstacles are found."""
 
     model: Literal["rigid", "homography", "affine"] = _choice(
-        "affine", title="Model",
-        help="rigid is the motion in space, by stereo, and tells motion from parallax; affine has "
-        "six parameters and is the paper's; homography has eight and also fits a plane seen in "
-        "perspective.",
+        "rigid", title="Model",
+        help="rigid is the motion in space, by stereo, and tells motion from parallax. The planar "
+        "ones map image to image: affine has six parameters and is the paper's, homography has "
+        "eight and also fits a plane seen in perspective. Between rigid and a planar one the next "
+        "frame begins a new segment.",
     )
     ransac_threshold_px: Real = _number(
         1.2, ge=0.1, le=20.0, unit="px", step=0.1, title="RANSAC threshold",
@@ -129,7 +88,7 @@ class EgoMotionParameters(_Stage):
     )
     shared_error: Real = _number(
         0.02, ge=0.0, le=1.0, unit="", step=0.01, title="Shared error",
-        help="Share of the noise that points have in common.",
+        help="Rigid: share of the noise that points have in common.", models=_RIGID,
     )
     recover_frames: Whole = _number(
         5, ge=0, le=60, unit="frames", step=1, title="Recover within",
@@ -139,15 +98,13 @@ class EgoMotionParameters(_Stage):
 
 
 class FollowingParameters(_Stage):
-    """Following points from frame to frame in both cameras (rigid)."""
+    """Rigid: following points from frame to frame in both cameras."""
+
+    models = _RIGID
 
     spacing_px: Whole = _number(
         18, ge=6, le=64, unit="px", step=1, title="Spacing",
         help="One point is followed in each square of this side.",
-    )
-    fast_threshold: Whole = _number(
-        6, ge=2, le=100, unit="grey levels", step=1, title="FAST threshold",
-        help="Least difference between a corner and the circle around it.",
     )
     window_px: Whole = _number(
         13, ge=5, le=51, unit="px", step=2, title="Window",
@@ -193,7 +150,9 @@ class FollowingParameters(_Stage):
 
 
 class EvidenceParameters(_Stage):
-    """Which followed points move (rigid)."""
+    """Rigid: which followed points move."""
+
+    models = _RIGID
 
     memory_s: Real = _number(
         0.5, ge=0.05, le=10.0, unit="s", step=0.05, title="Memory",
@@ -204,7 +163,7 @@ class EvidenceParameters(_Stage):
         help="Points nearer than this, in the image and alike in depth, are judged together.",
     )
     false_alarms_per_frame: Real = _number(
-        0.001, ge=1e-9, le=1.0, unit="", step=0.001, title="False alarms",
+        0.001, ge=1e-9, le=1.0, unit="", step=1e-9, title="False alarms",
         help="Declared rate of false alarms per frame over all points.",
     )
     shared_error: Real = _number(
@@ -227,7 +186,9 @@ class EvidenceParameters(_Stage):
 
 
 class ObstacleParameters(_Stage):
-    """Obstacles as bodies over time (rigid)."""
+    """Rigid: obstacles as bodies over time."""
+
+    models = _RIGID
 
     acceleration_px: Real = _number(
         200.0, ge=1.0, le=5000.0, unit="px/s^2", step=10.0, title="Acceleration",
@@ -263,8 +224,109 @@ class ObstacleParameters(_Stage):
     )
 
 
+class StereoParameters(_Stage):
+    """Disparity and depth: of the planar models and, with every model, of the cloud that is
+    shown. Rigid measures the disparity of its points alone, up to the largest one."""
+
+    matcher: Literal["bm", "sgbm"] = _choice(
+        "sgbm", title="Matcher",
+        help="bm is block matching, fast and sparse; sgbm is semi-global matching, denser.",
+    )
+    max_disparity_px: Whole = _number(
+        96, ge=16, le=256, unit="px", step=16, title="Largest disparity",
+        help="Sets the nearest depth that can be measured; rounded up to a multiple of 16.",
+    )
+    block_px: Whole = _number(
+        7, ge=5, le=31, unit="px", step=2, title="Block size",
+        help="Side of the compared block; even values are rounded up.",
+    )
+    uniqueness_percent: Whole = _number(
+        8, ge=0, le=50, unit="%", step=1, title="Uniqueness",
+        help="How much better than the second best the best disparity must be.",
+    )
+    min_depth_m: Real = _number(
+        0.2, ge=0.05, le=10.0, unit="m", step=0.05, title="Nearest depth",
+        help="Points nearer than this are left out.",
+    )
+    max_depth_m: Real = _number(
+        30.0, ge=0.5, le=200.0, unit="m", step=0.5, title="Farthest depth",
+        help="Points farther than this are left out.",
+    )
+
+
+class FramesParameters(_Stage):
+    """Planar models: which two frames are compared. Rigid follows from frame to frame."""
+
+    models = _PLANAR
+
+    interval: Whole = _number(
+        2, ge=1, le=10, unit="frames", step=1, title="Pair distance",
+        help="How many frames lie between t and t+dt. A longer distance makes slow obstacles "
+        "visible and parallax worse.",
+    )
+
+
+class FeaturesParameters(_Stage):
+    """Planar models: feature points on the image at t."""
+
+    models = _PLANAR
+
+    detector: Literal[
+        "fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"
+    ] = _choice(
+        "fast", title="Detector",
+        help="Which feature points are used. The paper uses FAST; minimum eigenvalue is "
+        "shi_tomasi and Harris-Stephens is harris. surf is installed by: "
+        "pip install 'dynamic-observer[surf]'.",
+    )
+    max_count: Whole = _number(
+        600, ge=50, le=4000, unit="points", step=50, title="Most features",
+        help="The strongest points kept, spread over the image by the grid.",
+    )
+    grid_cells: Whole = _number(
+        8, ge=1, le=32, unit="cells", step=1, title="Grid columns",
+        help="The image is divided into this many columns of square cells, each with an equal "
+        "share of the features; 1 keeps the strongest wherever they are.",
+    )
+    fast_threshold: Whole = _number(
+        12, ge=2, le=100, unit="grey levels", step=1, title="FAST threshold",
+        help="Least difference between a corner and the circle around it.",
+    )
+    quality: Real = _number(
+        0.01, ge=0.0005, le=0.5, unit="", step=0.0005, title="Corner quality",
+        help="Least corner measure of shi_tomasi and harris, relative to the strongest corner.",
+    )
+
+
+class MatchingParameters(_Stage):
+    """Planar models: matching features between t and t+dt."""
+
+    models = _PLANAR
+
+    method: Literal["descriptor", "klt"] = _choice(
+        "klt", title="Matching",
+        help="descriptor compares feature values (ORB, or the detector's own); klt tracks each "
+        "feature by Lucas-Kanade.",
+    )
+    ratio: Real = _number(
+        0.85, ge=0.3, le=1.0, unit="", step=0.01, title="Ratio test",
+        help="A match is kept if its distance is below this share of the second best one's.",
+    )
+    cross_check: Flag = _choice(
+        True, title="Cross check",
+        help="Keep only matches that are the best in both directions; with klt, track back.",
+    )
+    max_shift: Real = _number(
+        0.25, ge=0.01, le=1.0, unit="image widths", step=0.01, title="Largest shift",
+        help="Matches that move further than this between the two images are refused.",
+    )
+
+
 class FlowParameters(_Stage):
-    """Residual motion by Lucas-Kanade between the image at t and the transformed one."""
+    """Planar models: residual motion by Lucas-Kanade between the image at t and the transformed
+    one."""
+
+    models = _PLANAR
 
     window_px: Whole = _number(
         15, ge=5, le=51, unit="px", step=2, title="Window",
@@ -298,37 +360,10 @@ class FlowParameters(_Stage):
     )
 
 
-class StereoParameters(_Stage):
-    """Disparity and depth."""
-
-    matcher: Literal["bm", "sgbm"] = _choice(
-        "sgbm", title="Matcher",
-        help="bm is block matching, fast and sparse; sgbm is semi-global matching, denser.",
-    )
-    max_disparity_px: Whole = _number(
-        96, ge=16, le=256, unit="px", step=16, title="Largest disparity",
-        help="Sets the nearest depth that can be measured; rounded up to a multiple of 16.",
-    )
-    block_px: Whole = _number(
-        7, ge=5, le=31, unit="px", step=2, title="Block size",
-        help="Side of the compared block; even values are rounded up.",
-    )
-    uniqueness_percent: Whole = _number(
-        8, ge=0, le=50, unit="%", step=1, title="Uniqueness",
-        help="How much better than the second best the best disparity must be.",
-    )
-    min_depth_m: Real = _number(
-        0.2, ge=0.05, le=10.0, unit="m", step=0.05, title="Nearest depth",
-        help="Points nearer than this are left out.",
-    )
-    max_depth_m: Real = _number(
-        30.0, ge=0.5, le=200.0, unit="m", step=0.5, title="Farthest depth",
-        help="Points farther than this are left out.",
-    )
-
-
 class MotionParameters(_Stage):
-    """From two positions of a dynamic feature to a velocity."""
+    """Planar models: from two positions of a dynamic feature to a velocity."""
+
+    models = _PLANAR
 
     max_speed_mps: Real = _number(
         40.0, ge=0.1, le=100.0, unit="m/s", step=0.1, title="Highest speed",
@@ -360,7 +395,9 @@ class MotionParameters(_Stage):
 
 
 class ClusteringParameters(_Stage):
-    """Dynamic points that belong together."""
+    """Planar models: dynamic points that belong together."""
+
+    models = _PLANAR
 
     radius_m: Real = _number(
         0.3, ge=0.02, le=5.0, unit="m", step=0.01, title="Neighbour radius",
@@ -373,7 +410,9 @@ class ClusteringParameters(_Stage):
 
 
 class TrackingParameters(_Stage):
-    """Identities over time."""
+    """Planar models: identities over time."""
+
+    models = _PLANAR
 
     gate: Real = _number(
         0.6, ge=0.05, le=10.0, unit="m", step=0.05, title="Gate",
@@ -392,15 +431,15 @@ class TrackingParameters(_Stage):
 class Parameters(_Stage):
     """All parameters of the method, one group per stage."""
 
-    frames: FramesParameters = FramesParameters()
-    features: FeaturesParameters = FeaturesParameters()
-    matching: MatchingParameters = MatchingParameters()
     ego_motion: EgoMotionParameters = EgoMotionParameters()
     following: FollowingParameters = FollowingParameters()
     evidence: EvidenceParameters = EvidenceParameters()
     obstacles: ObstacleParameters = ObstacleParameters()
-    flow: FlowParameters = FlowParameters()
     stereo: StereoParameters = StereoParameters()
+    frames: FramesParameters = FramesParameters()
+    features: FeaturesParameters = FeaturesParameters()
+    matching: MatchingParameters = MatchingParameters()
+    flow: FlowParameters = FlowParameters()
     motion: MotionParameters = MotionParameters()
     clustering: ClusteringParameters = ClusteringParameters()
     tracking: TrackingParameters = TrackingParameters()
@@ -456,22 +495,24 @@ def parameter_schema() -> list[dict[str, Any]]:
     """One entry per parameter, in order: what a form or a table needs to know of it.
 
     Keys: ``name, group, group_help, title, help, type`` (``number``, ``integer``, ``boolean``,
-    ``choice``), ``unit, default``, and ``minimum, maximum, step`` or ``choices``.
+    ``choice``), ``unit, default, models`` (with which ``ego_motion.model`` it acts), and
+    ``minimum, maximum, step`` or ``choices``.
     """
     entries: list[dict[str, Any]] = []
     for group, group_field in Parameters.model_fields.items():
         stage = group_field.annotation
         assert isinstance(stage, type)
-        assert issubclass(stage, BaseModel)
+        assert issubclass(stage, _Stage)
         for name, schema in stage.model_json_schema()["properties"].items():
             entry = {
                 "name": f"{group}.{name}",
                 "group": group,
-                "group_help": stage.__doc__ or "",
+                "group_help": " ".join((stage.__doc__ or "").split()),
                 "title": schema["title"],
                 "help": schema["description"],
                 "unit": schema["unit"],
                 "default": schema["default"],
+                "models": schema.get("models", list(stage.models)),
             }
             if "enum" in schema:
                 entry |= {"type": "choice", "choices": schema["enum"]}
@@ -514,10 +555,11 @@ def _did_you_mean(name: str, known: Mapping[str, Any]) -> str:
 _PRESETS: dict[str, dict[str, ParameterValue]] = {
     "paper": {
         "ego_motion.model": "affine",
-        "frames.interval": 1,
         "ego_motion.ransac_threshold_px": 1.5,
-        "flow.residual_threshold_px": 1.5,
+        "frames.interval": 1,
+        "features.detector": "fast",
         "matching.method": "descriptor",
+        "flow.residual_threshold_px": 1.5,
         "flow.min_texture": 0.3,
         "flow.match_brightness": False,
         "motion.min_significance": 0.0,
@@ -525,9 +567,10 @@ _PRESETS: dict[str, dict[str, ParameterValue]] = {
     "default": {},
 }
 PRESET_HELP: dict[str, str] = {
-    "paper": "The method as published: FAST, descriptor matching, affine RANSAC, raw displacement.",
-    "default": "The paper's model with KLT matching, and only motion that stands out against all "
-    "known errors, parallax among them.",
+    "paper": "The method as published: FAST, descriptor matching, affine RANSAC, the transformed "
+    "image's optical flow, raw displacement as velocity.",
+    "default": "Motion in space: points followed in both cameras, the camera's motion with six "
+    "degrees of freedom, evidence pooled over neighbours and time, obstacles as bodies.",
 }
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from observer.parameters import parameter_schema
+from observer.parameters import MODELS, parameter_schema
 
 
 def parameters(
@@ -20,14 +20,18 @@ def parameters(
         return
     for entry in parameter_schema():
         typer.echo(f"{entry['name']} = {_shown(entry['default'])}   ({_range(entry)})")
-        typer.echo(f"    {entry['help']}")
+        which = "" if entry["models"] == list(MODELS) else f" Acts with {_models(entry)}."
+        typer.echo(f"    {entry['help']}{which}")
 
 
 def parameter_table() -> str:
     """All parameters as one Markdown table, from their only declaration."""
-    rows = ["| parameter | default | range | what it does |", "| --- | --- | --- | --- |"]
+    rows = [
+        "| parameter | default | range | acts with | what it does |",
+        "| --- | --- | --- | --- | --- |",
+    ]
     rows += [
-        f"| `{e['name']}` | {_shown(e['default'])} | {_range(e)} | {e['help']} |"
+        f"| `{e['name']}` | {_shown(e['default'])} | {_range(e)} | {_models(e)} | {e['help']} |"
         for e in parameter_schema()
     ]
     return "\n".join(rows)
@@ -35,6 +39,10 @@ def parameter_table() -> str:
 
 def _shown(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else f"{value}"
+
+
+def _models(entry: dict[str, Any]) -> str:
+    return "all" if entry["models"] == list(MODELS) else ", ".join(entry["models"])
 
 
 def _range(entry: dict[str, Any]) -> str:

@@ -14,6 +14,7 @@
  * @property {ParameterType} type
  * @property {string} unit
  * @property {ParameterValue} default
+ * @property {string[]} models with which ego_motion.model it acts
  * @property {number} [minimum]
  * @property {number} [maximum]
  * @property {number} [step]

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from observer.errors import InputError, ParameterError
 from observer.parameters import (
+    MODELS,
     PRESET_HELP,
     Parameters,
     describe_range,
@@ -34,6 +35,8 @@ def test_every_parameter_has_what_a_form_needs(name: str) -> None:
     assert entry["title"]
     assert entry["help"].endswith(".")
     assert entry["group_help"]
+    assert entry["models"]
+    assert set(entry["models"]) <= set(MODELS)
     if entry["type"] == "choice":
         assert entry["default"] in entry["choices"]
     elif entry["type"] != "boolean":
@@ -103,10 +106,19 @@ def test_parameters_are_frozen() -> None:
         Parameters().flow.window_px = 3
 
 
+def test_it_is_said_with_which_model_a_parameter_acts() -> None:
+    assert SCHEMA["ego_motion.model"]["models"] == list(MODELS)
+    assert SCHEMA["ego_motion.model"]["choices"] == list(MODELS)
+    assert SCHEMA["ego_motion.shared_error"]["models"] == ["rigid"]
+    assert SCHEMA["evidence.radius_px"]["models"] == ["rigid"]
+    assert SCHEMA["flow.residual_threshold_px"]["models"] == ["homography", "affine"]
+
+
 def test_the_presets() -> None:
     assert preset_names() == ("paper", "default")
     assert set(PRESET_HELP) == set(preset_names())
     assert preset("default") == Parameters()
+    assert preset("default").ego_motion.model == "rigid"
     paper = preset("paper").flat()
     # As published.
     assert paper["features.detector"] == "fast"
@@ -115,6 +127,9 @@ def test_the_presets() -> None:
     assert paper["frames.interval"] == 1
     assert paper["motion.min_significance"] == 0
     assert not paper["flow.match_brightness"]
+    # What the preset changes must act with the paper's model.
+    changed = Parameters().difference(preset("paper"))
+    assert all("affine" in SCHEMA[name]["models"] for name in changed)
     with pytest.raises(InputError, match="there are: paper, default"):
         preset("papre")
     with pytest.raises(InputError, match="no parameter named"):

@@ -297,6 +297,7 @@ class ParameterEntry(BaseModel):
     type: Literal["number", "integer", "boolean", "choice"]
     unit: str
     default: Any
+    models: list[str]
     minimum: float | None = None
     maximum: float | None = None
     step: float | None = None
