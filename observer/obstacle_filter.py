@@ -116,7 +116,8 @@ class ObstacleMotion:
             _, log_det = np.linalg.slogdet(S)
             likelihood[mode] = -0.5 * (innovation @ np.linalg.solve(S, innovation) + log_det)
         weight = self.probabilities * np.exp(likelihood - likelihood.max())
-        return ObstacleMotion(means, covs, np.maximum(weight / weight.sum(), 1e-3))
+        weight = np.maximum(weight / weight.sum(), 1e-3)
+        return ObstacleMotion(means, covs, weight / weight.sum())
 
     def rebased(self, offset: Float64Array) -> ObstacleMotion:
         """The same motion, told of another point of the body as its origin.
