@@ -1,0 +1,289 @@
+"""What the tests of motion in space share: simulated sequences, and bodies made of known points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from observer.camera import StereoCalibration, StereoCamera
+from observer.geometry import Float64Array, Pose
+from observer.motion_sums import MotionSums
+from observer.obstacle_body import BodyTrack
+from observer.obstacle_filter import ObstacleMotion, yaw_matrix
+from observer.obstacle_shape import Box, ObstacleShape
+from observer.opening import open_source
+from observer.parameters import Parameters
+from observer.points import NO_OBSTACLE, Points
+from observer.stages.evidence import group_dynamic, pooled_motion
+from observer.stages.obstacle_tracking import BodyTracker
+from observer.truth.contract import Truth
+from observer.types import StereoFrame
+
+CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
+HERE = Pose.identity()
+DT = 1 / 15
+# Pixels, of each coordinate and of the disparity.
+SIGMA_PX = 0.15
+
+
+# --- simulated sequences -------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """The first frames of a source, what the cameras are, and what is true."""
+
+    calibration: StereoCalibration
+    frames: list[StereoFrame]
+    truth: Truth | None
+
+
+OpenClip = Callable[[str, int], Clip]
+
+
+@pytest.fixture(scope="session")
+def clip() -> OpenClip:
+    """Gives the first ``count`` frames of a source; read once for all tests."""
+    kept: dict[str, tuple[object, Clip]] = {}
+
+    def read(spec: str, count: int) -> Clip:
+        if spec not in kept:
+            opened = open_source(spec)
+            calibration = opened.source.calibration
+            assert calibration is not None
+            kept[spec] = (opened.source, Clip(calibration, [], opened.truth))
+        source, found = kept[spec]
+        while len(found.frames) < count:
+            frame = source.read()  # type: ignore[attr-defined]
+            assert isinstance(frame, StereoFrame), f"{spec} ends after {len(found.frames)} frames"
+            found.frames.append(frame)
+        return Clip(found.calibration, found.frames[:count], found.truth)
+
+    return read
+
+
+@pytest.fixture(scope="session")
+def rigid() -> Parameters:
+    """The default parameters with the model of motion in space."""
+    return Parameters().changed({"ego_motion.model": "rigid"})
+
+
+# --- bodies of known points ----------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class PlantedBody:
+    """A rigid set of points that moves as told.
+
+    Attributes:
+        local: (K, 3) metres, its own frame. normals: (K, 3) outward; a point shows itself to the
+            camera while its normal does. None: all of them always do.
+        pose: of a time in seconds, the place (3,) m of its origin, world, and its yaw in radians.
+        seen: of a time, whether the camera can see it at all.
+    """
+
+    local: Float64Array
+    pose: Callable[[float], tuple[Sequence[float], float]]
+    normals: Float64Array | None = None
+    seen: Callable[[float], bool] = field(default=lambda _: True)
+
+    def places(self, time: float) -> Float64Array:
+        """(K, 3) metres, world."""
+        origin, yaw = self.pose(time)
+        return np.asarray(origin) + self.local @ yaw_matrix(yaw).T
+
+    def shown(self, time: float) -> np.ndarray:
+        """(K,) which points the camera sees."""
+        if not self.seen(time):
+            return np.zeros(len(self.local), bool)
+        if self.normals is None:
+            return np.ones(len(self.local), bool)
+        _, yaw = self.pose(time)
+        facing = np.einsum("ni,ni->n", self.normals @ yaw_matrix(yaw).T, self.places(time))
+        return facing < -0.2 * np.linalg.norm(self.places(time), axis=1)
+
+
+def box_points(
+    rng: np.random.Generator, size: Sequence[float], count: int
+) -> tuple[Float64Array, Float64Array]:
+    """Points (4 * count, 3) on the upright faces of a box about its middle, and their normals."""
+    half = np.asarray(size) / 2
+    points, normals = [], []
+    for axis, sign in ((0, -1), (0, 1), (2, -1), (2, 1)):
+        on = rng.uniform(-half, half, (count, 3))
+        on[:, axis] = sign * half[axis]
+        normal = np.zeros((count, 3))
+        normal[:, axis] = sign
+        points.append(on)
+        normals.append(normal)
+    return np.concatenate(points), np.concatenate(normals)
+
+
+class Watched:
+    """Bodies of known points, seen with known noise by a camera that stands at the world's origin.
+
+    Runs the stages behind the ego-motion as ``RigidMethod`` does, on arrays alone.
+
+    Attributes:
+        tracker: with its tracks. points: as of the newest frame. owner: (N,) number of each
+            point's body. time: seconds.
+    """
+
+    def __init__(self, *bodies: PlantedBody, seed: int = 0, **obstacles: float) -> None:
+        self.bodies = bodies
+        self.parameters = Parameters().changed(
+            {f"obstacles.{name}": value for name, value in obstacles.items()}
+        )
+        self.tracker = BodyTracker()
+        self.points = Points.none()
+        self.time = 0.0
+        self._rng = np.random.default_rng(seed)
+        self.owner = np.zeros(0, np.int64)
+        self._which = np.zeros(0, np.int64)
+        self._next = 0
+        self._renew()
+
+    @property
+    def tracks(self) -> list[BodyTrack]:
+        return self.tracker.tracks
+
+    def step(self, dt: float = DT) -> list[BodyTrack]:
+        """One frame more."""
+        self.time += dt
+        points, p = self._followed(dt), self.parameters
+        sighting, information = self._seen(points)
+        sums = points.sums.advanced(dt, p.evidence.memory_s)
+        points = points.but(sums=sums.with_sightings(sighting, information))
+        step_cov = np.diag([1e-14] * 3 + [1e-12] * 3)
+        motion = pooled_motion(points, HERE, step_cov, dt, CAMERA, p.evidence)
+        points = points.but(dynamic=motion.dynamic)
+        tracker, o, origin = self.tracker, p.obstacles, np.zeros(3)
+        tracker.predict(dt, origin, CAMERA, o)
+        points = tracker.update(points, sighting, information, HERE, step_cov, dt, o)
+        points = tracker.adopt(points, motion, o)
+        free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
+        groups = group_dynamic(motion, free, o.min_points)
+        points = tracker.found(points, groups, motion, origin, CAMERA, o)
+        radius = p.evidence.radius_px / CAMERA.fx
+        points = tracker.live(points, origin, lambda at: radius * float(np.linalg.norm(at)), o)
+        self.points = points
+        self._renew()
+        return self.tracks
+
+    def run(self, seconds: float, dt: float = DT) -> list[BodyTrack]:
+        """Frames for so long."""
+        for _ in range(round(seconds / dt)):
+            self.step(dt)
+        return self.tracks
+
+    def _followed(self, dt: float) -> Points:
+        shown = [body.shown(self.time) for body in self.bodies]
+        keep = np.array(
+            [shown[b][k] for b, k in zip(self.owner, self._which, strict=True)],
+            bool,
+        )
+        self.owner, self._which = self.owner[keep], self._which[keep]
+        points = self.points.take(keep)
+        px, disparity = self._measured()
+        return points.but(
+            px=px.astype(np.float32),
+            disparity=disparity,
+            sightings=points.sightings + 1,
+            age=points.age + dt,
+        )
+
+    def _truth(self) -> Float64Array:
+        every = [body.places(self.time) for body in self.bodies]
+        at = [every[b][k] for b, k in zip(self.owner, self._which, strict=True)]
+        return np.array(at).reshape(-1, 3)
+
+    def _measured(self) -> tuple[Float64Array, Float64Array]:
+        px, disparity = CAMERA.project(self._truth())
+        noise = self._rng.normal(0, SIGMA_PX, (len(px), 3))
+        return px + noise[:, :2], disparity + noise[:, 2]
+
+    def _seen(self, points: Points) -> tuple[Float64Array, Float64Array]:
+        J = CAMERA.projection_jacobian(self._truth()) / SIGMA_PX
+        return CAMERA.triangulate(points.px, points.disparity), np.swapaxes(J, 1, 2) @ J
+
+    def _renew(self) -> None:
+        """Begin every point that is shown and not followed."""
+        followed = set(zip(self.owner.tolist(), self._which.tolist(), strict=True))
+        fresh = [
+            (b, k)
+            for b, body in enumerate(self.bodies)
+            for k in np.flatnonzero(body.shown(self.time)).tolist()
+            if (b, k) not in followed
+        ]
+        if not fresh:
+            return
+        owner, which = np.array(fresh).T
+        kept = self.owner, self._which
+        self.owner, self._which = owner, which
+        px, disparity = self._measured()
+        begun = self.points.none().but(px=px.astype(np.float32), disparity=disparity)
+        place, information = self._seen(begun)
+        sums = MotionSums.begin(place, information)
+        begun = Points.begin(self._next, px.astype(np.float32), px, disparity, sums)
+        self._next += len(px)
+        self.points = self.points.joined(begun)
+        self.owner = np.concatenate([kept[0], owner])
+        self._which = np.concatenate([kept[1], which])
+
+
+@pytest.fixture(scope="session")
+def planted() -> type[PlantedBody]:
+    return PlantedBody
+
+
+@pytest.fixture(scope="session")
+def watched() -> type[Watched]:
+    return Watched
+
+
+@pytest.fixture(scope="session")
+def points_on_a_box() -> Callable[..., tuple[Float64Array, Float64Array]]:
+    """Gives ``box_points(rng, size, count)``."""
+    return box_points
+
+
+@pytest.fixture(scope="session")
+def make_track() -> Callable[..., BodyTrack]:
+    """Gives a track of a body whose box is known and whose motion is known to about 1 cm."""
+
+    def make(
+        position: Sequence[float] = (0.0, 0.0, 3.0),
+        velocity: Sequence[float] = (0.3, 0.0, 0.0),
+        *,
+        number: int = 1,
+        yaw: float = 0.0,
+        yaw_rate: float = 0.0,
+        box: Box | None = None,
+        sigma: float = 0.01,
+    ) -> BodyTrack:
+        cov = np.eye(3) * sigma**2
+        motion = ObstacleMotion.begin(
+            np.asarray(position, float), np.asarray(velocity, float), cov, cov, sigma
+        )
+        motion.means[:, 6], motion.means[:, 7] = yaw, yaw_rate
+        box = box or Box(np.zeros(3), np.array([0.4, 0.3, 0.6]), 0.0)
+        return BodyTrack(id=number, filter=motion, shape=ObstacleShape(), box=box)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def sightings_of() -> Callable[..., MotionSums]:
+    """Gives the sums of points that were seen at (T, N, 3) m, at times (T,), the last one now."""
+
+    def make(places: Float64Array, times: Sequence[float], sigma: float = 0.005) -> MotionSums:
+        information = np.broadcast_to(np.eye(3) / sigma**2, (places.shape[1], 3, 3)).copy()
+        sums = MotionSums.begin(places[0], information)
+        for before, now, at in zip(times[:-1], times[1:], places[1:], strict=True):
+            sums = sums.advanced(now - before, 1e9).with_sightings(at, information)
+        return sums
+
+    return make
