@@ -1,0 +1,131 @@
+"""Stereo images and point clouds whose truth is known because they are made from it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
+from observer.motion_sums import MotionSums
+from observer.points import Points
+from observer.types import Image
+
+LAB = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
+ROAD = StereoCamera(1242, 375, 707.0, 707.0, 601.0, 183.0, 0.54)
+
+
+class Texture:
+    """Random grey levels without anything finer than a few pixels, on an endless repeating plane.
+
+    It is moved by turning the phases of its waves, which is exact for any part of a pixel.
+
+    Args:
+        finest_px, coarsest_px: wavelengths between which it has structure.
+        contrast: grey levels, standard deviation.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        shape: tuple[int, int] = (160, 256),
+        finest_px: float = 5.0,
+        coarsest_px: float = 40.0,
+        contrast: float = 40.0,
+    ) -> None:
+        self._v = np.fft.fftfreq(shape[0])[:, None]
+        self._u = np.fft.rfftfreq(shape[1])[None]
+        frequency = np.hypot(self._u, self._v)
+        band = (frequency <= 1 / finest_px) & (frequency >= 1 / coarsest_px)
+        noise = np.fft.rfft2(np.random.default_rng(seed).normal(size=shape)) * band
+        self._waves = noise * contrast / np.fft.irfft2(noise, shape).std()
+        self._shape = shape
+
+    def moved(self, du: float = 0.0, dv: float = 0.0) -> Float64Array:
+        """(H, W) about 0: what was at (u, v) is at (u + du, v + dv)."""
+        turn = np.exp(-2j * np.pi * (self._u * du + self._v * dv))
+        return np.asarray(np.fft.irfft2(self._waves * turn, self._shape))
+
+
+def as_image(
+    grey: Float64Array, noise: float = 0.0, seed: int = 0, gain: float = 1.0, mean: float = 110.0
+) -> Image:
+    """(H, W) of grey levels about 0, as a camera with Gaussian noise gives them."""
+    sensed = gain * (grey + mean)
+    if noise:
+        sensed = sensed + np.random.default_rng(seed).normal(0, noise, grey.shape)
+    return np.clip(np.rint(sensed), 0, 255).astype(np.uint8)
+
+
+def pixel_grid(width: int, height: int, step: int, margin: int) -> np.ndarray:
+    """(N, 2) float32 pixels, evenly over an image, at least ``margin`` from its edge."""
+    u, v = np.meshgrid(
+        np.arange(margin, width - margin, step), np.arange(margin, height - margin, step)
+    )
+    return np.stack([u, v], axis=-1).reshape(-1, 2).astype(np.float32)
+
+
+def points_in_view(
+    camera: StereoCamera, count: int, rng: np.random.Generator, near: float, far: float
+) -> Float64Array:
+    """(N, 3) metres, camera frame: all over the image, depths such that disparities are even."""
+    px = rng.uniform((8, 8), (camera.width - 9, camera.height - 9), (count, 2))
+    fb = camera.fx * camera.baseline
+    return camera.triangulate(px, rng.uniform(fb / far, fb / near, count))
+
+
+def place_information(camera: StereoCamera, place: Float64Array, sigma_px: float) -> Float64Array:
+    """(N, 3, 3) 1/m^2 of places (N, 3), camera frame, with equal noise in u, v and disparity."""
+    J = camera.projection_jacobian(place) / sigma_px
+    return np.asarray(np.swapaxes(J, 1, 2) @ J)
+
+
+def noisy_place(
+    camera: StereoCamera, place: Float64Array, sigma_px: float, rng: np.random.Generator
+) -> Float64Array:
+    """(N, 3) as triangulated from noisy pixels and disparities of places (N, 3)."""
+    px, disparity = camera.project(place)
+    px = px + rng.normal(0, sigma_px, px.shape)
+    return camera.triangulate(px, disparity + rng.normal(0, sigma_px, disparity.shape))
+
+
+def watched(
+    camera: StereoCamera,
+    place: Float64Array,
+    velocity: Float64Array,
+    rng: np.random.Generator,
+    *,
+    sigma_px: float = 0.1,
+    frames: int = 8,
+    dt: float = 1 / 15,
+    memory_s: float = 0.5,
+    step_std: Float64Array | None = None,
+) -> Points:
+    """Points (N, 3) with velocities (N, 3) m/s, seen in so many frames by a camera at rest.
+
+    ``place`` is where they are in the last frame.
+
+    Args:
+        step_std: (6,) rad, m: from frame to frame the camera's believed pose errs by this much
+            more, so that all that is seen is placed wrongly together.
+    """
+    belief = Pose.identity()
+    sums = None
+    for back in range(frames - 1, -1, -1):
+        now = place - velocity * (back * dt)
+        if step_std is not None and back < frames - 1:
+            error = rng.normal(0, step_std)
+            belief = Pose.from_rotvec(error[:3], error[3:]) @ belief
+        seen = belief.apply(noisy_place(camera, now, sigma_px, rng))
+        information = place_information(camera, now, sigma_px)
+        if sums is None:
+            sums = MotionSums.begin(seen, information)
+        else:
+            sums = sums.advanced(dt, memory_s).with_sightings(seen, information)
+    assert sums is not None
+    px, disparity = camera.project(place)
+    right = px - np.stack([disparity, np.zeros_like(disparity)], axis=1)
+    count = len(place)
+    points = Points.begin(0, px.astype(np.float32), right.astype(np.float32), disparity, sums)
+    return points.but(
+        sightings=np.full(count, frames, np.int64), age=np.full(count, (frames - 1) * dt)
+    )
