@@ -9,7 +9,7 @@ from typing import Protocol
 
 from observer.geometry import Float64Array, Pose
 from observer.parameters import Parameters
-from observer.types import EgoMotion, Image, Obstacle, StereoFrame, Trace
+from observer.types import EgoMotion, Image, Obstacle, Odometry, StereoFrame, Trace
 
 # Times a stage by name: ``with timer("features"): ...``.
 StageTimer = Callable[[str], AbstractContextManager[None]]
@@ -22,7 +22,7 @@ class View:
     Attributes:
         index: number of the frame. time: exposure of the left image, seconds, source clock.
         right_time: exposure of the right one, seconds; None where it is that of the left.
-        left, right: (H, W).
+        left, right: (H, W). odometry: of the robot's wheels; None unknown.
     """
 
     index: int
@@ -30,11 +30,12 @@ class View:
     right_time: float | None
     left: Image
     right: Image
+    odometry: Odometry | None = None
 
     @staticmethod
     def of(frame: StereoFrame, left: Image, right: Image) -> View:
         """The view of a frame whose rectified images in grey are these."""
-        return View(frame.index, frame.time, frame.right_time, left, right)
+        return View(frame.index, frame.time, frame.right_time, left, right, frame.odometry)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,7 @@ class Step:
         obstacles: all tracks, tentative ones included.
         stereo_share: share of the features whose depth is known.
         rows: None where the method does not match points between left and right.
+        waiting: the pose is unknown because the method has not seen enough yet; nothing is lost.
     """
 
     ego: EgoMotion
@@ -66,6 +68,7 @@ class Step:
     obstacles: tuple[Obstacle, ...]
     stereo_share: float
     rows: StereoRows | None
+    waiting: bool = False
 
 
 class Method(Protocol):

@@ -1,7 +1,8 @@
 """The observer: what an observing robot does with each pair of images, from top to bottom.
 
 How moving obstacles are found is a method: ``observer.planar_method`` is the paper's,
-``observer.rigid_method`` motion in space; the parameter ``ego_motion.model`` chooses.
+``observer.rigid_method`` motion in space by stereo, ``observer.one_camera_method`` motion in space
+by the left camera alone; the parameter ``ego_motion.model`` chooses.
 
 Names a trace receives (absent where a frame did not come that far, or the method has no such):
 
@@ -37,11 +38,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
+from typing import Literal
 
 from observer.camera import StereoCalibration, StereoCamera, as_gray
 from observer.geometry import Pose
 from observer.health_watch import HealthWatch
 from observer.method import Method, View
+from observer.mount import CameraMount
+from observer.one_camera_method import OneCameraMethod
 from observer.parameters import Parameters
 from observer.planar_method import PlanarMethod
 from observer.rigid_method import RigidMethod
@@ -101,12 +105,14 @@ class Observer:
         parameters: Parameters | None = None,
         *,
         parameters_revision: int = 0,
+        mount: CameraMount | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._rectification = Rectification(calibration)
         self.camera = self._rectification.camera
         self.parameters = Parameters() if parameters is None else parameters
         self._revision = parameters_revision
+        self._mount = mount
         self._clock = clock
         self._method: Method | None = None
         # An obstacle's number is not used again in a later segment.
@@ -119,10 +125,10 @@ class Observer:
     def use(self, parameters: Parameters, revision: int) -> None:
         """Use these parameters from the next frame on; history and tracks stay.
 
-        Only between the planar models and the rigid one there is nothing to hand over: then the
-        next frame begins a new segment.
+        Only between the planar models, the rigid one and one camera there is nothing to hand
+        over: then the next frame begins a new segment.
         """
-        if _method_type(parameters) is not _method_type(self.parameters):
+        if _method_name(parameters) != _method_name(self.parameters):
             self.begin_segment()
         self.parameters = parameters
         self._revision = revision
@@ -158,6 +164,9 @@ class Observer:
         step = self._method.step(view, p, timer, trace)
         if step.T_world_camera is not None:
             self._frames_lost = 0
+        elif step.waiting:
+            # Nothing is lost: the method has not seen enough yet to tell the pose.
+            pass
         elif self._frames_lost >= p.ego_motion.recover_frames:
             self.begin_segment()
             notes = (*notes, *step.ego.reasons, "the camera's motion stayed lost: a new segment")
@@ -177,7 +186,11 @@ class Observer:
         trace.keep("time", frame.time)
         trace.keep("left", left)
         trace.keep("right", right)
-        return View.of(frame, as_gray(left), as_gray(right))
+        gray = as_gray(left)
+        if _method_name(self.parameters) == "one_camera":
+            # What the right camera sees must not matter.
+            return View.of(frame, gray, gray)
+        return View.of(frame, gray, as_gray(right))
 
     def _noted_order(self, frame: StereoFrame) -> tuple[str, ...]:
         """What to say of the order of the frames; time that runs backwards begins a segment."""
@@ -198,12 +211,21 @@ class Observer:
         self, frame: StereoFrame, view: View, notes: tuple[str, ...], timer: _StageTimer
     ) -> Observation:
         """The first frame of a segment: its camera is where the world begins."""
-        self._method = _method_type(self.parameters)(self.camera, self._numbers)
+        self._method = self._new_method()
         self._method.begin(view, self.parameters)
         self._newest = (frame.index, frame.time)
         ills = self._health.look(view, None, self.parameters)
         notes = (*notes, *ills, "first frame: there is none before it to compare with")
         return self._observation(frame, Status.DEGRADED, notes, Pose.identity(), (), timer)
+
+    def _new_method(self) -> Method:
+        match _method_name(self.parameters):
+            case "rigid":
+                return RigidMethod(self.camera, self._numbers)
+            case "one_camera":
+                return OneCameraMethod(self.camera, self._numbers, self._mount)
+            case _:
+                return PlanarMethod(self.camera, self._numbers)
 
     def _observation(
         self,
@@ -228,5 +250,6 @@ class Observer:
         )
 
 
-def _method_type(parameters: Parameters) -> type[PlanarMethod] | type[RigidMethod]:
-    return RigidMethod if parameters.ego_motion.model == "rigid" else PlanarMethod
+def _method_name(parameters: Parameters) -> Literal["planar", "rigid", "one_camera"]:
+    model = parameters.ego_motion.model
+    return "planar" if model == "affine" or model == "homography" else model

@@ -18,6 +18,27 @@ from observer.geometry import Float64Array, Pose
 Image = NDArray[np.uint8]
 
 
+@dataclass(frozen=True)
+class Odometry:
+    """How far the robot has driven by its own wheels, summed up since its start; it drifts.
+
+    Attributes:
+        x, y: metres, of the robot's base in the plane it drives on: forward and left as it stood
+            at the start. yaw: radians, positive to the left.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+
+    x: float
+    y: float
+    yaw: float
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([self.x, self.y, self.yaw]).all():
+            raise ValueError("odometry must be finite")
+
+
 @dataclass(frozen=True, eq=False)
 class StereoFrame:
     """One pair of images, as a source delivered it. It carries no truth.
@@ -28,6 +49,7 @@ class StereoFrame:
         left, right: (H, W) grey or (H, W, 3) BGR uint8, equal sizes, not yet rectified.
         received: the host's monotonic clock at reception, seconds; for age and latency only.
         right_time: exposure of the right image, seconds; None where it is that of the left.
+        odometry: what the robot's wheels tell at ``time``; None where nothing tells it.
 
     Raises:
         ValueError: the images differ in size, are empty or not 8 bit, or a time is not finite.
@@ -39,6 +61,7 @@ class StereoFrame:
     right: Image
     received: float
     right_time: float | None = None
+    odometry: Odometry | None = None
 
     def __post_init__(self) -> None:
         for name in ("left", "right"):

@@ -55,7 +55,7 @@ def observe(
                 f"{source} brings no calibration; name one with --calibration FILE "
                 f"(OpenCV YAML with K1 D1 K2 D2 R T)"
             )
-        observer = Observer(used, parameters)
+        observer = Observer(used, parameters, mount=opened.info.mount)
         with _writer(output) as file, progress_bar(f"observing {source}") as progress:
             skipped = _observe_all(opened, observer, file, progress, frames, tentative)
     finally:

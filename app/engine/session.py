@@ -12,6 +12,7 @@ from app.messages import OpenSource
 from observer.calibration.opencv_file import calibration_text, read_calibration
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
+from observer.mount import CameraMount
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
 from observer.sources.contract import SkippedFrame, Source
@@ -38,7 +39,7 @@ class FrameObserver(Protocol):
 
 
 class ObserverFactory(Protocol):
-    """Makes an observer; ``clock`` serves its stage timings."""
+    """Makes an observer; ``mount`` is the source's own, ``clock`` serves its stage timings."""
 
     def __call__(
         self,
@@ -46,6 +47,7 @@ class ObserverFactory(Protocol):
         parameters: Parameters,
         *,
         parameters_revision: int,
+        mount: CameraMount | None,
         clock: Callable[[], float],
     ) -> FrameObserver: ...
 
@@ -153,6 +155,7 @@ def open_session(
             calibration,
             parameters,
             parameters_revision=command.parameters_revision,
+            mount=opened.source.info.mount,
             clock=clock,
         )
         player = Player(opened.source, paused=command.paused, rate=command.rate, loop=command.loop)

@@ -89,7 +89,8 @@ def _run(
     if calibration is None:
         raise InputError(f"{source.spec} brings no calibration, so it cannot be benchmarked")
     observers = {
-        name: Observer(calibration, parameters, clock=clock) for name, parameters in presets.items()
+        name: Observer(calibration, parameters, mount=opened.source.info.mount, clock=clock)
+        for name, parameters in presets.items()
     }
     lines: dict[str, list[dict[str, Any]]] = {name: [] for name in presets}
     times: dict[str, dict[str, list[float]]] = {name: defaultdict(list) for name in presets}

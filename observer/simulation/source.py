@@ -7,6 +7,7 @@ import time as clock
 
 from observer.camera import StereoCalibration
 from observer.simulation.imaging import StereoImager
+from observer.simulation.odometry import WheelOdometry
 from observer.simulation.world import World
 from observer.sources.contract import SourceInfo
 from observer.types import StereoFrame
@@ -21,6 +22,7 @@ class SimulatedSource:
     def __init__(self, world: World) -> None:
         self._world = world
         self._imager = StereoImager(world)
+        self._odometry = WheelOdometry(world)
         self._next = 0
 
     @property
@@ -59,10 +61,12 @@ class SimulatedSource:
             right=right,
             received=clock.monotonic(),
             right_time=self._imager.right_time(now) if skewed else None,
+            odometry=self._odometry.read(now),
         )
 
     def rewind(self) -> None:
         """Begin again with the first frame."""
+        self._odometry = WheelOdometry(self._world)
         self._next = 0
 
     def close(self) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from observer.camera import StereoCalibration
+from observer.mount import CameraMount
 from observer.types import StereoFrame
 
 
@@ -35,6 +36,11 @@ class SourceInfo:
     live: bool = False
     mount_height_m: float | None = None
     mount_tilt_rad: float | None = None
+
+    @property
+    def mount(self) -> CameraMount | None:
+        """How the left camera is mounted, where both figures are known."""
+        return CameraMount.of(self.mount_height_m, self.mount_tilt_rad)
 
 
 @dataclass(frozen=True)

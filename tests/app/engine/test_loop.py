@@ -37,6 +37,7 @@ from observer.calibration.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import SourceError
 from observer.geometry import Pose
+from observer.mount import CameraMount
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
 from observer.truth.contract import TrueBody
@@ -55,6 +56,7 @@ class CountingObserver:
         parameters: Parameters,
         *,
         parameters_revision: int,
+        mount: CameraMount | None,  # noqa: ARG002
         clock: Callable[[], float],
     ) -> None:
         self.camera = StereoCamera(

@@ -1,0 +1,58 @@
+"""What the observer's wheels report: how far it has driven, with the errors that wheels have."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from observer.simulation.world import World
+from observer.types import Odometry
+
+# One standard deviation, drawn once a run: of the wheels' size, and of their distance.
+_SCALE_SIGMA = 0.01
+_TURN_SIGMA = 0.01
+# Encoder noise of every frame: metres, and radians beside a share of the way by slip.
+_WAY_SIGMA_M = 0.0003
+_YAW_SIGMA = 0.0003
+_SLIP_RADPM = 0.01
+
+
+class WheelOdometry:
+    """Odometry of one run, from its first frame on; equal seeds give equal numbers.
+
+    A way is driven too long or too short by a share that the run keeps, as a worn tyre does; the
+    yaw drifts by a share of every turn and by slip.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._motion = world.observer.motion
+        self._rng = np.random.default_rng(np.random.SeedSequence([world.seed, 0x0D0]))
+        self._scale = 1 + _SCALE_SIGMA * float(self._rng.standard_normal())
+        self._turn = 1 + _TURN_SIGMA * float(self._rng.standard_normal())
+        self._time: float | None = None
+        self._x = self._y = self._yaw = 0.0
+
+    def read(self, time: float) -> Odometry:
+        """What is summed up at an instant, seconds; instants must not go back."""
+        if self._time is not None and time > self._time:
+            self._drive(self._time, time)
+        self._time = time
+        return Odometry(self._x, self._y, self._yaw)
+
+    def _drive(self, before: float, now: float) -> None:
+        a, b = self._motion.state(before), self._motion.state(now)
+        c, s = math.cos(a.heading), math.sin(a.heading)
+        dx, dy = b.x - a.x, b.y - a.y
+        ahead, aside = c * dx + s * dy, c * dy - s * dx
+        turned = math.remainder(b.heading - a.heading, 2 * math.pi)
+        way, yaw, slip = self._rng.standard_normal(3)
+        moves = math.hypot(dx, dy) > 0 or turned != 0
+        noise = self._scale + (_WAY_SIGMA_M * way / max(abs(ahead), _WAY_SIGMA_M) if moves else 0)
+        ahead, aside = ahead * noise, aside * self._scale
+        c, s = math.cos(self._yaw), math.sin(self._yaw)
+        self._x += c * ahead - s * aside
+        self._y += s * ahead + c * aside
+        self._yaw += self._turn * turned
+        if moves:
+            self._yaw += _YAW_SIGMA * yaw + _SLIP_RADPM * slip * abs(ahead)
