@@ -45,8 +45,13 @@ def test_every_preset_meets_every_source(lab: tuple[Benchmark, list[Progress]]) 
 
 
 def test_timings_name_every_stage_and_add_up(lab: tuple[Benchmark, list[Progress]]) -> None:
+    stages = {
+        "paper": {"features", "matching", "stereo", "ego_motion", "residual_flow", "tracking"},
+        "default": {"following", "ego_motion", "motion", "tracking", "features"},
+    }
+    assert {each.preset for each in lab[0].presets} == set(stages)
     for each in lab[0].presets:
-        assert {"features", "matching", "stereo", "ego_motion", "tracking"} <= set(each.timings)
+        assert stages[each.preset] <= set(each.timings)
         for timing in each.timings.values():
             assert 0 <= timing.median_ms <= timing.p95_ms
         parts = sum(t.median_ms for stage, t in each.timings.items() if stage != "total")
