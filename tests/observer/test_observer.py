@@ -281,9 +281,7 @@ def test_images_of_another_size_are_refused_with_both_sizes() -> None:
 def test_new_parameters_act_from_the_next_frame_on(moving, parameters) -> None:
     observer = Observer(CALIBRATION, parameters)
     observe_all(observer, moving[:6])
-    strict = observer.parameters.changed(
-        {"ego_motion.min_inliers": 500, "features.max_count": 50}
-    )
+    strict = observer.parameters.changed({"ego_motion.min_inliers": 500, "features.max_count": 50})
     observer.use(strict, 3)
     after = observer.observe(moving[6])
     assert after.parameters_revision == 3
