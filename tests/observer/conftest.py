@@ -129,7 +129,7 @@ class Watched:
 
     Attributes:
         tracker: with its tracks. points: as of the newest frame. owner: (N,) number of each
-            point's body. time: seconds.
+            point's body, and which: (N,) of its points it is. time: seconds.
     """
 
     def __init__(self, *bodies: PlantedBody, seed: int = 0, **obstacles: float) -> None:
@@ -142,7 +142,7 @@ class Watched:
         self.time = 0.0
         self._rng = np.random.default_rng(seed)
         self.owner = np.zeros(0, np.int64)
-        self._which = np.zeros(0, np.int64)
+        self.which = np.zeros(0, np.int64)
         self._next = 0
         self._renew()
 
@@ -182,10 +182,10 @@ class Watched:
     def _followed(self, dt: float) -> Points:
         shown = [body.shown(self.time) for body in self.bodies]
         keep = np.array(
-            [shown[b][k] for b, k in zip(self.owner, self._which, strict=True)],
+            [shown[b][k] for b, k in zip(self.owner, self.which, strict=True)],
             bool,
         )
-        self.owner, self._which = self.owner[keep], self._which[keep]
+        self.owner, self.which = self.owner[keep], self.which[keep]
         points = self.points.take(keep)
         px, disparity = self._measured()
         return points.but(
@@ -197,7 +197,7 @@ class Watched:
 
     def _truth(self) -> Float64Array:
         every = [body.places(self.time) for body in self.bodies]
-        at = [every[b][k] for b, k in zip(self.owner, self._which, strict=True)]
+        at = [every[b][k] for b, k in zip(self.owner, self.which, strict=True)]
         return np.array(at).reshape(-1, 3)
 
     def _measured(self) -> tuple[Float64Array, Float64Array]:
@@ -211,7 +211,7 @@ class Watched:
 
     def _renew(self) -> None:
         """Begin every point that is shown and not followed."""
-        followed = set(zip(self.owner.tolist(), self._which.tolist(), strict=True))
+        followed = set(zip(self.owner.tolist(), self.which.tolist(), strict=True))
         fresh = [
             (b, k)
             for b, body in enumerate(self.bodies)
@@ -221,8 +221,8 @@ class Watched:
         if not fresh:
             return
         owner, which = np.array(fresh).T
-        kept = self.owner, self._which
-        self.owner, self._which = owner, which
+        kept = self.owner, self.which
+        self.owner, self.which = owner, which
         px, disparity = self._measured()
         begun = self.points.none().but(px=px.astype(np.float32), disparity=disparity)
         place, information = self._seen(begun)
@@ -231,7 +231,7 @@ class Watched:
         self._next += len(px)
         self.points = self.points.joined(begun)
         self.owner = np.concatenate([kept[0], owner])
-        self._which = np.concatenate([kept[1], which])
+        self.which = np.concatenate([kept[1], which])
 
 
 @pytest.fixture(scope="session")
