@@ -6,6 +6,7 @@ showing an older one.
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -31,6 +32,13 @@ _GREY = (150, 150, 150)
 # Sub-pixel coordinates: OpenCV's drawing takes integers with this many fractional bits.
 _SHIFT = 3
 _STAR_ARM_PX = 3.0
+# Of the text in pictures, and how wide its letters then are.
+_TEXT_SCALE, _LETTER_PX = 0.45, 8.0
+_RIGID_TRANSFORMS_NOTHING = (
+    "The rigid model transforms no image: it moves points in space. affine and homography do."
+)
+# Letters of messages are as wide as if so many fitted into a picture's width.
+_LETTERS = 46
 # Residual motion is a few pixels; drawn this much longer, it can be seen.
 RESIDUAL_SCALE = 4.0
 
@@ -106,6 +114,8 @@ def _plain(observed: Observed) -> Image:
 
 def _warped(observed: Observed) -> Image:
     warped = observed.trace.get("warped_left")
+    if warped is None and observed.parameters.ego_motion.model == "rigid":
+        return _nothing(observed.trace["left"].shape[:2], _RIGID_TRANSFORMS_NOTHING, ())
     if warped is None:
         return _nothing_of(observed, "no transformed image in this frame")
     image: Image = warped
@@ -123,7 +133,7 @@ def _disparity_colors() -> Image:
 def _residual(observed: Observed) -> Image:
     """Residual motion over the darkened image of t: what the camera's motion leaves unexplained.
 
-    Red arrows exceed the threshold, grey ones do not.
+    Red arrows count as dynamic, grey ones do not.
     """
     trace = observed.trace
     start, residual = trace.get("flow_px"), trace.get("flow_residual_px")
@@ -163,9 +173,13 @@ def _color_copy(image: Image) -> Image:
 
 def _nothing(size: tuple[int, int], sentence: str, reasons: tuple[str, ...]) -> Image:
     """A dark picture of this height and width that says why it is one."""
-    canvas = np.full((*size, 3), _DARK, dtype=np.uint8)
-    for row, text in enumerate([sentence, *reasons[:3]]):
-        _text(canvas, text, (8, 22 + 20 * row), _GREY)
+    height, width = size
+    canvas = np.full((height, width, 3), _DARK, dtype=np.uint8)
+    scale = _TEXT_SCALE * max(1.0, width / _LETTERS / _LETTER_PX)
+    lines = [line for text in (sentence, *reasons[:3]) for line in textwrap.wrap(text, _LETTERS)]
+    for row, text in enumerate(lines):
+        at = round(22 * scale / _TEXT_SCALE) * (row + 1)
+        _text(canvas, text, (8, at), _GREY, scale)
     return canvas
 
 
@@ -208,6 +222,12 @@ def _rectangles(canvas: Image, obstacles: Iterable[Obstacle]) -> None:
         _text(canvas, f"#{obstacle.id}  {obstacle.speed:.2f} m/s", (u0, max(v0 - 6, 12)), _YELLOW)
 
 
-def _text(canvas: Image, text: str, at: tuple[int, int], color: tuple[int, int, int]) -> None:
+def _text(
+    canvas: Image,
+    text: str,
+    at: tuple[int, int],
+    color: tuple[int, int, int],
+    scale: float = _TEXT_SCALE,
+) -> None:
     for thickness, ink in ((3, (0, 0, 0)), (1, color)):
-        cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, ink, thickness, cv2.LINE_AA)
+        cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, ink, thickness, cv2.LINE_AA)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -13,18 +14,22 @@ from observer.explanation.answer import (
     Nearby,
     PixelAnswer,
     PixelVerdict,
-    above,
+    below,
     count_of,
     known,
     limits,
     look_around,
 )
-from observer.parameters import Parameters
+from observer.explanation.texture import texture_around
+from observer.parameters import FollowingParameters, Parameters
+from observer.types import Image
 
 # 99 of 100 standing points stay below this Mahalanobis length (chi, 3 degrees of freedom).
 _STANDING_LENGTH = 3.37
 # Who was followed for less than this has hardly been measured twice.
 _YOUNG_S = 0.2
+# Where a person would not be seen to walk slowly, nothing is said to stand.
+_SLOW_WALK_MPS = 1.0
 _RATE = "evidence.false_alarms_per_frame"
 _FEWEST = "evidence.min_points"
 
@@ -35,15 +40,17 @@ def explain_by_evidence(
     parameters: Parameters,
     px: tuple[float, float],
     counts: Mapping[str, float],
+    image: Image | None = None,
 ) -> PixelAnswer:
     """The answer of the nearest features' majority.
 
     Args:
+        image: the rectified left image, to say why there is no feature; None says less.
         counts: figures of the camera's own motion, shown with the answer's.
     """
     near = look_around(evidence.px, px, camera)
     if len(near.members) == 0:
-        return _nothing_there(near, px, counts)
+        return _nothing_there(near, px, counts, image, parameters.following)
     chosen = near.speakers
     moving = int(np.count_nonzero(evidence.dynamic[chosen])) * 2 > len(chosen)
     middle = float(np.median(evidence.significance[chosen]))
@@ -57,18 +64,52 @@ def explain_by_evidence(
 
 
 def _nothing_there(
-    near: Nearby, px: tuple[float, float], counts: Mapping[str, float]
+    near: Nearby,
+    px: tuple[float, float],
+    counts: Mapping[str, float],
+    image: Image | None,
+    following: FollowingParameters,
 ) -> PixelAnswer:
+    numbers = near.numbers | dict(counts)
+    why = ""
+    if image is None:
+        change = "More texture or light here would give features."
+    else:
+        texture = texture_around(image, px, near.radius_px, following.window_px)
+        numbers["texture_grey_per_px"] = known(texture)
+        why, change = _why_none(texture, near, following)
     where = "there is none in the image"
     if near.nearest_px is not None:
         where = f"the nearest is {near.nearest_px:.0f} px away"
-    return PixelAnswer(
-        px,
-        PixelVerdict.TOO_FEW_FEATURES,
-        f"No feature is followed within {near.radius_px:.0f} px of here; {where}.",
-        near.numbers | dict(counts),
-        "More texture or light here would give features, as may a larger features.max_count or a "
-        "lower threshold of the detector.",
+    sentence = f"No feature is followed within {near.radius_px:.0f} px of here{why}; {where}."
+    return PixelAnswer(px, PixelVerdict.TOO_FEW_FEATURES, sentence, numbers, change)
+
+
+def _why_none(texture: float, near: Nearby, following: FollowingParameters) -> tuple[str, str]:
+    """Why no feature is followed where the texture is so much, and what would change it."""
+    if texture < following.min_texture:
+        least, _ = limits("following.min_texture")
+        why = (
+            f": the texture, {texture:.2f} grey levels/px, is below the "
+            f"{following.min_texture:g} that are needed"
+        )
+        if texture < max(least, 0.05):
+            return why, "No setting can help: there is nothing to follow without texture or light."
+        return why, (
+            f"With following.min_texture at {below(texture, 1)} or below (now "
+            f"{following.min_texture:g}) one may be followed here, though it may slide along edges."
+        )
+    # Wherever in its square a feature lies, it is then within the radius.
+    closer = int(near.radius_px / math.sqrt(2))
+    why = f", although there is texture ({texture:.1f} grey levels/px)"
+    if closer < following.spacing_px:
+        return why, (
+            f"With following.spacing_px at {closer} or below (now {following.spacing_px}) one "
+            f"would be looked for at this very place."
+        )
+    return (
+        why,
+        "One that is found here is followed from then on, if both cameras see it.",
     )
 
 
@@ -98,15 +139,18 @@ def _judge(
     threshold = evidence.threshold
     depth, age = float(evidence.depth[speaker]), float(evidence.age_s[speaker])
     speed = float(np.linalg.norm(evidence.velocity[speaker]))
-    agreeing = int(evidence.neighbours[speaker])
+    agreeing, obstacle = int(evidence.neighbours[speaker]), int(evidence.obstacle_id[speaker])
     pooled = count_of(agreeing, "feature")
     stands_out = f"{middle:.1f} standard deviations, of {threshold:.1f} that are needed"
     if moving:
         return (
             PixelVerdict.DYNAMIC,
             f"It moves at {speed:.2f} m/s over ground, by the evidence of {pooled}"
-            f"{_whose(evidence, speaker)}: {stands_out}.",
-            _until(middle, threshold, parameters),
+            f"{_whose(obstacle)}: {stands_out}."
+            if middle > threshold or obstacle < 0
+            else f"It is part of obstacle {obstacle}, which was seen to move; what shows here now "
+            f"is {speed:.2f} m/s ({stands_out}).",
+            _until(middle, threshold, obstacle, parameters),
         )
     if np.isnan(depth):
         return (
@@ -114,8 +158,6 @@ def _judge(
             "The features here have no depth: the other camera does not find them.",
             "It changes once the right camera sees this place too; no threshold decides it.",
         )
-    if depth > parameters.stereo.max_depth_m:
-        return PixelVerdict.TOO_FAR, *too_far_words(depth, parameters.stereo.max_depth_m)
     if middle == 0:
         return (
             PixelVerdict.UNDECIDED,
@@ -145,6 +187,8 @@ def _judge(
             _sooner(middle, threshold, parameters),
         )
     least = _least_speed(evidence, speaker)
+    if least > _SLOW_WALK_MPS:
+        return _too_far(depth, age, least, parameters.evidence.memory_s)
     return (
         PixelVerdict.STATIC,
         f"It stands, by the evidence of {pooled}: what shows here, {speed:.2f} m/s, is noise "
@@ -154,13 +198,46 @@ def _judge(
     )
 
 
-def _whose(evidence: Evidence, speaker: int) -> str:
-    number = int(evidence.obstacle_id[speaker])
-    return f" of obstacle {number}" if number >= 0 else ", part of no obstacle yet"
+def _too_far(
+    depth: float, age: float, least: float, memory: float
+) -> tuple[PixelVerdict, str, str]:
+    """Where only what is faster than ``least`` m/s would be seen to move."""
+    if age < memory:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"Nothing shows, but the features here, {depth:.1f} m away, have been followed for "
+            f"{age:.2f} s only: what is slower than {least:.1f} m/s would not stand out yet.",
+            f"It is told better once they have been followed for {memory:g} s (evidence.memory_s).",
+        )
+    # The noise of a velocity grows with the depth squared.
+    near = depth * math.sqrt(_SLOW_WALK_MPS / least)
+    return (
+        PixelVerdict.TOO_FAR,
+        f"It is too far to be told: {depth:.1f} m away, only what is faster than {least:.1f} m/s "
+        f"stands out, and nothing does.",
+        f"From about {near:.1f} m on, {_SLOW_WALK_MPS:g} m/s would stand out; a larger "
+        f"evidence.memory_s (now {memory:g} s) reaches farther and answers later.",
+    )
 
 
-def _until(middle: float, threshold: float, parameters: Parameters) -> str:
+def _whose(obstacle: int) -> str:
+    return f" of obstacle {obstacle}" if obstacle >= 0 else ", part of no obstacle yet"
+
+
+def _until(middle: float, threshold: float, obstacle: int, parameters: Parameters) -> str:
     """What would end a dynamic feature's being dynamic."""
+    if obstacle >= 0:
+        kept = f"It counts as dynamic for as long as obstacle {obstacle} is followed"
+        if middle <= threshold:
+            return f"{kept}, for it may move again; its motion is told with the obstacle."
+        now, (least, _) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
+        value = _two_digits(_rate_for(middle, threshold, now), down=True)
+        if value < least:
+            return f"{kept}; no value of {_RATE} (now {now:g}) would have kept it from beginning."
+        return (
+            f"{kept}; with {_RATE} at {value:g} or below (now {now:g}) this evidence would not "
+            f"have begun one."
+        )
     if middle <= threshold:
         return (
             "It is kept as dynamic by what was seen before; it ends once its features have stood "
@@ -197,15 +274,3 @@ def _two_digits(value: float, *, down: bool) -> float:
     unit = 10.0 ** (np.floor(np.log10(max(value, 1e-300))) - 1)
     steps = np.floor(value / unit) if down else np.floor(value / unit) + 1
     return float(steps * unit)
-
-
-def too_far_words(depth: float, farthest: float) -> tuple[str, str]:
-    """The sentence, and what would change it, for a place beyond the farthest depth, metres."""
-    _, most = limits("stereo.max_depth_m")
-    sentence = (
-        f"It is too far: {depth:.1f} m away, where only {farthest:g} m are measured reliably "
-        f"enough to be judged."
-    )
-    if depth >= most:
-        return sentence, f"No setting reaches so far: stereo.max_depth_m ends at {most:g} m."
-    return sentence, f"With stereo.max_depth_m at {above(depth, 1)} m or above it would be judged."

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from observer.camera import StereoCamera
+from observer.camera import StereoCamera, as_gray
 from observer.explanation.answer import PixelAnswer, PixelVerdict, limits
 from observer.explanation.gathered import explain_by_evidence
 from observer.explanation.planar import explain_by_flow
@@ -50,7 +50,9 @@ def explain_pixel(
         return _lost(trace, parameters, px)
     counts = {"inliers": int(np.count_nonzero(ego.inliers)), "matches": len(ego.inliers)}
     if "evidence" in trace:
-        return explain_by_evidence(trace["evidence"], camera, parameters, px, counts)
+        left = trace.get("left")
+        image = None if left is None else as_gray(left)
+        return explain_by_evidence(trace["evidence"], camera, parameters, px, counts, image)
     return explain_by_flow(trace, camera, parameters, px, counts)
 
 

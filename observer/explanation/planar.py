@@ -22,7 +22,6 @@ from observer.explanation.answer import (
     look_around,
     radius_px,
 )
-from observer.explanation.gathered import too_far_words
 from observer.explanation.texture import why_no_feature
 from observer.geometry import Float64Array, map_pixels
 from observer.parameters import ClusteringParameters, MotionParameters, Parameters
@@ -93,7 +92,7 @@ def explain_by_flow(
     place = _Place(trace, camera, parameters, px, near, residual, depth, dt)
     numbers |= {"residual_px": residual, "threshold_px": parameters.flow.residual_threshold_px}
     if depth > parameters.stereo.max_depth_m:
-        sentence, change = too_far_words(depth, parameters.stereo.max_depth_m)
+        sentence, change = _too_far_words(depth, parameters.stereo.max_depth_m)
         return PixelAnswer(px, PixelVerdict.TOO_FAR, sentence, numbers, change)
     judge = _moved if residual > parameters.flow.residual_threshold_px else _stood
     verdict, sentence, change, more = judge(place)
@@ -277,3 +276,15 @@ def _figures(group: Detection, p: Parameters) -> dict[str, float | None]:
 def _at_most(value: float) -> str:
     """Two decimals, rounded down: a least value that is reached."""
     return f"{np.floor(value * 100) / 100:.2f}"
+
+
+def _too_far_words(depth: float, farthest: float) -> tuple[str, str]:
+    """The sentence, and what would change it, for a place beyond the farthest depth, metres."""
+    _, most = limits("stereo.max_depth_m")
+    sentence = (
+        f"It is too far: {depth:.1f} m away, where only {farthest:g} m are measured reliably "
+        f"enough to be judged."
+    )
+    if depth >= most:
+        return sentence, f"No setting reaches so far: stereo.max_depth_m ends at {most:g} m."
+    return sentence, f"With stereo.max_depth_m at {above(depth, 1)} m or above it would be judged."

@@ -47,7 +47,7 @@ def why_no_feature(
 def _not_followed(
     image: Image, px: np.ndarray[Any, Any], flow: FlowParameters, near: Nearby
 ) -> tuple[str, str]:
-    texture = float(_texture(image, px, flow).max())
+    texture = float(_texture(image, px, flow.window_px).max())
     sentence = (
         f"{count_of(len(px), 'feature')} within {near.radius_px:.0f} px of here could not be "
         f"followed to the next image"
@@ -66,14 +66,27 @@ def _not_followed(
     )
 
 
-def _texture(image: Image, px: np.ndarray[Any, Any], flow: FlowParameters) -> Float64Array:
-    """(N,) grey levels/px in the direction of least texture, as ``flow.min_texture`` means it."""
+def texture_around(
+    image: Image, place: tuple[float, float], radius_px: float, window_px: int
+) -> float:
+    """The most texture around a place, grey levels/px in the direction of least texture."""
+    reach = np.arange(-int(radius_px), int(radius_px) + 1, 2, dtype=np.float32)
+    u, v = (grid.ravel() for grid in np.meshgrid(reach, reach))
+    inside = np.hypot(u, v) <= radius_px
+    px = np.stack([u[inside] + place[0], v[inside] + place[1]], axis=1)
+    height, width = image.shape
+    fits = (px >= 0).all(axis=1) & (px < (width, height)).all(axis=1)
+    return float(_texture(image, px[fits], window_px).max())
+
+
+def _texture(image: Image, px: np.ndarray[Any, Any], window_px: int) -> Float64Array:
+    """(N,) grey levels/px in the direction of least texture, as ``min_texture`` means it."""
     _, _, eigenvalue = cv2.calcOpticalFlowPyrLK(
         image,
         image,
         np.ascontiguousarray(px, dtype=np.float32),
         cast(Any, None),
-        winSize=(flow.window_px | 1, flow.window_px | 1),
+        winSize=(window_px | 1, window_px | 1),
         maxLevel=0,
         flags=cv2.OPTFLOW_LK_GET_MIN_EIGENVALS,
         minEigThreshold=0.0,

@@ -17,7 +17,9 @@ export const VIEWS = {
   },
   warped: {
     title: "Warped",
-    help: "The newer image moved back to where the older one was taken; black is outside it.",
+    help:
+      "The newer image moved back to where the older one was taken; black is outside it. Only " +
+      "affine and homography transform images; rigid moves points in space.",
   },
   disparity: {
     title: "Disparity",
@@ -25,7 +27,9 @@ export const VIEWS = {
   },
   residual: {
     title: "Residual",
-    help: "Motion that is left after the camera's own is taken away; long arrows are dynamic.",
+    help:
+      "Motion that is left after the camera's own is taken away, drawn four times as long; red " +
+      "counts as dynamic.",
   },
   plain: { title: "Plain left", help: "The rectified left image with nothing drawn on it." },
 };

@@ -16,6 +16,7 @@ const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
 export class ParameterField extends HTMLElement {
   #error = h("p", { class: "field-error", role: "alert" });
+  #idle = h("span", { class: "idle" });
   #reset = h("button", { type: "button", class: "quiet reset" }, icon("restart"));
   /** @type {(value: ParameterValue) => void} */
   #show = () => {};
@@ -39,12 +40,18 @@ export class ParameterField extends HTMLElement {
       h("div", { class: "parameter-head" }, h("label", { for: id }, entry.title), this.#reset),
       this.#controls(id),
       this.#error,
-      h("p", { class: "hint", id: `${id}-help` }, entry.help, " ", h("span", { class: "range" }, rangeInWords(entry))),
+      h("p", { class: "hint", id: `${id}-help` }, entry.help, " ", h("span", { class: "range" }, rangeInWords(entry)), " ", this.#idle),
     );
   }
 
-  /** The server's value. @param {ParameterValue} value */
-  show(value) {
+  /**
+   * @param {ParameterValue} value the server's
+   * @param {string} model in force: with some a parameter does nothing
+   */
+  show(value, model) {
+    const idle = this.entry !== undefined && model !== "" && !this.entry.models.includes(model);
+    this.toggleAttribute("data-idle", idle);
+    setText(this.#idle, idle ? `Not used by ${model}.` : "");
     const fallback = this.store?.defaults[this.entry?.name ?? ""];
     const changed = value !== fallback;
     this.toggleAttribute("data-changed", changed);

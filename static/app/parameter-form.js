@@ -9,7 +9,8 @@ import { Part } from "./part.js";
 import { PresetPicker } from "./preset-picker.js";
 
 // The groups a newcomer tries first are open at the start.
-const OPEN_AT_START = ["ego_motion", "flow"];
+const OPEN_AT_START = ["ego_motion", "obstacles"];
+const MODEL = "ego_motion.model";
 
 class ParameterForm extends Part {
   #store = new ParameterStore();
@@ -83,14 +84,18 @@ class ParameterForm extends Part {
 
   #render() {
     const { state, defaults, canUndo, canRedo } = this.#store;
+    const model = String(state.values[MODEL] ?? "");
     for (const [name, field] of this.#fields) {
       const value = state.values[name];
-      if (value !== undefined) field.show(value);
+      if (value !== undefined) field.show(value, model);
     }
     for (const group of this.#groups.querySelectorAll("details")) {
       const changed = group.querySelectorAll("[data-changed]").length;
+      const idle = group.querySelector("observer-parameter:not([data-idle])") === null;
+      group.toggleAttribute("data-idle", idle);
+      const notes = [idle ? `not used by ${model}` : "", changed ? `${changed} changed` : ""];
       const count = group.querySelector(".count");
-      if (count) setText(count, changed ? `${changed} changed` : "");
+      if (count) setText(count, notes.filter(Boolean).join(", "));
     }
     this.#undo.disabled = !canUndo;
     this.#redo.disabled = !canRedo;

@@ -122,16 +122,47 @@ def test_too_few_that_agree_are_undecided() -> None:
 
 
 def test_depth_decides_only_over_what_does_not_move() -> None:
-    for depth, expected in ((np.nan, PixelVerdict.UNDECIDED), (60.0, PixelVerdict.TOO_FAR)):
-        standing = ask(evidence(1.0, depth=np.array([depth])))
-        assert standing.verdict is expected
-        assert standing.numbers["depth_m"] == (None if np.isnan(depth) else depth)
-        assert ask(evidence(9.0, depth=np.array([depth]))).verdict is PixelVerdict.DYNAMIC
-    told = ask(evidence(1.0, depth=np.array([60.0]))).would_change
-    value = float(re.search(r"stereo.max_depth_m at ([\d.]+) m", told).group(1))
-    farther = Parameters().changed({"stereo.max_depth_m": value})
-    trace = {"ego_motion": EGO, "evidence": evidence(1.0, depth=np.array([60.0]))}
-    assert explain_pixel(trace, CAMERA, farther, HERE).verdict is PixelVerdict.STATIC
+    nowhere = np.array([np.nan])
+    standing = ask(evidence(1.0, depth=nowhere))
+    assert standing.verdict is PixelVerdict.UNDECIDED
+    assert standing.numbers["depth_m"] is None
+    assert ask(evidence(9.0, depth=nowhere)).verdict is PixelVerdict.DYNAMIC
+
+
+def test_it_is_too_far_where_a_slow_walk_would_not_stand_out() -> None:
+    # The noise of a velocity grows with the depth squared.
+    def at(depth: float, age: float = 0.6, length: float = 1.0) -> PixelAnswer:
+        std = np.array([0.3 * (depth / 20.0) ** 2])
+        return ask(
+            evidence(length, depth=np.array([depth]), velocity_std=std, age_s=np.array([age]))
+        )
+
+    far = at(30.0)
+    assert far.verdict is PixelVerdict.TOO_FAR
+    assert "30.0 m away" in far.sentence
+    assert f"faster than {0.3 * 1.5**2 * THRESHOLD:.1f} m/s" in far.sentence
+    near = float(re.search(r"From about ([\d.]+) m on", far.would_change).group(1))
+    assert at(near - 0.1).verdict is PixelVerdict.STATIC
+    assert at(near + 0.1).verdict is PixelVerdict.TOO_FAR
+    assert at(30.0, length=9.0).verdict is PixelVerdict.DYNAMIC
+    # It may still become better known.
+    young = at(30.0, age=0.4)
+    assert young.verdict is PixelVerdict.UNDECIDED
+    assert "evidence.memory_s" in young.would_change
+    # How far the shown cloud reaches says nothing of what is judged.
+    cut = PARAMETERS.changed({"stereo.max_depth_m": 2.0})
+    trace = {"ego_motion": EGO, "evidence": evidence(1.0)}
+    assert explain_pixel(trace, CAMERA, cut, HERE).verdict is PixelVerdict.STATIC
+
+
+def test_what_belongs_to_an_obstacle_counts_for_as_long_as_that_is_followed() -> None:
+    seen = ask(evidence(6.0))
+    assert "as long as obstacle 3 is followed" in seen.would_change
+    assert "evidence.false_alarms_per_frame at" in seen.would_change
+    stopped = ask(evidence(1.0, dynamic=np.array([True]), obstacle_id=np.array([3])))
+    assert stopped.verdict is PixelVerdict.DYNAMIC
+    assert "It is part of obstacle 3, which was seen to move" in stopped.sentence
+    assert "may move again" in stopped.would_change
 
 
 def test_without_a_feature_near_there_are_too_few() -> None:
@@ -143,11 +174,33 @@ def test_without_a_feature_near_there_are_too_few() -> None:
     assert nothing.numbers["nearest_feature_px"] is None
 
 
+def test_without_a_feature_the_texture_says_what_would_give_one() -> None:
+    plain = np.full((256, 512), 90, np.uint8)
+    noise = np.random.default_rng(0).integers(0, 256, (256, 512)).astype(np.uint8)
+    faint = (90 + (noise.astype(float) - 128) / 128).astype(np.uint8)
+    ways = []
+    for left in (plain, faint, noise):
+        trace = {"ego_motion": EGO, "evidence": evidence(1.0), "left": left}
+        answer = explain_pixel(trace, CAMERA, PARAMETERS, (HERE[0] + 40, HERE[1]))
+        assert answer.verdict is PixelVerdict.TOO_FEW_FEATURES
+        ways.append((answer.numbers["texture_grey_per_px"], answer.would_change))
+    assert ways[0][0] == 0
+    assert "No setting can help" in ways[0][1]
+    least = float(re.search(r"following.min_texture at ([\d.]+) or below", ways[1][1]).group(1))
+    assert least < ways[1][0] < PARAMETERS.following.min_texture
+    assert "following.spacing_px at 7 or below (now 18)" in ways[2][1]
+    closer = PARAMETERS.changed({"following.spacing_px": 7})
+    trace = {"ego_motion": EGO, "evidence": evidence(1.0), "left": noise}
+    answer = explain_pixel(trace, CAMERA, closer, (HERE[0] + 40, HERE[1]))
+    assert "spacing" not in answer.would_change
+
+
 @pytest.mark.parametrize("length", [3.5, 4.0, THRESHOLD - 0.01, THRESHOLD + 0.01, 6.0])
 def test_the_promised_rate_of_false_alarms_gives_the_other_answer(length: float) -> None:
     def answer(rate: float) -> PixelAnswer:
         threshold = float(np.sqrt(chi2.isf(rate / TESTS, df=3)))
-        made = evidence(length, threshold=threshold, dynamic=np.atleast_1d(length > threshold))
+        dynamic, free = np.atleast_1d(length > threshold), np.array([-1])
+        made = evidence(length, threshold=threshold, dynamic=dynamic, obstacle_id=free)
         return explain_pixel({"ego_motion": EGO, "evidence": made}, CAMERA, PARAMETERS, HERE)
 
     now = answer(RATE)
@@ -165,7 +218,7 @@ def test_the_promised_rate_of_false_alarms_gives_the_other_answer(length: float)
 
 def test_where_no_rate_reaches_it_says_so() -> None:
     for length, words in ((1.0, "would make it dynamic"), (30.0, "would change it")):
-        change = ask(evidence(length)).would_change
+        change = ask(evidence(length, obstacle_id=np.array([-1]))).would_change
         assert "No value of evidence.false_alarms_per_frame" in change
         assert words in change
 
