@@ -34,9 +34,8 @@ _SHIFT = 3
 _STAR_ARM_PX = 3.0
 # Of the text in pictures, and how wide its letters then are.
 _TEXT_SCALE, _LETTER_PX = 0.45, 8.0
-_RIGID_TRANSFORMS_NOTHING = (
-    "The rigid model transforms no image: it moves points in space. affine and homography do."
-)
+# The models that transform images.
+_TRANSFORMING = ("affine", "homography")
 # Letters of messages are as wide as if so many fitted into a picture's width.
 _LETTERS = 46
 # Residual motion is a few pixels; drawn this much longer, it can be seen.
@@ -114,8 +113,10 @@ def _plain(observed: Observed) -> Image:
 
 def _warped(observed: Observed) -> Image:
     warped = observed.trace.get("warped_left")
-    if warped is None and observed.parameters.ego_motion.model == "rigid":
-        return _nothing(observed.trace["left"].shape[:2], _RIGID_TRANSFORMS_NOTHING, ())
+    model = observed.parameters.ego_motion.model
+    if warped is None and model not in _TRANSFORMING:
+        sentence = f"The {model} model transforms no image; {' and '.join(_TRANSFORMING)} do."
+        return _nothing(observed.trace["left"].shape[:2], sentence, ())
     if warped is None:
         return _nothing_of(observed, "no transformed image in this frame")
     image: Image = warped

@@ -86,12 +86,22 @@ class Nearby:
         return {"features_near": len(self.members), "nearest_feature_px": self.nearest_px}
 
 
-def look_around(features_px: ArrayLike, px: tuple[float, float], camera: StereoCamera) -> Nearby:
-    """The features (N, 2) around a pixel."""
+def look_around(
+    features_px: ArrayLike, px: tuple[float, float], camera: StereoCamera, apart_px: float = 0.0
+) -> Nearby:
+    """The features (N, 2) around a pixel.
+
+    Args:
+        apart_px: so far apart features are meant to lie; where none is around, the nearest one
+            within this distance speaks.
+    """
     distance = distances(features_px, px)
     radius = radius_px(camera)
     order = np.argsort(distance, kind="stable")
     members = order[distance[order] <= radius]
+    if len(members) == 0 and apart_px > radius:
+        radius = apart_px
+        members = order[:1][distance[order[:1]] <= radius]
     nearest = float(distance[order[0]]) if len(order) else None
     return Nearby(members, nearest, radius)
 

@@ -19,6 +19,7 @@ from observer.explanation.answer import (
     known,
     limits,
     look_around,
+    radius_px,
 )
 from observer.explanation.texture import texture_around
 from observer.parameters import FollowingParameters, Parameters
@@ -48,9 +49,10 @@ def explain_by_evidence(
         image: the rectified left image, to say why there is no feature; None says less.
         counts: figures of the camera's own motion, shown with the answer's.
     """
-    near = look_around(evidence.px, px, camera)
+    near = look_around(evidence.px, px, camera, parameters.following.spacing_px)
     if len(near.members) == 0:
-        return _nothing_there(near, px, counts, image, parameters.following)
+        around = radius_px(camera)
+        return _nothing_there(near, around, px, counts, image, parameters.following)
     chosen = near.speakers
     moving = int(np.count_nonzero(evidence.dynamic[chosen])) * 2 > len(chosen)
     middle = float(np.median(evidence.significance[chosen]))
@@ -65,6 +67,7 @@ def explain_by_evidence(
 
 def _nothing_there(
     near: Nearby,
+    around_px: float,
     px: tuple[float, float],
     counts: Mapping[str, float],
     image: Image | None,
@@ -77,7 +80,7 @@ def _nothing_there(
     else:
         texture = texture_around(image, px, near.radius_px, following.window_px)
         numbers["texture_grey_per_px"] = known(texture)
-        why, change = _why_none(texture, near, following)
+        why, change = _why_none(texture, around_px, following)
     where = "there is none in the image"
     if near.nearest_px is not None:
         where = f"the nearest is {near.nearest_px:.0f} px away"
@@ -85,7 +88,7 @@ def _nothing_there(
     return PixelAnswer(px, PixelVerdict.TOO_FEW_FEATURES, sentence, numbers, change)
 
 
-def _why_none(texture: float, near: Nearby, following: FollowingParameters) -> tuple[str, str]:
+def _why_none(texture: float, around_px: float, following: FollowingParameters) -> tuple[str, str]:
     """Why no feature is followed where the texture is so much, and what would change it."""
     if texture < following.min_texture:
         least, _ = limits("following.min_texture")
@@ -99,8 +102,8 @@ def _why_none(texture: float, near: Nearby, following: FollowingParameters) -> t
             f"With following.min_texture at {below(texture, 1)} or below (now "
             f"{following.min_texture:g}) one may be followed here, though it may slide along edges."
         )
-    # Wherever in its square a feature lies, it is then within the radius.
-    closer = int(near.radius_px / math.sqrt(2))
+    # Wherever in its square a feature lies, it is then around this place.
+    closer = int(around_px / math.sqrt(2))
     why = f", although there is texture ({texture:.1f} grey levels/px)"
     if closer < following.spacing_px:
         return why, (
@@ -116,12 +119,13 @@ def _why_none(texture: float, near: Nearby, following: FollowingParameters) -> t
 def _numbers(
     evidence: Evidence, speaker: int, middle: float, near: Nearby
 ) -> dict[str, float | None]:
+    judged = evidence.significance[speaker] > 0
     return near.numbers | {
         "depth_m": known(evidence.depth[speaker]),
         "age_s": known(evidence.age_s[speaker]),
-        "speed_mps": known(float(np.linalg.norm(evidence.velocity[speaker]))),
-        "speed_std_mps": known(evidence.velocity_std[speaker]),
-        "least_speed_mps": known(_least_speed(evidence, speaker)),
+        "speed_mps": known(float(np.linalg.norm(evidence.velocity[speaker])) if judged else np.nan),
+        "speed_std_mps": known(evidence.velocity_std[speaker] if judged else np.nan),
+        "least_speed_mps": known(_least_speed(evidence, speaker) if judged else np.nan),
         "significance": known(middle),
         "threshold": known(evidence.threshold),
         "neighbours": int(evidence.neighbours[speaker]),
@@ -150,7 +154,9 @@ def _judge(
             if middle > threshold or obstacle < 0
             else f"It is part of obstacle {obstacle}, which was seen to move; what shows here now "
             f"is {speed:.2f} m/s ({stands_out}).",
-            _until(middle, threshold, obstacle, parameters),
+            _until_it_ends(evidence, obstacle, parameters)
+            if obstacle >= 0
+            else _until(middle, threshold, parameters),
         )
     if np.isnan(depth):
         return (
@@ -224,20 +230,21 @@ def _whose(obstacle: int) -> str:
     return f" of obstacle {obstacle}" if obstacle >= 0 else ", part of no obstacle yet"
 
 
-def _until(middle: float, threshold: float, obstacle: int, parameters: Parameters) -> str:
-    """What would end a dynamic feature's being dynamic."""
-    if obstacle >= 0:
-        kept = f"It counts as dynamic for as long as obstacle {obstacle} is followed"
-        if middle <= threshold:
-            return f"{kept}, for it may move again; its motion is told with the obstacle."
-        now, (least, _) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
-        value = _two_digits(_rate_for(middle, threshold, now), down=True)
-        if value < least:
-            return f"{kept}; no value of {_RATE} (now {now:g}) would have kept it from beginning."
-        return (
-            f"{kept}; with {_RATE} at {value:g} or below (now {now:g}) this evidence would not "
-            f"have begun one."
-        )
+def _until_it_ends(evidence: Evidence, obstacle: int, parameters: Parameters) -> str:
+    """What would end the obstacle that a feature is part of."""
+    seen, now = int(np.count_nonzero(evidence.obstacle_id == obstacle)), parameters.obstacles
+    kept = f"It counts as dynamic for as long as obstacle {obstacle} is followed"
+    _, most = limits("obstacles.min_points")
+    if seen + 1 > most:
+        return f"{kept}; no value of obstacles.min_points (now {now.min_points}) would end it."
+    return (
+        f"{kept}. With obstacles.min_points at {seen + 1} or above (now {now.min_points}) it would "
+        f"not be seen any more, and end after {now.coast_s:g} s (obstacles.coast_s)."
+    )
+
+
+def _until(middle: float, threshold: float, parameters: Parameters) -> str:
+    """What would end the being dynamic of a feature that is part of no obstacle."""
     if middle <= threshold:
         return (
             "It is kept as dynamic by what was seen before; it ends once its features have stood "

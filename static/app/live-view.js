@@ -19,7 +19,7 @@ export const VIEWS = {
     title: "Warped",
     help:
       "The newer image moved back to where the older one was taken; black is outside it. Only " +
-      "affine and homography transform images; rigid moves points in space.",
+      "affine and homography transform images.",
   },
   disparity: {
     title: "Disparity",

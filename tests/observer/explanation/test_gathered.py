@@ -156,13 +156,30 @@ def test_it_is_too_far_where_a_slow_walk_would_not_stand_out() -> None:
 
 
 def test_what_belongs_to_an_obstacle_counts_for_as_long_as_that_is_followed() -> None:
-    seen = ask(evidence(6.0))
+    seen = ask(evidence([6.0] * 5 + [1.0]))
     assert "as long as obstacle 3 is followed" in seen.would_change
-    assert "evidence.false_alarms_per_frame at" in seen.would_change
+    assert "obstacles.min_points at 6 or above (now 3)" in seen.would_change
+    many = ask(evidence([6.0] * 60))
+    assert "no value of obstacles.min_points" in many.would_change
     stopped = ask(evidence(1.0, dynamic=np.array([True]), obstacle_id=np.array([3])))
     assert stopped.verdict is PixelVerdict.DYNAMIC
     assert "It is part of obstacle 3, which was seen to move" in stopped.sentence
-    assert "may move again" in stopped.would_change
+    assert "obstacle 3 is followed" in stopped.would_change
+
+
+def test_features_that_are_not_judged_have_no_speed() -> None:
+    answer = ask(evidence(0.0, age_s=np.array([0.07])))
+    assert answer.numbers["speed_mps"] is None
+    assert answer.numbers["speed_std_mps"] is None
+    assert answer.numbers["least_speed_mps"] is None
+
+
+def test_the_nearest_speaks_where_features_are_meant_to_lie_apart() -> None:
+    """One is followed in each square of ``following.spacing_px``; the pixels between are its."""
+    lonely = ask(evidence([9.0, 1.0, 1.0]), (HERE[0] - 17, HERE[1]))
+    assert lonely.verdict is PixelVerdict.DYNAMIC
+    assert lonely.numbers["nearest_feature_px"] == 17
+    assert ask(evidence(9.0), (HERE[0] - 19, HERE[1])).verdict is PixelVerdict.TOO_FEW_FEATURES
 
 
 def test_without_a_feature_near_there_are_too_few() -> None:
