@@ -170,6 +170,12 @@ class EvidenceParameters(_Stage):
         0.1, ge=0.0, le=1.0, unit="", step=0.05, title="Shared error",
         help="Share of the noise that neighbouring points have in common.",
     )
+    disparity_bias_px: Real = _number(
+        0.1, ge=0.0, le=5.0, unit="px", step=0.05, title="Disparity bias",
+        help="One standard deviation of the error of a disparity that lasts from frame to frame, "
+        "by calibration or by what is beside the point; it makes what is far from a fast camera "
+        "seem to move.",
+    )
     least_noise: Real = _number(
         1.0, ge=0.1, le=10.0, unit="", step=0.1, title="Least noise",
         help="The noise of the sightings is learnt from the background; it is taken for no less "
