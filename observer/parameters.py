@@ -17,8 +17,10 @@ from observer.surf import surf_missing
 ParameterValue = float | int | bool | str
 
 # Of the camera's own motion; by which of them a parameter is used is said where it is declared.
-MODELS = ("rigid", "homography", "affine")
-_RIGID: tuple[str, ...] = ("rigid",)
+MODELS = ("rigid", "homography", "affine", "one_camera")
+# Those that follow points over time, and those that draw samples of matches.
+_FOLLOWING: tuple[str, ...] = ("rigid", "one_camera")
+_SAMPLING: tuple[str, ...] = ("rigid", "homography", "affine")
 _PLANAR: tuple[str, ...] = ("homography", "affine")
 
 
@@ -71,16 +73,18 @@ class EgoMotionParameters(_Stage):
         "rigid", title="Model",
         help="rigid is the motion in space, by stereo, and tells motion from parallax. The planar "
         "ones map image to image: affine has six parameters and is the paper's, homography has "
-        "eight and also fits a plane seen in perspective. one_camera looks at the left image alone. "
-        "Between rigid, one_camera and a planar one the next frame begins a new segment.",
+        "eight and also fits a plane seen in perspective. one_camera looks at the left image "
+        "alone. Between rigid, one_camera and a planar one the next frame begins a new segment.",
     )
     ransac_threshold_px: Real = _number(
         1.2, ge=0.1, le=20.0, unit="px", step=0.1, title="RANSAC threshold",
         help="A match counts as background if the model explains it within this distance.",
+        models=_SAMPLING,
     )
     ransac_iterations: Whole = _number(
         500, ge=10, le=10000, unit="iterations", step=10, title="RANSAC iterations",
         help="Most samples tried. Fewer are faster and may miss the background.",
+        models=_SAMPLING,
     )
     min_inliers: Whole = _number(
         12, ge=4, le=500, unit="matches", step=1, title="Fewest inliers",
@@ -88,7 +92,7 @@ class EgoMotionParameters(_Stage):
     )
     shared_error: Real = _number(
         0.02, ge=0.0, le=1.0, unit="", step=0.01, title="Shared error",
-        help="Rigid: share of the noise that points have in common.", models=_RIGID,
+        help="Share of the noise that points have in common.", models=_FOLLOWING,
     )
     recover_frames: Whole = _number(
         5, ge=0, le=60, unit="frames", step=1, title="Recover within",
@@ -98,9 +102,9 @@ class EgoMotionParameters(_Stage):
 
 
 class FollowingParameters(_Stage):
-    """Rigid: following points from frame to frame in both cameras."""
+    """Following points from frame to frame, in both cameras or in one."""
 
-    models = _RIGID
+    models = _FOLLOWING
 
     spacing_px: Whole = _number(
         18, ge=6, le=64, unit="px", step=1, title="Spacing",
@@ -150,9 +154,9 @@ class FollowingParameters(_Stage):
 
 
 class EvidenceParameters(_Stage):
-    """Rigid: which followed points move."""
+    """Which followed points move."""
 
-    models = _RIGID
+    models = _FOLLOWING
 
     memory_s: Real = _number(
         0.5, ge=0.05, le=10.0, unit="s", step=0.05, title="Memory",
@@ -192,9 +196,9 @@ class EvidenceParameters(_Stage):
 
 
 class ObstacleParameters(_Stage):
-    """Rigid: obstacles as bodies over time."""
+    """Obstacles as bodies over time."""
 
-    models = _RIGID
+    models = _FOLLOWING
 
     acceleration_px: Real = _number(
         200.0, ge=1.0, le=5000.0, unit="px/s^2", step=10.0, title="Acceleration",
@@ -333,6 +337,8 @@ class OneCameraParameters(_Stage):
 
     ``following.*`` and ``evidence.false_alarms_per_frame`` act here, too.
     """
+
+    models = ("one_camera",)
 
     height_m: Real = _number(
         0.0, ge=0.0, le=100.0, unit="m", step=0.01, title="Height",
