@@ -233,13 +233,16 @@ def _whose(obstacle: int) -> str:
 def _until_it_ends(evidence: Evidence, obstacle: int, parameters: Parameters) -> str:
     """What would end the obstacle that a feature is part of."""
     seen, now = int(np.count_nonzero(evidence.obstacle_id == obstacle)), parameters.obstacles
-    kept = f"It counts as dynamic for as long as obstacle {obstacle} is followed"
     _, most = limits("obstacles.min_points")
     if seen + 1 > most:
-        return f"{kept}; no value of obstacles.min_points (now {now.min_points}) would end it."
+        return (
+            f"No value of obstacles.min_points (now {now.min_points}) would end obstacle "
+            f"{obstacle}, and for as long as it is followed its features count as dynamic."
+        )
     return (
-        f"{kept}. With obstacles.min_points at {seen + 1} or above (now {now.min_points}) it would "
-        f"not be seen any more, and end after {now.coast_s:g} s (obstacles.coast_s)."
+        f"With obstacles.min_points at {seen + 1} or above (now {now.min_points}) obstacle "
+        f"{obstacle} would not be seen any more, and end after {now.coast_s:g} s "
+        f"(obstacles.coast_s); as long as it is followed, its features count as dynamic."
     )
 
 

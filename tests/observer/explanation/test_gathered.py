@@ -157,14 +157,14 @@ def test_it_is_too_far_where_a_slow_walk_would_not_stand_out() -> None:
 
 def test_what_belongs_to_an_obstacle_counts_for_as_long_as_that_is_followed() -> None:
     seen = ask(evidence([6.0] * 5 + [1.0]))
-    assert "as long as obstacle 3 is followed" in seen.would_change
+    assert "as long as it is followed" in seen.would_change
     assert "obstacles.min_points at 6 or above (now 3)" in seen.would_change
     many = ask(evidence([6.0] * 60))
-    assert "no value of obstacles.min_points" in many.would_change
+    assert "No value of obstacles.min_points" in many.would_change
     stopped = ask(evidence(1.0, dynamic=np.array([True]), obstacle_id=np.array([3])))
     assert stopped.verdict is PixelVerdict.DYNAMIC
     assert "It is part of obstacle 3, which was seen to move" in stopped.sentence
-    assert "obstacle 3 is followed" in stopped.would_change
+    assert "obstacle 3 would not be seen" in stopped.would_change
 
 
 def test_features_that_are_not_judged_have_no_speed() -> None:

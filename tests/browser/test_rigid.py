@@ -1,0 +1,120 @@
+"""Motion in space, the default, as the panel shows it; to the paper's model live, and back."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+pytestmark = pytest.mark.browser
+
+_MODEL = "#parameter-ego_motion-model"
+_MOVES = re.compile(r"Obstacle (\d+) moves at (\d+\.\d\d) ± \d+\.\d\d m/s")
+
+
+@pytest.fixture(autouse=True)
+def _as_it_begins(server, eventually):
+    """Each test starts from, and leaves, the default and a playback that goes on."""
+
+    def reset() -> None:
+        defaults = next(p["values"] for p in server.get("/presets") if p["name"] == "default")
+        server.api.patch("/api/parameters", json=defaults).raise_for_status()
+        server.api.post("/api/playback", json={"paused": False}).raise_for_status()
+
+    eventually(lambda: server.get("/status")["source"], 30)
+    reset()
+    yield
+    reset()
+
+
+@pytest.fixture
+def confirmed(server, open_panel):
+    """A page that stands at a confirmed obstacle, and the obstacle's number."""
+
+    def open_one(**options):
+        page = open_panel(**options)
+        line = page.locator(".first-line-text")
+        expect(line).to_have_text(_MOVES, timeout=40_000)
+        server.api.post("/api/playback", json={"paused": True}).raise_for_status()
+        expect(page.locator("html")).to_have_attribute("data-freshness", "held", timeout=10_000)
+        expect(line).to_have_text(_MOVES)
+        return page, int(_MOVES.search(line.inner_text()).group(1))
+
+    return open_one
+
+
+def test_an_obstacle_is_confirmed_with_box_and_row(confirmed, pixels, wait_for_scene, keep_picture):
+    page, number = confirmed(viewer=True, color_scheme="light")
+    row = page.locator("observer-obstacles tbody tr").first
+    expect(row).to_contain_text(re.compile(rf"{number}\s*\d\.\d\d ± \d\.\d\d"))
+    why = page.locator("observer-obstacles tr.why").first
+    expect(why).to_contain_text(re.compile(r"Moving\. \d+ points that keep their places"))
+    # The rectangle in the picture is pure yellow, the arrows of what moves are red.
+    for view, colour in (("left", (0, 235, 255)), ("residual", (60, 60, 255))):
+        canvas = page.locator(f'observer-live-view[data-view="{view}"] canvas')
+        near = abs(pixels(canvas).astype(int) - colour).max(axis=2) < 70
+        assert near.sum() > 20, view
+    wait_for_scene(page)
+    keep_picture(page, "rigid")
+
+
+def test_a_pixel_of_it_is_answered_with_numbers(server, confirmed):
+    page, number = confirmed()
+    camera = server.get("/status")["camera"]
+    places = [(u, v) for v in range(8, camera["height"], 12) for u in range(8, camera["width"], 12)]
+    answers = [server.get(f"/pixel?u={u}&v={v}") for u, v in places]
+    verdicts = {answer["verdict"] for answer in answers}
+    assert {"dynamic", "static", "too_few_features"} <= verdicts
+    of_it = [a for a in answers if a["obstacle"] and a["obstacle"]["id"] == number]
+    told = of_it[len(of_it) // 2]
+    assert told["numbers"]["speed_mps"] > 0.05
+    assert told["numbers"]["significance"] > told["numbers"]["threshold"]
+    assert re.search(r"obstacles\.min_points at \d+ or above", told["would_change"])
+
+    pick = page.locator(".pixel-pick")
+    pick.scroll_into_view_if_needed()
+    box = pick.bounding_box()
+    x = (told["u"] + 0.5) / camera["width"] * box["width"]
+    pick.click(position={"x": x, "y": (told["v"] + 0.5) / camera["height"] * box["height"]})
+    card = page.locator(".answer")
+    expect(card.locator(".verdict-chip")).to_have_text("Moving")
+    expect(card).to_contain_text(re.compile(r"It moves at \d\.\d\d m/s over ground"))
+    expect(card).to_contain_text(re.compile(r"Speed ± ?\d\.\d{3} m/s"))
+
+    still = next(a for a in answers if a["verdict"] == "static")
+    assert still["numbers"]["least_speed_mps"] < 1
+    assert re.search(r"Anything faster than \d+\.\d\d m/s", still["would_change"])
+
+
+def test_the_model_is_changed_live_and_back(server, open_panel, eventually, keep_picture):
+    page = open_panel()
+    page.locator("input[name=view][value=warped]").check()
+    page.get_by_role("tab", name="Parameters").click()
+    expect(page.locator(_MODEL)).to_have_value("rigid")
+    flow = page.locator("details", has=page.locator("#parameter-flow-window_px"))
+    bodies = page.locator("details", has=page.locator("#parameter-obstacles-margin"))
+    expect(flow.locator("summary")).to_contain_text("not used by rigid")
+    expect(bodies.locator("summary")).not_to_contain_text("not used")
+    line = page.locator(".first-line-text")
+    numbers = []
+    for model, has_parts in (("affine", True), ("rigid", False)):
+        expect(line).to_have_text(_MOVES, timeout=40_000)
+        numbers.append(int(_MOVES.search(line.inner_text()).group(1)))
+        page.locator(_MODEL).select_option(model)
+        revision = re.compile(r"Revision \d+, acts from frame \d+, in force")
+        expect(page.locator(".revision")).to_have_text(revision, timeout=10_000)
+        ego = eventually(
+            lambda model=model: (
+                (now := server.get("/status")["ego_motion"]) and now["model"] == model and now
+            )
+        )
+        assert (ego["decomposition"] is not None) == has_parts
+        summary = (flow if model == "rigid" else bodies).locator("summary")
+        expect(summary).to_contain_text(f"not used by {model}")
+        keep_picture(page, f"changed-to-{model}")
+    expect(line).to_have_text(_MOVES, timeout=40_000)
+    numbers.append(int(_MOVES.search(line.inner_text()).group(1)))
+    # Each change began a new segment, in which no number is used again.
+    assert len(set(numbers)) == 3
+    assert numbers == sorted(numbers)
