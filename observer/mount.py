@@ -20,6 +20,8 @@ class CameraMount:
     Attributes:
         height_m: of the camera above the floor. tilt_rad: angle by which it looks down from the
             horizontal.
+        forward_m, left_m: of the camera from the middle of the axle about which the robot turns;
+            None where unknown.
 
     Raises:
         ValueError: the height is not positive or the camera does not look ahead.
@@ -27,6 +29,8 @@ class CameraMount:
 
     height_m: float
     tilt_rad: float
+    forward_m: float | None = None
+    left_m: float | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.height_m) and self.height_m > 0):
@@ -34,17 +38,21 @@ class CameraMount:
         if not abs(self.tilt_rad) < math.pi / 2:
             raise ValueError("a camera looks ahead: its tilt must lie within 90 degrees")
 
-    @staticmethod
-    def of(height_m: float | None, tilt_rad: float | None) -> CameraMount | None:
-        """The mount where both are known, else None."""
-        if height_m is None or tilt_rad is None:
-            return None
-        return CameraMount(height_m, tilt_rad)
-
     @property
     def down(self) -> Float64Array:
         """(3,) the direction of gravity in the camera's axes, unit length."""
         return np.array([0.0, math.cos(self.tilt_rad), math.sin(self.tilt_rad)])
+
+    @property
+    def T_base_camera(self) -> Pose:
+        """The camera on its robot; as if above the axle where its offset is unknown."""
+        offset = np.array([self.forward_m or 0.0, self.left_m or 0.0, self.height_m])
+        return Pose(self.R_base_camera, offset)
+
+    @property
+    def lever_sigma_m(self) -> float:
+        """How well the offset from the axle is known, one standard deviation, metres."""
+        return 0.1 if self.forward_m is None or self.left_m is None else 0.01
 
     @property
     def R_base_camera(self) -> Float64Array:

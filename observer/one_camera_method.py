@@ -1,18 +1,73 @@
-"""One camera (in the making)."""
+"""One camera: depth by travel, metres by odometry or by the height above the floor.
+
+Only the left image is looked at. Points are followed and judged by whether they can stand; an
+obstacle is as far away as the place where it touches the floor. All of this is less certain than
+with two cameras, and says so.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+from numpy.typing import NDArray
+
 from observer.camera import StereoCamera
-from observer.geometry import Float64Array
+from observer.floor import Floor
+from observer.geometry import Float64Array, Pose
+from observer.inverse_depth import anchored_anew, expected_sightings, lines_of_sight, updated
 from observer.method import StageTimer, Step, View
 from observer.mount import CameraMount
 from observer.parameters import Parameters
-from observer.types import Trace
+from observer.rays import NO_OBSTACLE, RayPoints
+from observer.stages.floor_reporting import describe_floor_body
+from observer.stages.floor_tracking import FloorTracker
+from observer.stages.following import as_bright_as, follow
+from observer.stages.one_camera_evidence import RayEvidence, grouped, ray_evidence
+from observer.stages.one_camera_pose import PoseEstimate, estimate_pose
+from observer.stages.one_camera_start import inverse_distances, turned_between, two_views
+from observer.stages.rigid_ego_motion import RigidEgoMotion
+from observer.stages.scale import Scale, floor_scale, odometry_scale, scale_by_floor
+from observer.stages.selection import attention, crowding, new_points, squares, thinned
+from observer.types import Matches, Obstacle, Odometry, Status, Trace
+
+# Pyramid levels while nothing is known of the camera's motion, and once it is.
+_FIRST_LEVELS, _LEVELS = 4, 2
+# What is assumed of a new point's inverse depth, 1 / camera heights: its mean beyond the least
+# that the floor allows, and its standard deviation.
+_FIRST_INVERSE, _FIRST_SIGMA = 0.10, 0.25
+# The camera's height where it is not known, for the sake of these alone.
+_SOME_HEIGHT_M = 1.0
+# The noise learnt from the background follows the newest frame by this share.
+_NOISE_GAIN = 0.2
+# How far the motion since the last frame may differ from the expected one: radians, metres; with
+# odometry, by shares of what it tells, too; without, by what a robot can accelerate.
+_STEP_TURN, _STEP_WAY_M = 0.006, 0.0008
+_TURN_SHARE, _WAY_SHARE = 0.05, 0.04
+_TURN_ACCELERATION, _ACCELERATION = 3.0, 3.0
+_FIRST_TURN_RATE, _FIRST_SPEED = 1.0, 1.0
+# Below this share of points with known depth the camera has not travelled enough to tell.
+_LEAST_KNOWN = 0.25
+_ANCHOR_TURNS = 4
+_TURNED_RAD = 0.01
+_LEAST_LEFT = 0.5
+_REFINE_ROUNDS = 4
+
+NO_SCALE = (
+    "one camera needs its height above the floor or odometry for scale; set one_camera.height_m "
+    "and one_camera.tilt_deg, or use a source whose robot reports odometry"
+)
+ONLY_TURNED = "the camera has only turned: depth from one camera needs it to travel"
+NOT_TRAVELLED = "the camera has not travelled far enough yet: depth from one camera needs it"
+NO_FLOOR = "too few points on the floor are seen to tell the scale of depth by the camera's height"
 
 
 class OneCameraMethod:
+    """Holds the followed points, the obstacles, the pose and the scale of one segment.
+
+    See ``observer.method.Method``.
+    """
+
     def __init__(
         self,
         camera: StereoCamera,
@@ -20,9 +75,422 @@ class OneCameraMethod:
         mount: CameraMount | None = None,
     ) -> None:
         self._camera = camera
+        self._rig = mount
+        self._points = RayPoints.none()
+        self._view: View | None = None
+        self._tracker = FloorTracker(numbers)
 
     def begin(self, view: View, parameters: Parameters) -> None:
-        pass
+        """Forget everything; this view is the first of a new world."""
+        self._tracker.clear()
+        self._mount = _mount_in_force(self._rig, parameters)
+        self._floor = None if self._mount is None else Floor.below(self._mount)
+        self._points = RayPoints.none()
+        self._T_camera_world = Pose.identity()
+        self._rate: tuple[Float64Array, Float64Array] | None = None
+        self._noise = 1.0
+        self._scale = Scale(parameters.one_camera.odometry_sigma)
+        # From where the way is compared with the wheels'.
+        self._mark = (Pose.identity(), view.odometry)
+        # With odometry and mount the motion is known at once, else two views must tell it.
+        self._started = self._mount is not None and view.odometry is not None
+        self._view = view
+        self._renew_points(view, parameters)
 
     def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
-        raise NotImplementedError
+        """Compare this view with the last one whose pose is known."""
+        previous, before, p = self._view, self._points, parameters
+        assert previous is not None
+        dt = view.time - previous.time
+        with timer("following"):
+            T_expected, prior = self._expectation(previous, view, dt)
+            points, found = self._followed(previous, view, T_expected, dt, p)
+        _keep_background(trace, previous, before, points, found)
+        if not self._started:
+            with timer("ego_motion"):
+                return self._start(points, view, p, trace)
+        with timer("ego_motion"):
+            estimate = self._pose(points, T_expected, prior, p)
+            ego = self._ego_motion(points, estimate, p)
+        trace.keep("ego_motion", ego)
+        if ego.T_camera_world is None or ego.T_current_previous is None:
+            return Step(ego, None, (), 1.0, None)
+        with timer("motion"):
+            self._noise += _NOISE_GAIN * (max(estimate.noise_scale, 0.5) - self._noise)
+            points = updated(
+                points, ego.T_camera_world, estimate.covariance, self._noise, self._camera
+            )
+            evidence = self._evidence(points, ego.T_camera_world, estimate, dt, p)
+            points = points.but(moving=evidence.moving)
+            points = self._scaled(points, ego.T_camera_world, view, p)
+        T_world_camera = ego.T_camera_world.inverse()
+        with timer("tracking"):
+            points = self._tracked(points, evidence, view, T_world_camera, dt, p)
+        moved = ego.T_current_previous
+        self._rate = (moved.rotvec / dt, moved.translation / dt)
+        self._T_camera_world, self._points, self._view = ego.T_camera_world, points, view
+        with timer("features"):
+            self._anchor(view, p)
+            self._renew_points(view, p)
+        obstacles = self._described(T_world_camera, -moved.translation / dt, view.time, p)
+        return Step(ego, T_world_camera, obstacles, 1.0, None)
+
+    # ------------------------------------------------------------------ following
+
+    def _expectation(
+        self, previous: View, view: View, dt: float
+    ) -> tuple[Pose, NDArray[np.float64]]:
+        """About where the camera is now, and how sure that is (6, 6), information."""
+        T = self._T_camera_world
+        if self._mount is not None and previous.odometry and view.odometry:
+            step, way, turn = _driven(previous.odometry, view.odometry, self._mount)
+            turn_sigma = _STEP_TURN + _TURN_SHARE * turn
+            way_sigma = _STEP_WAY_M + _WAY_SHARE * way + self._mount.lever_sigma_m * turn
+            return step @ T, _information(turn_sigma, way_sigma)
+        if self._rate is None:
+            return T, _information(_FIRST_TURN_RATE * dt, _FIRST_SPEED * dt)
+        step = Pose.from_rotvec(self._rate[0] * dt, self._rate[1] * dt)
+        square = dt * dt
+        return step @ T, _information(_TURN_ACCELERATION * square, _ACCELERATION * square)
+
+    def _followed(
+        self, previous: View, view: View, T_expected: Pose, dt: float, p: Parameters
+    ) -> tuple[RayPoints, NDArray[np.bool_]]:
+        """The points that were found again, and (N,) which those are."""
+        points = self._points
+        # From where it was last seen, not from where it should have been: it may move.
+        expected = expected_sightings(points, T_expected, self._camera).px + points.residual
+        steady = 2 * points.px - points.before_px
+        own = points.moving | (points.obstacle != NO_OBSTACLE) | ~np.isfinite(expected).all(axis=1)
+        start = np.where(own[:, None], steady, expected).astype(np.float32)
+        before = as_bright_as(view.left, previous.left)
+        nothing = np.full((len(points), 2), np.nan, np.float32)
+        levels = _FIRST_LEVELS if self._rate is None else _LEVELS
+        seen = follow(
+            (before, before), (view.left, view.left), points.px, nothing, start, nothing[:, 0],
+            levels, p.following,
+        )  # fmt: skip
+        kept = points.take(seen.found)
+        return kept.but(
+            px=seen.px[seen.found],
+            before_px=kept.px,
+            sigma_px=seen.sigma[seen.found, 0].astype(np.float64),
+            anchor_s=kept.anchor_s + dt,
+            age_s=kept.age_s + dt,
+            sightings=kept.sightings + 1,
+        ), seen.found
+
+    # ------------------------------------------------------------------ the start
+
+    def _start(self, points: RayPoints, view: View, p: Parameters, trace: Trace) -> Step:
+        """Wait for two views far enough apart; then the pose and all depths are known at once."""
+        reason = self._try_to_start(points, view, p)
+        status = Status.LOST if reason == NO_SCALE else Status.DEGRADED
+        if reason is None:
+            reason = "this is the first frame whose pose and depth are known"
+        inliers = np.ones(len(points), np.bool_)
+        T = self._T_camera_world if self._started else None
+        cov = np.eye(6) * _STEP_TURN**2 if self._started else None
+        ego = RigidEgoMotion(
+            self._camera, status, (reason,), inliers, T, None, cov, float("nan"), 1.0
+        )
+        trace.keep("ego_motion", ego)
+        pose = None if T is None else T.inverse()
+        return Step(ego, pose, (), 1.0, None, waiting=not self._started)
+
+    def _try_to_start(self, points: RayPoints, view: View, p: Parameters) -> str | None:
+        """None once it is done, else why it cannot be done yet."""
+        driven = _way(self._mark[1], view.odometry)
+        if self._mount is None and driven is None:
+            self._view, self._points = view, points
+            return NO_SCALE
+        if len(points) < p.ego_motion.min_inliers:
+            # Nothing is left of the first view; the world begins anew here.
+            self._view, self._points = view, RayPoints.none()
+            self._renew_points(view, p)
+            return f"only {len(points)} points could be followed: too few features"
+        first = points.ray @ self._T_camera_world.rotation.T
+        now = lines_of_sight(points.px, Pose.identity(), self._camera)
+        R, parallax = turned_between(first, now)
+        self._view, self._points = view, points
+        if np.degrees(np.median(parallax)) >= p.one_camera.parallax_deg:
+            reason = self._two_views(points, first, now, driven, p)
+            if reason != NOT_TRAVELLED:
+                if reason is None:
+                    self._renew_points(view, p)
+                return reason
+        turned = float(np.linalg.norm(Pose(R, np.zeros(3)).rotvec))
+        if len(points) < _LEAST_LEFT * self._begun_with:
+            # Too much has left the view: what is seen from here is compared with later views.
+            self._T_camera_world = Pose(R, np.zeros(3)) @ self._T_camera_world
+            self._points = RayPoints.none()
+            self._renew_points(view, p)
+        if turned > _TURNED_RAD or self._T_camera_world.rotvec.any():
+            return ONLY_TURNED
+        return NOT_TRAVELLED
+
+    def _two_views(
+        self,
+        points: RayPoints,
+        first: Float64Array,
+        now: Float64Array,
+        driven: float | None,
+        p: Parameters,
+    ) -> str | None:
+        sigma = float(np.median(np.hypot(points.sigma_px, 0.15))) / self._camera.fx
+        views = two_views(first, now, sigma, self._camera)
+        if views is None:
+            return NOT_TRAVELLED
+        T, agreeing = views.T_second_first, points.take(views.inliers)
+        first, now = first[views.inliers], now[views.inliers]
+        inverse, noise = views.inverse[views.inliers], views.sigma[views.inliers]
+        for _ in range(_REFINE_ROUNDS):
+            broad = agreeing.but(
+                centre=np.zeros((len(first), 3)), ray=first, inverse=inverse,
+                variance=(0.3 * np.abs(inverse) + noise) ** 2,
+            )  # fmt: skip
+            everything = np.ones(len(first), np.bool_)
+            T = estimate_pose(
+                broad, everything, everything.astype(float), T, _length_only(T), None, 0.0,
+                self._camera,
+            ).T_camera_world  # fmt: skip
+            T = Pose(T.rotation, T.translation / np.linalg.norm(T.translation))
+            inverse, noise = inverse_distances(first, now, T, sigma)
+        log_scale, doubt = 0.0, 0.0
+        if driven is not None and driven > 0.02:
+            log_scale, doubt = float(np.log(driven)), p.one_camera.odometry_sigma
+        elif self._floor is not None and self._mount is not None:
+            slope = first @ self._mount.down
+            usable = (inverse > 2 * noise) & (slope > 0.06)
+            told = scale_by_floor(
+                inverse[usable] / slope[usable], noise[usable] / inverse[usable],
+                self._mount.height_m, np.inf,
+            )  # fmt: skip
+            if told is None:
+                return NO_FLOOR
+            log_scale, doubt = told
+        else:
+            return NOT_TRAVELLED
+        metres = float(np.exp(log_scale))
+        self._scale = Scale(doubt)
+        self._T_camera_world = Pose(T.rotation, metres * T.translation) @ self._T_camera_world
+        good = inverse > noise
+        self._points = agreeing.take(good).but(
+            inverse=inverse[good] / metres, variance=(noise[good] / metres) ** 2
+        )
+        assert self._view is not None
+        self._mark = (self._T_camera_world, self._view.odometry)
+        self._started = True
+        return None
+
+    # ------------------------------------------------------------------ one frame
+
+    def _pose(
+        self, points: RayPoints, T_expected: Pose, prior: NDArray[np.float64], p: Parameters
+    ) -> PoseEstimate:
+        standing = ~points.moving & (points.obstacle == NO_OBSTACLE)
+        if standing.sum() < len(points) / 2:
+            # Rather too many obstacles among the background than an obstacle taken for it.
+            standing = np.ones(len(points), np.bool_)
+        support = None
+        if self._mount is not None and self._floor is not None:
+            support = (self._mount, self._floor)
+        return estimate_pose(
+            points, standing, crowding(points.px, p.following), T_expected, prior, support,
+            p.ego_motion.shared_error, self._camera,
+        )  # fmt: skip
+
+    def _ego_motion(
+        self, points: RayPoints, estimate: PoseEstimate, p: Parameters
+    ) -> RigidEgoMotion:
+        support = int(estimate.inliers.sum())
+        reasons: tuple[str, ...] = ()
+        lost = support < p.ego_motion.min_inliers
+        if lost:
+            reasons = (
+                f"only {support} of {len(points)} points follow one motion, "
+                f"{p.ego_motion.min_inliers} are needed",
+            )
+        elif points.known.sum() < _LEAST_KNOWN * len(points):
+            reasons = (ONLY_TURNED if self._turns() else NOT_TRAVELLED,)
+        T = None if lost else estimate.T_camera_world
+        return RigidEgoMotion(
+            camera=self._camera,
+            status=Status.LOST if lost else Status.DEGRADED if reasons else Status.OK,
+            reasons=reasons,
+            inliers=estimate.inliers,
+            T_camera_world=T,
+            T_current_previous=None if T is None else T @ self._T_camera_world.inverse(),
+            pose_covariance=None if lost else estimate.covariance,
+            residual_rms=estimate.noise_scale,
+            noise_scale=estimate.noise_scale,
+        )
+
+    def _turns(self) -> bool:
+        return self._rate is not None and bool(np.linalg.norm(self._rate[0]) > _TURNED_RAD)
+
+    def _evidence(
+        self, points: RayPoints, T_camera_world: Pose, estimate: PoseEstimate, dt: float,
+        p: Parameters,
+    ) -> RayEvidence:  # fmt: skip
+        return ray_evidence(
+            points, T_camera_world, estimate.covariance, dt, self._noise, self._floor,
+            float(np.radians(p.one_camera.tilt_sigma_deg)), self._camera, p.evidence,
+        )  # fmt: skip
+
+    def _scaled(
+        self, points: RayPoints, T_camera_world: Pose, view: View, p: Parameters
+    ) -> RayPoints:
+        """The map with its scale corrected by the floor and by odometry, where they tell it."""
+        T_world_camera = T_camera_world.inverse()
+        moved = T_camera_world @ self._T_camera_world.inverse()
+        self._scale = self._scale.after_way(float(np.linalg.norm(moved.translation)))
+        factor = 1.0
+        if self._mount is not None and self._floor is not None:
+            told = floor_scale(
+                points, T_world_camera, self._floor, self._mount.height_m, self._scale
+            )
+            if told is not None:
+                gain, self._scale = self._scale.corrected(*told)
+                factor *= gain
+        T_mark, odometry = self._mark
+        driven = _way(odometry, view.odometry)
+        if driven is not None and odometry is not None and view.odometry is not None:
+            since = T_camera_world @ T_mark.inverse()
+            told = odometry_scale(
+                float(np.linalg.norm(since.translation)), driven,
+                view.odometry.yaw - odometry.yaw, p.one_camera.odometry_sigma,
+            )  # fmt: skip
+            if told is not None:
+                gain, self._scale = self._scale.corrected(*told)
+                factor *= gain
+                self._mark = (T_camera_world, view.odometry)
+        if factor == 1.0:
+            return points
+        here = T_world_camera.translation
+        return points.but(
+            centre=here + factor * (points.centre - here),
+            inverse=points.inverse / factor,
+            variance=points.variance / factor**2,
+        )
+
+    def _tracked(
+        self,
+        points: RayPoints,
+        evidence: RayEvidence,
+        view: View,
+        T_world_camera: Pose,
+        dt: float,
+        p: Parameters,
+    ) -> RayPoints:
+        """Obstacles followed, begun and ended; without a floor to stand on there are none."""
+        floor, q = self._floor, p.one_camera
+        if floor is None:
+            return points
+        points = self._tracker.follow(
+            points, evidence.significance, evidence.threshold, self._standing_flow(points, T_world_camera.inverse()),
+            view.left, T_world_camera, floor, self._camera, dt, q, p.obstacles,
+        )  # fmt: skip
+        free = evidence.moving & (points.obstacle == NO_OBSTACLE)
+        groups = grouped(evidence.pairs, free, p.obstacles.min_points)
+        points = self._tracker.found(
+            points, groups, evidence.significance, False, view.left, T_world_camera, floor,
+            self._camera, q,
+        )  # fmt: skip
+        here = floor.axes.T @ T_world_camera.translation
+        return self._tracker.live(points, p.obstacles, q.farthest_m, here)
+
+    def _standing_flow(self, points: RayPoints, T_now: Pose) -> Float64Array:
+        """(N, 2) px, how the points would have moved since the last frame if they stood."""
+        now = expected_sightings(points, T_now, self._camera).px
+        return now - expected_sightings(points, self._T_camera_world, self._camera).px
+
+    def _described(
+        self, T_world_camera: Pose, velocity: Float64Array, time: float, p: Parameters
+    ) -> tuple[Obstacle, ...]:
+        if self._floor is None:
+            return ()
+        return tuple(
+            describe_floor_body(
+                track, T_world_camera, velocity, self._scale.sigma, self._floor, time, p.one_camera
+            )
+            for track in self._tracker.tracks
+        )
+
+    # ------------------------------------------------------------------ points
+
+    def _anchor(self, view: View, p: Parameters) -> None:
+        points = self._points
+        turn = (np.arange(len(points)) + view.index) % _ANCHOR_TURNS == 0
+        old = (points.anchor_s > p.one_camera.memory_s) & turn
+        self._points = anchored_anew(points, old, self._T_camera_world.inverse(), self._camera)
+
+    def _renew_points(self, view: View, p: Parameters) -> None:
+        """Leave one point in each square of the image, and find one where there is none."""
+        points = self._points
+        moving = points.moving | (points.obstacle != NO_OBSTACLE)
+        size = (self._camera.width, self._camera.height)
+        marked = attention(size, self._tracker.boxes_px(), points.px[moving], p.following)
+        square = squares(points.px, marked, p.following)
+        kept = thinned(square, points.sightings)
+        px = new_points(view.left, square[kept], marked, p.following)
+        T_world_camera = self._T_camera_world.inverse()
+        ray = lines_of_sight(px, T_world_camera, self._camera)
+        height, least = _SOME_HEIGHT_M, np.zeros(len(px))
+        if self._floor is not None:
+            height = self._floor.depth
+            bound = self._floor.inverse_distance(T_world_camera.translation, ray)
+            least = np.maximum(bound, 0.0)
+        self._points = points.take(kept).joined(
+            RayPoints.begin(
+                px,
+                T_world_camera.translation,
+                ray,
+                least + _FIRST_INVERSE / height,
+                np.full(len(px), (_FIRST_SIGMA / height) ** 2),
+            )  # fmt: skip
+        )
+        self._begun_with = len(self._points)
+
+
+def _mount_in_force(rig: CameraMount | None, p: Parameters) -> CameraMount | None:
+    if p.one_camera.height_m > 0:
+        return CameraMount(p.one_camera.height_m, float(np.radians(p.one_camera.tilt_deg)))
+    return rig
+
+
+def _information(turn_sigma: float, way_sigma: float) -> NDArray[np.float64]:
+    return np.diag([turn_sigma**-2] * 3 + [way_sigma**-2] * 3)
+
+
+def _length_only(T: Pose) -> NDArray[np.float64]:
+    """Information (6, 6) that holds the length of a way and nothing else."""
+    out = np.zeros((6, 6))
+    out[3:, 3:] = 1e4 * np.outer(T.translation, T.translation) / (T.translation @ T.translation)
+    return out
+
+
+def _way(before: Odometry | None, now: Odometry | None) -> float | None:
+    """Metres between two places by odometry, where both are known."""
+    if before is None or now is None:
+        return None
+    return float(np.hypot(now.x - before.x, now.y - before.y))
+
+
+def _driven(before: Odometry, now: Odometry, mount: CameraMount) -> tuple[Pose, float, float]:
+    """The camera's motion by the wheels, its length and its turn."""
+    turn = now.yaw - before.yaw
+    c, s = np.cos(before.yaw), np.sin(before.yaw)
+    dx, dy = now.x - before.x, now.y - before.y
+    T_before_now = Pose.from_rotvec([0, 0, turn], [c * dx + s * dy, c * dy - s * dx, 0.0])
+    step = mount.T_base_camera.inverse() @ T_before_now.inverse() @ mount.T_base_camera
+    return step, float(np.linalg.norm(step.translation)), abs(turn)
+
+
+def _keep_background(
+    trace: Trace, previous: View, before: RayPoints, points: RayPoints, found: NDArray[np.bool_]
+) -> None:
+    trace.keep("previous_time", previous.time)
+    trace.keep("previous_left", previous.left)
+    trace.keep("features_px", before.px)
+    trace.keep("matches", Matches(before.px[found], points.px))

@@ -37,6 +37,8 @@ class SimulatedSource:
             frame_count=s.frame_count,
             mount_height_m=s.camera.height_m,
             mount_tilt_rad=math.radians(s.camera.tilt_deg),
+            mount_forward_m=s.camera.forward_m,
+            mount_left_m=s.camera.baseline_m / 2,
         )
 
     @property

@@ -25,6 +25,8 @@ class SourceInfo:
         mount_height_m: height of the left camera above the floor, None where unknown.
         mount_tilt_rad: angle by which the camera looks down from the horizontal, None where
             unknown.
+        mount_forward_m, mount_left_m: of the left camera from the middle of the axle about which
+            the robot turns, None where unknown.
     """
 
     spec: str
@@ -36,11 +38,17 @@ class SourceInfo:
     live: bool = False
     mount_height_m: float | None = None
     mount_tilt_rad: float | None = None
+    mount_forward_m: float | None = None
+    mount_left_m: float | None = None
 
     @property
     def mount(self) -> CameraMount | None:
-        """How the left camera is mounted, where both figures are known."""
-        return CameraMount.of(self.mount_height_m, self.mount_tilt_rad)
+        """How the left camera is mounted, where height and tilt are known."""
+        if self.mount_height_m is None or self.mount_tilt_rad is None:
+            return None
+        return CameraMount(
+            self.mount_height_m, self.mount_tilt_rad, self.mount_forward_m, self.mount_left_m
+        )
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,56 @@
+"""The flat floor on which the robot and all obstacles stand, in the world of one segment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
+from observer.mount import CameraMount
+
+
+@dataclass(frozen=True, eq=False)
+class Floor:
+    """The plane ``down . X = depth``; its own axes are ``right`` and ``ahead``.
+
+    Attributes:
+        down: (3,) unit vector, world. depth: metres, of the floor below the world's origin.
+    """
+
+    down: Float64Array
+    depth: float
+
+    @staticmethod
+    def below(mount: CameraMount) -> Floor:
+        """The floor below the camera of a segment's first frame."""
+        return Floor(mount.down, mount.height_m)
+
+    @property
+    def axes(self) -> Float64Array:
+        """(3, 2) right and ahead on the floor, world."""
+        right = np.array([1.0, 0.0, 0.0]) - self.down[0] * self.down
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(right, self.down)], axis=1)
+
+    def height_of(self, place: Float64Array) -> Float64Array:
+        """(...) metres above the floor of places (..., 3), world."""
+        return np.asarray(self.depth - place @ self.down)
+
+    def inverse_distance(self, centre: Float64Array, ray: Float64Array) -> Float64Array:
+        """(N,) 1/m from a place (3,) or (N, 3) along unit rays (N, 3); negative above the horizon."""
+        return np.asarray((ray @ self.down) / self.height_of(centre))
+
+    def contact(
+        self, px: Float64Array, T_world_camera: Pose, camera: StereoCamera
+    ) -> Float64Array | None:
+        """(3,) metres, world: where a pixel (2,) sees the floor; None above the horizon."""
+        ray = T_world_camera.rotate(
+            [(px[0] - camera.cx) / camera.fx, (px[1] - camera.cy) / camera.fy, 1.0]
+        )
+        slope = float(ray @ self.down)
+        if slope <= 1e-6:
+            return None
+        reach = float(self.height_of(T_world_camera.translation)) / slope
+        return np.asarray(T_world_camera.translation + reach * ray)

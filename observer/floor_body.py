@@ -1,0 +1,76 @@
+"""One obstacle on the floor over time, as one camera sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.types import MotionState, TrackState
+
+
+@dataclass(eq=False)
+class FloorTrack:
+    """An obstacle that stands and drives on the floor.
+
+    Attributes:
+        id: unique within an observer. state, motion: as reported.
+        mean: (4,) place of its foot, m, and velocity, m/s, in the floor's axes; covariance: (4, 4),
+            of the pixels' noise alone.
+        box_px: u0 v0 u1 v1 in the left image; its lower edge is where it touches the floor.
+        size: (2,) metres: width and height, as the box says at that distance.
+        points: followed points seen on it in this frame. hits: frames in which it moved
+            significantly. missed_s, age_s: seconds since it was seen, and since it began.
+        significance: Mahalanobis length of the velocity.
+        evidence: standard deviations by which its points cannot stand, when it began.
+        floating: whether it was found by its foot, not by leaving the lines of sight.
+    """
+
+    id: int
+    mean: Float64Array
+    covariance: Float64Array
+    box_px: tuple[float, float, float, float]
+    size: Float64Array
+    evidence: float
+    floating: bool
+    state: TrackState = TrackState.TENTATIVE
+    motion: MotionState = MotionState.MOVING
+    points: int = 0
+    hits: int = 0
+    missed_s: float = 0.0
+    age_s: float = 0.0
+    significance: float = 0.0
+
+    @property
+    def place(self) -> Float64Array:
+        """(2,) metres, floor axes."""
+        return self.mean[:2]
+
+    @property
+    def velocity(self) -> Float64Array:
+        """(2,) m/s, floor axes."""
+        return self.mean[2:]
+
+    def predict(self, dt: float, acceleration: float) -> None:
+        """Drive on for ``dt`` seconds; white acceleration, m/s^2."""
+        F = np.eye(4)
+        F[0, 2] = F[1, 3] = dt
+        G = np.array([[dt * dt / 2, 0], [0, dt * dt / 2], [dt, 0], [0, dt]])
+        self.mean = F @ self.mean
+        self.covariance = F @ self.covariance @ F.T + acceleration**2 * G @ G.T
+
+    def update(self, place: Float64Array, noise: Float64Array) -> None:
+        """Take in where its foot (2,) is seen, with covariance (2, 2)."""
+        S = self.covariance[:2, :2] + noise
+        gain = np.linalg.solve(S, self.covariance[:2]).T
+        self.mean = self.mean + gain @ (place - self.mean[:2])
+        left = np.eye(4)
+        left[:, :2] -= gain
+        self.covariance = left @ self.covariance @ left.T + gain @ noise @ gain.T
+
+    def length_to(self, place: Float64Array, noise: Float64Array) -> float:
+        """Mahalanobis length from where it is expected to a place (2,)."""
+        gap = place - self.mean[:2]
+        S = self.covariance[:2, :2] + noise
+        return float(np.sqrt(max(0.0, gap @ np.linalg.solve(S, gap))))
