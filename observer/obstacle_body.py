@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,7 @@ class BodyTrack:
         hits: frames in which it moved significantly. sightings: of members in those frames.
         significance: Mahalanobis length of the velocity.
         box_px: u0 v0 u1 v1 around the members in the left image.
+        lasting_cov: (3, 3) (m/s)^2, world: of the velocity, by errors that time does not reduce.
     """
 
     id: int
@@ -57,6 +58,7 @@ class BodyTrack:
     hits: int = 0
     significance: float = 0.0
     box_px: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    lasting_cov: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     @property
     def mean(self) -> Float64Array:
@@ -94,7 +96,7 @@ class BodyTrack:
         J = np.zeros((3, STATE_SIZE))
         J[:, VELOCITY] = np.eye(3)
         J[:, YAW_RATE] = turning_velocity(1.0, arm)
-        cov = J @ cov @ J.T
+        cov = J @ cov @ J.T + self.lasting_cov
         if self.box is not None:
             doubt = _CENTRE_DOUBT * float(self.box.size[[0, 2]].max()) * self.yaw_rate
             cov = cov + doubt**2 * _LEVEL

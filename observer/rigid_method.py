@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
+from observer.camera_rate import CameraRate
 from observer.evidence import Evidence
 from observer.geometry import Float64Array, Pose
 from observer.method import StageTimer, Step, StereoRows, View
@@ -60,8 +61,7 @@ class RigidMethod:
         self._points = Points.none()
         self._view: View | None = None
         self._T_camera_world = Pose.identity()
-        # The camera's motion, per second: rotation vector and translation; None while unknown.
-        self._rate: tuple[Float64Array, Float64Array] | None = None
+        self._rate: CameraRate | None = None
         self._noise = 1.0
         self._next_point = 0
 
@@ -100,7 +100,10 @@ class RigidMethod:
             sighting, information = self._measured(points, sigma, ego, T_world_camera, p)
             sums = points.sums.advanced(dt, p.evidence.memory_s)
             points = points.but(sums=sums.with_sightings(sighting, information))
-            motion = pooled_motion(points, T_camera_world, step_cov, dt, self._camera, p.evidence)
+            rate = CameraRate.of(ego.T_current_previous, dt)
+            motion = pooled_motion(
+                points, T_camera_world, step_cov, dt, self._camera, p.evidence, rate
+            )
             points = points.but(dynamic=motion.dynamic)
         with timer("tracking"):
             tracker, camera_position = self._tracker, T_world_camera.translation
@@ -108,6 +111,8 @@ class RigidMethod:
             points = tracker.update(
                 points, sighting, information, T_camera_world, step_cov, dt, p.obstacles
             )
+            bias_px = p.evidence.disparity_bias_px
+            tracker.look_from(T_camera_world, rate, self._camera, bias_px)
             points = tracker.adopt(points, motion, p.obstacles)
             free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
             groups = group_dynamic(motion, free, p.obstacles.min_points)
@@ -118,21 +123,18 @@ class RigidMethod:
             points = tracker.live(points, camera_position, near, p.obstacles)
         _keep_motion(trace, before, points, seen, ego, motion)
         self._T_camera_world, self._points, self._view = T_camera_world, points, view
-        moved = ego.T_current_previous
-        self._rate = (moved.rotvec / dt, moved.translation / dt)
+        self._rate = rate
         with timer("features"):
             self._renew_points(view, p)
-        velocity = -moved.translation / dt
         obstacles = tuple(
-            describe_body(track, T_world_camera, velocity, view.time) for track in tracker.tracks
+            describe_body(track, T_world_camera, -rate.shift, view.time) for track in tracker.tracks
         )
         return Step(ego, T_world_camera, obstacles, share, rows)
 
     def _expected_pose(self, dt: float) -> Pose:
         if self._rate is None:
             return self._T_camera_world
-        turn, shift = self._rate
-        return Pose.from_rotvec(turn * dt, shift * dt) @ self._T_camera_world
+        return self._rate.over(dt) @ self._T_camera_world
 
     def _expectation(
         self, T_expected: Pose, dt: float, p: Parameters
@@ -305,8 +307,7 @@ class RigidMethod:
         """(N,) px/s along the rows of new points, if they are static."""
         if self._rate is None:
             return np.zeros(len(px))
-        turn, shift = self._rate
-        back = Pose.from_rotvec(-turn * _FLOW_STEP_S, -shift * _FLOW_STEP_S)
+        back = self._rate.over(-_FLOW_STEP_S)
         earlier, _ = self._camera.project(back.apply(self._camera.triangulate(px, disparity)))
         return np.nan_to_num((px[:, 0] - earlier[:, 0]) / _FLOW_STEP_S)
 

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
 from observer.camera import StereoCamera
+from observer.camera_rate import CameraRate
 from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
 from observer.motion_evidence import Motion
 from observer.parameters import EvidenceParameters
@@ -31,18 +32,21 @@ def pooled_motion(
     dt: float,
     camera: StereoCamera,
     parameters: EvidenceParameters,
+    rate: CameraRate | None = None,
 ) -> Motion:
     """Test every point for motion, together with the neighbours that move as it does.
 
     The velocity's covariance is the inverse of the summed information, made larger for errors
     that neighbours share and for scatter beyond the noise, plus that of the camera's own motion:
     this is the same for all points, no pooling reduces it, and from frame to frame it adds up to
-    a random walk. The threshold is that of chi-squared at the declared rate of false alarms per
-    frame, divided by the number of independent tests.
+    a random walk. Nor does pooling or time reduce what a lasting error of the disparity does. The
+    threshold is that of chi-squared at the declared rate of false alarms per frame, divided by the
+    number of independent tests.
 
     Args:
         step_covariance: (6, 6) of the camera's motion over one frame (rad, m), camera axes.
         dt: seconds of that frame.
+        rate: of the camera; left out, it stands still.
     """
     count = len(points)
     information, vector = points.sums.velocity_information()
@@ -77,6 +81,8 @@ def pooled_motion(
     shared = 1 + parameters.shared_error * np.maximum(neighbours - 1, 0)
     cov = cov * (scatter * shared)[:, None, None]
     cov = cov + _ego_covariance(points, position, T_camera_world, step_covariance, dt)
+    if rate is not None:
+        cov = cov + _bias_covariance(position, T_camera_world, rate, camera, parameters)
     squared = np.einsum("ni,nij,nj->n", pooled, inverse_3x3(cov), pooled)
     squared = np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0)
     tests = max(1.0, ready.sum() / max(1.0, float(neighbours[ready].mean()) if ready.any() else 1))
@@ -174,3 +180,17 @@ def _ego_covariance(
     window = np.maximum(points.sums.window_s(), dt)
     scale = _RANDOM_WALK / (dt * window)
     return np.asarray((G @ step_covariance @ np.swapaxes(G, 1, 2)) * scale[:, None, None])
+
+
+def _bias_covariance(
+    position: Float64Array,
+    T_camera_world: Pose,
+    rate: CameraRate,
+    camera: StereoCamera,
+    parameters: EvidenceParameters,
+) -> Float64Array:
+    """(N, 3, 3) (m/s)^2, world axes: how much static points seem to move by a lasting error."""
+    place = T_camera_world.apply(position)
+    drift = rate.velocity_by_bias(place, np.zeros_like(place), camera)
+    drift = drift @ (T_camera_world.rotation * parameters.disparity_bias_px)
+    return np.asarray(drift[:, :, None] * drift[:, None, :])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
+from observer.camera_rate import CameraRate
 from observer.geometry import Float64Array, Pose
 from observer.motion_evidence import Motion
 from observer.obstacle_body import BodyTrack
@@ -89,6 +90,22 @@ class BodyTracker:
             )
             track.age_s += dt
             track.frames += 1
+
+    def look_from(
+        self, T_camera_world: Pose, rate: CameraRate, camera: StereoCamera, bias_px: float
+    ) -> None:
+        """Note how sure velocities can be at best, seen from this pose.
+
+        Args:
+            bias_px: one standard deviation of the lasting error of disparities.
+        """
+        for track in self.tracks:
+            place, velocity = track.mean[POSITION], track.mean[VELOCITY]
+            drift = rate.velocity_by_bias(
+                T_camera_world.apply(place[None]), T_camera_world.rotate(velocity[None]), camera
+            )
+            drift = bias_px * drift[0] @ T_camera_world.rotation
+            track.lasting_cov = np.outer(drift, drift)
 
     def known(self, points: Points) -> NDArray[np.bool_]:
         """(N,) which points belong to obstacles that are known to move."""

@@ -1,0 +1,58 @@
+"""How fast the world moves past the camera, and what a lasting disparity error makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
+
+
+@dataclass(frozen=True, eq=False)
+class CameraRate:
+    """The camera's motion per second: a static point p, camera frame, moves by turn x p + shift.
+
+    Attributes:
+        turn: (3,) rad/s. shift: (3,) m/s.
+    """
+
+    turn: Float64Array
+    shift: Float64Array
+
+    @staticmethod
+    def still() -> CameraRate:
+        """That of a camera that does not move."""
+        return CameraRate(np.zeros(3), np.zeros(3))
+
+    @staticmethod
+    def of(T_current_previous: Pose, dt: float) -> CameraRate:
+        """From the motion over ``dt`` seconds."""
+        return CameraRate(T_current_previous.rotvec / dt, T_current_previous.translation / dt)
+
+    def over(self, dt: float) -> Pose:
+        """T_later_now: the motion over ``dt`` seconds, which may be negative."""
+        return Pose.from_rotvec(self.turn * dt, self.shift * dt)
+
+    def velocity_by_bias(
+        self, place: Float64Array, velocity: Float64Array, camera: StereoCamera
+    ) -> Float64Array:
+        """(N, 3) m/s per pixel, camera axes: how points seem to move by a lasting disparity error.
+
+        A disparity d that is wrong by b puts the point p to p - p b/d. As the camera drives, d
+        changes and with it the error: it moves by -b/d (p' + p Z'/Z), where p' is how the point
+        moves relative to the camera and Z' how its depth changes (the derivative of p b/d, with
+        d = f B / Z). No number of sightings reduces this error, unlike noise.
+
+        Args:
+            place: (N, 3) metres, camera frame. velocity: (N, 3) m/s, the points' own, camera axes.
+        """
+        relative = velocity + self.shift
+        depth = place[:, 2]
+        seen = depth > 0
+        depth = np.where(seen, depth, 1.0)
+        depth_rate = relative[:, 2] + np.cross(self.turn, place)[:, 2]
+        per_disparity = depth / (camera.fx * camera.baseline)
+        drift = -per_disparity[:, None] * (relative + place * (depth_rate / depth)[:, None])
+        return np.asarray(drift * seen[:, None], dtype=np.float64)
