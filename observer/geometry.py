@@ -6,16 +6,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 Float64Array = NDArray[np.float64]
 
 # A rotation matrix read from text with 7 digits is orthonormal to about 1e-6.
 _ROTATION_TOLERANCE = 1e-4
+# Below this angle, rad, sine and cosine are replaced by the first terms of their series.
+_SMALL_ANGLE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ class Pose:
                 f"a pose needs a (3, 3) rotation and a (3,) translation, "
                 f"not {rotation.shape} and {translation.shape}"
             )
-        if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
+        if not (all(map(math.isfinite, rotation.flat)) and all(map(math.isfinite, translation))):
             raise ValueError("a pose must be finite")
         if not is_rotation(rotation):
             raise ValueError("a pose's 3x3 matrix must be a rotation (R^T R = I, det R = +1)")
@@ -49,6 +51,20 @@ class Pose:
         translation.setflags(write=False)
         object.__setattr__(self, "rotation", rotation)
         object.__setattr__(self, "translation", translation)
+
+    @staticmethod
+    def _trusted(rotation: Float64Array, translation: Float64Array) -> Pose:
+        """Of new arrays (3, 3) and (3,) float64 that follow from poses and need no check.
+
+        The checks cost more than what is computed here, and poses are made dozens of times a
+        frame.
+        """
+        rotation.setflags(write=False)
+        translation.setflags(write=False)
+        pose = object.__new__(Pose)
+        object.__setattr__(pose, "rotation", rotation)
+        object.__setattr__(pose, "translation", translation)
+        return pose
 
     @staticmethod
     def identity() -> Pose:
@@ -65,16 +81,26 @@ class Pose:
     @staticmethod
     def from_rotvec(rotvec: ArrayLike, translation: ArrayLike) -> Pose:
         """From a rotation vector (3,) in radians and a translation (3,) in metres."""
-        return Pose(
-            Rotation.from_rotvec(np.asarray(rotvec, dtype=np.float64).reshape(3)).as_matrix(),
-            np.asarray(translation, dtype=np.float64).reshape(3),
-        )
+        x, y, z = np.asarray(rotvec, dtype=np.float64).reshape(3).tolist()
+        angle = math.sqrt(x * x + y * y + z * z)
+        scale = math.sin(angle / 2) / angle if angle > _SMALL_ANGLE else 0.5 - angle * angle / 48
+        wxyz = (math.cos(angle / 2), scale * x, scale * y, scale * z)
+        return Pose.from_quaternion(wxyz, translation)
 
     @staticmethod
     def from_quaternion(wxyz: ArrayLike, translation: ArrayLike) -> Pose:
         """From a quaternion (4,), scalar first, of any length but zero, and metres (3,)."""
-        w, x, y, z = np.asarray(wxyz, dtype=np.float64).reshape(4)
-        return Pose(Rotation.from_quat([x, y, z, w]).as_matrix(), np.asarray(translation))
+        w, x, y, z = np.asarray(wxyz, dtype=np.float64).reshape(4).tolist()
+        square = w * w + x * x + y * y + z * z
+        if not square > 0:
+            raise ValueError("a quaternion must not be zero")
+        s = 2 / square
+        rotation = [
+            [1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)],
+            [s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)],
+            [s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)],
+        ]
+        return Pose(np.array(rotation), np.asarray(translation, dtype=np.float64).reshape(3))
 
     @property
     def matrix(self) -> Float64Array:
@@ -87,13 +113,16 @@ class Pose:
     @property
     def quaternion_wxyz(self) -> Float64Array:
         """(4,) unit quaternion, scalar first and not negative."""
-        x, y, z, w = Rotation.from_matrix(self.rotation).as_quat(canonical=True)
-        return np.array([w, x, y, z])
+        return np.array(_quaternion(self.rotation))
 
     @property
     def rotvec(self) -> Float64Array:
         """(3,) rotation vector in radians."""
-        return np.asarray(Rotation.from_matrix(self.rotation).as_rotvec(), dtype=np.float64)
+        w, x, y, z = _quaternion(self.rotation)
+        sine = math.sqrt(x * x + y * y + z * z)
+        # Of half the angle; for small ones the angle is twice the sine.
+        scale = 2 * math.atan2(sine, w) / sine if sine > _SMALL_ANGLE**2 else 2.0
+        return np.array([scale * x, scale * y, scale * z])
 
     def apply(self, points: ArrayLike) -> Float64Array:
         """Map points (..., 3) from the source frame into the target frame."""
@@ -106,23 +135,80 @@ class Pose:
         return np.asarray(v @ self.rotation.T, dtype=np.float64)
 
     def inverse(self) -> Pose:
-        return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+        back = self.rotation.T.copy()
+        return Pose._trusted(back, -(back @ self.translation))
 
     def __matmul__(self, other: Pose) -> Pose:
         # Re-orthonormalised, because a chain of thousands of products drifts.
-        u, _, vt = np.linalg.svd(self.rotation @ other.rotation)
-        return Pose(u @ vt, self.rotation @ other.translation + self.translation)
+        return Pose._trusted(
+            orthonormal(self.rotation @ other.rotation),
+            self.rotation @ other.translation + self.translation,
+        )
 
 
 def is_rotation(matrix: ArrayLike, tolerance: float = _ROTATION_TOLERANCE) -> bool:
     """Whether a (3, 3) matrix is orthonormal with determinant +1, within ``tolerance``."""
     m = np.asarray(matrix, dtype=np.float64)
+    if m.shape != (3, 3):
+        return False
+    # By single numbers: for nine of them numpy's calls cost ten times the arithmetic. Comparisons
+    # with what is not finite are false.
+    (a, b, c), (d, e, f), (g, h, i) = m.tolist()
     return bool(
-        m.shape == (3, 3)
-        and np.isfinite(m).all()
-        and np.abs(m.T @ m - np.eye(3)).max() <= tolerance
-        and np.linalg.det(m) > 0
+        abs(a * a + d * d + g * g - 1) <= tolerance
+        and abs(b * b + e * e + h * h - 1) <= tolerance
+        and abs(c * c + f * f + i * i - 1) <= tolerance
+        and abs(a * b + d * e + g * h) <= tolerance
+        and abs(a * c + d * f + g * i) <= tolerance
+        and abs(b * c + e * f + h * i) <= tolerance
+        and a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) > 0
     )
+
+
+def rotation_matrix(rotvec: Float64Array) -> Float64Array:
+    """Rotations (..., 3, 3) by rotation vectors (..., 3), radians (Rodrigues' formula)."""
+    v = np.asarray(rotvec, dtype=np.float64)
+    angle2 = (v * v).sum(axis=-1)
+    angle = np.sqrt(angle2)
+    small = angle < _SMALL_ANGLE
+    safe = np.where(small, 1.0, angle)
+    sine = np.where(small, 1 - angle2 / 6, np.sin(safe) / safe)
+    # 1 - cos as a square, which keeps its digits for small angles.
+    half = np.where(small, 0.5 - angle2 / 24, 2 * (np.sin(safe / 2) / safe) ** 2)
+    cross = cross_matrix(v)
+    return np.asarray(
+        np.eye(3) + sine[..., None, None] * cross + half[..., None, None] * (cross @ cross)
+    )
+
+
+def orthonormal(rotation: Float64Array) -> Float64Array:
+    """The rotation (..., 3, 3) nearest to one that rounding has made slightly skew.
+
+    One step of Newton's iteration for the polar decomposition, whose error is the square of the
+    one before (Higham: Computing the Polar Decomposition, 1986).
+    """
+    skew = np.swapaxes(rotation, -1, -2) @ rotation
+    return np.asarray(1.5 * rotation - 0.5 * (rotation @ skew), dtype=np.float64)
+
+
+def _quaternion(rotation: Float64Array) -> tuple[float, float, float, float]:
+    """Unit quaternion w x y z, w not negative, of a rotation (3, 3).
+
+    Divides by the largest of the four, so that no digits are lost (Shepperd, 1978).
+    """
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    squares = (a + e + i, a - e - i, e - a - i, i - a - e)
+    largest = squares.index(max(squares))
+    if largest == 0:
+        q = (1 + squares[0], h - f, c - g, d - b)
+    elif largest == 1:
+        q = (h - f, 1 + squares[1], b + d, c + g)
+    elif largest == 2:
+        q = (c - g, b + d, 1 + squares[2], f + h)
+    else:
+        q = (d - b, c + g, f + h, 1 + squares[3])
+    scale = math.copysign(1.0, q[0]) / math.sqrt(sum(x * x for x in q))
+    return (q[0] * scale, q[1] * scale, q[2] * scale, q[3] * scale)
 
 
 def map_pixels(homography: ArrayLike, px: ArrayLike) -> Float64Array:
@@ -139,19 +225,21 @@ def inverse_3x3(matrices: Float64Array) -> Float64Array:
     matrix without an inverse gives huge numbers or infinities, never an error.
     """
     m = np.asarray(matrices, dtype=np.float64)
-    a, b, c = m[:, 0, 0], m[:, 0, 1], m[:, 0, 2]
-    d, e, f = m[:, 1, 1], m[:, 1, 2], m[:, 2, 2]
-    out = np.empty_like(m)
-    out[:, 0, 0] = d * f - e * e
-    out[:, 0, 1] = out[:, 1, 0] = c * e - b * f
-    out[:, 0, 2] = out[:, 2, 0] = b * e - c * d
-    out[:, 1, 1] = a * f - c * c
-    out[:, 1, 2] = out[:, 2, 1] = b * c - a * e
-    out[:, 2, 2] = a * d - b * b
-    determinant = a * out[:, 0, 0] + b * out[:, 0, 1] + c * out[:, 0, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        out /= determinant[:, None, None]
-    return out
+    # One row for each entry: operations on neighbours in memory are faster.
+    a, b, c, _, d, e, _, _, f = np.ascontiguousarray(m.reshape(-1, 9).T)
+    inverse = np.empty((9, len(m)))
+    np.subtract(d * f, e * e, out=inverse[0])
+    np.subtract(c * e, b * f, out=inverse[1])
+    np.subtract(b * e, c * d, out=inverse[2])
+    np.subtract(a * f, c * c, out=inverse[4])
+    np.subtract(b * c, a * e, out=inverse[5])
+    np.subtract(a * d, b * b, out=inverse[8])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        scale = 1 / (a * inverse[0] + b * inverse[1] + c * inverse[2])
+        for entry in (0, 1, 2, 4, 5, 8):
+            inverse[entry] *= scale
+    inverse[3], inverse[6], inverse[7] = inverse[1], inverse[2], inverse[5]
+    return np.ascontiguousarray(inverse.T).reshape(-1, 3, 3)
 
 
 def cross_matrix(vectors: ArrayLike) -> Float64Array:

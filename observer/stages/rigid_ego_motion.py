@@ -11,12 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from observer.camera import StereoCamera
-from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
+from observer.geometry import Float64Array, Pose, orthonormal, rotation_matrix
 from observer.parameters import EgoMotionParameters
+from observer.pose_fit import (
+    Linearised,
+    SeenPoints,
+    gauss_newton,
+    inverse_information,
+    jacobian,
+    linearised,
+    residuals,
+)
 from observer.types import Status
 
 _SAMPLE = 3
@@ -28,6 +36,13 @@ _REFINE_STEPS = 4
 _JUDGES = 200
 # A pose that explains less than this share of the points may follow an obstacle instead.
 _WEAK_SHARE = 0.4
+# If the expected pose explains this share of the image, a better one is near: then one step leads
+# from it to that of a sample, and a few samples are enough.
+_EXPECTED_SHARE = 0.6
+_NEAR_BATCH, _NEAR_STEPS = 16, 1
+# The refinement ends when a step changes the pose by less than this share of its uncertainty.
+_CONVERGED = 0.02
+_HUBER_SIGMAS = 2.0
 # Residuals beyond this many standard deviations are outliers of the refinement.
 _OUTLIER_SIGMAS = 3.5
 _DAMPING = 1e-9
@@ -131,18 +146,10 @@ def estimate_rigid_motion(
             f"only {count} static points could be followed, {parameters.min_inliers} are needed: "
             f"too few features, or too large a motion",
         )
-    pose = _ransac(scene, T_expected_world, camera, parameters, np.random.default_rng(seed))
-    inliers = _fits(scene, pose, camera, parameters.ransac_threshold_px)
-    information = np.zeros((6, 6))
-    rms = float("nan")
-    for step in range(_REFINE_STEPS):
-        if np.count_nonzero(inliers) < parameters.min_inliers:
-            break
-        pose, information, mahalanobis = _refined(scene, inliers, pose, camera)
-        fits = _fits(scene, pose, camera, parameters.ransac_threshold_px)
-        near = mahalanobis <= _OUTLIER_SIGMAS if step else np.ones(count, np.bool_)
-        inliers = fits & near
-        rms = float(np.sqrt(np.mean(mahalanobis[inliers] ** 2))) if inliers.any() else rms
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        pose, fit, information = _fitted(scene, T_expected_world, camera, parameters, seed)
+    inliers, mahalanobis = fit.inliers, fit.mahalanobis
+    rms = float(np.sqrt(np.mean(mahalanobis[inliers] ** 2))) if inliers.any() else float("nan")
     support = int(inliers.sum())
     if support < parameters.min_inliers:
         return _lost(
@@ -158,7 +165,7 @@ def estimate_rigid_motion(
         reasons.append(f"only {100 * support / count:.0f} % of the points follow one motion")
     # Residuals of three dimensions have a mean square of 3; more means more noise than declared.
     excess = max(1.0, rms**2 / 3)
-    covariance = np.linalg.pinv(information) * excess * _shared(support, parameters)
+    covariance = inverse_information(information) * excess * _shared(support, parameters)
     return RigidEgoMotion(
         camera=camera,
         status=Status.DEGRADED if reasons else Status.OK,
@@ -191,170 +198,169 @@ def _lost(camera: StereoCamera, count: int, reason: str) -> RigidEgoMotion:
     )
 
 
-def _ransac(
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """How N points fit a pose: whitened residuals (3, N), their lengths (N,), the inliers (N,)."""
+
+    white: Float64Array
+    mahalanobis: Float64Array
+    inliers: NDArray[np.bool_]
+
+
+def _fitted(
     scene: StaticScene,
+    expected: Pose,
+    camera: StereoCamera,
+    parameters: EgoMotionParameters,
+    seed: int,
+) -> tuple[Pose, _Fit, Float64Array]:
+    """The pose, how the points fit it, and its information (6, 6)."""
+    points = SeenPoints.of(scene.position, scene.covariance, scene.px, scene.disparity, scene.sigma)
+    linear = linearised(points, expected, camera)
+    pose = _ransac(points, scene.weight, linear, expected, camera, parameters, seed)
+    if pose is not expected:
+        linear = linearised(points, pose, camera)
+    fit = _judged(points, pose, linear, camera, parameters, np.inf)
+    information = np.zeros((6, 6))
+    for step in range(_REFINE_STEPS):
+        if np.count_nonzero(fit.inliers) < parameters.min_inliers:
+            break
+        # Huber's weights: what is far off, yet no outlier, counts by its distance only.
+        weight = np.minimum(1.0, _HUBER_SIGMAS / np.maximum(fit.mahalanobis, 1e-9)) * fit.inliers
+        change, information = gauss_newton(linear, fit.white, weight)
+        change = np.clip(change, -10.0, 10.0)
+        pose = Pose.from_rotvec(change[:3], change[3:]) @ pose
+        if step == 0:
+            # From here on the pose changes too little to matter for the derivatives.
+            linear = linearised(points, pose, camera)
+        fit = _judged(points, pose, linear, camera, parameters, _OUTLIER_SIGMAS)
+        if step and change @ information @ change < _CONVERGED**2:
+            break
+    return pose, fit, information
+
+
+def _judged(
+    points: SeenPoints,
+    pose: Pose,
+    linear: Linearised,
+    camera: StereoCamera,
+    parameters: EgoMotionParameters,
+    most_sigmas: float,
+) -> _Fit:
+    """How the points fit: within the threshold, allowing for how well each one's place is known."""
+    r = points.residuals(pose, camera)
+    white = linear.whitened(r)
+    squared = (white * white).sum(axis=0)
+    squared[~linear.usable] = np.inf
+    scaled = r * (linear.sigma[0] / linear.sigma)
+    mahalanobis = np.sqrt(squared)
+    inliers = (scaled * scaled).sum(axis=0) <= parameters.ransac_threshold_px**2
+    inliers &= mahalanobis <= most_sigmas
+    return _Fit(white, mahalanobis, inliers & linear.usable)
+
+
+def _ransac(
+    points: SeenPoints,
+    share: Float64Array,
+    linear: Linearised,
     start: Pose,
     camera: StereoCamera,
     parameters: EgoMotionParameters,
-    rng: np.random.Generator,
+    seed: int,
 ) -> Pose:
     """The best of many poses, each the least-squares fit of three points, all tried at once.
 
     As in libviso2 (Geiger et al., StereoScan, 2011); a sample of three points with disparity is
-    solved by a few Gauss-Newton steps from the expected pose.
+    solved by a few Gauss-Newton steps from the expected pose, which is a candidate itself.
     """
-    deep = np.flatnonzero(np.isfinite(scene.disparity))
+    deep = np.flatnonzero(points.known)
     if len(deep) < _SAMPLE:
         return start
-    judges = np.linspace(0, len(scene) - 1, min(_JUDGES, len(scene))).astype(np.intp)
-    sigma = _total_sigma(scene, start, camera)
-    limit = np.minimum(parameters.ransac_threshold_px, _OUTLIER_SIGMAS * sigma[:, 0])[judges]
-    cap = (limit / sigma[judges, 0]) ** 2
-    weight = scene.weight[judges]
-    best, best_cost, tried, wanted = start, np.inf, 0, float(parameters.ransac_iterations)
-    # The expected pose itself is a candidate: in quiet driving it is nearly right.
+    count = len(points.known)
+    judges = np.linspace(0, count - 1, min(_JUDGES, count)).astype(np.intp)
+    judging = points.take(judges)
+    sigma = linear.sigma[:, judges]
+    limit = np.minimum(parameters.ransac_threshold_px, _OUTLIER_SIGMAS * sigma[0])
+    cap = (limit / sigma[0]) ** 2
+    weight = share[judges]
+    squared = _squared(judging, sigma, start.rotation[None], start.translation[None], camera)
+    near = (squared[0] <= cap) @ weight >= _EXPECTED_SHARE * weight.sum()
+    batch, steps = (_NEAR_BATCH, _NEAR_STEPS) if near else (_BATCH, _SAMPLE_STEPS)
+    rng = np.random.default_rng(seed)
+    best, best_cost = start, float(_cost(squared, cap, weight)[0])
+    tried = 0
+    wanted = min(float(parameters.ransac_iterations), _samples(squared[0] <= cap, weight))
+    # Drawn by weight, so that a crowd of points on an obstacle is not drawn again and again.
+    drawn = np.cumsum(share[deep])
     while tried < wanted:
-        R = np.broadcast_to(start.rotation, (_BATCH, 3, 3)).copy()
-        t = np.broadcast_to(start.translation, (_BATCH, 3)).copy()
-        sample = deep[rng.integers(0, len(deep), (_BATCH, _SAMPLE))]
-        for _ in range(_SAMPLE_STEPS):
-            R, t = _sample_step(scene, sample, R, t, camera)
-        if tried == 0:
-            R[0], t[0] = start.rotation, start.translation
-        squared = _squared(scene, judges, sigma[judges], R, t, camera)
-        # MSAC: an outlier costs what the worst inlier costs (Torr and Zisserman, 2000).
-        cost = np.minimum(squared, cap) @ weight
-        cost[~np.isfinite(cost)] = np.inf
+        chance = rng.random((batch, _SAMPLE)) * drawn[-1]
+        sample = deep[np.minimum(np.searchsorted(drawn, chance), len(deep) - 1)]
+        R, t = _sampled(points, sample, start, camera, steps)
+        squared = _squared(judging, sigma, R, t, camera)
+        cost = _cost(squared, cap, weight)
         number = int(np.argmin(cost))
         if cost[number] < best_cost:
             best_cost = float(cost[number])
-            best = Pose(_orthonormal(R[number]), t[number])
-            share = float(np.mean(squared[number] <= cap))
-            miss = np.log1p(-min(share**_SAMPLE, 1 - 1e-9)) if share > 0 else -1e-9
-            wanted = min(wanted, np.log(1 - _CONFIDENCE) / miss)
-        tried += _BATCH
+            best = Pose(orthonormal(R[number]), t[number])
+            wanted = min(wanted, _samples(squared[number] <= cap, weight))
+        tried += batch
     return best
 
 
-def _camera_points(
-    scene: StaticScene, which: NDArray[np.intp], R: Float64Array, t: Float64Array
-) -> Float64Array:
-    """(S, K, 3) of points (K,) or (S, K) from S poses."""
-    return np.asarray(scene.position[which] @ np.swapaxes(R, 1, 2) + t[:, None, :])
+def _samples(explained: NDArray[np.bool_], weight: Float64Array) -> float:
+    """How many samples are wanted to draw one without outliers, almost surely.
+
+    Args:
+        explained: (K,) which judges the best pose so far explains. weight: (K,) of each.
+    """
+    share = float(explained @ weight / max(float(weight.sum()), 1e-9))
+    miss = np.log1p(-min(share**_SAMPLE, 1 - 1e-9)) if share > 0 else -1e-9
+    return float(np.log(1 - _CONFIDENCE) / miss)
 
 
-def _residuals(
-    scene: StaticScene, which: NDArray[np.intp], p: Float64Array, camera: StereoCamera
-) -> Float64Array:
-    """(..., 3) pixels: seen minus predicted u, v and disparity; 0 for unknown disparities."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.where(p[..., 2] > 0, 1 / p[..., 2], np.nan)
-        r = np.empty(p.shape)
-        r[..., 0] = scene.px[which, 0] - (camera.fx * p[..., 0] * inverse + camera.cx)
-        r[..., 1] = scene.px[which, 1] - (camera.fy * p[..., 1] * inverse + camera.cy)
-        r[..., 2] = scene.disparity[which] - camera.fx * camera.baseline * inverse
-    r[..., 2] = np.where(np.isnan(scene.disparity[which]), 0.0, r[..., 2])
-    return r
+def _cost(squared: Float64Array, cap: Float64Array, weight: Float64Array) -> Float64Array:
+    """(S,) of S poses: an outlier costs what the worst inlier costs (MSAC; Torr, Zisserman 2000).
 
-
-def _total_sigma(scene: StaticScene, pose: Pose, camera: StereoCamera) -> Float64Array:
-    """(N, 3) pixels: of u, v, disparity, of the sighting and of what is known of the place."""
-    J = camera.projection_jacobian(pose.apply(scene.position)) @ pose.rotation
-    spread = np.einsum("nij,njk,nik->ni", J, scene.covariance, J)
-    return np.sqrt(scene.sigma**2 + np.where(np.isfinite(spread), spread, 0.0))
+    Args:
+        squared: (S, K) residuals. cap: (K,) of the worst inlier; what has none does not count.
+    """
+    known = np.isfinite(cap)
+    return np.asarray(np.minimum(squared, np.where(known, cap, 0.0)) @ (weight * known))
 
 
 def _squared(
-    scene: StaticScene,
-    which: NDArray[np.intp],
-    sigma: Float64Array,
-    R: Float64Array,
-    t: Float64Array,
-    camera: StereoCamera,
+    points: SeenPoints, sigma: Float64Array, R: Float64Array, t: Float64Array, camera: StereoCamera
 ) -> Float64Array:
-    """(S, K) squared residuals of K points at S poses, in standard deviations."""
-    r = _residuals(scene, which, _camera_points(scene, which, R, t), camera) / sigma
-    squared = np.einsum("ski,ski->sk", r, r)
+    """(S, K) squared residuals of K points at S poses, in standard deviations (3, K)."""
+    p = R @ points.place + t[:, :, None]
+    r = residuals(p, points.seen, points.known, camera) / sigma
+    squared = (r * r).sum(axis=1)
     return np.where(np.isfinite(squared), squared, np.inf)
 
 
-def _jacobian(p: Float64Array, camera: StereoCamera) -> Float64Array:
-    """(..., 3, 6) derivative of u, v, disparity by a small rotation and translation of points."""
-    J = camera.projection_jacobian(p)
-    return np.concatenate([J @ -cross_matrix(p), J], axis=-1)
-
-
-def _sample_step(
-    scene: StaticScene,
-    sample: NDArray[np.intp],
-    R: Float64Array,
-    t: Float64Array,
-    camera: StereoCamera,
+def _sampled(
+    points: SeenPoints, sample: NDArray[np.intp], start: Pose, camera: StereoCamera, steps: int
 ) -> tuple[Float64Array, Float64Array]:
-    p = _camera_points(scene, sample, R, t)
-    r = _residuals(scene, sample, p, camera) / scene.sigma[sample]
-    J = _jacobian(p, camera) / scene.sigma[sample][..., None]
-    J, r = J.reshape(len(R), -1, 6), r.reshape(len(R), -1)
-    bad = ~(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(r).all(axis=1))
-    J[bad], r[bad] = 0.0, 0.0
-    A = np.swapaxes(J, 1, 2) @ J
-    A[:, range(6), range(6)] += _DAMPING + 1e-6 * A[:, range(6), range(6)]
-    step = np.linalg.solve(A, np.einsum("sai,sa->si", J, r)[..., None])[..., 0]
-    # Three points nearly in a line turn anyhow; such samples lose, and must not overflow.
-    step = np.clip(step, -1e3, 1e3)
-    turn = Rotation.from_rotvec(step[:, :3]).as_matrix()
-    return turn @ R, np.einsum("sij,sj->si", turn, t) + step[:, 3:]
-
-
-def _fits(
-    scene: StaticScene, pose: Pose, camera: StereoCamera, threshold_px: float
-) -> NDArray[np.bool_]:
-    """(N,) which points the pose explains, allowing for how well each one's place is known."""
-    r = _residuals(scene, np.arange(len(scene)), pose.apply(scene.position), camera)
-    sigma = _total_sigma(scene, pose, camera)
-    scaled = r * (sigma[:, :1] / sigma)
-    squared = np.einsum("ni,ni->n", scaled, scaled)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(squared <= threshold_px**2, dtype=np.bool_)
-
-
-def _refined(
-    scene: StaticScene, inliers: NDArray[np.bool_], pose: Pose, camera: StereoCamera
-) -> tuple[Pose, Float64Array, Float64Array]:
-    """One Gauss-Newton step on the inliers, weighted by each point's full covariance.
-
-    Returns:
-        the new pose, the information (6, 6) and all points' Mahalanobis lengths (N,) before it.
-    """
-    p = pose.apply(scene.position)
-    r = _residuals(scene, np.arange(len(scene)), p, camera)
-    J = camera.projection_jacobian(p)
-    JR = J @ pose.rotation
-    S = JR @ scene.covariance @ np.swapaxes(JR, 1, 2)
-    variance = np.where(np.isnan(scene.disparity)[:, None], scene.sigma**2 + 1e9 * _LAST, 0.0)
-    variance = np.where(variance > 0, variance, scene.sigma**2)
-    S[:, range(3), range(3)] += variance
-    W = inverse_3x3(S)
-    Wr = np.einsum("nij,nj->ni", W, r)
-    squared = np.einsum("ni,ni->n", r, Wr)
-    mahalanobis = np.sqrt(np.where(np.isfinite(squared), np.maximum(squared, 0.0), np.inf))
-    use = inliers & np.isfinite(mahalanobis)
-    # Huber's weights: what is far off, yet no outlier, counts by its distance only.
-    weight = np.minimum(1.0, 2.0 / np.maximum(mahalanobis[use], 1e-9))
-    J6 = np.concatenate([J[use] @ -cross_matrix(p[use]), J[use]], axis=-1)
-    WJ = (W[use] * weight[:, None, None]) @ J6
-    A = np.einsum("nai,naj->ij", J6, WJ)
-    b = np.einsum("nai,na->i", J6, Wr[use] * weight[:, None])
-    step = np.linalg.lstsq(A, b, rcond=1e-12)[0]
-    step = np.clip(step, -10.0, 10.0)
-    turn = Rotation.from_rotvec(step[:3]).as_matrix()
-    moved = Pose(_orthonormal(turn @ pose.rotation), turn @ pose.translation + step[3:])
-    return moved, A, mahalanobis
-
-
-_LAST = np.array([0.0, 0.0, 1.0])
-
-
-def _orthonormal(R: Float64Array) -> Float64Array:
-    u, _, vt = np.linalg.svd(R)
-    return np.asarray(u @ vt, dtype=np.float64)
+    """Poses (S, 3, 3) and (S, 3) by which S samples of K points each are seen where they are."""
+    count = len(sample)
+    R = np.broadcast_to(start.rotation, (count, 3, 3))
+    t = np.broadcast_to(start.translation, (count, 3))
+    place, seen, variance = (
+        values[:, sample].swapaxes(0, 1) for values in (points.place, points.seen, points.variance)
+    )
+    known, sigma = points.known[sample], np.sqrt(variance)
+    for _ in range(steps):
+        p = R @ place + t[:, :, None]
+        r = (residuals(p, seen, known, camera) / sigma).reshape(count, -1)
+        J = jacobian(p.swapaxes(0, 1), camera) / sigma.swapaxes(0, 1)
+        J = J.transpose(2, 1, 3, 0).reshape(count, -1, 6)
+        bad = ~(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(r).all(axis=1))
+        J[bad], r[bad] = 0.0, 0.0
+        A = np.swapaxes(J, 1, 2) @ J
+        A[:, range(6), range(6)] += _DAMPING + 1e-6 * A[:, range(6), range(6)]
+        step = np.linalg.solve(A, np.einsum("sai,sa->si", J, r)[..., None])[..., 0]
+        # Three points nearly in a line turn anyhow; such samples lose, and must not overflow.
+        step = np.clip(step, -1e3, 1e3)
+        turn = rotation_matrix(step[:, :3])
+        R, t = turn @ R, (turn @ t[..., None])[..., 0] + step[:, 3:]
+    return R, t
