@@ -52,7 +52,7 @@ class CameraRate:
         depth = place[:, 2]
         seen = depth > 0
         depth = np.where(seen, depth, 1.0)
-        depth_rate = relative[:, 2] + np.cross(self.turn, place)[:, 2]
+        depth_rate = relative[:, 2] + self.turn[0] * place[:, 1] - self.turn[1] * place[:, 0]
         per_disparity = depth / (camera.fx * camera.baseline)
         drift = -per_disparity[:, None] * (relative + place * (depth_rate / depth)[:, None])
         return np.asarray(drift * seen[:, None], dtype=np.float64)

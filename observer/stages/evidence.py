@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from scipy.special import gammainccinv
 from scipy.stats import chi2
 
 from observer.camera import StereoCamera
@@ -67,10 +68,9 @@ def pooled_motion(
         points, ready, position, position_cov, velocity, own_cov, T_camera_world, camera,
         parameters,
     )  # fmt: skip
-    near = _adjacency(pairs, count)
-    sums = near @ np.column_stack([
-        information.reshape(count, 9), vector, np.einsum("ni,ni->n", velocity, vector),
-        ready.astype(np.float64),
+    sums = _summed(pairs, [
+        information.reshape(count, 9), vector, np.einsum("ni,ni->n", velocity, vector)[:, None],
+        ready.astype(np.float64)[:, None],
     ])  # fmt: skip
     pooled_information = sums[:, :9].reshape(count, 3, 3)
     pooled_vector, squares, neighbours = sums[:, 9:12], sums[:, 12], sums[:, 13]
@@ -86,7 +86,8 @@ def pooled_motion(
     squared = np.einsum("ni,nij,nj->n", pooled, inverse_3x3(cov), pooled)
     squared = np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0)
     tests = max(1.0, ready.sum() / max(1.0, float(neighbours[ready].mean()) if ready.any() else 1))
-    threshold = float(np.sqrt(chi2.isf(parameters.false_alarms_per_frame / tests, df=3)))
+    # The quantile of chi-squared with three degrees of freedom.
+    threshold = float(np.sqrt(2 * gammainccinv(1.5, parameters.false_alarms_per_frame / tests)))
     significance = np.sqrt(squared)
     return Motion(
         own_velocity=velocity,
@@ -114,23 +115,34 @@ def group_dynamic(motion: Motion, free: NDArray[np.bool_], min_points: int) -> N
     Returns:
         (N,) group number from 0, largest group first; -1 for all other points.
     """
-    count = len(free)
     chosen = motion.dynamic & free
-    pairs = motion.pairs[chosen[motion.pairs].all(axis=1)]
-    _, labels = connected_components(_adjacency(pairs, count), directed=False)
-    sizes = np.bincount(labels[chosen], minlength=labels.max(initial=-1) + 1)
+    group = np.full(len(free), -1)
+    members = np.flatnonzero(chosen)
+    if len(members) < min_points:
+        return group
+    place = np.cumsum(chosen) - 1
+    i, j = place[motion.pairs[chosen[motion.pairs].all(axis=1)]].T
+    near = coo_matrix((np.ones(len(i)), (i, j)), shape=(len(members), len(members)))
+    _, labels = connected_components(near, directed=False)
+    sizes = np.bincount(labels)
     order = np.argsort(-sizes, kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    kept = chosen & (sizes[labels] >= min_points)
-    return np.where(kept, rank[labels], -1)
+    group[members] = np.where(sizes[labels] >= min_points, rank[labels], -1)
+    return group
 
 
-def _adjacency(pairs: NDArray[np.intp], count: int) -> csr_matrix:
-    i, j = pairs[:, 0], pairs[:, 1]
-    own = np.arange(count)
-    rows, columns = np.concatenate([i, j, own]), np.concatenate([j, i, own])
-    return coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
+def _summed(pairs: NDArray[np.intp], columns: list[Float64Array]) -> Float64Array:
+    """(N, sum of C) over each point and all its neighbours, of columns (N, C)."""
+    own = np.concatenate(columns, axis=1)
+    # Each pair both ways, ordered by the point that sums.
+    point, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    order = np.argsort(point, kind="stable")
+    point, other = point[order], other[order]
+    first = np.flatnonzero(np.diff(point, prepend=-1))
+    if len(first):
+        own[point[first]] += np.add.reduceat(own[other], first, axis=0)
+    return own
 
 
 def _neighbours(
