@@ -16,6 +16,8 @@ _BLOCK_PX = 9
 # Gradients are compared rather than grey levels, for the cameras' brightness differs; steeper
 # ones than this count alike, so that one edge does not outvote the rest (as OpenCV's StereoBM).
 _CAP = 31
+# A byte holds the sum of so many differences of capped gradients.
+_BYTES = 255 // (2 * _CAP)
 # The best disparity must cost this share less than any but its neighbours.
 _UNIQUENESS = 0.1
 
@@ -44,15 +46,30 @@ def coarse_disparity(
     row = np.rint(px[:, 1] / _REDUCTION).astype(np.intp)
     column = np.minimum(column, first.shape[1] - _BLOCK_PX)
     row = np.minimum(row, first.shape[0] - _BLOCK_PX)
-    rows = row[:, None, None] + np.arange(_BLOCK_PX)[:, None]
-    block = first[rows, column[:, None, None] + np.arange(_BLOCK_PX)]
+    block = _windows(first, row, column, _BLOCK_PX)
     # Number d of the strip's blocks has the disparity count - d.
-    strip = second[rows, column[:, None, None] + np.arange(_BLOCK_PX + count)]
-    cost = np.zeros((len(px), count + 1), np.uint16)
+    strip = _windows(second, row, column, _BLOCK_PX + count)
+    cost = np.zeros((count + 1, len(px)), np.uint16)
     for x in range(_BLOCK_PX):
-        a, b = block[:, :, x : x + 1], strip[:, :, x : x + count + 1]
-        cost += (np.maximum(a, b) - np.minimum(a, b)).sum(axis=1, dtype=np.uint16)
-    return _best(cost, px[:, 0])
+        a, b = block[:, x, None], strip[:, x : x + count + 1]
+        apart = np.maximum(a, b)
+        apart -= np.minimum(a, b)
+        # By bytes as far as they hold the sum: twice as many at once.
+        for begin in range(0, _BLOCK_PX, _BYTES):
+            part = apart[begin]
+            for more in apart[begin + 1 : begin + _BYTES]:
+                part += more
+            cost += part
+    return _best(np.ascontiguousarray(cost.T), px[:, 0])
+
+
+def _windows(
+    image: NDArray[np.uint8], row: NDArray[np.intp], column: NDArray[np.intp], width: int
+) -> NDArray[np.uint8]:
+    """(height of a block, width, N): what lies right of and below N pixels."""
+    every = np.lib.stride_tricks.sliding_window_view(image, (_BLOCK_PX, width))
+    # The same pixel of all points side by side, for this is how they are compared.
+    return np.ascontiguousarray(every[row, column].transpose(1, 2, 0))
 
 
 def _gradients(image: Image, border: int, left: int) -> NDArray[np.uint8]:
