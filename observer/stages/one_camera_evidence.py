@@ -26,6 +26,12 @@ from observer.rays import RayPoints
 # Neighbours move alike in the image to within so many pixels a frame, and this share.
 _ALIKE_PX, _ALIKE_SHARE = 0.6, 0.1
 _LEAST_ANCHOR_S = 0.25
+# Depths come from the same poses and are wrong together; as a factor of their variance.
+_DEPTH_SHARED = 9.0
+# What lies below the floor is farther than it by a margin, as a share of its inverse distance
+# and in 1 / camera heights; so must most neighbours, each by itself.
+_FLOOR_SHARE, _SLACK = 0.8, 0.02
+_MOST, _EACH_SIGMAS = 0.7, 2.0
 # From frame to frame the pose's errors add up to a random walk.
 _RANDOM_WALK = 1.2
 
@@ -74,11 +80,17 @@ def ray_evidence(
     pairs = _neighbours(points, ready, parameters.radius_px)
     near = _adjacency(pairs, count)
     told = np.einsum("nij,nj->ni", W, velocity)
-    bound = np.zeros(count) if floor is None else floor.inverse_distance(points.centre, points.ray)
-    excess = np.maximum(bound, 0.0) - points.inverse
-    depth_weight = ready / np.maximum(points.variance, 1e-12)
+    bound, slack = np.zeros(count), 0.0
+    if floor is not None:
+        bound = floor.inverse_distance(points.centre, points.ray)
+        slack = _SLACK / floor.depth
+    # The floor itself must not seem to lie below the floor by errors of scale and tilt.
+    excess = _FLOOR_SHARE * np.maximum(bound, 0.0) - slack - points.inverse
+    depth_weight = ready / np.maximum(_DEPTH_SHARED * points.variance, 1e-12)
+    beyond = ready & (excess * np.sqrt(depth_weight) > _EACH_SIGMAS)
     columns = [W.reshape(count, 4), told, np.einsum("ni,ni->n", velocity, told)]
     columns += [ready.astype(np.float64), depth_weight, depth_weight * excess]
+    columns += [beyond.astype(np.float64)]
     sums = near @ np.column_stack(columns)
     neighbours = sums[:, 7]
     shared = 1 + parameters.shared_error * np.maximum(neighbours - 1, 0)
@@ -97,6 +109,7 @@ def ray_evidence(
     rate = parameters.false_alarms_per_frame / tests
     threshold = float(np.sqrt(chi2.isf(rate, df=2)))
     below *= threshold / float(norm.isf(rate))
+    below = np.where(sums[:, 10] >= _MOST * neighbours, below, 0.0)
     significance = np.maximum(np.sqrt(squared), below)
     return RayEvidence(
         significance=significance,
