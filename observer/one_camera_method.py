@@ -397,6 +397,7 @@ class OneCameraMethod:
             points, groups, evidence.significance, False, view.left, T_world_camera, floor,
             self._camera, q,
         )  # fmt: skip
+        points = self._tracker.merge(points)
         here = floor.axes.T @ T_world_camera.translation
         return self._tracker.live(points, p.obstacles, q.farthest_m, here)
 

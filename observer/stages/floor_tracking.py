@@ -32,6 +32,8 @@ _FIRST_SPEED = 0.6
 # Significance of the velocity that supports what the lines of sight say.
 _SUPPORT_SIGMAS = 2.0
 _MARGIN_PX = 3.0
+# What is nearer than this share of its size, and moves alike in the image, is one obstacle.
+_GAP_SHARE, _ALIKE_PX = 0.5, 0.8
 
 
 class FloorTracker:
@@ -140,6 +142,25 @@ class FloorTracker:
                 track.update(place, cov)
             track.size = _size(box, place, T_world_camera, floor, camera)
             owner[members] = track.id
+        return points.but(obstacle=owner)
+
+    def merge(self, points: RayPoints) -> RayPoints:
+        """Make one obstacle of those that touch in the image and move alike there."""
+        owner = points.obstacle.copy()
+        flow = (points.px - points.before_px).astype(np.float64)
+        seen = sorted((t for t in self.tracks if t.missed_s == 0), key=lambda t: (-t.hits, t.id))
+        gone: set[int] = set()
+        for n, one in enumerate(seen):
+            for other in seen[n + 1 :]:
+                mine, theirs = owner == one.id, owner == other.id
+                if {one.id, other.id} & gone or not (mine.any() and theirs.any()):
+                    continue
+                apart = np.linalg.norm(np.median(flow[mine], axis=0) - np.median(flow[theirs], axis=0))
+                if _near(one.box_px, other.box_px) and apart <= _ALIKE_PX:
+                    owner[theirs] = one.id
+                    one.box_px = _union(one.box_px, other.box_px)
+                    gone.add(other.id)
+        self.tracks = [track for track in self.tracks if track.id not in gone]
         return points.but(obstacle=owner)
 
     def live(
@@ -285,6 +306,19 @@ def _projected(track: FloorTrack, T_world_camera: Pose, floor: Floor, camera: St
     (u, v), _ = camera.project(foot)
     width, height = track.size * camera.fx / foot[2]
     return float(u - width / 2), float(v - height), float(u + width / 2), float(v)
+
+
+def _union(a: Box, b: Box) -> Box:
+    return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
+
+
+def _near(a: Box, b: Box) -> bool:
+    """Whether two boxes touch, but for a gap that is small against them."""
+    both = _union(a, b)
+    across = (a[2] - a[0]) + (b[2] - b[0]) - (both[2] - both[0])
+    down = (a[3] - a[1]) + (b[3] - b[1]) - (both[3] - both[1])
+    room = _GAP_SHARE * max(a[2] - a[0], b[2] - b[0], a[3] - a[1], b[3] - b[1])
+    return across > -room and down > -room
 
 
 def _overlap(a: Box, b: Box) -> float:
