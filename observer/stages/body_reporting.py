@@ -7,7 +7,7 @@ import numpy as np
 from observer.geometry import Float64Array, Pose
 from observer.obstacle_body import BodyTrack
 from observer.obstacle_filter import POSITION, yaw_matrix
-from observer.types import Obstacle, TrackState
+from observer.types import MotionState, Obstacle, TrackState
 
 # The centre is known to this share of the box's size: its far side is not seen.
 _CENTRE_SHARE = 0.15
@@ -56,8 +56,9 @@ def describe_body(
 
 
 def _why(track: BodyTrack, speed: float) -> str:
+    moves = "move at" if track.motion is MotionState.MOVING else "moved before and stand now, at"
     what = (
-        f"{track.points} points that keep their places on one body move at {speed:.2f} m/s, "
+        f"{track.points} points that keep their places on one body {moves} {speed:.2f} m/s, "
         f"{track.significance:.1f} standard deviations from standing, known for {track.age_s:.1f} s"
     )
     if track.state is TrackState.COASTING:
