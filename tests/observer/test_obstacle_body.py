@@ -147,3 +147,16 @@ def test_rebasing_moves_the_origin_to_the_centre_and_changes_nothing_else(
     np.testing.assert_allclose(
         np.diag(turning.centre_velocity()[1]), np.diag(cov), rtol=0.25, atol=1e-6
     )
+
+
+def test_rebasing_leaves_the_remembered_places_where_they_are(turning: BodyTrack) -> None:
+    rng = np.random.default_rng(4)
+    local = OFFSET + rng.uniform(-0.2, 0.2, (40, 3))
+    for _ in range(6):
+        turning.shape.note(local)
+    view = np.array([1.0, 0.0, 1.0])
+    before = turning.shape.box(local[:4], view)
+    offset = turning.rebase()
+    after = turning.shape.box(local[:4] - offset, view)
+    np.testing.assert_allclose(after.centre, before.centre - offset, atol=1e-12)
+    np.testing.assert_allclose(after.size, before.size)
