@@ -20,6 +20,8 @@ _CAP = 31
 _BYTES = 255 // (2 * _CAP)
 # The best disparity must cost this share less than any but its neighbours.
 _UNIQUENESS = 0.1
+# And so many grey levels per pixel less: of repetitions that match alike, noise makes one the best.
+_LEAST_GAP = 0.5
 
 
 def coarse_disparity(
@@ -95,9 +97,13 @@ def _best(cost: NDArray[np.uint16], u: NDArray[np.float32]) -> NDArray[np.float3
     others = cost.copy()
     for offset in (-1, 0, 1):
         others[number, np.clip(best + offset, 0, last)] = np.iinfo(np.uint16).max
-    unique = others.min(axis=1) * np.float32(1 - _UNIQUENESS) >= least
+    second = others.min(axis=1).astype(np.float32)
+    unique = second - least >= np.maximum(_UNIQUENESS * second, _LEAST_GAP * _BLOCK_PX**2)
     before = cost[number, np.maximum(best - 1, 0)].astype(np.float32)
     after = cost[number, np.minimum(best + 1, last)].astype(np.float32)
     bend = np.maximum(before + after - 2 * least, 1)
-    disparity = _REDUCTION * (last - best - np.clip((before - after) / (2 * bend), -0.5, 0.5))
+    between = np.clip((before - after) / (2 * bend), -0.5, 0.5)
+    # The first and the last have a neighbour on one side only, and no parabola.
+    between[(best == 0) | (best == last)] = 0
+    disparity = _REDUCTION * (last - best - between)
     return np.where(unique & (disparity <= u), disparity, np.nan).astype(np.float32)
