@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -164,6 +165,18 @@ def test_every_view_has_a_picture_also_of_a_first_frame(name: str) -> None:
     if name in ("warped", "disparity", "residual"):
         assert np.median(image) < 40, "it says that there is nothing"
         assert image.max() > 100
+
+
+def test_where_no_image_is_transformed_the_view_says_so_and_names_the_model() -> None:
+    first = observed(full=False)
+    pictures = []
+    for model in ("rigid", "one_camera", "affine"):
+        parameters = Parameters().changed({"ego_motion.model": model})
+        pictures.append(picture("warped", replace(first, parameters=parameters)))
+    lit = [int((image.max(axis=2) > 90).sum()) for image in pictures]
+    assert not np.array_equal(pictures[0], pictures[1])
+    # With affine this frame only has none yet; the others' sentence takes two lines.
+    assert min(lit[:2]) > lit[2] > 0
 
 
 def test_wide_images_are_shrunk() -> None:
