@@ -32,6 +32,7 @@ _FIRST_SPEED = 0.6
 # Significance of the velocity that supports what the lines of sight say.
 _SUPPORT_SIGMAS = 2.0
 _MARGIN_PX = 3.0
+_LOWEST_PERCENT = 92.0
 # What is nearer than this share of its size, and moves alike in the image, is one obstacle.
 _GAP_SHARE, _ALIKE_PX = 0.5, 0.8
 
@@ -86,7 +87,7 @@ class FloorTracker:
                 track.box_px = _projected(track, T_world_camera, floor, camera)
                 continue
             box = _widened(moved, points.px[kept])
-            foot = lower_edge(image, box)
+            foot = lower_edge(image, box, _lowest(points.px[kept]))
             if foot is not None:
                 box = (box[0], box[1], box[2], box[3] + _EDGE_GAIN * (foot - box[3]))
             joining = _joining(points, owner, kept, standing_flow, box)
@@ -114,7 +115,7 @@ class FloorTracker:
         for number in range(int(groups.max(initial=-1)) + 1):
             members = np.flatnonzero(groups == number)
             box = _first_box(points.px[members])
-            foot = lower_edge(image, box)
+            foot = lower_edge(image, box, _lowest(points.px[members]))
             if foot is not None:
                 box = (box[0], box[1], box[2], foot)
             sigma = (p.foot_sigma_px, p.foot_sigma_px * (1.0 if foot is not None else 3.0))
@@ -267,6 +268,11 @@ def _joining(
     gap = np.linalg.norm(own - flow, axis=1)
     still = np.nan_to_num(np.linalg.norm(own - standing_flow, axis=1), nan=np.inf)
     return np.flatnonzero(inside & (gap <= _TOGETHER_PX) & (gap + _BETTER_PX < still))
+
+
+def _lowest(px: NDArray[np.float32]) -> float:
+    """The row of the lowest points (N, 2), but for a stray one."""
+    return float(np.percentile(px[:, 1], _LOWEST_PERCENT))
 
 
 def _first_box(px: NDArray[np.float32]) -> Box:

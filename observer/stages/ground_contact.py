@@ -10,44 +10,40 @@ from observer.geometry import Float64Array, Pose
 from observer.types import Image
 
 # Of the box: the middle part of its width that is looked at, and how far above and below its
-# lower edge the obstacle may end, as shares of width and height.
+# lowest points the obstacle may end, as shares of width and height.
 _MIDDLE = 0.35
-_ABOVE, _BELOW = 0.35, 0.5
+_ABOVE, _BELOW = 0.2, 0.4
 _LEAST_PX = 4.0
-# An edge is one if it is this strong against the strongest one around, and in grey levels/px.
-_EDGE_SHARE, _LEAST_EDGE = 0.45, 3.0
+# An edge is one from this slope on, grey levels/px; at the end of the search it counts this much.
+_LEAST_EDGE, _FAR_WEIGHT = 3.0, 0.3
 
 Box = tuple[float, float, float, float]
 
 
-def lower_edge(image: Image, box: Box) -> float | None:
+def lower_edge(image: Image, box: Box, lowest: float) -> float | None:
     """The row, pixels, at which the obstacle in the box u0, v0, u1, v1 ends below.
 
-    Its lowest strong edge across the middle of the box: below it there is only floor. None where
-    no edge stands out or the image ends first.
+    The strongest edge across the middle of the box about its lowest points, at the row
+    ``lowest``: there it stands against the floor. None where no edge stands out or the image ends
+    first.
     """
-    u0, v0, u1, v1 = box
+    u0, v0, u1, _ = box
     height, width = image.shape
     middle, half = (u0 + u1) / 2, max(_MIDDLE * (u1 - u0), 2.0)
     left, right = int(max(middle - half, 0)), int(min(middle + half + 1, width))
-    above = max(_ABOVE * (v1 - v0), _LEAST_PX)
-    below = max(_BELOW * (v1 - v0), _LEAST_PX)
-    top, bottom = int(max(v1 - above, 0)), int(min(v1 + below + 1, height))
+    above = max(_ABOVE * (lowest - v0), _LEAST_PX)
+    below = max(_BELOW * (lowest - v0), _LEAST_PX)
+    top, bottom = int(max(lowest - above, 0)), int(min(lowest + below + 1, height))
     if right - left < 3 or bottom - top < 5:
         return None
     rows = image[top:bottom, left:right].astype(np.float64).mean(axis=1)
     slope = np.abs(rows[2:] - rows[:-2]) / 2
-    strongest = float(slope.max())
-    if strongest < _LEAST_EDGE:
+    row = np.arange(top + 1, bottom - 1)
+    away = np.where(row > lowest, (row - lowest) / below, (lowest - row) / above)
+    edge = int(np.argmax(slope * (1 - (1 - _FAR_WEIGHT) * np.minimum(away, 1.0))))
+    if slope[edge] < _LEAST_EDGE or row[edge] >= height - 3:
         return None
-    strong = np.flatnonzero(slope >= _EDGE_SHARE * strongest)
-    last = int(strong[-1])
-    # The edge is where the lowest hill of the slope is highest.
-    while last > 0 and slope[last - 1] > slope[last]:
-        last -= 1
-    if top + last + 1 >= height - 2:
-        return None
-    return float(top + last + 1)
+    return float(row[edge])
 
 
 def floor_place(
