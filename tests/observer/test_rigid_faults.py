@@ -263,7 +263,7 @@ FAULTS = st.dictionaries(
 
 
 @given(faults=FAULTS, recover=st.integers(0, 5))
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=14, deadline=None, derandomize=True)
 def test_whatever_happens_to_frames_everything_told_is_finite(
     lateral: Clip, faults: dict[int, tuple[str, int]], recover: int
 ) -> None:
