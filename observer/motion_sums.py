@@ -15,6 +15,7 @@ forgotten at a constant rate, which takes the place of process noise and knows n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,23 @@ class MotionSums:
     c0: Float64Array
     count: Float64Array
 
+    @cached_property
+    def _cov(self) -> Float64Array:
+        """(N, 3, 3) m^2, the inverse of a0, not to be written to.
+
+        It is asked for several times a frame, and what moves the sums on or chooses among them
+        hands it on.
+        """
+        cov = inverse_3x3(self.a0)
+        cov.setflags(write=False)
+        return cov
+
+    def _with_cov(self, cov: Float64Array) -> MotionSums:
+        """These sums, of whose a0 the inverse (N, 3, 3) is known already."""
+        cov.setflags(write=False)
+        self.__dict__["_cov"] = cov
+        return self
+
     @staticmethod
     def begin(position: Float64Array, information: Float64Array) -> MotionSums:
         """Of N points seen for the first time at (N, 3), with information (N, 3, 3)."""
@@ -62,7 +80,7 @@ class MotionSums:
     def advanced(self, dt: float, memory_s: float) -> MotionSums:
         """The same sums ``dt`` seconds later, all sightings forgotten a little."""
         keep = float(np.exp(-dt / memory_s))
-        return MotionSums(
+        moved = MotionSums(
             origin=self.origin,
             a0=keep * self.a0,
             a1=keep * (self.a1 - dt * self.a0),
@@ -72,6 +90,7 @@ class MotionSums:
             c0=keep * self.c0,
             count=keep * self.count,
         )
+        return moved._with_cov(self._cov / keep) if "_cov" in self.__dict__ else moved
 
     def with_sightings(self, position: Float64Array, information: Float64Array) -> MotionSums:
         """The sums with a sighting of each point now; information of zero adds nothing."""
@@ -90,15 +109,14 @@ class MotionSums:
 
     def static_position(self) -> tuple[Float64Array, Float64Array]:
         """Where each point is if it does not move: (N, 3) metres and covariance (N, 3, 3)."""
-        cov = inverse_3x3(self.a0)
-        return self.origin + np.einsum("nij,nj->ni", cov, self.b0), cov
+        return self.origin + np.einsum("nij,nj->ni", self._cov, self.b0), self._cov
 
     def velocity_information(self) -> tuple[Float64Array, Float64Array]:
         """Information (N, 3, 3) s^2/m^2 of each velocity, and information times velocity (N, 3).
 
         That of neighbours may be added; ``information^-1 @ vector`` is the velocity.
         """
-        gain = self.a1 @ inverse_3x3(self.a0)
+        gain = self.a1 @ self._cov
         information = self.a2 - gain @ self.a1
         vector = self.b1 - np.einsum("nij,nj->ni", gain, self.b0)
         return (information + np.swapaxes(information, 1, 2)) / 2, vector
@@ -114,7 +132,7 @@ class MotionSums:
         Args:
             velocity_cov: (N, 3, 3), by which the covariance (N, 3, 3) m^2 grows.
         """
-        cov = inverse_3x3(self.a0)
+        cov = self._cov
         inner = self.b0 - np.einsum("nij,nj->ni", self.a1, velocity)
         position = self.origin + np.einsum("nij,nj->ni", cov, inner)
         if velocity_cov is not None:
@@ -149,13 +167,17 @@ class MotionSums:
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> MotionSums:
         """The sums of some of the points."""
-        return MotionSums(*(getattr(self, name)[which] for name in _NAMES))
+        taken = MotionSums(*(getattr(self, name)[which] for name in _NAMES))
+        return taken._with_cov(self._cov[which]) if "_cov" in self.__dict__ else taken
 
     def joined(self, other: MotionSums) -> MotionSums:
         """These points and then the others."""
-        return MotionSums(
+        both = MotionSums(
             *(np.concatenate([getattr(self, name), getattr(other, name)]) for name in _NAMES)
         )
+        if "_cov" not in self.__dict__:
+            return both
+        return both._with_cov(np.concatenate([self._cov, other._cov]))
 
 
 _NAMES = ("origin", "a0", "a1", "a2", "b0", "b1", "c0", "count")

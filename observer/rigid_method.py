@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.camera_rate import CameraRate
 from observer.evidence import Evidence
-from observer.geometry import Float64Array, Pose
+from observer.geometry import Float64Array, Pose, inverse_3x3
 from observer.method import StageTimer, Step, StereoRows, View
 from observer.motion_evidence import Motion
 from observer.motion_sums import MotionSums
@@ -281,7 +281,8 @@ class RigidMethod:
         square = squares(points.px, marked, p.following)
         kept = thinned(square, points.sightings)
         self._points = points.take(kept)
-        px = new_points(view.left, square[kept], marked, p.following)
+        turn = None if self._rate is None else view.index
+        px = new_points(view.left, square[kept], marked, p.following, turn)
         if len(px) == 0:
             return
         coarse = coarse_disparity(view.left, view.right, px, p.stereo)
@@ -335,9 +336,12 @@ def _information(
 def _place_now(points: Points) -> Float64Array:
     """(N, 3) metres, world: moving as each point does, where that is known."""
     information, vector = points.sums.velocity_information()
-    known = (points.sightings >= _KNOWN_SIGHTINGS) & (np.linalg.det(information) > 0)
-    cov = np.linalg.inv(np.where(known[:, None, None], information, np.eye(3)))
-    velocity = np.einsum("nij,nj->ni", cov, vector) * known[:, None]
+    known = points.sightings >= _KNOWN_SIGHTINGS
+    cov = inverse_3x3(np.where(known[:, None, None], information, np.eye(3)))
+    # Of an information that has no inverse, or by rounding a negative one, nothing is known.
+    known &= (np.einsum("nii->ni", cov) > 0).all(axis=1)
+    velocity = np.einsum("nij,nj->ni", np.where(known[:, None, None], cov, 0.0), vector)
+    velocity[~np.isfinite(velocity).all(axis=1)] = 0.0
     return points.sums.moving_position(velocity)[0]
 
 
