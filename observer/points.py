@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,23 +96,13 @@ class Points:
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Points:
         """Some of the points."""
-        return self.but(
-            **{
-                f.name: value.take(which) if isinstance(value, MotionSums) else value[which]
-                for f in fields(self)
-                for value in (getattr(self, f.name),)
-            }
-        )
+        # A mask is searched through for each of the arrays anew, indices are not.
+        at = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        return Points(*(_taken(getattr(self, name), at) for name in _NAMES))
 
     def joined(self, other: Points) -> Points:
         """These points and then the others."""
-        return self.but(
-            **{
-                f.name: a.joined(b) if isinstance(a, MotionSums) else np.concatenate([a, b])
-                for f in fields(self)
-                for a, b in ((getattr(self, f.name), getattr(other, f.name)),)
-            }
-        )
+        return Points(*(_joined(getattr(self, name), getattr(other, name)) for name in _NAMES))
 
     def but(self, **changes: object) -> Points:
         """The same points with some attributes replaced."""
@@ -119,3 +110,17 @@ class Points:
 
     def __len__(self) -> int:
         return len(self.px)
+
+
+# Looking the fields up anew costs more than choosing among the points.
+_NAMES = tuple(f.name for f in fields(Points))
+
+
+def _taken(value: Any, which: NDArray[np.intp] | NDArray[np.bool_]) -> Any:
+    return value.take(which) if isinstance(value, MotionSums) else value[which]
+
+
+def _joined(first: Any, second: Any) -> Any:
+    if isinstance(first, MotionSums):
+        return first.joined(second)
+    return np.concatenate([first, second])
