@@ -39,7 +39,7 @@ class Floor:
         return np.asarray(self.depth - place @ self.down)
 
     def inverse_distance(self, centre: Float64Array, ray: Float64Array) -> Float64Array:
-        """(N,) 1/m from a place (3,) or (N, 3) along unit rays (N, 3); negative above the horizon."""
+        """(N,) 1/m along unit rays (N, 3) from (3,) or (N, 3); negative above the horizon."""
         return np.asarray((ray @ self.down) / self.height_of(centre))
 
     def contact(

@@ -73,4 +73,4 @@ class FloorTrack:
         """Mahalanobis length from where it is expected to a place (2,)."""
         gap = place - self.mean[:2]
         S = self.covariance[:2, :2] + noise
-        return float(np.sqrt(max(0.0, gap @ np.linalg.solve(S, gap))))
+        return float(np.sqrt(max(0.0, float(gap @ np.linalg.solve(S, gap)))))

@@ -53,7 +53,7 @@ def expected_sightings(points: RayPoints, T_camera_world: Pose, camera: StereoCa
     gap = T_camera_world.apply(points.centre)
     inverse = np.clip(points.inverse, 1 / FARTHEST_M**2, 1 / NEAREST_M)
     p = T_camera_world.rotate(points.ray) + inverse[:, None] * gap
-    front = p[:, 2] > 1e-3
+    front = np.asarray(p[:, 2] > 1e-3)
     w = np.where(front, 1 / np.where(front, p[:, 2], 1.0), np.nan)
     px = np.stack([camera.fx * p[:, 0] * w + camera.cx, camera.fy * p[:, 1] * w + camera.cy], 1)
     J = np.zeros((len(p), 2, 3))
@@ -93,7 +93,7 @@ def updated(
     swing = seen.by_pose @ pose_covariance @ np.swapaxes(seen.by_pose, 1, 2)
     R = noise[:, None, None] * np.eye(2) + swing
     S = R + points.variance[:, None, None] * (H[:, :, None] * H[:, None, :])
-    good = np.isfinite(innovation).all(axis=1) & np.isfinite(S).all(axis=(1, 2))
+    good = np.asarray(np.isfinite(innovation).all(axis=1) & np.isfinite(S).all(axis=(1, 2)))
     S = np.where(good[:, None, None], S, np.eye(2))
     W = inverse_2x2(S)
     H, innovation = np.where(good[:, None], H, 0.0), np.where(good[:, None], innovation, 0.0)

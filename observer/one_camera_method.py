@@ -16,8 +16,11 @@ from observer.camera import StereoCamera
 from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
 from observer.inverse_depth import anchored_anew, expected_sightings, lines_of_sight, updated
+from observer.map_scale import MapScale
 from observer.method import StageTimer, Step, View
 from observer.mount import CameraMount
+from observer.odometry_way import driven_step, driven_way
+from observer.one_camera_beginning import Beginning, begin_by_two_views
 from observer.parameters import Parameters
 from observer.rays import NO_OBSTACLE, RayPoints
 from observer.stages.floor_reporting import describe_floor_body
@@ -25,11 +28,10 @@ from observer.stages.floor_tracking import FloorTracker
 from observer.stages.following import as_bright_as, follow
 from observer.stages.one_camera_evidence import RayEvidence, grouped, ray_evidence
 from observer.stages.one_camera_pose import PoseEstimate, estimate_pose
-from observer.stages.one_camera_start import inverse_distances, turned_between, two_views
+from observer.stages.one_camera_start import turned_between
 from observer.stages.rigid_ego_motion import RigidEgoMotion
-from observer.stages.scale import Scale, floor_scale, odometry_scale, scale_by_floor
 from observer.stages.selection import attention, crowding, new_points, squares, thinned
-from observer.types import Matches, Obstacle, Odometry, Status, Trace
+from observer.types import Matches, Obstacle, Status, Trace
 
 # Pyramid levels while nothing is known of the camera's motion, and once it is.
 _FIRST_LEVELS, _LEVELS = 4, 2
@@ -51,7 +53,6 @@ _LEAST_KNOWN = 0.25
 _ANCHOR_TURNS = 4
 _TURNED_RAD = 0.01
 _LEAST_LEFT = 0.5
-_REFINE_ROUNDS = 4
 
 NO_SCALE = (
     "one camera needs its height above the floor or odometry for scale; set one_camera.height_m "
@@ -59,7 +60,6 @@ NO_SCALE = (
 )
 ONLY_TURNED = "the camera has only turned: depth from one camera needs it to travel"
 NOT_TRAVELLED = "the camera has not travelled far enough yet: depth from one camera needs it"
-NO_FLOOR = "too few points on the floor are seen to tell the scale of depth by the camera's height"
 
 
 class OneCameraMethod:
@@ -89,9 +89,9 @@ class OneCameraMethod:
         self._T_camera_world = Pose.identity()
         self._rate: tuple[Float64Array, Float64Array] | None = None
         self._noise = 1.0
-        self._scale = Scale(parameters.one_camera.odometry_sigma)
-        # From where the way is compared with the wheels'.
-        self._mark = (Pose.identity(), view.odometry)
+        self._scale = MapScale(
+            parameters.one_camera.odometry_sigma, self._support, Pose.identity(), view.odometry
+        )
         # With odometry and mount the motion is known at once, else two views must tell it.
         self._started = self._mount is not None and view.odometry is not None
         self._view = view
@@ -122,7 +122,9 @@ class OneCameraMethod:
             )
             evidence = self._evidence(points, ego.T_camera_world, estimate, dt, p)
             points = points.but(moving=evidence.moving)
-            points = self._scaled(points, ego.T_camera_world, view, p)
+            points = self._scale.corrected(
+                points, ego.T_camera_world, self._T_camera_world, view.odometry, p.one_camera
+            )
         T_world_camera = ego.T_camera_world.inverse()
         with timer("tracking"):
             points = self._tracked(points, evidence, view, T_world_camera, dt, p)
@@ -135,6 +137,13 @@ class OneCameraMethod:
         obstacles = self._described(T_world_camera, -moved.translation / dt, view.time, p)
         return Step(ego, T_world_camera, obstacles, 1.0, None)
 
+    @property
+    def _support(self) -> tuple[CameraMount, Floor] | None:
+        """What keeps the camera at its height, where both are known."""
+        if self._mount is None or self._floor is None:
+            return None
+        return self._mount, self._floor
+
     # ------------------------------------------------------------------ following
 
     def _expectation(
@@ -143,7 +152,7 @@ class OneCameraMethod:
         """About where the camera is now, and how sure that is (6, 6), information."""
         T = self._T_camera_world
         if self._mount is not None and previous.odometry and view.odometry:
-            step, way, turn = _driven(previous.odometry, view.odometry, self._mount)
+            step, way, turn = driven_step(previous.odometry, view.odometry, self._mount)
             turn_sigma = _STEP_TURN + _TURN_SHARE * turn
             way_sigma = _STEP_WAY_M + _WAY_SHARE * way + self._mount.lever_sigma_m * turn
             return step @ T, _information(turn_sigma, way_sigma)
@@ -200,7 +209,7 @@ class OneCameraMethod:
 
     def _try_to_start(self, points: RayPoints, view: View, p: Parameters) -> str | None:
         """None once it is done, else why it cannot be done yet."""
-        driven = _way(self._mark[1], view.odometry)
+        driven = driven_way(self._scale.odometry, view.odometry)
         if self._mount is None and driven is None:
             self._view, self._points = view, points
             return NO_SCALE
@@ -214,11 +223,14 @@ class OneCameraMethod:
         R, parallax = turned_between(first, now)
         self._view, self._points = view, points
         if np.degrees(np.median(parallax)) >= p.one_camera.parallax_deg:
-            reason = self._two_views(points, first, now, driven, p)
-            if reason != NOT_TRAVELLED:
-                if reason is None:
-                    self._renew_points(view, p)
-                return reason
+            beginning = begin_by_two_views(
+                points, first, now, driven, self._mount, p.one_camera, self._camera
+            )
+            if isinstance(beginning, Beginning):
+                self._begin_at(beginning, view, p)
+                return None
+            if beginning is not None:
+                return beginning
         turned = float(np.linalg.norm(Pose(R, np.zeros(3)).rotvec))
         if len(points) < _LEAST_LEFT * self._begun_with:
             # Too much has left the view: what is seen from here is compared with later views.
@@ -229,59 +241,14 @@ class OneCameraMethod:
             return ONLY_TURNED
         return NOT_TRAVELLED
 
-    def _two_views(
-        self,
-        points: RayPoints,
-        first: Float64Array,
-        now: Float64Array,
-        driven: float | None,
-        p: Parameters,
-    ) -> str | None:
-        sigma = float(np.median(np.hypot(points.sigma_px, 0.15))) / self._camera.fx
-        views = two_views(first, now, sigma, self._camera)
-        if views is None:
-            return NOT_TRAVELLED
-        T, agreeing = views.T_second_first, points.take(views.inliers)
-        first, now = first[views.inliers], now[views.inliers]
-        inverse, noise = views.inverse[views.inliers], views.sigma[views.inliers]
-        for _ in range(_REFINE_ROUNDS):
-            broad = agreeing.but(
-                centre=np.zeros((len(first), 3)), ray=first, inverse=inverse,
-                variance=(0.3 * np.abs(inverse) + noise) ** 2,
-            )  # fmt: skip
-            everything = np.ones(len(first), np.bool_)
-            T = estimate_pose(
-                broad, everything, everything.astype(float), T, _length_only(T), None, 0.0,
-                self._camera,
-            ).T_camera_world  # fmt: skip
-            T = Pose(T.rotation, T.translation / np.linalg.norm(T.translation))
-            inverse, noise = inverse_distances(first, now, T, sigma)
-        log_scale, doubt = 0.0, 0.0
-        if driven is not None and driven > 0.02:
-            log_scale, doubt = float(np.log(driven)), p.one_camera.odometry_sigma
-        elif self._floor is not None and self._mount is not None:
-            slope = first @ self._mount.down
-            usable = (inverse > 2 * noise) & (slope > 0.06)
-            told = scale_by_floor(
-                inverse[usable] / slope[usable], noise[usable] / inverse[usable],
-                self._mount.height_m, np.inf,
-            )  # fmt: skip
-            if told is None:
-                return NO_FLOOR
-            log_scale, doubt = told
-        else:
-            return NOT_TRAVELLED
-        metres = float(np.exp(log_scale))
-        self._scale = Scale(doubt)
-        self._T_camera_world = Pose(T.rotation, metres * T.translation) @ self._T_camera_world
-        good = inverse > noise
-        self._points = agreeing.take(good).but(
-            inverse=inverse[good] / metres, variance=(noise[good] / metres) ** 2
+    def _begin_at(self, beginning: Beginning, view: View, p: Parameters) -> None:
+        self._T_camera_world = beginning.T_now_first @ self._T_camera_world
+        self._scale = MapScale(
+            beginning.scale_sigma, self._support, self._T_camera_world, view.odometry
         )
-        assert self._view is not None
-        self._mark = (self._T_camera_world, self._view.odometry)
+        self._points = beginning.points
         self._started = True
-        return None
+        self._renew_points(view, p)
 
     # ------------------------------------------------------------------ one frame
 
@@ -292,11 +259,8 @@ class OneCameraMethod:
         if standing.sum() < len(points) / 2:
             # Rather too many obstacles among the background than an obstacle taken for it.
             standing = np.ones(len(points), np.bool_)
-        support = None
-        if self._mount is not None and self._floor is not None:
-            support = (self._mount, self._floor)
         return estimate_pose(
-            points, standing, crowding(points.px, p.following), T_expected, prior, support,
+            points, standing, crowding(points.px, p.following), T_expected, prior, self._support,
             p.ego_motion.shared_error, self._camera,
         )  # fmt: skip
 
@@ -338,42 +302,6 @@ class OneCameraMethod:
             float(np.radians(p.one_camera.tilt_sigma_deg)), self._camera, p.evidence,
         )  # fmt: skip
 
-    def _scaled(
-        self, points: RayPoints, T_camera_world: Pose, view: View, p: Parameters
-    ) -> RayPoints:
-        """The map with its scale corrected by the floor and by odometry, where they tell it."""
-        T_world_camera = T_camera_world.inverse()
-        moved = T_camera_world @ self._T_camera_world.inverse()
-        self._scale = self._scale.after_way(float(np.linalg.norm(moved.translation)))
-        factor = 1.0
-        if self._mount is not None and self._floor is not None:
-            told = floor_scale(
-                points, T_world_camera, self._floor, self._mount.height_m, self._scale
-            )
-            if told is not None:
-                gain, self._scale = self._scale.corrected(*told)
-                factor *= gain
-        T_mark, odometry = self._mark
-        driven = _way(odometry, view.odometry)
-        if driven is not None and odometry is not None and view.odometry is not None:
-            since = T_camera_world @ T_mark.inverse()
-            told = odometry_scale(
-                float(np.linalg.norm(since.translation)), driven,
-                view.odometry.yaw - odometry.yaw, p.one_camera.odometry_sigma,
-            )  # fmt: skip
-            if told is not None:
-                gain, self._scale = self._scale.corrected(*told)
-                factor *= gain
-                self._mark = (T_camera_world, view.odometry)
-        if factor == 1.0:
-            return points
-        here = T_world_camera.translation
-        return points.but(
-            centre=here + factor * (points.centre - here),
-            inverse=points.inverse / factor,
-            variance=points.variance / factor**2,
-        )
-
     def _tracked(
         self,
         points: RayPoints,
@@ -387,9 +315,10 @@ class OneCameraMethod:
         floor, q = self._floor, p.one_camera
         if floor is None:
             return points
+        standing_flow = self._standing_flow(points, T_world_camera.inverse())
         points = self._tracker.follow(
-            points, evidence.significance, evidence.threshold, self._standing_flow(points, T_world_camera.inverse()),
-            view.left, T_world_camera, floor, self._camera, dt, q, p.obstacles,
+            points, evidence.significance, evidence.threshold, standing_flow, view.left,
+            T_world_camera, floor, self._camera, dt, q, p.obstacles,
         )  # fmt: skip
         free = evidence.moving & (points.obstacle == NO_OBSTACLE)
         groups = grouped(evidence.pairs, free, p.obstacles.min_points)
@@ -413,7 +342,13 @@ class OneCameraMethod:
             return ()
         return tuple(
             describe_floor_body(
-                track, T_world_camera, velocity, self._scale.sigma, self._floor, time, p.one_camera
+                track,
+                T_world_camera,
+                velocity,
+                self._scale.sigma(p.one_camera),
+                self._floor,
+                time,
+                p.one_camera,
             )
             for track in self._tracker.tracks
         )
@@ -449,7 +384,7 @@ class OneCameraMethod:
                 ray,
                 least + _FIRST_INVERSE / height,
                 np.full(len(px), (_FIRST_SIGMA / height) ** 2),
-            )  # fmt: skip
+            )
         )
         self._begun_with = len(self._points)
 
@@ -462,30 +397,6 @@ def _mount_in_force(rig: CameraMount | None, p: Parameters) -> CameraMount | Non
 
 def _information(turn_sigma: float, way_sigma: float) -> NDArray[np.float64]:
     return np.diag([turn_sigma**-2] * 3 + [way_sigma**-2] * 3)
-
-
-def _length_only(T: Pose) -> NDArray[np.float64]:
-    """Information (6, 6) that holds the length of a way and nothing else."""
-    out = np.zeros((6, 6))
-    out[3:, 3:] = 1e4 * np.outer(T.translation, T.translation) / (T.translation @ T.translation)
-    return out
-
-
-def _way(before: Odometry | None, now: Odometry | None) -> float | None:
-    """Metres between two places by odometry, where both are known."""
-    if before is None or now is None:
-        return None
-    return float(np.hypot(now.x - before.x, now.y - before.y))
-
-
-def _driven(before: Odometry, now: Odometry, mount: CameraMount) -> tuple[Pose, float, float]:
-    """The camera's motion by the wheels, its length and its turn."""
-    turn = now.yaw - before.yaw
-    c, s = np.cos(before.yaw), np.sin(before.yaw)
-    dx, dy = now.x - before.x, now.y - before.y
-    T_before_now = Pose.from_rotvec([0, 0, turn], [c * dx + s * dy, c * dy - s * dx, 0.0])
-    step = mount.T_base_camera.inverse() @ T_before_now.inverse() @ mount.T_base_camera
-    return step, float(np.linalg.norm(step.translation)), abs(turn)
 
 
 def _keep_background(

@@ -90,8 +90,8 @@ def _why(track: FloorTrack, speed: float) -> str:
         else "its points leave the lines of sight on which they would stand"
     )
     what = (
-        f"{track.points} points: {seen} ({track.evidence:.1f} standard deviations); its foot on the "
-        f"floor moves at {speed:.2f} m/s, {track.significance:.1f} standard deviations from standing"
+        f"{track.points} points: {seen} ({track.evidence:.1f} standard deviations); its foot on "
+        f"the floor moves at {speed:.2f} m/s, {track.significance:.1f} sigmas from standing"
     )
     if track.state is TrackState.COASTING:
         return f"not seen for {track.missed_s:.1f} s, expected where it should be by now; {what}"

@@ -32,6 +32,8 @@ _FIRST_SPEED = 0.6
 # Significance of the velocity that supports what the lines of sight say.
 _SUPPORT_SIGMAS = 2.0
 _MARGIN_PX = 3.0
+# A foot that is seen farther than so many standard deviations from where it moved to.
+_SURPRISE = 1.5
 _LOWEST_PERCENT = 92.0
 # What is nearer than this share of its size, and moves alike in the image, is one obstacle.
 _GAP_SHARE, _ALIKE_PX = 0.5, 0.8
@@ -89,7 +91,11 @@ class FloorTracker:
             box = _widened(moved, points.px[kept])
             foot = lower_edge(image, box, _lowest(points.px[kept]))
             if foot is not None:
-                box = (box[0], box[1], box[2], box[3] + _EDGE_GAIN * (foot - box[3]))
+                lower = box[3] + _EDGE_GAIN * (foot - box[3])
+                if abs(foot - box[3]) > _SURPRISE * p.foot_sigma_px:
+                    # The foot was mistaken, it has not moved.
+                    _shift(track, box, lower, T_world_camera, floor, camera)
+                box = (box[0], box[1], box[2], lower)
             joining = _joining(points, owner, kept, standing_flow, box)
             owner[joining] = track.id
             track.box_px, track.points, track.missed_s = box, len(kept), 0.0
@@ -156,8 +162,8 @@ class FloorTracker:
                 mine, theirs = owner == one.id, owner == other.id
                 if {one.id, other.id} & gone or not (mine.any() and theirs.any()):
                     continue
-                apart = np.linalg.norm(np.median(flow[mine], axis=0) - np.median(flow[theirs], axis=0))
-                if _near(one.box_px, other.box_px) and apart <= _ALIKE_PX:
+                gap = np.median(flow[mine], axis=0) - np.median(flow[theirs], axis=0)
+                if _near(one.box_px, other.box_px) and np.linalg.norm(gap) <= _ALIKE_PX:
                     owner[theirs] = one.id
                     one.box_px = _union(one.box_px, other.box_px)
                     gone.add(other.id)
@@ -200,7 +206,7 @@ class FloorTracker:
         u0, _, u1, v1 = track.box_px
         cut = v1 >= camera.height - 2
         side = u0 <= 1 or u1 >= camera.width - 2
-        sigma = (p.foot_sigma_px * (4 if side else 1), p.foot_sigma_px * (20 if cut else 1))
+        sigma = (p.foot_sigma_px * (20 if side else 1), p.foot_sigma_px * (20 if cut else 1))
         placed = floor_place(((u0 + u1) / 2, v1), sigma, T_world_camera, floor, camera)
         if placed is None:
             return
@@ -227,6 +233,24 @@ class FloorTracker:
             track.motion = MotionState.STOPPED
 
 
+def _shift(
+    track: FloorTrack,
+    box: Box,
+    lower: float,
+    T_world_camera: Pose,
+    floor: Floor,
+    camera: StereoCamera,
+) -> None:
+    """Move an obstacle, not its velocity, with the lower edge of its box."""
+    middle = (box[0] + box[2]) / 2
+    before = floor.contact(np.array([middle, box[3]]), T_world_camera, camera)
+    after = floor.contact(np.array([middle, lower]), T_world_camera, camera)
+    if before is not None and after is not None:
+        gap = floor.axes.T @ (after - before)
+        track.mean = track.mean + np.append(gap, [0.0, 0.0])
+        track.covariance[:2, :2] += np.outer(gap, gap)
+
+
 def _moved_together(
     points: RayPoints, members: NDArray[np.intp], standing_flow: Float64Array, box: Box
 ) -> tuple[NDArray[np.intp], Box | None]:
@@ -249,7 +273,8 @@ def _moved_together(
         members = members[good]
     corners = np.array(box, np.float64).reshape(2, 2)
     corners = corners + shift + grow * (corners - middle)
-    return members, (*corners[0], *corners[1])  # type: ignore[return-value]
+    (u0, v0), (u1, v1) = corners.tolist()
+    return members, (u0, v0, u1, v1)
 
 
 def _joining(

@@ -1,4 +1,4 @@
-"""The camera's pose from lines of sight alone: the one from which standing points look as they do.
+"""The camera's pose from lines of sight alone: standing points look as they do from there.
 
 Least squares that trusts far-off points less and less, from wide to narrow (graduated
 non-convexity), joined with what is known beforehand: odometry or steady motion, and the mount.
@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from observer.camera import StereoCamera
 from observer.floor import Floor
 from observer.geometry import Float64Array, Pose, cross_matrix
+from observer.inverse_depth import expected_sightings, inverse_2x2, sighting_noise
 from observer.mount import CameraMount
 from observer.rays import RayPoints
-from observer.inverse_depth import expected_sightings, inverse_2x2, sighting_noise
 
 # Residuals beyond so many standard deviations hardly count, round after round.
 _WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.0, 3.0)
@@ -76,7 +76,7 @@ def estimate_pose(
         S = noise[:, None, None] * np.eye(2) + doubt[:, None, None] * (
             H[:, :, None] * H[:, None, :]
         )
-        good = np.isfinite(r).all(axis=1)
+        good = np.asarray(np.isfinite(r).all(axis=1))
         W = inverse_2x2(np.where(good[:, None, None], S, np.eye(2)))
         r, J = np.where(good[:, None], r, 0.0), np.where(good[:, None, None], seen.by_pose, 0.0)
         squared = np.einsum("ni,nij,nj->n", r, W, r)
@@ -99,7 +99,8 @@ def estimate_pose(
     # The middle of a chi distribution of two degrees of freedom is 1.177.
     scale = float(np.median(length[known])) / 1.177 if known.sum() >= 8 else 1.0
     excess = max(1.0, scale) ** 2 * (1 + shared_error * int(inliers.sum()))
-    return PoseEstimate(pose, np.linalg.pinv(information) * excess, inliers, scale)
+    covariance = np.asarray(np.linalg.pinv(information) * excess, np.float64)
+    return PoseEstimate(pose, covariance, inliers, scale)
 
 
 def _difference(T_expected: Pose, pose: Pose) -> Float64Array:

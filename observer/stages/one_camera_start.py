@@ -1,4 +1,4 @@
-"""The first two views far enough apart: which way the camera went, and depths but for their scale."""
+"""The first two views far enough apart: the way between them and depths, but for their scale."""
 
 from __future__ import annotations
 
