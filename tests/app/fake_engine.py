@@ -20,6 +20,7 @@ from app.engine.lifeline import die_with_parent
 from app.engine.process import run_engine
 from observer.camera import StereoCalibration, StereoCamera
 from observer.geometry import Pose
+from observer.mount import CameraMount
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
 from observer.sources.contract import SourceInfo
@@ -59,10 +60,11 @@ class Counting:
         calibration: StereoCalibration,
         parameters: Parameters,
         *,
+        mount: CameraMount | None,
         parameters_revision: int,
         clock: Callable[[], float],
     ) -> None:
-        del clock
+        del mount, clock
         self.camera = StereoCamera(WIDTH, HEIGHT, 100.0, 100.0, 80.0, 60.0, calibration.baseline)
         self.parameters = parameters
         self._revision = parameters_revision
