@@ -326,7 +326,7 @@ class OneCameraMethod:
             points, groups, evidence.significance, False, view.left, T_world_camera, floor,
             self._camera, q,
         )  # fmt: skip
-        points = self._tracker.merge(points)
+        points = self._tracker.merge(points, T_world_camera, floor, self._camera)
         here = floor.axes.T @ T_world_camera.translation
         return self._tracker.live(points, p.obstacles, q.farthest_m, here)
 

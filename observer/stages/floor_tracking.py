@@ -23,7 +23,7 @@ Box = tuple[float, float, float, float]
 _TOGETHER_PX = 0.7
 # Joining asks for this much less of a misfit to the body than to standing, px.
 _BETTER_PX = 0.5
-_FEWEST_MEMBERS = 2
+_FEWEST_MEMBERS = 3
 # The box follows what is measured by this share each frame, beyond what its points tell.
 _EDGE_GAIN, _SIDE_GAIN = 0.15, 0.15
 # A group within so many standard deviations of an obstacle that is expected belongs to it.
@@ -32,8 +32,6 @@ _FIRST_SPEED = 0.6
 # Significance of the velocity that supports what the lines of sight say.
 _SUPPORT_SIGMAS = 2.0
 _MARGIN_PX = 3.0
-# A foot that is seen farther than so many standard deviations from where it moved to.
-_SURPRISE = 1.5
 _LOWEST_PERCENT = 92.0
 # What is nearer than this share of its size, and moves alike in the image, is one obstacle.
 _GAP_SHARE, _ALIKE_PX = 0.5, 0.8
@@ -91,11 +89,9 @@ class FloorTracker:
             box = _widened(moved, points.px[kept])
             foot = lower_edge(image, box, _lowest(points.px[kept]))
             if foot is not None:
-                lower = box[3] + _EDGE_GAIN * (foot - box[3])
-                if abs(foot - box[3]) > _SURPRISE * p.foot_sigma_px:
-                    # The foot was mistaken, it has not moved.
-                    _shift(track, box, lower, T_world_camera, floor, camera)
-                box = (box[0], box[1], box[2], lower)
+                box = (box[0], box[1], box[2], box[3] + _EDGE_GAIN * (foot - box[3]))
+            # The box was mistaken by so much; nothing has moved there.
+            _shift(track, moved, box, T_world_camera, floor, camera)
             joining = _joining(points, owner, kept, standing_flow, box)
             owner[joining] = track.id
             track.box_px, track.points, track.missed_s = box, len(kept), 0.0
@@ -146,12 +142,16 @@ class FloorTracker:
                 self.tracks.append(track)
             elif track.missed_s > 0:
                 track.box_px, track.missed_s = box, 0.0
-                track.update(place, cov)
+                track.mean[:2] = place
+                track.covariance[:2, :2], track.covariance[2:, :2] = cov, 0.0
+                track.covariance[:2, 2:] = 0.0
             track.size = _size(box, place, T_world_camera, floor, camera)
             owner[members] = track.id
         return points.but(obstacle=owner)
 
-    def merge(self, points: RayPoints) -> RayPoints:
+    def merge(
+        self, points: RayPoints, T_world_camera: Pose, floor: Floor, camera: StereoCamera
+    ) -> RayPoints:
         """Make one obstacle of those that touch in the image and move alike there."""
         owner = points.obstacle.copy()
         flow = (points.px - points.before_px).astype(np.float64)
@@ -165,7 +165,9 @@ class FloorTracker:
                 gap = np.median(flow[mine], axis=0) - np.median(flow[theirs], axis=0)
                 if _near(one.box_px, other.box_px) and np.linalg.norm(gap) <= _ALIKE_PX:
                     owner[theirs] = one.id
-                    one.box_px = _union(one.box_px, other.box_px)
+                    box = _union(one.box_px, other.box_px)
+                    _shift(one, one.box_px, box, T_world_camera, floor, camera)
+                    one.box_px = box
                     gone.add(other.id)
         self.tracks = [track for track in self.tracks if track.id not in gone]
         return points.but(obstacle=owner)
@@ -235,20 +237,20 @@ class FloorTracker:
 
 def _shift(
     track: FloorTrack,
-    box: Box,
-    lower: float,
+    before: Box,
+    after: Box,
     T_world_camera: Pose,
     floor: Floor,
     camera: StereoCamera,
 ) -> None:
-    """Move an obstacle, not its velocity, with the lower edge of its box."""
-    middle = (box[0] + box[2]) / 2
-    before = floor.contact(np.array([middle, box[3]]), T_world_camera, camera)
-    after = floor.contact(np.array([middle, lower]), T_world_camera, camera)
-    if before is not None and after is not None:
-        gap = floor.axes.T @ (after - before)
-        track.mean = track.mean + np.append(gap, [0.0, 0.0])
-        track.covariance[:2, :2] += np.outer(gap, gap)
+    """Move an obstacle's place, not its velocity, as the foot of its box was corrected."""
+    feet = [np.array([(box[0] + box[2]) / 2, box[3]]) for box in (before, after)]
+    old, new = (floor.contact(foot, T_world_camera, camera) for foot in feet)
+    if old is None or new is None:
+        return
+    gap = floor.axes.T @ (new - old)
+    track.mean = track.mean + np.append(gap, [0.0, 0.0])
+    track.covariance[:2, :2] += np.outer(gap, gap)
 
 
 def _moved_together(
