@@ -87,16 +87,20 @@ class Members:
             noise=noise,
         )
 
-    def residuals(self, pose: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
-        """(N, 3) metres by which they are elsewhere than a body at (4,) has them.
+    def weighed(self, yaw: float) -> tuple[Float64Array, Float64Array]:
+        """(N, 3, 3) covariance of the places, world axes, and information of the residuals.
 
-        Returns:
-            The residuals, their information (N, 3, 3) and squared Mahalanobis lengths (N,).
+        Of a body that has turned by about ``yaw`` radians: a few degrees more or less hardly turn
+        the covariances, and they need not be made anew for each guess of the pose.
         """
-        R = yaw_matrix(float(pose[3]))
-        W = inverse_3x3(self.noise + R @ self.place_cov @ R.T)
-        r = self.sighting - pose[:3] - self.place @ R.T
-        return r, W, np.einsum("ni,nij,nj->n", r, W, r)
+        R = yaw_matrix(yaw)
+        cov = R @ self.place_cov @ R.T
+        return cov, inverse_3x3(self.noise + cov)
+
+    def residuals(self, pose: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """(N, 3) metres by which they are elsewhere than a body at (4,) has them; its places."""
+        spot = self.place @ yaw_matrix(float(pose[3])).T
+        return self.sighting - pose[:3] - spot, spot
 
 
 def measure_body(
@@ -118,41 +122,55 @@ def measure_body(
             members share this error.
         shared_error: share of the noise that the points of a body have in common.
     """
+    cov, W = members.weighed(float(expected[3]))
     x = expected.copy()
     for _ in range(_STEPS):
-        r, W, squared = members.residuals(x)
-        R = yaw_matrix(float(x[3]))
-        arm = members.place @ R.T
+        r, arm = members.residuals(x)
+        Wr = np.einsum("nij,nj->ni", W, r)
+        squared = np.einsum("ni,ni->n", r, Wr)
         # A place is noisy itself: on a flat face the noise along the line of sight would pass for
         # a lever and make the body seem to turn less than it does. Where it is to the best of both
         # knowledge, the noise of the lever has nothing to do with that of the residual.
-        arm = arm + np.einsum("nij,njk,nk->ni", R @ members.place_cov @ R.T, W, r)
-        arm[~members.known] = 0.0
+        arm = arm + np.einsum("nij,nj->ni", cov, Wr)
         # Far from the answer all of them fit badly; only those that fit worse are strangers.
         length = np.sqrt(np.maximum(squared, 0.0)) / _scale(squared[members.known])
         weight = np.minimum(1.0, _FULL_WEIGHT_SIGMAS / np.maximum(length, 1e-9)) * members.known
         weight = weight * (length <= _LEAVE_SIGMAS)
-        H = np.concatenate(
-            [np.broadcast_to(np.eye(3), (len(arm), 3, 3)), turning_velocity(1.0, arm)[:, :, None]],
-            axis=2,
-        )
-        WH = (W * weight[:, None, None]) @ H
-        A = np.einsum("nai,naj->ij", H, WH)
-        A[3, 3] += _LEAST_YAW_INFORMATION
+        A, g = _normal_equations(W, Wr, turning_velocity(1.0, arm), weight)
         used = max(1.0, float(np.sum(weight > 0)))
         excess = max(1.0, float((weight * squared).sum()) / (3 * used))
         M = np.linalg.inv(A) * excess * (1 + shared_error * used)
         M[:3, :3] += _ego_noise(x[:3], T_camera_world, step_covariance)
-        measured = x + np.linalg.solve(A, np.einsum("nai,na->i", WH, r))
+        measured = x + np.linalg.solve(A, g)
         x = expected + spread @ np.linalg.solve(spread + M, measured - expected)
     # Whether a point fits is judged by where the points are, not by where they should be.
     loose = spread.copy()
     loose[:3, :3] += np.eye(3) * _ANYWHERE
     loose[3, 3] += _YAW_SLACK**2
     best = expected + loose @ np.linalg.solve(loose + M, measured - expected)
-    _, _, squared = members.residuals(best)
+    r, _ = members.residuals(best)
+    squared = np.einsum("ni,nij,nj->n", r, W, r)
     limit = (_LEAVE_SIGMAS * _scale(squared[members.known])) ** 2
     return BodyMeasurement(measured, (M + M.T) / 2, members.known & (squared > limit))
+
+
+def _normal_equations(
+    W: Float64Array, Wr: Float64Array, swing: Float64Array, weight: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """(4, 4) and (4,) of least squares for position and yaw.
+
+    Args:
+        W: (N, 3, 3) information of the residuals, Wr: (N, 3) times the residuals. swing: (N, 3)
+            metres by which a radian moves each point. weight: (N,).
+    """
+    A, g = np.empty((4, 4)), np.empty(4)
+    W_swing = np.einsum("nij,nj->ni", W, swing)
+    A[:3, :3] = np.tensordot(weight, W, 1)
+    A[:3, 3] = A[3, :3] = weight @ W_swing
+    A[3, 3] = weight @ np.einsum("ni,ni->n", swing, W_swing) + _LEAST_YAW_INFORMATION
+    g[:3] = weight @ Wr
+    g[3] = weight @ np.einsum("ni,ni->n", swing, Wr)
+    return A, g
 
 
 def expected_pose(
