@@ -29,6 +29,9 @@ points_current        (K, 3) metres, the same points at t+dt, in the same frame
 detections            the obstacles of this frame before they get an identity
 --------------------  rigid only
 evidence              ``Evidence``: how every followed point moves, and how sure that is
+--------------------  one camera only
+rays                  ``RayPoints``: all followed points, their lines of sight and depths
+ray_evidence          ``RayEvidence``: which of them cannot stand
 ====================  =========================================================================
 """
 

@@ -22,11 +22,12 @@ from observer.mount import CameraMount
 from observer.odometry_way import driven_step, driven_way
 from observer.one_camera_beginning import Beginning, begin_by_two_views
 from observer.parameters import Parameters
+from observer.ray_evidence import RayEvidence
 from observer.rays import NO_OBSTACLE, RayPoints
 from observer.stages.floor_reporting import describe_floor_body
 from observer.stages.floor_tracking import FloorTracker
 from observer.stages.following import as_bright_as, follow
-from observer.stages.one_camera_evidence import RayEvidence, grouped, ray_evidence
+from observer.stages.one_camera_evidence import grouped, ray_evidence
 from observer.stages.one_camera_pose import PoseEstimate, estimate_pose
 from observer.stages.one_camera_start import turned_between
 from observer.stages.rigid_ego_motion import RigidEgoMotion
@@ -122,6 +123,8 @@ class OneCameraMethod:
             )
             evidence = self._evidence(points, ego.T_camera_world, estimate, dt, p)
             points = points.but(moving=evidence.moving)
+            trace.keep("rays", points)
+            trace.keep("ray_evidence", evidence)
             points = self._scale.corrected(
                 points, ego.T_camera_world, self._T_camera_world, view.odometry, p.one_camera
             )

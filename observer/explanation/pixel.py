@@ -10,6 +10,7 @@ import numpy as np
 from observer.camera import StereoCamera, as_gray
 from observer.explanation.answer import PixelAnswer, PixelVerdict, limits
 from observer.explanation.gathered import explain_by_evidence
+from observer.explanation.one_camera import explain_by_rays
 from observer.explanation.planar import explain_by_flow
 from observer.parameters import Parameters
 from observer.types import Status
@@ -49,11 +50,29 @@ def explain_pixel(
     if ego.status is Status.LOST:
         return _lost(trace, parameters, px)
     counts = {"inliers": int(np.count_nonzero(ego.inliers)), "matches": len(ego.inliers)}
+    if "ray_evidence" in trace:
+        rays, told = trace["rays"], trace["ray_evidence"]
+        return explain_by_rays(rays, told, camera, parameters, px, counts)
+    if parameters.ego_motion.model == "one_camera":
+        return _not_begun(ego.reasons, px, counts)
     if "evidence" in trace:
         left = trace.get("left")
         image = None if left is None else as_gray(left)
         return explain_by_evidence(trace["evidence"], camera, parameters, px, counts, image)
     return explain_by_flow(trace, camera, parameters, px, counts)
+
+
+def _not_begun(
+    reasons: tuple[str, ...], px: tuple[float, float], counts: Mapping[str, float]
+) -> PixelAnswer:
+    why = reasons[0] if reasons else "depth from one camera needs it to travel"
+    return PixelAnswer(
+        px,
+        PixelVerdict.UNDECIDED,
+        f"Nothing can be told apart here yet: {why}.",
+        dict(counts),
+        "It is decided once the camera has travelled on.",
+    )
 
 
 def _outside(camera: StereoCamera, px: tuple[float, float]) -> PixelAnswer:

@@ -7,8 +7,6 @@ a depth that does not fit where it touches the floor (``floating``).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
@@ -21,6 +19,7 @@ from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
 from observer.inverse_depth import expected_sightings, inverse_2x2
 from observer.parameters import EvidenceParameters
+from observer.ray_evidence import RayEvidence
 from observer.rays import RayPoints
 
 # Neighbours move alike in the image to within so many pixels a frame, and this share.
@@ -34,23 +33,6 @@ _FLOOR_SHARE, _SLACK = 0.8, 0.02
 _MOST, _EACH_SIGMAS = 0.7, 2.0
 # From frame to frame the pose's errors add up to a random walk.
 _RANDOM_WALK = 1.2
-
-
-@dataclass(frozen=True, eq=False)
-class RayEvidence:
-    """What is known of the motion of N points in the image beyond standing.
-
-    Attributes:
-        significance: (N,) standard deviations; 0 where nothing can be said.
-        threshold: above which a point counts as moving.
-        moving: (N,). neighbours: (N,) how many points were pooled. pairs: (P, 2) that agree.
-    """
-
-    significance: Float64Array
-    threshold: float
-    moving: NDArray[np.bool_]
-    neighbours: NDArray[np.int64]
-    pairs: NDArray[np.intp]
 
 
 def ray_evidence(
