@@ -190,7 +190,8 @@ def test_the_lab_opens_by_its_text_and_its_frames_carry_no_truth() -> None:
     assert opened.source.info.spec == "simulated:lab?seed=3"
     assert opened.truth is not None
     frame = opened.source.read()
-    assert set(vars(frame)) == {"index", "time", "left", "right", "received", "right_time"}
+    told = {"index", "time", "left", "right", "received", "right_time", "odometry"}
+    assert set(vars(frame)) == told
     assert isinstance(opened.source.calibration, StereoCalibration)
     assert opened.source.calibration.is_rectified
 
