@@ -59,6 +59,9 @@ class ObstacleShape:
         self._places = np.zeros((0, 3))
         self._frames = 0
         self._shown = np.zeros(2, np.bool_)
+        # (2,) metres: what the box measured when its places were last forgotten.
+        self._size_before = np.zeros(2)
+        self._size = np.zeros(2)
 
     def note_heading(self, velocity: Float64Array, cov: Float64Array, yaw: float) -> None:
         """Learn from a velocity (3,) m/s, world, with its covariance, at the body's yaw."""
@@ -91,6 +94,7 @@ class ObstacleShape:
     def forget(self) -> None:
         """Forget where points were (the body was lost for a while), but not its size."""
         self._places = np.zeros((0, 3))
+        self._size_before = self._size
 
     def box(self, points: Float64Array, view: Float64Array) -> Box:
         """The box around points (N, 3) and the remembered ones, seen along ``view``.
@@ -112,6 +116,7 @@ class ObstacleShape:
         for k in (0, 1):
             if not self._shown[k]:
                 size[k] = max(size[k], _ASPECT * extent[1 - k])
+        size = self._size = np.maximum(size, self._size_before)
         centre = (low + high) / 2
         for k, axis in enumerate((0, 2)):
             # What is missing lies behind what is seen.

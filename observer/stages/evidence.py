@@ -54,7 +54,7 @@ def pooled_motion(
     ready = (points.sightings >= parameters.min_sightings) & np.isfinite(vector).all(axis=1)
     # Seen along one line only, or always at one instant, a point's velocity is unknown.
     scale = np.trace(information, axis1=1, axis2=2) / 3
-    ready &= np.linalg.det(information) > _LEAST_RANK * scale**3
+    ready &= (scale > 0) & (np.linalg.det(information) > _LEAST_RANK * scale**3)
     information = np.where(ready[:, None, None], information, 0.0)
     vector = np.where(ready[:, None], vector, 0.0)
     own_cov = inverse_3x3(np.where(ready[:, None, None], information, np.eye(3)))
