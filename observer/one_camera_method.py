@@ -24,6 +24,7 @@ from observer.one_camera_beginning import Beginning, begin_by_two_views
 from observer.parameters import Parameters
 from observer.ray_evidence import RayEvidence
 from observer.rays import NO_OBSTACLE, RayPoints
+from observer.stages.floating import alike_in_depth, floating, off_floor
 from observer.stages.floor_reporting import describe_floor_body
 from observer.stages.floor_tracking import FloorTracker
 from observer.stages.following import as_bright_as, follow
@@ -49,6 +50,8 @@ _STEP_TURN, _STEP_WAY_M = 0.006, 0.0008
 _TURN_SHARE, _WAY_SHARE = 0.05, 0.04
 _TURN_ACCELERATION, _ACCELERATION = 3.0, 3.0
 _FIRST_TURN_RATE, _FIRST_SPEED = 1.0, 1.0
+# Fewer points that seem to float are none.
+_LEAST_FLOATING = 4
 # Below this share of points with known depth the camera has not travelled enough to tell.
 _LEAST_KNOWN = 0.25
 _ANCHOR_TURNS = 4
@@ -329,9 +332,30 @@ class OneCameraMethod:
             points, groups, evidence.significance, False, view.left, T_world_camera, floor,
             self._camera, q,
         )  # fmt: skip
+        points = self._float(points, evidence, view, T_world_camera, floor, p)
         points = self._tracker.merge(points, T_world_camera, floor, self._camera)
         here = floor.axes.T @ T_world_camera.translation
         return self._tracker.live(points, p.obstacles, q.farthest_m, here)
+
+    def _float(
+        self,
+        points: RayPoints,
+        evidence: RayEvidence,
+        view: View,
+        T_world_camera: Pose,
+        floor: Floor,
+        p: Parameters,
+    ) -> RayPoints:
+        """Obstacles begun by what comes along its line of sight."""
+        clear, inverse = off_floor(points, T_world_camera, floor)
+        groups = grouped(alike_in_depth(evidence.pairs, inverse), clear, _LEAST_FLOATING)
+        groups, significance = floating(
+            points, groups, inverse, view.left, T_world_camera, floor, self._camera, p.one_camera
+        )
+        return self._tracker.found(
+            points, groups, significance, True, view.left, T_world_camera, floor, self._camera,
+            p.one_camera,
+        )  # fmt: skip
 
     def _standing_flow(self, points: RayPoints, T_now: Pose) -> Float64Array:
         """(N, 2) px, how the points would have moved since the last frame if they stood."""
