@@ -177,7 +177,7 @@ class OneCameraMethod:
         expected = expected_sightings(points, T_expected, self._camera).px + points.residual
         steady = 2 * points.px - points.before_px
         own = points.moving | (points.obstacle != NO_OBSTACLE) | ~np.isfinite(expected).all(axis=1)
-        start = np.where(own[:, None], steady, expected).astype(np.float32)
+        start = np.where(own[:, None] | (not self._started), steady, expected).astype(np.float32)
         before = as_bright_as(view.left, previous.left)
         nothing = np.full((len(points), 2), np.nan, np.float32)
         levels = _FIRST_LEVELS if self._rate is None else _LEVELS

@@ -117,5 +117,5 @@ def _densest(value: Float64Array, noise: Float64Array) -> float:
     """Where most values lie, each as wide as its noise."""
     grid = np.linspace(value.min(), value.max(), 400)
     width = np.hypot(noise, 0.03)
-    density = (np.exp(-0.5 * ((grid[:, None] - value) / width) ** 2) / width).sum(axis=1)
+    density = np.exp(-0.5 * ((grid[:, None] - value) / width) ** 2).sum(axis=1)
     return float(grid[np.argmax(density)])
