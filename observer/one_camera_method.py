@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.floor import Floor
+from observer.floor_obstacles import FloorObstacles
 from observer.geometry import Float64Array, Pose
 from observer.inverse_depth import anchored_anew, expected_sightings, lines_of_sight, updated
 from observer.map_scale import MapScale
@@ -24,16 +25,13 @@ from observer.one_camera_beginning import Beginning, begin_by_two_views
 from observer.parameters import Parameters
 from observer.ray_evidence import RayEvidence
 from observer.rays import NO_OBSTACLE, RayPoints
-from observer.stages.floating import alike_in_depth, floating, off_floor
-from observer.stages.floor_reporting import describe_floor_body
-from observer.stages.floor_tracking import FloorTracker
 from observer.stages.following import as_bright_as, follow
-from observer.stages.one_camera_evidence import grouped, ray_evidence
+from observer.stages.one_camera_evidence import ray_evidence
 from observer.stages.one_camera_pose import PoseEstimate, estimate_pose
 from observer.stages.one_camera_start import turned_between
 from observer.stages.rigid_ego_motion import RigidEgoMotion
 from observer.stages.selection import attention, crowding, new_points, squares, thinned
-from observer.types import Matches, Obstacle, Status, Trace
+from observer.types import Matches, Status, Trace
 
 # Pyramid levels while nothing is known of the camera's motion, and once it is.
 _FIRST_LEVELS, _LEVELS = 4, 2
@@ -50,8 +48,6 @@ _STEP_TURN, _STEP_WAY_M = 0.006, 0.0008
 _TURN_SHARE, _WAY_SHARE = 0.05, 0.04
 _TURN_ACCELERATION, _ACCELERATION = 3.0, 3.0
 _FIRST_TURN_RATE, _FIRST_SPEED = 1.0, 1.0
-# Fewer points that seem to float are none.
-_LEAST_FLOATING = 4
 # Below this share of points with known depth the camera has not travelled enough to tell.
 _LEAST_KNOWN = 0.25
 _ANCHOR_TURNS = 4
@@ -82,13 +78,13 @@ class OneCameraMethod:
         self._rig = mount
         self._points = RayPoints.none()
         self._view: View | None = None
-        self._tracker = FloorTracker(numbers)
+        self._obstacles = FloorObstacles(camera, numbers)
 
     def begin(self, view: View, parameters: Parameters) -> None:
         """Forget everything; this view is the first of a new world."""
-        self._tracker.clear()
         self._mount = _mount_in_force(self._rig, parameters)
         self._floor = None if self._mount is None else Floor.below(self._mount)
+        self._obstacles.begin(self._floor)
         self._points = RayPoints.none()
         self._T_camera_world = Pose.identity()
         self._rate: tuple[Float64Array, Float64Array] | None = None
@@ -133,14 +129,18 @@ class OneCameraMethod:
             )
         T_world_camera = ego.T_camera_world.inverse()
         with timer("tracking"):
-            points = self._tracked(points, evidence, view, T_world_camera, dt, p)
+            points = self._obstacles.step(
+                points, evidence, view.left, T_world_camera, self._T_camera_world, dt, p
+            )
         moved = ego.T_current_previous
         self._rate = (moved.rotvec / dt, moved.translation / dt)
         self._T_camera_world, self._points, self._view = ego.T_camera_world, points, view
         with timer("features"):
             self._anchor(view, p)
             self._renew_points(view, p)
-        obstacles = self._described(T_world_camera, -moved.translation / dt, view.time, p)
+        obstacles = self._obstacles.described(
+            T_world_camera, -moved.translation / dt, self._scale.sigma(p.one_camera), view.time, p
+        )
         return Step(ego, T_world_camera, obstacles, 1.0, None)
 
     @property
@@ -308,78 +308,6 @@ class OneCameraMethod:
             float(np.radians(p.one_camera.tilt_sigma_deg)), self._camera, p.evidence,
         )  # fmt: skip
 
-    def _tracked(
-        self,
-        points: RayPoints,
-        evidence: RayEvidence,
-        view: View,
-        T_world_camera: Pose,
-        dt: float,
-        p: Parameters,
-    ) -> RayPoints:
-        """Obstacles followed, begun and ended; without a floor to stand on there are none."""
-        floor, q = self._floor, p.one_camera
-        if floor is None:
-            return points
-        standing_flow = self._standing_flow(points, T_world_camera.inverse())
-        points = self._tracker.follow(
-            points, evidence.significance, evidence.threshold, standing_flow, view.left,
-            T_world_camera, floor, self._camera, dt, q, p.obstacles,
-        )  # fmt: skip
-        free = evidence.moving & (points.obstacle == NO_OBSTACLE)
-        groups = grouped(evidence.pairs, free, p.obstacles.min_points)
-        points = self._tracker.found(
-            points, groups, evidence.significance, False, view.left, T_world_camera, floor,
-            self._camera, q,
-        )  # fmt: skip
-        points = self._float(points, evidence, view, T_world_camera, floor, p)
-        points = self._tracker.merge(points, T_world_camera, floor, self._camera)
-        here = floor.axes.T @ T_world_camera.translation
-        return self._tracker.live(points, p.obstacles, q.farthest_m, here)
-
-    def _float(
-        self,
-        points: RayPoints,
-        evidence: RayEvidence,
-        view: View,
-        T_world_camera: Pose,
-        floor: Floor,
-        p: Parameters,
-    ) -> RayPoints:
-        """Obstacles begun by what comes along its line of sight."""
-        clear, inverse = off_floor(points, T_world_camera, floor)
-        groups = grouped(alike_in_depth(evidence.pairs, inverse), clear, _LEAST_FLOATING)
-        groups, significance = floating(
-            points, groups, inverse, view.left, T_world_camera, floor, self._camera, p.one_camera
-        )
-        return self._tracker.found(
-            points, groups, significance, True, view.left, T_world_camera, floor, self._camera,
-            p.one_camera,
-        )  # fmt: skip
-
-    def _standing_flow(self, points: RayPoints, T_now: Pose) -> Float64Array:
-        """(N, 2) px, how the points would have moved since the last frame if they stood."""
-        now = expected_sightings(points, T_now, self._camera).px
-        return now - expected_sightings(points, self._T_camera_world, self._camera).px
-
-    def _described(
-        self, T_world_camera: Pose, velocity: Float64Array, time: float, p: Parameters
-    ) -> tuple[Obstacle, ...]:
-        if self._floor is None:
-            return ()
-        return tuple(
-            describe_floor_body(
-                track,
-                T_world_camera,
-                velocity,
-                self._scale.sigma(p.one_camera),
-                self._floor,
-                time,
-                p.one_camera,
-            )
-            for track in self._tracker.tracks
-        )
-
     # ------------------------------------------------------------------ points
 
     def _anchor(self, view: View, p: Parameters) -> None:
@@ -393,7 +321,7 @@ class OneCameraMethod:
         points = self._points
         moving = points.moving | (points.obstacle != NO_OBSTACLE)
         size = (self._camera.width, self._camera.height)
-        marked = attention(size, self._tracker.boxes_px(), points.px[moving], p.following)
+        marked = attention(size, self._obstacles.boxes_px(), points.px[moving], p.following)
         square = squares(points.px, marked, p.following)
         kept = thinned(square, points.sightings)
         px = new_points(view.left, square[kept], marked, p.following)
