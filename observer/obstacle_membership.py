@@ -57,10 +57,17 @@ class Group:
 
 
 def group_of(
-    candidates: NDArray[np.intp], motion: Motion, parameters: ObstacleParameters
+    candidates: NDArray[np.intp],
+    motion: Motion,
+    parameters: ObstacleParameters,
+    reach: float = 0.0,
 ) -> Group | None:
-    """What the candidates (K,) have in common, without strays; None if they are too few."""
-    members = candidates[_together(motion.position[candidates])]
+    """What the candidates (K,) have in common, without strays; None if they are too few.
+
+    Args:
+        reach: metres within which points count as neighbours there.
+    """
+    members = candidates[_together(motion.position[candidates], reach)]
     if len(members) < parameters.min_points:
         return None
     information = motion.own_information[members]
@@ -128,7 +135,7 @@ def are_one(
     """
     if older.box is None or younger.box is None:
         return False
-    room = max(older.room(parameters.margin) + younger.room(parameters.margin), reach)
+    room = older.room(parameters.margin) + younger.room(parameters.margin) + reach
     if not older.contains(younger.centre[None], room + younger.box.size[0] / 2)[0]:
         return False
     _, older_cov = older.centre_velocity()
@@ -172,8 +179,12 @@ def _apart(a: Float64Array, b: Float64Array, cov: Float64Array, share: float) ->
     return float(gap @ np.linalg.solve(cov + np.eye(3) * real**2, gap))
 
 
-def _together(position: Float64Array) -> NDArray[np.bool_]:
-    """(N,) which of a group's places (N, 3) are not far from most of the others."""
+def _together(position: Float64Array, reach: float) -> NDArray[np.bool_]:
+    """(N,) which of a group's places (N, 3) are not far from most of the others.
+
+    The spread of a few points says little; nearer than ``reach`` metres none is a stray.
+    """
     apart = np.abs(position - np.median(position, axis=0))
     spread = 1.4826 * np.median(apart, axis=0)
-    return np.asarray((apart <= _STRAY * spread + 1e-3).all(axis=1), dtype=np.bool_)
+    allowed = np.maximum(_STRAY * spread, reach)
+    return np.asarray((apart <= allowed).all(axis=1), dtype=np.bool_)

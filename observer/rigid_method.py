@@ -116,10 +116,8 @@ class RigidMethod:
             points = tracker.adopt(points, motion, p.obstacles)
             free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
             groups = group_dynamic(motion, free, p.obstacles.min_points)
-            points = tracker.found(
-                points, groups, motion, camera_position, self._camera, p.obstacles
-            )
             near = self._neighbourhood(camera_position, p)
+            points = tracker.found(points, groups, motion, near, p.obstacles)
             points = tracker.live(points, camera_position, near, p.obstacles)
         _keep_motion(trace, before, points, seen, ego, motion)
         self._T_camera_world, self._points, self._view = T_camera_world, points, view

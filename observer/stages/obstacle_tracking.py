@@ -215,18 +215,20 @@ class BodyTracker:
         points: Points,
         groups: NDArray[np.int64],
         motion: Motion,
-        camera_position: Float64Array,  # noqa: ARG002
-        camera: StereoCamera,  # noqa: ARG002
+        radius_m: Callable[[Float64Array], float],
         parameters: ObstacleParameters,
     ) -> Points:
         """Make obstacles of groups of dynamic points, or give them back to those lost from sight.
 
         Args:
             groups: (N,) number of each point's group from 0, -1 for none.
+            radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
         """
         obstacle = points.obstacle.copy()
         for number in range(int(groups.max(initial=-1)) + 1):
-            group = group_of(np.flatnonzero(groups == number), motion, parameters)
+            candidates = np.flatnonzero(groups == number)
+            reach = radius_m(np.median(motion.position[candidates], axis=0))
+            group = group_of(candidates, motion, parameters, reach)
             if group is None:
                 continue
             members = group.members

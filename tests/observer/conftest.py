@@ -166,9 +166,13 @@ class Watched:
         points = tracker.adopt(points, motion, o)
         free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
         groups = group_dynamic(motion, free, o.min_points)
-        points = tracker.found(points, groups, motion, origin, CAMERA, o)
         radius = p.evidence.radius_px / CAMERA.fx
-        points = tracker.live(points, origin, lambda at: radius * float(np.linalg.norm(at)), o)
+
+        def radius_m(at: Float64Array) -> float:
+            return radius * float(np.linalg.norm(at))
+
+        points = tracker.found(points, groups, motion, radius_m, o)
+        points = tracker.live(points, origin, radius_m, o)
         self.points = points
         self._renew()
         return self.tracks
