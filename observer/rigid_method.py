@@ -38,6 +38,8 @@ _LEAST_DISPARITY_PX = 0.25
 _MOST_NEGATIVE_PX = -2.0
 # Pyramid levels while nothing is known of the camera's motion, and once it is.
 _FIRST_LEVELS, _LEVELS = 4, 2
+# Pixels: disparities further apart are of different things; the coarse one is good to about one.
+_ANOTHER_DISPARITY_PX = 2.5
 # The noise learnt from the background follows the newest frame by this share.
 _NOISE_GAIN = 0.3
 # The noise of points that are seen for the first time, before it can be told.
@@ -283,7 +285,7 @@ class RigidMethod:
         px = new_points(view.left, square[kept], marked, p.following, turn)
         if len(px) == 0:
             return
-        coarse = coarse_disparity(view.left, view.right, px, p.stereo)
+        coarse = self._searched(view, px, p)
         right, _ = match_right((view.left, view.right), px, coarse, p.following)
         disparity = (px[:, 0] - right[:, 0]).astype(np.float64)
         known = np.asarray(disparity > _MOST_NEGATIVE_PX)
@@ -301,6 +303,23 @@ class RigidMethod:
             Points.begin(self._next_point, px, right, disparity, sums)
         )
         self._next_point += len(px)
+
+    def _searched(self, view: View, px: NDArray[np.float32], p: Parameters) -> NDArray[np.float32]:
+        """Coarse disparity (N,) of new points (N, 2); in passing, followed ones are checked.
+
+        Beside an edge in depth a point may be given the disparity of what is beyond the edge, and
+        keep it, for left and right look alike there. Once it is about to be judged, its
+        surroundings have moved on, and the whole row is searched again.
+        """
+        points = self._points
+        due = np.flatnonzero(points.sightings == p.evidence.min_sightings)
+        coarse = coarse_disparity(
+            view.left, view.right, np.concatenate([points.px[due], px]), p.stereo
+        )
+        own = points.px[due, 0] - points.right_px[due, 0]
+        wrong = np.abs(coarse[: len(due)] - own) > _ANOTHER_DISPARITY_PX
+        self._points = points.take(np.delete(np.arange(len(points)), due[wrong]))
+        return coarse[len(due) :]
 
     def _static_flow(self, px: NDArray[np.float32], disparity: Float64Array) -> Float64Array:
         """(N,) px/s along the rows of new points, if they are static."""
