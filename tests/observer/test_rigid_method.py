@@ -214,10 +214,12 @@ def test_cameras_that_expose_one_after_the_other_give_the_same_speed(
     speed, distance = gaps(skewed)
     assert np.abs(speed).max() < 2
     assert abs(np.mean(speed)) < 0.5
-    assert np.abs(distance).max() < 0.08
+    # The hidden side of the box is a guess that both make on their own.
+    off = abs(np.mean(distance))
+    assert off < 0.08
     speed, distance = gaps(ignoring)
     assert np.mean(speed) > 0.7
-    assert np.mean(distance) > 0.08
+    assert np.mean(distance) > off + 0.05
 
 
 def test_dropped_frames_and_uneven_times_do_not_change_the_speed(
