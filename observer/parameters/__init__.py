@@ -1,0 +1,45 @@
+"""Every tuning parameter, declared once: bounds, unit, label and help.
+
+This declaration feeds the REST interface, the panel's form, the command line (``--set``) and the
+documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px``.
+"""
+
+from observer.parameters.common import EgoMotionParameters, StereoParameters
+from observer.parameters.fields import MODELS, ParameterValue
+from observer.parameters.groups import Parameters, describe_range, parameter_schema
+from observer.parameters.one_camera import OneCameraParameters
+from observer.parameters.planar import (
+    ClusteringParameters,
+    FeaturesParameters,
+    FlowParameters,
+    FramesParameters,
+    MatchingParameters,
+    MotionParameters,
+    TrackingParameters,
+)
+from observer.parameters.presets import PRESET_HELP, preset, preset_names
+from observer.parameters.rigid import EvidenceParameters, FollowingParameters, ObstacleParameters
+
+__all__ = [
+    "MODELS",
+    "PRESET_HELP",
+    "ClusteringParameters",
+    "EgoMotionParameters",
+    "EvidenceParameters",
+    "FeaturesParameters",
+    "FlowParameters",
+    "FollowingParameters",
+    "FramesParameters",
+    "MatchingParameters",
+    "MotionParameters",
+    "ObstacleParameters",
+    "OneCameraParameters",
+    "ParameterValue",
+    "Parameters",
+    "StereoParameters",
+    "TrackingParameters",
+    "describe_range",
+    "parameter_schema",
+    "preset",
+    "preset_names",
+]

@@ -1,0 +1,45 @@
+"""Named sets of parameters: the best there is, and the method exactly as published."""
+
+from __future__ import annotations
+
+from observer.errors import InputError
+from observer.parameters.fields import ParameterValue
+from observer.parameters.groups import Parameters
+
+# What is declared is the best we have; the method exactly as published differs from it here.
+_PRESETS: dict[str, dict[str, ParameterValue]] = {
+    "paper": {
+        "ego_motion.model": "affine",
+        "ego_motion.ransac_threshold_px": 1.5,
+        "frames.interval": 1,
+        "features.detector": "fast",
+        "matching.method": "descriptor",
+        "flow.residual_threshold_px": 1.5,
+        "flow.min_texture": 0.3,
+        "flow.match_brightness": False,
+        "motion.min_significance": 0.0,
+    },
+    "default": {},
+}
+PRESET_HELP: dict[str, str] = {
+    "paper": "The method as published: FAST, descriptor matching, affine RANSAC, the transformed "
+    "image's optical flow, raw displacement as velocity.",
+    "default": "Motion in space: points followed in both cameras, the camera's motion with six "
+    "degrees of freedom, evidence pooled over neighbours and time, obstacles as bodies.",
+}
+
+
+def preset(name: str) -> Parameters:
+    """The parameters of a named preset.
+
+    Raises:
+        InputError: there is no such preset; the sentence lists those there are.
+    """
+    if name not in _PRESETS:
+        raise InputError(f"there is no preset {name!r}; there are: {', '.join(_PRESETS)}")
+    return Parameters().changed(_PRESETS[name])
+
+
+def preset_names() -> tuple[str, ...]:
+    """The presets' names, ``default`` last."""
+    return tuple(_PRESETS)
