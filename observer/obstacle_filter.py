@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +15,7 @@ POSITION, VELOCITY = slice(0, 3), slice(3, 6)
 YAW, YAW_RATE = 6, 7
 STATE_SIZE = 8
 # What is measured: position and yaw.
-MEASURED = [0, 1, 2, YAW]
+MEASURED = np.array([0, 1, 2, YAW])
 # Probability per second of changing from steady to manoeuvring, and back.
 _CHANGES_PER_S = (1.0, 2.0)
 # Share of its acceleration that a body may have across its axis.
@@ -62,10 +63,8 @@ class ObstacleMotion:
     def covariance(self) -> Float64Array:
         """(8, 8) over both modes."""
         gap = self.means - self.mean
-        spread = gap[:, :, None] * gap[:, None, :]
-        return np.asarray(
-            np.einsum("m,mij->ij", self.probabilities, self.covariances + spread), np.float64
-        )
+        inner = (self.probabilities @ self.covariances.reshape(2, -1)).reshape(STATE_SIZE, -1)
+        return np.asarray(inner + gap.T @ (gap * self.probabilities[:, None]), np.float64)
 
     def predicted(
         self,
@@ -90,31 +89,27 @@ class ObstacleMotion:
         weights = joint / probabilities
         mixed = weights.T @ self.means
         gap = self.means[None] - mixed[:, None]
-        covs = np.einsum("fm,fij->mij", weights, self.covariances)
-        covs += np.einsum("fm,mfi,mfj->mij", weights, gap, gap)
-        means = np.empty_like(mixed)
-        out = np.empty_like(covs)
-        for mode in (0, 1):
-            means[mode], F = _turned(mixed[mode], dt)
-            out[mode] = F @ covs[mode] @ F.T
-            _add_noise(out[mode], dt, acceleration[mode], yaw_acceleration[mode], axis)
-        return ObstacleMotion(means, out, probabilities)
+        covs = (weights.T @ self.covariances.reshape(2, -1)).reshape(self.covariances.shape)
+        covs += np.swapaxes(gap * weights.T[:, :, None], 1, 2) @ gap
+        means, F = _turned(mixed, dt)
+        covs = F @ covs @ np.swapaxes(F, 1, 2)
+        _add_noise(covs, dt, acceleration, yaw_acceleration, axis)
+        return ObstacleMotion(means, covs, probabilities)
 
     def updated(self, measured: Float64Array, noise: Float64Array) -> ObstacleMotion:
         """After measuring position and yaw (4,) with covariance (4, 4)."""
-        means, covs = self.means.copy(), self.covariances.copy()
-        likelihood = np.zeros(2)
-        for mode in (0, 1):
-            P = covs[mode]
-            S = P[np.ix_(MEASURED, MEASURED)] + noise
-            innovation = measured - means[mode, MEASURED]
-            gain = np.linalg.solve(S, P[MEASURED]).T
-            means[mode] += gain @ innovation
-            left = np.eye(STATE_SIZE)
-            left[:, MEASURED] -= gain
-            covs[mode] = left @ P @ left.T + gain @ noise @ gain.T
-            _, log_det = np.linalg.slogdet(S)
-            likelihood[mode] = -0.5 * (innovation @ np.linalg.solve(S, innovation) + log_det)
+        P = self.covariances
+        rows = P[:, MEASURED]
+        S = rows[:, :, MEASURED] + noise
+        inverse = np.linalg.inv(S)
+        innovation = measured - self.means[:, MEASURED]
+        gain = np.swapaxes(rows, 1, 2) @ inverse
+        means = self.means + (gain @ innovation[:, :, None])[:, :, 0]
+        left = np.tile(np.eye(STATE_SIZE), (2, 1, 1))
+        left[:, :, MEASURED] -= gain
+        covs = left @ P @ np.swapaxes(left, 1, 2) + gain @ noise @ np.swapaxes(gain, 1, 2)
+        squared = np.einsum("mi,mij,mj->m", innovation, inverse, innovation)
+        likelihood = -0.5 * (squared + np.linalg.slogdet(S)[1])
         weight = self.probabilities * np.exp(likelihood - likelihood.max())
         weight = np.maximum(weight / weight.sum(), 1e-3)
         return ObstacleMotion(means, covs, weight / weight.sum())
@@ -125,64 +120,83 @@ class ObstacleMotion:
         Args:
             offset: (3,) metres, the body's frame, from the old origin to the new one.
         """
-        means, covs = self.means.copy(), self.covariances.copy()
-        for mode in (0, 1):
-            rate = means[mode, YAW_RATE]
-            arm = yaw_matrix(means[mode, YAW]) @ offset
-            swing = turning_velocity(1.0, arm)
-            means[mode, POSITION] += arm
-            means[mode, VELOCITY] += rate * swing
-            J = np.eye(STATE_SIZE)
-            J[POSITION, YAW] = swing
-            J[VELOCITY, YAW] = rate * turning_velocity(1.0, swing)
-            J[VELOCITY, YAW_RATE] = swing
-            covs[mode] = J @ covs[mode] @ J.T
-        return ObstacleMotion(means, covs, self.probabilities)
+        means = self.means.copy()
+        rate = means[:, YAW_RATE, None]
+        arm = yaw_matrices(means[:, YAW]) @ offset
+        swing = turning_velocity(1.0, arm)
+        means[:, POSITION] += arm
+        means[:, VELOCITY] += rate * swing
+        J = np.tile(np.eye(STATE_SIZE), (2, 1, 1))
+        J[:, POSITION, YAW] = swing
+        J[:, VELOCITY, YAW] = rate * turning_velocity(1.0, swing)
+        J[:, VELOCITY, YAW_RATE] = swing
+        return ObstacleMotion(
+            means, J @ self.covariances @ np.swapaxes(J, 1, 2), self.probabilities
+        )
 
 
 def turning_velocity(yaw_rate: float, arm: Float64Array) -> Float64Array:
     """(..., 3) m/s of a point at the arm (..., 3) m of a body that turns about the vertical y."""
-    arm = np.asarray(arm, dtype=np.float64)
-    return yaw_rate * np.stack([arm[..., 2], np.zeros_like(arm[..., 1]), -arm[..., 0]], axis=-1)
+    out = np.zeros(np.shape(arm))
+    out[..., 0] = yaw_rate * arm[..., 2]
+    out[..., 2] = -yaw_rate * arm[..., 0]
+    return out
 
 
 def yaw_matrix(yaw: float) -> Float64Array:
     """(3, 3) rotation about the y axis: positive turns z towards x, to the right."""
-    c, s = np.cos(yaw), np.sin(yaw)
+    c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def _turned(mean: Float64Array, dt: float) -> tuple[Float64Array, Float64Array]:
-    """The state after ``dt`` on a circle, and the derivative (8, 8) by the state before."""
-    R, half = yaw_matrix(mean[YAW_RATE] * dt), yaw_matrix(mean[YAW_RATE] * dt / 2)
-    v = mean[VELOCITY]
-    out = mean.copy()
-    out[POSITION] += dt * half @ v
-    out[VELOCITY] = R @ v
-    out[YAW] += dt * mean[YAW_RATE]
-    F = np.eye(STATE_SIZE)
-    F[POSITION, VELOCITY] = dt * half
-    F[POSITION, YAW_RATE] = dt * dt / 2 * turning_velocity(1.0, half @ v)
-    F[VELOCITY, VELOCITY] = R
-    F[VELOCITY, YAW_RATE] = dt * turning_velocity(1.0, R @ v)
-    F[YAW, YAW_RATE] = dt
+def yaw_matrices(yaw: Float64Array) -> Float64Array:
+    """(M, 3, 3) rotations by M angles (see ``yaw_matrix``)."""
+    out = np.zeros((len(yaw), 3, 3))
+    out[:, 0, 0] = out[:, 2, 2] = np.cos(yaw)
+    out[:, 0, 2] = np.sin(yaw)
+    out[:, 2, 0] = -out[:, 0, 2]
+    out[:, 1, 1] = 1.0
+    return out
+
+
+def _turned(means: Float64Array, dt: float) -> tuple[Float64Array, Float64Array]:
+    """The states (M, 8) after ``dt`` on circles, and the derivatives (M, 8, 8) by those before."""
+    rate = means[:, YAW_RATE]
+    R, half = yaw_matrices(rate * dt), yaw_matrices(rate * (dt / 2))
+    v = means[:, VELOCITY, None]
+    ahead, after = (half @ v)[:, :, 0], (R @ v)[:, :, 0]
+    out = means.copy()
+    out[:, POSITION] += dt * ahead
+    out[:, VELOCITY] = after
+    out[:, YAW] += dt * rate
+    F = np.tile(np.eye(STATE_SIZE), (len(means), 1, 1))
+    F[:, POSITION, VELOCITY] = dt * half
+    F[:, POSITION, YAW_RATE] = turning_velocity(dt * dt / 2, ahead)
+    F[:, VELOCITY, VELOCITY] = R
+    F[:, VELOCITY, YAW_RATE] = turning_velocity(dt, after)
+    F[:, YAW, YAW_RATE] = dt
     return out, F
 
 
 def _add_noise(
-    cov: Float64Array,
+    covs: Float64Array,
     dt: float,
-    acceleration: float,
-    yaw_acceleration: float,
+    acceleration: tuple[float, float],
+    yaw_acceleration: tuple[float, float],
     axis: Float64Array | None,
 ) -> None:
-    spread = acceleration**2 * np.eye(3)
+    spread = np.eye(3)
     if axis is not None:
-        along = np.outer(axis, axis)
-        spread = acceleration**2 * (along + _SIDEWAYS**2 * (np.eye(3) - along))
-    cov[POSITION, POSITION] += dt**4 / 4 * spread
-    cov[POSITION, VELOCITY] += dt**3 / 2 * spread
-    cov[VELOCITY, POSITION] += dt**3 / 2 * spread
-    cov[VELOCITY, VELOCITY] += dt**2 * spread
-    block = np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
-    cov[np.ix_([YAW, YAW_RATE], [YAW, YAW_RATE])] += yaw_acceleration**2 * block
+        along = axis[:, None] * axis
+        spread = along + _SIDEWAYS**2 * (spread - along)
+    spread = np.square(acceleration)[:, None, None] * spread
+    yaw = np.square(yaw_acceleration)
+    far, cross, fast = dt**4 / 4, dt**3 / 2, dt**2
+    covs[:, POSITION, POSITION] += far * spread
+    covs[:, POSITION, VELOCITY] += cross * spread
+    covs[:, VELOCITY, POSITION] += cross * spread
+    covs[:, VELOCITY, VELOCITY] += fast * spread
+    covs[:, YAW, YAW] += far * yaw
+    covs[:, YAW, YAW_RATE] += cross * yaw
+    covs[:, YAW_RATE, YAW] += cross * yaw
+    covs[:, YAW_RATE, YAW_RATE] += fast * yaw

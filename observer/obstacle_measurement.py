@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ _PERSISTENT = 0.5
 _MEDIAN_CHI2 = float(chi2.ppf(0.5, df=3))
 # Gauss-Newton converges quadratically; the yaw is never far from the prediction.
 _STEPS = 3
+# Metres and radians: a step smaller than this ends it.
+_CONVERGED = 1e-4
 # 1/rad^2: points all in one place say nothing of the yaw, and the equations must stay solvable.
 _LEAST_YAW_INFORMATION = 1e-2
 # By how much a body may have moved (variance, m^2: anywhere) and turned (rad) in a frame against
@@ -123,7 +126,8 @@ def measure_body(
         shared_error: share of the noise that the points of a body have in common.
     """
     cov, W = members.weighed(float(expected[3]))
-    x = expected.copy()
+    ego_noise = _ego_noise(expected[:3], T_camera_world, step_covariance)
+    x = expected
     for _ in range(_STEPS):
         r, arm = members.residuals(x)
         Wr = np.einsum("nij,nj->ni", W, r)
@@ -139,10 +143,13 @@ def measure_body(
         A, g = _normal_equations(W, Wr, turning_velocity(1.0, arm), weight)
         used = max(1.0, float(np.sum(weight > 0)))
         excess = max(1.0, float((weight * squared).sum()) / (3 * used))
-        M = np.linalg.inv(A) * excess * (1 + shared_error * used)
-        M[:3, :3] += _ego_noise(x[:3], T_camera_world, step_covariance)
-        measured = x + np.linalg.solve(A, g)
-        x = expected + spread @ np.linalg.solve(spread + M, measured - expected)
+        inverse = np.linalg.inv(A)
+        M = inverse * (excess * (1 + shared_error * used))
+        M[:3, :3] += ego_noise
+        measured = x + inverse @ g
+        before, x = x, expected + spread @ np.linalg.solve(spread + M, measured - expected)
+        if np.abs(x - before).max() < _CONVERGED:
+            break
     # Whether a point fits is judged by where the points are, not by where they should be.
     loose = spread.copy()
     loose[:3, :3] += np.eye(3) * _ANYWHERE
@@ -165,7 +172,7 @@ def _normal_equations(
     """
     A, g = np.empty((4, 4)), np.empty(4)
     W_swing = np.einsum("nij,nj->ni", W, swing)
-    A[:3, :3] = np.tensordot(weight, W, 1)
+    A[:3, :3] = (weight @ W.reshape(-1, 9)).reshape(3, 3)
     A[:3, 3] = A[3, :3] = weight @ W_swing
     A[3, 3] = weight @ np.einsum("ni,ni->n", swing, W_swing) + _LEAST_YAW_INFORMATION
     g[:3] = weight @ Wr
@@ -191,4 +198,5 @@ def _ego_noise(
 
 def _scale(squared: Float64Array) -> float:
     """By how much squared Mahalanobis lengths in space exceed their noise, at least 1."""
-    return float(np.sqrt(max(1.0, np.median(squared) / _MEDIAN_CHI2)))
+    middle = len(squared) // 2
+    return math.sqrt(max(1.0, float(np.partition(squared, middle)[middle]) / _MEDIAN_CHI2))

@@ -96,6 +96,7 @@ def joining(
     sigma = np.sqrt(np.maximum(np.einsum("nii->n", motion.position_cov[free]), 0.0))
     room = track.room(parameters.margin)
     inside = track.contains(now, room + np.minimum(2 * sigma, room))
+    free, now = free[inside], now[inside]
     L = motion.own_information[free]
     own = motion.own_velocity[free]
     # A point's velocity is the mean over its window; a body that turns or brakes has moved on.
@@ -105,7 +106,8 @@ def joining(
     apart = own - track.velocity_at(now)
     as_body = np.einsum("ni,nij,nj->n", apart, inverse_3x3(loose), apart)
     at_rest = np.einsum("ni,nij,nj->n", own, L, own)
-    return np.asarray(inside & (as_body <= _JOIN_CHI2) & (at_rest - as_body >= _JOIN_RATIO))
+    inside[inside] = (as_body <= _JOIN_CHI2) & (at_rest - as_body >= _JOIN_RATIO)
+    return inside
 
 
 def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
