@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.obstacle_filter import yaw_matrix
 
+# Places further from the middle than so many times the largest spread are none of the body's, if
+# they are also further than this many metres.
+_STRAY = 10.0
+_LEAST_SPREAD_M = 0.01
 # Share of the places on each side that are left out: the outermost are partly wrong ones.
 _TRIM = 0.03
 # A face that turns less of itself than this towards the camera does not show how far it goes.
@@ -106,6 +110,7 @@ class ObstacleShape:
         R = yaw_matrix(-heading)
         every = np.concatenate([points, self._places]) @ R.T
         every = every[np.isfinite(every).all(axis=1)]
+        every = every[_near_most(every)]
         low, high = _without_outermost(every)
         direction = R @ view
         direction = direction / max(float(np.hypot(direction[0], direction[2])), 1e-9)
@@ -126,6 +131,16 @@ class ObstacleShape:
             size=np.array([size[0], high[1] - low[1], size[1]]),
             heading=heading,
         )
+
+
+def _near_most(places: Float64Array) -> NDArray[np.bool_]:
+    """(N,) which places (N, 3) are on the body for all that most of them say.
+
+    By the spread along the axis where it is largest: most of them may lie on one flat face.
+    """
+    apart = np.abs(places - np.median(places, axis=0))
+    spread = 1.4826 * float(np.median(apart, axis=0).max())
+    return np.asarray((apart <= _STRAY * spread + _LEAST_SPREAD_M).all(axis=1))
 
 
 def _without_outermost(places: Float64Array) -> tuple[Float64Array, Float64Array]:

@@ -23,6 +23,7 @@ from observer.mount import CameraMount
 from observer.odometry_way import driven_step, driven_way
 from observer.one_camera_beginning import Beginning, begin_by_two_views
 from observer.parameters import Parameters
+from observer.point_choice import chosen_points
 from observer.ray_evidence import RayEvidence
 from observer.rays import NO_OBSTACLE, RayPoints
 from observer.stages.following import as_bright_as, follow
@@ -30,7 +31,7 @@ from observer.stages.one_camera_evidence import ray_evidence
 from observer.stages.one_camera_pose import PoseEstimate, estimate_pose
 from observer.stages.one_camera_start import turned_between
 from observer.stages.rigid_ego_motion import RigidEgoMotion
-from observer.stages.selection import attention, crowding, new_points, squares, thinned
+from observer.stages.selection import attention, crowding, squares, thinned
 from observer.types import Matches, Status, Trace
 
 # Pyramid levels while nothing is known of the camera's motion, and once it is.
@@ -324,7 +325,7 @@ class OneCameraMethod:
         marked = attention(size, self._obstacles.boxes_px(), points.px[moving], p.following)
         square = squares(points.px, marked, p.following)
         kept = thinned(square, points.sightings)
-        px = new_points(view.left, square[kept], marked, p.following)
+        px = chosen_points(view.left, square[kept], marked, p)
         T_world_camera = self._T_camera_world.inverse()
         ray = lines_of_sight(px, T_world_camera, self._camera)
         height, least = _SOME_HEIGHT_M, np.zeros(len(px))

@@ -21,6 +21,7 @@ from observer.motion_evidence import Motion
 from observer.motion_sums import MotionSums
 from observer.parameters import Parameters
 from observer.plausibility import PlausibleMotions
+from observer.point_choice import chosen_points
 from observer.points import NO_OBSTACLE, Points
 from observer.stages.body_reporting import describe_body
 from observer.stages.evidence import group_dynamic, pooled_motion
@@ -28,7 +29,7 @@ from observer.stages.following import Sightings, as_bright_as, follow, match_rig
 from observer.stages.jumps import ImageReach
 from observer.stages.obstacle_tracking import BodyTracker
 from observer.stages.rigid_ego_motion import RigidEgoMotion, StaticScene, estimate_rigid_motion
-from observer.stages.selection import attention, crowding, new_points, squares, thinned
+from observer.stages.selection import attention, crowding, squares, thinned
 from observer.stages.sparse_stereo import coarse_disparity
 from observer.types import EgoMotion, Matches, Status, Trace
 
@@ -282,7 +283,7 @@ class RigidMethod:
         kept = thinned(square, points.sightings)
         self._points = points.take(kept)
         turn = None if self._rate is None else view.index
-        px = new_points(view.left, square[kept], marked, p.following, turn)
+        px = chosen_points(view.left, square[kept], marked, p, turn)
         if len(px) == 0:
             return
         coarse = self._searched(view, px, p)

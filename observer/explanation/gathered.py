@@ -22,7 +22,7 @@ from observer.explanation.answer import (
     radius_px,
 )
 from observer.explanation.texture import texture_around
-from observer.parameters import FollowingParameters, Parameters
+from observer.parameters import Parameters
 from observer.types import Image
 
 # 99 of 100 standing points stay below this Mahalanobis length (chi, 3 degrees of freedom).
@@ -52,7 +52,7 @@ def explain_by_evidence(
     near = look_around(evidence.px, px, camera, parameters.following.spacing_px)
     if len(near.members) == 0:
         around = radius_px(camera)
-        return _nothing_there(near, around, px, counts, image, parameters.following)
+        return _nothing_there(near, around, px, counts, image, parameters)
     chosen = near.speakers
     moving = int(np.count_nonzero(evidence.dynamic[chosen])) * 2 > len(chosen)
     middle = float(np.median(evidence.significance[chosen]))
@@ -71,16 +71,16 @@ def _nothing_there(
     px: tuple[float, float],
     counts: Mapping[str, float],
     image: Image | None,
-    following: FollowingParameters,
+    parameters: Parameters,
 ) -> PixelAnswer:
     numbers = near.numbers | dict(counts)
     why = ""
     if image is None:
         change = "More texture or light here would give features."
     else:
-        texture = texture_around(image, px, near.radius_px, following.window_px)
+        texture = texture_around(image, px, near.radius_px, parameters.following.window_px)
         numbers["texture_grey_per_px"] = known(texture)
-        why, change = _why_none(texture, around_px, following)
+        why, change = _why_none(texture, around_px, parameters)
     where = "there is none in the image"
     if near.nearest_px is not None:
         where = f"the nearest is {near.nearest_px:.0f} px away"
@@ -88,8 +88,9 @@ def _nothing_there(
     return PixelAnswer(px, PixelVerdict.TOO_FEW_FEATURES, sentence, numbers, change)
 
 
-def _why_none(texture: float, around_px: float, following: FollowingParameters) -> tuple[str, str]:
+def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple[str, str]:
     """Why no feature is followed where the texture is so much, and what would change it."""
+    following, detector = parameters.following, parameters.features.detector
     if texture < following.min_texture:
         least, _ = limits("following.min_texture")
         why = (
@@ -109,6 +110,11 @@ def _why_none(texture: float, around_px: float, following: FollowingParameters) 
         return why, (
             f"With following.spacing_px at {closer} or below (now {following.spacing_px}) one "
             f"would be looked for at this very place."
+        )
+    if detector != "shi_tomasi":
+        return why, (
+            f"{detector} may find none here; with features.detector at shi_tomasi (now "
+            f"{detector}) texture alone decides."
         )
     return (
         why,

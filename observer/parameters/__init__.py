@@ -4,13 +4,12 @@ This declaration feeds the REST interface, the panel's form, the command line (`
 documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px``.
 """
 
-from observer.parameters.common import EgoMotionParameters, StereoParameters
+from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters
 from observer.parameters.fields import MODELS, ParameterValue
 from observer.parameters.groups import Parameters, describe_range, parameter_schema
 from observer.parameters.one_camera import OneCameraParameters
 from observer.parameters.planar import (
     ClusteringParameters,
-    FeaturesParameters,
     FlowParameters,
     FramesParameters,
     MatchingParameters,

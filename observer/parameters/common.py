@@ -1,10 +1,10 @@
-"""The camera's own motion and stereo: what more than one method goes by."""
+"""The camera's own motion, features and stereo: what more than one method goes by."""
 
 from __future__ import annotations
 
 from typing import Literal
 
-from observer.parameters.fields import FOLLOWING, SAMPLING, Real, Stage, Whole, choice, number
+from observer.parameters.fields import FOLLOWING, PLANAR, SAMPLING, Real, Stage, Whole, choice, number
 
 
 class EgoMotionParameters(Stage):
@@ -39,6 +39,40 @@ class EgoMotionParameters(Stage):
         5, ge=0, le=60, unit="frames", step=1, title="Recover within",
         help="While the camera's motion is lost, frames are compared with the last good one for "
         "this long; then all tracks end and a new segment begins.",
+    )
+
+
+class FeaturesParameters(Stage):
+    """Feature points: of the planar models on the image at t, of rigid and one_camera in every
+    square (following.spacing_px) in which no point is followed."""
+
+    detector: Literal[
+        "fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"
+    ] = choice(
+        "shi_tomasi", title="Detector",
+        help="Which feature points are used. shi_tomasi is the minimum eigenvalue, by which "
+        "points can be followed best, harris is Harris-Stephens; the paper uses FAST. "
+        "surf is installed by: pip install 'dynamic-observer[surf]'.",
+    )
+    max_count: Whole = number(
+        600, ge=50, le=4000, unit="points", step=50, title="Most features",
+        help="The strongest points kept, spread over the image by the grid.",
+        models=PLANAR,
+    )
+    grid_cells: Whole = number(
+        8, ge=1, le=32, unit="cells", step=1, title="Grid columns",
+        help="The image is divided into this many columns of square cells, each with an equal "
+        "share of the features; 1 keeps the strongest wherever they are.",
+        models=PLANAR,
+    )
+    fast_threshold: Whole = number(
+        12, ge=2, le=100, unit="grey levels", step=1, title="FAST threshold",
+        help="Least difference between a corner and the circle around it, for fast, brisk and orb.",
+    )
+    quality: Real = number(
+        0.01, ge=0.0005, le=0.5, unit="", step=0.0005, title="Corner quality",
+        help="Least corner measure of harris, relative to the strongest corner; with the planar "
+        "models of shi_tomasi, too, which otherwise goes by following.min_texture.",
     )
 
 

@@ -8,12 +8,11 @@ from typing import Any, Self
 from pydantic import ValidationError
 
 from observer.errors import InputError, ParameterError
-from observer.parameters.common import EgoMotionParameters, StereoParameters
+from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters
 from observer.parameters.fields import ParameterValue, Stage
 from observer.parameters.one_camera import OneCameraParameters
 from observer.parameters.planar import (
     ClusteringParameters,
-    FeaturesParameters,
     FlowParameters,
     FramesParameters,
     MatchingParameters,

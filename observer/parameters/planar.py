@@ -1,4 +1,4 @@
-"""The stages of the method as published: features, matching, flow, motion, tracks."""
+"""The other stages of the method as published: frames, matching, flow, motion, tracks."""
 
 from __future__ import annotations
 
@@ -16,38 +16,6 @@ class FramesParameters(Stage):
         2, ge=1, le=10, unit="frames", step=1, title="Pair distance",
         help="How many frames lie between t and t+dt. A longer distance makes slow obstacles "
         "visible and parallax worse.",
-    )
-
-
-class FeaturesParameters(Stage):
-    """Planar models: feature points on the image at t."""
-
-    models = PLANAR
-
-    detector: Literal[
-        "fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"
-    ] = choice(
-        "fast", title="Detector",
-        help="Which feature points are used. The paper uses FAST; minimum eigenvalue is "
-        "shi_tomasi and Harris-Stephens is harris. surf is installed by: "
-        "pip install 'dynamic-observer[surf]'.",
-    )
-    max_count: Whole = number(
-        600, ge=50, le=4000, unit="points", step=50, title="Most features",
-        help="The strongest points kept, spread over the image by the grid.",
-    )
-    grid_cells: Whole = number(
-        8, ge=1, le=32, unit="cells", step=1, title="Grid columns",
-        help="The image is divided into this many columns of square cells, each with an equal "
-        "share of the features; 1 keeps the strongest wherever they are.",
-    )
-    fast_threshold: Whole = number(
-        12, ge=2, le=100, unit="grey levels", step=1, title="FAST threshold",
-        help="Least difference between a corner and the circle around it.",
-    )
-    quality: Real = number(
-        0.01, ge=0.0005, le=0.5, unit="", step=0.0005, title="Corner quality",
-        help="Least corner measure of shi_tomasi and harris, relative to the strongest corner.",
     )
 
 

@@ -30,19 +30,8 @@ def detect_features(image: Image, parameters: FeaturesParameters) -> Features:
     Raises:
         InputError: ``surf`` is asked for and its extra is not installed.
     """
-    if parameters.detector in ("shi_tomasi", "harris"):
-        px, response = _corners(image, parameters)
-        keypoints: Sequence[cv2.KeyPoint] = ()
-    else:
-        if parameters.detector == "surf":
-            keypoints = surf_points(image, parameters.max_count * _CANDIDATES_PER_FEATURE)
-        else:
-            keypoints = _detector(parameters).detect(image)
-        px = np.asarray(cv2.KeyPoint.convert(keypoints), dtype=np.float32).reshape(-1, 2)
-        response = np.fromiter(map(attrgetter("response"), keypoints), np.float32, len(keypoints))
-        if parameters.detector == "mser":
-            # MSER knows no strength; the larger region is the more stable one.
-            response = np.fromiter(map(attrgetter("size"), keypoints), np.float32, len(keypoints))
+    most = parameters.max_count * _CANDIDATES_PER_FEATURE
+    px, response, keypoints = _candidates(image, parameters, most)
     height, width = image.shape
     kept = spread(px, response, (width, height), parameters.grid_cells, parameters.max_count)
     native = parameters.detector in ("brisk", "kaze", "orb", "surf")
@@ -51,6 +40,22 @@ def detect_features(image: Image, parameters: FeaturesParameters) -> Features:
         keypoints=tuple(keypoints[i] for i in kept) if native else None,
         detector=parameters.detector,
     )
+
+
+def strongest_first(
+    image: Image, parameters: FeaturesParameters, most: int
+) -> NDArray[np.float32]:
+    """Feature points (N, 2) px wherever they are, the strongest first.
+
+    Args:
+        image: (H, W) grey. most: so many are enough, for detectors that can be told so.
+
+    Raises:
+        InputError: ``surf`` is asked for and its extra is not installed.
+    """
+    px, response, _ = _candidates(image, parameters, most)
+    # Ties are broken by position, so that equal images give equal points.
+    return px[np.lexsort((px[:, 0], px[:, 1], -response))]
 
 
 def spread(
@@ -88,12 +93,28 @@ def spread(
     return np.asarray(order[last[:max_count]], dtype=np.intp)
 
 
+def _candidates(
+    image: Image, parameters: FeaturesParameters, most: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], Sequence[cv2.KeyPoint]]:
+    """Pixels (N, 2), strengths (N,), and the points as the detector describes them, if it does."""
+    if parameters.detector in ("shi_tomasi", "harris"):
+        return *_corners(image, parameters, most), ()
+    if parameters.detector == "surf":
+        keypoints: Sequence[cv2.KeyPoint] = surf_points(image, most)
+    else:
+        keypoints = _detector(parameters, most).detect(image)
+    px = np.asarray(cv2.KeyPoint.convert(keypoints), dtype=np.float32).reshape(-1, 2)
+    # MSER knows no strength; the larger region is the more stable one.
+    strength = attrgetter("size" if parameters.detector == "mser" else "response")
+    return px, np.fromiter(map(strength, keypoints), np.float32, len(keypoints)), keypoints
+
+
 def _corners(
-    image: Image, parameters: FeaturesParameters
+    image: Image, parameters: FeaturesParameters, most: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     corners, quality = cv2.goodFeaturesToTrackWithQuality(
         image,
-        parameters.max_count * _CANDIDATES_PER_FEATURE,
+        most,
         parameters.quality,
         _MIN_DISTANCE_PX,
         cast(Any, None),
@@ -106,15 +127,12 @@ def _corners(
     return px, np.asarray(quality, dtype=np.float32).reshape(-1)
 
 
-def _detector(parameters: FeaturesParameters) -> cv2.Feature2D:
+def _detector(parameters: FeaturesParameters, most: int) -> cv2.Feature2D:
     match parameters.detector:
         case "fast":
             return cv2.FastFeatureDetector.create(parameters.fast_threshold)
         case "orb":
-            return cv2.ORB.create(
-                parameters.max_count * _CANDIDATES_PER_FEATURE,
-                fastThreshold=parameters.fast_threshold,
-            )
+            return cv2.ORB.create(most, fastThreshold=parameters.fast_threshold)
         case "brisk":
             return cv2.BRISK.create(parameters.fast_threshold)
         case "kaze":

@@ -240,6 +240,7 @@ class BodyTracker:
                 self.tracks.append(track)
             elif track.missed_s > 0:
                 # It keeps its name and its size; where its points were is of no use any more.
+                obstacle[obstacle == track.id] = NO_OBSTACLE
                 track.filter = _begun(group)
                 track.shape.forget()
             elif track.box is not None:
@@ -263,11 +264,13 @@ class BodyTracker:
         """
         shape_vector = points.shape_vector.copy()
         for track in self.tracks:
-            mine = np.flatnonzero(points.obstacle == track.id)
+            mine = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
             if len(mine) >= parameters.min_points:
                 self._learn(track, points, mine, camera_position, parameters)
                 # About its centre a body's turning has least to do with its driving.
-                shape_vector[mine] -= points.shape_information[mine] @ track.rebase()
+                offset = track.rebase()
+                every = points.obstacle == track.id
+                shape_vector[every] -= points.shape_information[every] @ offset
             _judge(track, parameters)
         points = points.but(shape_vector=shape_vector)
         obstacle = points.obstacle.copy()

@@ -122,6 +122,31 @@ def new_points(
     return px[order[_firsts(square[order])]]
 
 
+def first_in_empty(
+    px: NDArray[np.float32],
+    size: tuple[int, int],
+    taken: NDArray[np.intp],
+    marked: NDArray[np.bool_],
+    parameters: FollowingParameters,
+    turn: int | None = None,
+) -> NDArray[np.intp]:
+    """Indices of the first of points (N, 2) px in every square in which no point is followed.
+
+    Args:
+        size: width and height of the image, pixels.
+        taken, marked, turn: as of ``new_points``.
+    """
+    # Lucas-Kanade's window must lie in the image.
+    margin = parameters.window_px // 2 + 1
+    low, high = np.float32(margin), np.array(size, np.float32) - margin
+    finer = (px * np.float32(_FINER / parameters.spacing_px)).astype(np.intp)
+    chosen = _free(taken, marked, turn)[finer[:, 1], finer[:, 0]]
+    chosen &= (px >= low).all(axis=1) & (px < high).all(axis=1)
+    index = np.flatnonzero(chosen)
+    _, first = np.unique(squares(px[index], marked, parameters), return_index=True)
+    return np.asarray(index[first], np.intp)
+
+
 def _least(parameters: FollowingParameters) -> float:
     """The least strength of a corner that can be followed."""
     return float((_SMOOTHED * parameters.min_texture / _GREY_PER_ROOT) ** 2)
