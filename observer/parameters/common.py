@@ -71,8 +71,8 @@ class FeaturesParameters(Stage):
     )
     quality: Real = number(
         0.01, ge=0.0005, le=0.5, unit="", step=0.0005, title="Corner quality",
-        help="Least corner measure of harris, relative to the strongest corner; with the planar "
-        "models of shi_tomasi, too, which otherwise goes by following.min_texture.",
+        help="Least corner measure of shi_tomasi and harris, relative to the strongest corner.",
+        models=PLANAR,
     )
 
 

@@ -19,6 +19,11 @@ _CANDIDATES_PER_FEATURE = 4
 _MIN_DISTANCE_PX = 4
 # KAZE's own default (1e-3) leaves dark, weakly textured surfaces without a single point.
 _KAZE_THRESHOLD = 1e-4
+# MSER by OpenCV's defaults is for few, large regions; what is followed is a small window, so here
+# they are small (pixels), weaker (grey levels) and may lie one in another.
+_MSER = {"delta": 2, "min_area": 10, "max_area": 400, "max_variation": 0.5, "min_diversity": 0.1}
+# Relative to the strongest corner: as good as any at all.
+_LEAST_QUALITY = 1e-6
 
 
 def detect_features(image: Image, parameters: FeaturesParameters) -> Features:
@@ -47,13 +52,16 @@ def strongest_first(
 ) -> NDArray[np.float32]:
     """Feature points (N, 2) px wherever they are, the strongest first.
 
+    A corner may be as weak as it will: the strongest of the whole image says nothing of others.
+
     Args:
         image: (H, W) grey. most: so many are enough, for detectors that can be told so.
 
     Raises:
         InputError: ``surf`` is asked for and its extra is not installed.
     """
-    px, response, _ = _candidates(image, parameters, most)
+    weak = parameters.model_copy(update={"quality": _LEAST_QUALITY})
+    px, response, _ = _candidates(image, weak, most)
     # Ties are broken by position, so that equal images give equal points.
     return px[np.lexsort((px[:, 0], px[:, 1], -response))]
 
@@ -138,6 +146,6 @@ def _detector(parameters: FeaturesParameters, most: int) -> cv2.Feature2D:
         case "kaze":
             return cv2.KAZE.create(threshold=_KAZE_THRESHOLD)
         case "mser":
-            return cv2.MSER.create()
+            return cv2.MSER.create(**cast(Any, _MSER))
         case other:
             raise AssertionError(f"{other} has no Feature2D")
