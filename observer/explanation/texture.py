@@ -12,7 +12,7 @@ from observer.camera import as_gray
 from observer.explanation.answer import Nearby, below, count_of, distances, limits
 from observer.geometry import Float64Array
 from observer.parameters import FeaturesParameters, FlowParameters, Parameters
-from observer.stages.features import detect_features
+from observer.stages.features import corners, detect_features
 from observer.types import Image
 
 # OpenCV gives the smaller eigenvalue of the mean gradient matrix in 1/1024 (grey levels/px)^2.
@@ -114,6 +114,17 @@ def _to_get_one(
                 f"features.fast_threshold at {score:.0f} or below (now {features.fast_threshold})"
             )
             features = features.model_copy(update={"fast_threshold": int(score)})
+    if features.detector in ("shi_tomasi", "harris"):
+        quality = _best_quality(image, place, near.radius_px, features)
+        if quality is None:
+            lowest, _ = limits("features.quality")
+            return (
+                f"There is no corner here, not even with features.quality at {lowest:g}: "
+                f"only texture or light would change it, or another features.detector."
+            )
+        if quality < features.quality:
+            ways.append(f"features.quality at {quality:g} or below (now {features.quality:g})")
+            features = features.model_copy(update={"quality": quality})
     count = _count_that_finds(image, place, features, near.radius_px)
     if count is None:
         return (
@@ -160,3 +171,18 @@ def _best_corner(image: Image, place: tuple[float, float], radius_px: float) -> 
         if np.hypot(corner.pt[0] + left - place[0], corner.pt[1] + top - place[1]) <= radius_px
     ]
     return max(scores, default=None)
+
+
+def _best_quality(
+    image: Image, place: tuple[float, float], radius_px: float, features: FeaturesParameters
+) -> float | None:
+    """The greatest ``features.quality`` at which a corner around the place is one; None without."""
+    lowest, _ = limits("features.quality")
+    everything = features.model_copy(update={"quality": lowest})
+    px, strength = corners(image, everything, 0)
+    at = distances(px, place) <= radius_px
+    if not at.any():
+        return None
+    share = float(strength[at].max() / strength.max())
+    # Rounded down to what the panel shows, or the promise would not hold.
+    return float(max(lowest, np.floor(share * 1e4) / 1e4))

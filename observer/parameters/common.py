@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import Literal
 
-from observer.parameters.fields import FOLLOWING, PLANAR, SAMPLING, Real, Stage, Whole, choice, number
+from observer.parameters.fields import (
+    FOLLOWING,
+    PLANAR,
+    SAMPLING,
+    Real,
+    Stage,
+    Whole,
+    choice,
+    number,
+)
 
 
 class EgoMotionParameters(Stage):

@@ -106,7 +106,7 @@ def _candidates(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], Sequence[cv2.KeyPoint]]:
     """Pixels (N, 2), strengths (N,), and the points as the detector describes them, if it does."""
     if parameters.detector in ("shi_tomasi", "harris"):
-        return *_corners(image, parameters, most), ()
+        return *corners(image, parameters, most), ()
     if parameters.detector == "surf":
         keypoints: Sequence[cv2.KeyPoint] = surf_points(image, most)
     else:
@@ -117,10 +117,15 @@ def _candidates(
     return px, np.fromiter(map(strength, keypoints), np.float32, len(keypoints)), keypoints
 
 
-def _corners(
+def corners(
     image: Image, parameters: FeaturesParameters, most: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    corners, quality = cv2.goodFeaturesToTrackWithQuality(
+    """Corners (N, 2) px of ``shi_tomasi`` or ``harris``, and their strengths (N,).
+
+    Args:
+        image: (H, W) grey. most: so many at most, the strongest first; 0 for all.
+    """
+    found, quality = cv2.goodFeaturesToTrackWithQuality(
         image,
         most,
         parameters.quality,
@@ -129,9 +134,9 @@ def _corners(
         useHarrisDetector=parameters.detector == "harris",
     )
     # None where there is no corner at all, which the type stubs do not know.
-    if cast(Any, corners) is None:
+    if cast(Any, found) is None:
         return np.empty((0, 2), np.float32), np.empty(0, np.float32)
-    px = np.asarray(corners, dtype=np.float32).reshape(-1, 2)
+    px = np.asarray(found, dtype=np.float32).reshape(-1, 2)
     return px, np.asarray(quality, dtype=np.float32).reshape(-1)
 
 

@@ -91,3 +91,15 @@ def test_presets_and_search(server, form, eventually):
     assert 0 < shown.count() < form.locator("observer-parameter").count()
     form.get_by_role("button", name="Undo").click()
     eventually(lambda: server.get("/parameters")["preset"] == "default")
+
+
+def test_the_detector_acts_in_space_and_what_does_not_says_so(server, form, eventually):
+    def of(name):
+        return form.locator(f'observer-parameter[data-name="features.{name}"]')
+
+    expect(of("max_count")).to_contain_text("Not used by rigid.")
+    expect(of("detector")).not_to_contain_text("Not used by rigid.")
+    form.locator("#parameter-features-detector").select_option("fast")
+    in_force = re.compile(r"Revision \d+, acts from frame \d+, in force")
+    expect(form.locator(".revision")).to_have_text(in_force, timeout=10_000)
+    eventually(lambda: server.get("/parameters")["values"]["features.detector"] == "fast")

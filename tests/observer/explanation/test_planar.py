@@ -225,6 +225,8 @@ def test_where_nothing_is_there_are_too_few_features() -> None:
 
 _CALIBRATION = StereoCalibration.rectified(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 _FAINT = (120.0, 128.0)
+# In the texture that surrounds it.
+_NEAR_THE_EDGE = (60.0, 60.0)
 
 
 def _pair(index: int) -> StereoFrame:
@@ -241,19 +243,23 @@ def _pair(index: int) -> StereoFrame:
     return StereoFrame(index, index / 15, image[:, :512], image[:, 13:525], received=0.0)
 
 
-def _observed(**changes: Any) -> PixelAnswer:
+def _traced(changes: dict[str, Any]) -> tuple[FullTrace, StereoCamera, Parameters]:
     parameters = Parameters().changed({k.replace("__", "."): v for k, v in changes.items()})
     observer = Observer(_CALIBRATION, parameters, clock=lambda: 0.0)
     trace = FullTrace()
     for index in range(2):
         trace = FullTrace()
         observer.observe(_pair(index), trace)
-    return explain_pixel(trace, observer.camera, parameters, _FAINT)
+    return trace, observer.camera, parameters
+
+
+def _observed(**changes: Any) -> PixelAnswer:
+    return explain_pixel(*_traced(changes), _FAINT)
 
 
 def test_what_is_said_to_give_a_feature_gives_one() -> None:
     """First a feature is found, then it is followed, by doing no more than is said."""
-    changes: dict[str, Any] = {"ego_motion__model": "affine"}
+    changes: dict[str, Any] = {"ego_motion__model": "affine", "features__detector": "fast"}
     answer = _observed(**changes)
     assert answer.verdict is PixelVerdict.TOO_FEW_FEATURES
     name, value = promised(answer)
@@ -274,6 +280,20 @@ def test_what_is_said_to_give_a_feature_gives_one() -> None:
     assert name == "flow__min_texture"
     assert _observed(**changes, **{name: value + 0.02}).verdict is found.verdict
     assert _observed(**changes, **{name: value}).verdict is PixelVerdict.STATIC
+
+
+@pytest.mark.parametrize("detector", ["shi_tomasi", "harris"])
+def test_the_quality_that_is_said_to_give_a_corner_gives_one(detector: str) -> None:
+    changes: dict[str, Any] = {"ego_motion__model": "affine", "features__detector": detector}
+    # All corners are kept; only their quality decides.
+    changes |= {"features__max_count": 4000, "features__quality": 0.5}
+    answer = explain_pixel(*_traced(changes), _NEAR_THE_EDGE)
+    assert answer.verdict is PixelVerdict.TOO_FEW_FEATURES
+    name, value = promised(answer)
+    assert name == "features__quality"
+    assert 0.0005 <= value < 0.5
+    found = explain_pixel(*_traced(changes | {name: value}), _NEAR_THE_EDGE)
+    assert found.verdict is PixelVerdict.STATIC
 
 
 def test_the_features_are_where_the_newest_image_shows_them() -> None:

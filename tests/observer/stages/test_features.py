@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.parameters import FeaturesParameters
-from observer.stages.features import detect_features, spread
+from observer.stages.features import detect_features, spread, strongest_first
 
 DETECTORS = ["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"]
 
@@ -93,3 +93,15 @@ def test_spreading_keeps_each_point_once_and_not_too_many(
     order = rng.permutation(count)
     shuffled = spread(px[order], strength[order], (512, 256), columns, most)
     assert set(order[shuffled].tolist()) == set(kept.tolist())
+
+
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_points_come_strongest_first_and_weak_ones_beside_strong_ones(detector: str) -> None:
+    image = textured()
+    image[:, 256:] = 128 + (image[:, 256:].astype(np.int16) - 128) // 6
+    parameters = FeaturesParameters(detector=detector, fast_threshold=4, quality=0.5)
+    px = strongest_first(image, parameters, 4000)
+    assert np.count_nonzero(px[:, 0] > 260) > 20
+    if detector != "mser":  # Whose strength is size, which no contrast changes.
+        assert np.mean(px[:40, 0] < 260) > 0.9
+    np.testing.assert_array_equal(px, strongest_first(image, parameters, 4000))

@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.parameters import FollowingParameters
-from observer.stages.selection import attention, crowding, new_points, squares, thinned
+from observer.stages.selection import (
+    attention,
+    crowding,
+    first_in_empty,
+    new_points,
+    squares,
+    thinned,
+)
 
 from ..builders import Texture, as_image
 
@@ -243,3 +250,39 @@ def test_equal_images_give_equal_points(seed: int, side: int) -> None:
     first = new_points(IMAGE, taken, marked, p)
     np.testing.assert_array_equal(first, new_points(IMAGE.copy(), taken.copy(), marked, p))
     assert not np.isin(squares(first, marked, p), taken).any()
+
+
+# --- points that a detector found ----------------------------------------------------------
+
+
+def test_the_first_in_every_empty_square_is_taken() -> None:
+    px = scattered(5, 4000)
+    inside = ((px >= MARGIN + 1) & (px < np.array([WIDTH, HEIGHT]) - MARGIN - 1)).all(axis=1)
+    marked = attention((WIDTH, HEIGHT), np.array([[40.0, 50.0, 70.0, 63.0]]), NO_POINTS, P)
+    square = squares(px, marked, P)
+    taken = np.unique(square[:50])
+    chosen = first_in_empty(px, (WIDTH, HEIGHT), taken, marked, P)
+    expected = {}
+    for index in np.flatnonzero(inside):
+        if square[index] not in taken:
+            expected.setdefault(square[index], index)
+    assert len(chosen) > 50
+    assert sorted(chosen) == sorted(expected.values())
+
+
+def test_of_the_squares_that_are_not_marked_half_have_their_turn() -> None:
+    px = scattered(6, 4000)
+    marked = NOWHERE.copy()
+    marked[2, 3] = True
+    at = [
+        {*squares(px[first_in_empty(px, (WIDTH, HEIGHT), NONE_TAKEN, marked, P, turn)], marked, P)}
+        for turn in (7, 8, None)
+    ]
+    assert at[0] | at[1] == at[2]
+    of_the_marked = {*squares(px[squares(px, marked, P) >= ROWS * COLUMNS], marked, P)}
+    assert len(of_the_marked) == 4
+    assert at[0] & at[1] == of_the_marked
+
+
+def test_no_points_give_none() -> None:
+    assert len(first_in_empty(NO_POINTS, (WIDTH, HEIGHT), NONE_TAKEN, NOWHERE, P, 3)) == 0
