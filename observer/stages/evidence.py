@@ -80,9 +80,12 @@ def pooled_motion(
     scatter = np.maximum(1.0, spread / np.maximum(3 * (neighbours - 1), 1))
     shared = 1 + parameters.shared_error * np.maximum(neighbours - 1, 0)
     cov = cov * (scatter * shared)[:, None, None]
-    cov = cov + _ego_covariance(points, position, T_camera_world, step_covariance, dt)
-    if rate is not None:
-        cov = cov + _bias_covariance(position, T_camera_world, rate, camera, parameters)
+    window = points.sums.window_s()
+    common = _common_errors(
+        T_camera_world.apply(position), step_covariance, dt, np.maximum(window, dt), rate, camera,
+        parameters.disparity_bias_px,
+    ) @ T_camera_world.rotation  # fmt: skip
+    cov = cov + np.swapaxes(common, 1, 2) @ common
     squared = np.einsum("ni,nij,nj->n", pooled, inverse_3x3(cov), pooled)
     squared = np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0)
     tests = max(1.0, ready.sum() / max(1.0, float(neighbours[ready].mean()) if ready.any() else 1))
@@ -93,7 +96,7 @@ def pooled_motion(
         own_velocity=velocity,
         own_information=information,
         judged=ready,
-        window_s=points.sums.window_s(),
+        window_s=window,
         position=position,
         position_cov=position_cov,
         velocity=pooled,
@@ -178,31 +181,30 @@ def _neighbours(
     return np.stack([i[agree], j[agree]], axis=1)
 
 
-def _ego_covariance(
-    points: Points,
-    position: Float64Array,
-    T_camera_world: Pose,
+def _common_errors(
+    place: Float64Array,
     step_covariance: Float64Array,
     dt: float,
-) -> Float64Array:
-    """(N, 3, 3) (m/s)^2, world axes: by how much the camera's motion makes points seem to move."""
-    p = T_camera_world.apply(position)
-    G = np.concatenate([-cross_matrix(p), np.broadcast_to(np.eye(3), (len(p), 3, 3))], axis=2)
-    G = T_camera_world.rotation.T @ G
-    window = np.maximum(points.sums.window_s(), dt)
-    scale = _RANDOM_WALK / (dt * window)
-    return np.asarray((G @ step_covariance @ np.swapaxes(G, 1, 2)) * scale[:, None, None])
-
-
-def _bias_covariance(
-    position: Float64Array,
-    T_camera_world: Pose,
-    rate: CameraRate,
+    window: Float64Array,
+    rate: CameraRate | None,
     camera: StereoCamera,
-    parameters: EvidenceParameters,
+    bias_px: float,
 ) -> Float64Array:
-    """(N, 3, 3) (m/s)^2, world axes: how much static points seem to move by a lasting error."""
-    place = T_camera_world.apply(position)
-    drift = rate.velocity_by_bias(place, np.zeros_like(place), camera)
-    drift = drift @ (T_camera_world.rotation * parameters.disparity_bias_px)
-    return np.asarray(drift[:, :, None] * drift[:, None, :])
+    """(N, 7, 3) m/s, camera axes: how static points seem to move by errors they share.
+
+    Each is that of one independent cause of one standard deviation: six of the camera's own
+    motion, whose covariance is the sum of their products, and the lasting error of the disparity.
+
+    Args:
+        place: (N, 3) metres, camera frame. window: (N,) seconds over which it was sighted.
+    """
+    out = np.zeros((len(place), 7, 3))
+    values, axes = np.linalg.eigh(step_covariance)
+    causes = (axes * np.sqrt(np.maximum(values, 0.0))).T
+    # A turn by w moves the point p by w x p = -[p]x w; here for all six causes at once.
+    turning = -cross_matrix(causes[:, :3]).transpose(2, 0, 1).reshape(3, 18)
+    moved = (causes[:, 3:].reshape(18) - place @ turning).reshape(-1, 6, 3)
+    out[:, :6] = moved * np.sqrt(_RANDOM_WALK / (dt * window))[:, None, None]
+    if rate is not None:
+        out[:, 6] = bias_px * rate.velocity_by_bias(place, np.zeros_like(place), camera)
+    return out
