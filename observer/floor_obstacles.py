@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from observer.camera import StereoCamera
 from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
 from observer.inverse_depth import expected_sightings
+from observer.lost_obstacles import while_lost
 from observer.parameters import Parameters
 from observer.ray_evidence import RayEvidence
 from observer.rays import NO_OBSTACLE, RayPoints
@@ -97,3 +100,16 @@ class FloorObstacles:
             )
             for track in self._tracker.tracks
         )
+
+    def unseen(
+        self, T_world_camera: Pose, before: float, time: float, p: Parameters
+    ) -> tuple[Obstacle, ...]:
+        """All obstacles at a frame without a pose.
+
+        Args:
+            T_world_camera: the last known pose, of the frame at ``before``, seconds.
+            time: of this frame, seconds.
+        """
+        last = self.described(T_world_camera, np.zeros(3), 0.0, before, p)
+        missed = [track.missed_s for track in self._tracker.tracks]
+        return while_lost(zip(last, missed, strict=True), time - before, p.obstacles.coast_s)

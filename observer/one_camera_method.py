@@ -115,7 +115,10 @@ class OneCameraMethod:
             ego = self._ego_motion(points, estimate, p)
         trace.keep("ego_motion", ego)
         if ego.T_camera_world is None or ego.T_current_previous is None:
-            return Step(ego, None, (), 1.0, None)
+            unseen = self._obstacles.unseen(
+                self._T_camera_world.inverse(), previous.time, view.time, p
+            )
+            return Step(ego, None, unseen, 1.0, None)
         with timer("motion"):
             self._noise += _NOISE_GAIN * (max(estimate.noise_scale, 0.5) - self._noise)
             points = updated(

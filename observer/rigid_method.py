@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.camera_rate import CameraRate
-from observer.evidence import Evidence
 from observer.geometry import Float64Array, Pose, inverse_3x3
+from observer.lost_obstacles import while_lost
 from observer.method import StageTimer, Step, StereoRows, View
-from observer.motion_evidence import Motion
 from observer.motion_sums import MotionSums
 from observer.parameters import Parameters
 from observer.plausibility import PlausibleMotions
 from observer.point_choice import chosen_points
 from observer.points import NO_OBSTACLE, Points
+from observer.rigid_trace import keep_background, keep_motion
 from observer.stages.body_reporting import describe_body
 from observer.stages.evidence import group_dynamic, pooled_motion
 from observer.stages.following import Sightings, as_bright_as, follow, match_right
@@ -31,7 +31,7 @@ from observer.stages.obstacle_tracking import BodyTracker
 from observer.stages.rigid_ego_motion import RigidEgoMotion, StaticScene, estimate_rigid_motion
 from observer.stages.selection import attention, crowding, squares, thinned
 from observer.stages.sparse_stereo import coarse_disparity
-from observer.types import EgoMotion, Matches, Status, Trace
+from observer.types import Obstacle, Status, Trace
 
 # Disparities below this are as good as none; their points are taken to be this far away.
 _LEAST_DISPARITY_PX = 0.25
@@ -93,9 +93,9 @@ class RigidMethod:
             ego = self._ego_motion(points, sigma, T_expected, view, dt, p)
         rows = StereoRows(points.px.astype(np.float64), _row_offset(points))
         share = float(np.isfinite(points.disparity).mean()) if len(points) else 0.0
-        _keep_background(trace, previous, before, points, seen, ego)
+        keep_background(trace, previous, before, points, seen, ego)
         if ego.T_camera_world is None or ego.T_current_previous is None:
-            return Step(ego, None, (), share, rows)
+            return Step(ego, None, self._unseen(view.time, p), share, rows)
         T_camera_world, step_cov = ego.T_camera_world, ego.pose_covariance
         assert step_cov is not None
         with timer("motion"):
@@ -122,7 +122,7 @@ class RigidMethod:
             near = self._neighbourhood(camera_position, p)
             points = tracker.found(points, groups, motion, near, p.obstacles)
             points = tracker.live(points, camera_position, near, p.obstacles)
-        _keep_motion(trace, before, points, seen, ego, motion)
+        keep_motion(trace, before, points, seen, ego, motion)
         self._T_camera_world, self._points, self._view = T_camera_world, points, view
         self._rate = rate
         with timer("features"):
@@ -131,6 +131,16 @@ class RigidMethod:
             describe_body(track, T_world_camera, -rate.shift, view.time) for track in tracker.tracks
         )
         return Step(ego, T_world_camera, obstacles, share, rows)
+
+    def _unseen(self, time: float, p: Parameters) -> tuple[Obstacle, ...]:
+        """The obstacles at a frame without a pose, seconds on the source's clock."""
+        assert self._view is not None
+        before, T_world_camera = self._view.time, self._T_camera_world.inverse()
+        last = [
+            (describe_body(track, T_world_camera, np.zeros(3), before), track.missed_s)
+            for track in self._tracker.tracks
+        ]
+        return while_lost(last, time - before, p.obstacles.coast_s)
 
     def _expected_pose(self, dt: float) -> Pose:
         if self._rate is None:
@@ -365,50 +375,3 @@ def _place_now(points: Points) -> Float64Array:
 
 def _row_offset(points: Points) -> Float64Array:
     return np.asarray(points.px[:, 1] - points.right_px[:, 1], dtype=np.float64)
-
-
-def _keep_background(
-    trace: Trace, previous: View, before: Points, points: Points, seen: Sightings, ego: EgoMotion
-) -> None:
-    trace.keep("previous_time", previous.time)
-    trace.keep("previous_left", previous.left)
-    trace.keep("previous_right", previous.right)
-    trace.keep("features_px", before.px)
-    trace.keep("matches", Matches(before.px[seen.found], points.px))
-    trace.keep("ego_motion", ego)
-
-
-def _keep_motion(
-    trace: Trace,
-    before: Points,
-    points: Points,
-    seen: Sightings,
-    ego: RigidEgoMotion,
-    motion: Motion,
-) -> None:
-    start = before.px[seen.found].astype(np.float64)
-    residual = points.px - ego.predict(start, before.disparity[seen.found])
-    known = np.isfinite(residual).all(axis=1)
-    trace.keep("flow_px", start[known])
-    trace.keep("flow_observed_px", (start + residual)[known].astype(np.float32))
-    trace.keep("flow_residual_px", residual[known].astype(np.float32))
-    trace.keep("dynamic", (motion.dynamic | (points.obstacle != NO_OBSTACLE))[known])
-    trace.keep("evidence", _evidence(points, ego, motion))
-
-
-def _evidence(points: Points, ego: RigidEgoMotion, motion: Motion) -> Evidence:
-    assert ego.T_camera_world is not None
-    R = ego.T_camera_world.rotation
-    depth = ego.T_camera_world.apply(motion.position)[:, 2]
-    return Evidence(
-        px=points.px,
-        depth=np.where(np.isfinite(points.disparity), depth, np.nan),
-        age_s=points.age,
-        velocity=motion.velocity @ R.T,
-        velocity_std=np.sqrt(np.maximum(np.einsum("nii->n", motion.covariance) / 3, 0.0)),
-        significance=motion.significance,
-        threshold=motion.threshold,
-        dynamic=motion.dynamic | (points.obstacle != NO_OBSTACLE),
-        neighbours=motion.neighbours,
-        obstacle_id=points.obstacle,
-    )

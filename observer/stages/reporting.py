@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
+from observer.lost_obstacles import without_pose
 from observer.types import Detection, MotionState, Obstacle, Track, TrackState
 
 
@@ -34,33 +35,33 @@ def describe_obstacle(
     position_cov, velocity_cov = seen.position_cov, seen.velocity_cov
     if track.missed and velocity_cov is not None:
         position_cov = position_cov + (time - seen.velocity_time) ** 2 * velocity_cov
-    world = T_world_camera is not None
-    R = np.eye(3) if T_world_camera is None else T_world_camera.rotation
+    R = T_track_camera.rotation
     std = None if seen.velocity_cov is None else speed_std(seen.velocity, seen.velocity_cov)
     approach = None
     if camera_velocity is not None:
         approach = float((camera_velocity - velocity) @ position / np.linalg.norm(position))
-    return Obstacle(
+    obstacle = Obstacle(
         id=track.id,
         state=track.state,
         motion=MotionState.MOVING,
         position_camera=position,
         velocity_camera=velocity,
-        position=track.position if world else None,
-        velocity=track.velocity if world else None,
-        position_cov=R @ position_cov @ R.T if world else None,
-        velocity_cov=R @ velocity_cov @ R.T if world and velocity_cov is not None else None,
+        position=track.position,
+        velocity=track.velocity,
+        position_cov=R @ position_cov @ R.T,
+        velocity_cov=None if velocity_cov is None else R @ velocity_cov @ R.T,
         velocity_time=seen.velocity_time,
         speed=seen.speed,
         speed_std=std,
         size=seen.size,
-        orientation_wxyz=None if T_world_camera is None else T_world_camera.quaternion_wxyz,
+        orientation_wxyz=T_track_camera.quaternion_wxyz,
         closing_speed=approach,
         points=0 if track.missed else seen.points,
         significance=seen.significance,
         box_px=seen.box_px,
         reason=_why(track, seen),
     )
+    return obstacle if T_world_camera is not None else without_pose(obstacle)
 
 
 def speed_std(velocity: Float64Array, covariance: Float64Array) -> float:

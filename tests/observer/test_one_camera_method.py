@@ -20,7 +20,7 @@ from observer.simulation.scenarios import load_scenario, scenario_from_text
 from observer.simulation.source import SimulatedSource
 from observer.simulation.truth import SimulatedTruth
 from observer.simulation.world import World
-from observer.types import FullTrace, Observation, Status, StereoFrame
+from observer.types import FullTrace, Observation, Status, StereoFrame, TrackState
 
 ONE_CAMERA = Parameters().changed({"ego_motion.model": "one_camera"})
 LATERAL = World(load_scenario("lateral"), 3)
@@ -173,6 +173,26 @@ def test_it_recovers_from_black_images(lateral) -> None:
     assert seen[-1].segment > 0
     assert seen[-1].status is Status.OK
     assert seen[-1].T_world_camera is not None
+
+
+def test_who_was_there_coasts_through_black_images_and_keeps_its_number(lateral) -> None:
+    dark = [
+        replace(f, left=np.zeros_like(f.left), right=np.zeros_like(f.left)) for f in lateral[34:36]
+    ]
+    seen = observe([*lateral[:34], *dark, *lateral[36:]])
+    (before,) = seen[33].reported
+    for lost in seen[34:36]:
+        assert lost.status is Status.LOST
+        (robot,) = lost.reported
+        assert (robot.id, robot.state) == (before.id, TrackState.COASTING)
+        assert robot.position is None
+        assert robot.velocity is None
+        json.dumps(observation_line(lost), allow_nan=False)
+    assert {o.segment for o in seen} == {0}
+    (after,) = seen[-1].reported
+    assert after.id == before.id
+    assert after.state is TrackState.CONFIRMED
+    assert after.position is not None
 
 
 def test_any_pixel_can_be_asked(lateral) -> None:

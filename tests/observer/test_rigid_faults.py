@@ -99,7 +99,19 @@ def test_black_frames_are_a_loss_that_is_told_and_got_over(lateral: Clip, count:
         assert lost.status is Status.LOST
         assert any("black" in reason for reason in lost.reasons)
         assert lost.T_world_camera is None
-        assert all(o.position is None and o.velocity is None for o in lost.obstacles)
+        # Who was there is still reported, though nobody knows where in the world.
+        (robot,), (known,) = lost.reported, seen[19].reported
+        assert robot.id == known.id
+        assert robot.state is TrackState.COASTING
+        assert robot.position is None
+        assert robot.velocity is None
+        assert robot.closing_speed is None
+        assert robot.points == 0
+        assert robot.velocity_time == seen[19].time
+        way = robot.position_camera - known.position_camera
+        expected = (lost.time - seen[19].time) * known.velocity_camera
+        np.testing.assert_allclose(way, expected, atol=1e-12)
+        assert robot.reason.startswith("not seen for")
     assert {o.segment for o in seen} == {0}
     for after in seen[22 + count :]:
         assert after.status is Status.OK
