@@ -24,7 +24,8 @@ class Evidence:
         threshold: the Mahalanobis length above which a feature counts as dynamic.
         dynamic: (N,) which ones count as dynamic.
         neighbours: (N,) how many features were pooled.
-        obstacle_id: (N,) number of the obstacle each belongs to, -1 = none.
+        obstacle_id: (N,) number of the obstacle each belongs to, -1 = none;
+            below that it is not confirmed yet.
 
     Raises:
         ValueError: the arrays differ in length.

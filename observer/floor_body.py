@@ -15,7 +15,7 @@ class FloorTrack:
     """An obstacle that stands and drives on the floor.
 
     Attributes:
-        id: unique within an observer. state, motion: as reported.
+        id: as of ``Obstacle``. state, motion: as reported.
         mean: (4,) place of its foot, m, and velocity, m/s, in the floor's axes; covariance: (4, 4),
             of the pixels' noise alone.
         box_px: u0 v0 u1 v1 in the left image; its lower edge is where it touches the floor.

@@ -32,7 +32,7 @@ class BodyTrack:
     """One obstacle over time.
 
     Attributes:
-        id: unique within an observer. state, motion: as reported.
+        id: as of ``Obstacle``. state, motion: as reported.
         filter: place, velocity, yaw. The place is that of the body's own origin, not its centre.
         shape: where its points are in its own frame. box: in that frame; None before the first
             update.

@@ -284,7 +284,8 @@ class Obstacle:
     are given always.
 
     Attributes:
-        id: the track's number, unique within a segment.
+        id: the track's number, which a segment uses once: below zero, provisional, while it is
+            tentative; from its confirmation on a lasting one above zero.
         position_camera: (3,) metres, camera frame at this frame: the centre as far as known.
         velocity_camera: (3,) m/s, the obstacle's velocity over ground, in camera axes.
         position: (3,) metres, world. velocity: (3,) m/s, world.
@@ -371,7 +372,7 @@ class Track:
     is taken to stand where it was last seen, for the sake of identities alone.
 
     Attributes:
-        id: unique within an observer.
+        id: as of ``Obstacle``, unique within an observer once it is confirmed.
         detection: the newest one that belongs to it.
         position: (3,) metres, tracking frame, at this frame; extrapolated while coasting.
         velocity: (3,) m/s, tracking frame, of ``detection``: the raw displacement over dt.

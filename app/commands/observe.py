@@ -42,7 +42,12 @@ def observe(
     ),
     frames: Annotated[int | None, typer.Option(min=1, help="Stop after this many frames.")] = None,
     tentative: Annotated[
-        bool, typer.Option("--tentative", help="Write obstacles that are not confirmed, too.")
+        bool,
+        typer.Option(
+            "--tentative",
+            help="Write obstacles that are not confirmed, too; their ids, below zero, are "
+            "provisional.",
+        ),
     ] = False,
 ) -> None:
     """Observe a source from its first frame to its last and write one JSON line per frame."""

@@ -22,7 +22,9 @@ from observer.explanation.answer import (
     radius_px,
 )
 from observer.explanation.texture import texture_around
+from observer.obstacle_numbers import is_provisional
 from observer.parameters import Parameters
+from observer.points import NO_OBSTACLE
 from observer.types import Image
 
 # 99 of 100 standing points stay below this Mahalanobis length (chi, 3 degrees of freedom).
@@ -157,11 +159,11 @@ def _judge(
             PixelVerdict.DYNAMIC,
             f"It moves at {speed:.2f} m/s over ground, by the evidence of {pooled}"
             f"{_whose(obstacle)}: {stands_out}."
-            if middle > threshold or obstacle < 0
-            else f"It is part of obstacle {obstacle}, which was seen to move; what shows here now "
+            if middle > threshold or obstacle == NO_OBSTACLE
+            else f"It is part of {_name(obstacle)}, which was seen to move; what shows here now "
             f"is {speed:.2f} m/s ({stands_out}).",
             _until_it_ends(evidence, obstacle, parameters)
-            if obstacle >= 0
+            if obstacle != NO_OBSTACLE
             else _until(middle, threshold, parameters),
         )
     if np.isnan(depth):
@@ -233,7 +235,11 @@ def _too_far(
 
 
 def _whose(obstacle: int) -> str:
-    return f" of obstacle {obstacle}" if obstacle >= 0 else ", part of no obstacle yet"
+    return ", part of no obstacle yet" if obstacle == NO_OBSTACLE else f" of {_name(obstacle)}"
+
+
+def _name(obstacle: int) -> str:
+    return "an obstacle not confirmed yet" if is_provisional(obstacle) else f"obstacle {obstacle}"
 
 
 def _until_it_ends(evidence: Evidence, obstacle: int, parameters: Parameters) -> str:
@@ -242,12 +248,12 @@ def _until_it_ends(evidence: Evidence, obstacle: int, parameters: Parameters) ->
     _, most = limits("obstacles.min_points")
     if seen + 1 > most:
         return (
-            f"No value of obstacles.min_points (now {now.min_points}) would end obstacle "
-            f"{obstacle}, and for as long as it is followed its features count as dynamic."
+            f"No value of obstacles.min_points (now {now.min_points}) would end "
+            f"{_name(obstacle)}, and for as long as it is followed its features count as dynamic."
         )
     return (
-        f"With obstacles.min_points at {seen + 1} or above (now {now.min_points}) obstacle "
-        f"{obstacle} would not be seen any more, and end after {now.coast_s:g} s "
+        f"With obstacles.min_points at {seen + 1} or above (now {now.min_points}) "
+        f"{_name(obstacle)} would not be seen any more, and end after {now.coast_s:g} s "
         f"(obstacles.coast_s); as long as it is followed, its features count as dynamic."
     )
 

@@ -16,7 +16,7 @@ from observer.explanation.answer import (
 )
 from observer.parameters import Parameters
 from observer.ray_evidence import RayEvidence
-from observer.rays import RayPoints
+from observer.rays import NO_OBSTACLE, RayPoints
 
 _RATE = "evidence.false_alarms_per_frame"
 
@@ -44,7 +44,7 @@ def explain_by_rays(
             "More texture or light here would give points to follow.",
         )
     chosen = near.speakers
-    moves = evidence.moving[chosen] | (points.obstacle[chosen] >= 0)
+    moves = evidence.moving[chosen] | (points.obstacle[chosen] != NO_OBSTACLE)
     moving = int(np.count_nonzero(moves)) * 2 > len(chosen)
     middle = float(np.median(evidence.significance[chosen]))
     speaker = int(chosen[0])

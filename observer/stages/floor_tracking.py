@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from observer.camera import StereoCamera
 from observer.floor import Floor
 from observer.floor_body import FloorTrack
 from observer.geometry import Float64Array, Pose
+from observer.obstacle_numbers import ObstacleNumbers
 from observer.parameters import ObstacleParameters, OneCameraParameters
 from observer.rays import NO_OBSTACLE, RayPoints
 from observer.stages.ground_contact import floor_place, lower_edge
@@ -41,7 +41,8 @@ class FloorTracker:
     """The obstacles of one segment."""
 
     def __init__(self, numbers: Iterator[int] | None = None) -> None:
-        self._numbers = count(1) if numbers is None else numbers
+        """``numbers`` gives each confirmed obstacle its own; from 1 if left out."""
+        self._numbers = ObstacleNumbers(numbers)
         self.tracks: list[FloorTrack] = []
 
     def clear(self) -> None:
@@ -98,6 +99,10 @@ class FloorTracker:
             share = float(np.mean(significance[kept] > threshold))
             self._measure(track, T_world_camera, floor, camera, p)
             self._judge(track, share, p, q)
+            if track.state is not TrackState.TENTATIVE:
+                number = self._numbers.confirmed(track.id)
+                owner[owner == track.id] = number
+                track.id = number
         return points.but(obstacle=owner)
 
     def found(
@@ -136,8 +141,8 @@ class FloorTracker:
                 full[:2, :2], full[2:, 2:] = cov, _FIRST_SPEED**2 * np.eye(2)
                 strongest = float(np.median(significance[members]))
                 track = FloorTrack(
-                    next(self._numbers), np.append(place, [0.0, 0.0]), full, box, np.zeros(2),
-                    strongest, floating,
+                    self._numbers.provisional(), np.append(place, [0.0, 0.0]), full, box,
+                    np.zeros(2), strongest, floating,
                 )  # fmt: skip
                 self.tracks.append(track)
             elif track.missed_s > 0:
@@ -155,7 +160,8 @@ class FloorTracker:
         """Make one obstacle of those that touch in the image and move alike there."""
         owner = points.obstacle.copy()
         flow = (points.px - points.before_px).astype(np.float64)
-        seen = sorted((t for t in self.tracks if t.missed_s == 0), key=lambda t: (-t.hits, t.id))
+        seen = [track for track in self.tracks if track.missed_s == 0]
+        seen.sort(key=lambda track: (-track.hits, -track.age_s))
         gone: set[int] = set()
         for n, one in enumerate(seen):
             for other in seen[n + 1 :]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from observer.obstacle_membership import (
     placed,
     shape_position,
 )
+from observer.obstacle_numbers import ObstacleNumbers, is_provisional
 from observer.obstacle_shape import ObstacleShape
 from observer.parameters import ObstacleParameters
 from observer.points import NO_OBSTACLE, Points
@@ -59,9 +59,9 @@ class BodyTracker:
     """Keeps the obstacles' tracks; points carry the number of the obstacle they belong to."""
 
     def __init__(self, numbers: Iterator[int] | None = None) -> None:
-        """``numbers`` gives each track its own; from 1 if left out."""
+        """``numbers`` gives each confirmed track its own; from 1 if left out."""
         self.tracks: list[BodyTrack] = []
-        self._numbers = count(1) if numbers is None else numbers
+        self._numbers = ObstacleNumbers(numbers)
 
     def clear(self) -> None:
         """End all tracks; their numbers are not used again."""
@@ -235,7 +235,7 @@ class BodyTracker:
             track = body_of(group, self.tracks)
             if track is None:
                 track = BodyTrack(
-                    id=next(self._numbers), filter=_begun(group), shape=ObstacleShape()
+                    id=self._numbers.provisional(), filter=_begun(group), shape=ObstacleShape()
                 )
                 self.tracks.append(track)
             elif track.missed_s > 0:
@@ -272,7 +272,7 @@ class BodyTracker:
                 every = points.obstacle == track.id
                 shape_vector[every] -= points.shape_information[every] @ offset
             _judge(track, parameters)
-        points = points.but(shape_vector=shape_vector)
+        points = self._named(points.but(shape_vector=shape_vector))
         obstacle = points.obstacle.copy()
         for track in [t for t in self.tracks if _over(t, parameters)]:
             obstacle[obstacle == track.id] = NO_OBSTACLE
@@ -280,7 +280,21 @@ class BodyTracker:
         for older, younger in self._same(radius_m, parameters):
             obstacle[obstacle == younger.id] = older.id
             self.tracks.remove(younger)
+            if is_provisional(older.id) and not is_provisional(younger.id):
+                # Whoever was reported stays who it is.
+                obstacle[obstacle == older.id] = younger.id
+                older.id, older.state = younger.id, younger.state
         return self._placed(points, obstacle)
+
+    def _named(self, points: Points) -> Points:
+        """Give those that are confirmed by now their lasting number."""
+        obstacle = points.obstacle.copy()
+        for track in self.tracks:
+            if track.state is not TrackState.TENTATIVE:
+                number = self._numbers.confirmed(track.id)
+                obstacle[obstacle == track.id] = number
+                track.id = number
+        return points.but(obstacle=obstacle)
 
     def _learn(
         self,

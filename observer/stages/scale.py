@@ -8,7 +8,7 @@ import numpy as np
 
 from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
-from observer.rays import RayPoints
+from observer.rays import NO_OBSTACLE, RayPoints
 
 # Points less than this far below the horizon say little of the height (sine of the angle).
 _LEAST_SLOPE = 0.06
@@ -90,7 +90,8 @@ def floor_scale(
 ) -> tuple[float, float] | None:
     """The same by points whose depth is known, as the map stands now."""
     slope = points.ray @ floor.down
-    known = points.known & (slope > _LEAST_SLOPE) & ~points.moving & (points.obstacle < 0)
+    standing = ~points.moving & (points.obstacle == NO_OBSTACLE)
+    known = points.known & (slope > _LEAST_SLOPE) & standing
     below = (points.centre[known] - T_world_camera.translation) @ floor.down
     drop = slope[known] / points.inverse[known] + below
     sigma = np.sqrt(points.variance[known]) / points.inverse[known]

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import count
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from observer.geometry import Float64Array, Pose
+from observer.obstacle_numbers import ObstacleNumbers
 from observer.parameters import TrackingParameters
 from observer.types import Detection, Track, TrackState
 
@@ -30,8 +30,8 @@ class Tracker:
     """Nearest-neighbour tracks (Hungarian assignment) that are confirmed, coast and end."""
 
     def __init__(self, numbers: Iterator[int] | None = None) -> None:
-        """``numbers`` gives each track its own; from 1 if left out."""
-        self._numbers = count(1) if numbers is None else numbers
+        """``numbers`` gives each confirmed track its own; from 1 if left out."""
+        self._numbers = ObstacleNumbers(numbers)
         self._tracks: list[Track] = []
         self._expected_velocity: dict[int, Float64Array] = {}
         self._time = 0.0
@@ -106,7 +106,7 @@ class Tracker:
     ) -> Track:
         velocity = T_track_camera.rotate(detection.velocity)
         track = Track(
-            id=next(self._numbers),
+            id=self._number(self._numbers.provisional(), _state(1, parameters)),
             state=_state(1, parameters),
             detection=detection,
             position=T_track_camera.apply(detection.position),
@@ -126,16 +126,22 @@ class Tracker:
     ) -> Track:
         velocity = T_track_camera.rotate(detection.velocity)
         before = self._expected_velocity[track.id]
-        self._expected_velocity[track.id] = before + _NEWEST_WEIGHT * (velocity - before)
+        state = _state(track.sightings + 1, parameters)
+        number = self._number(track.id, state)
+        self._expected_velocity[number] = before + _NEWEST_WEIGHT * (velocity - before)
         return Track(
-            id=track.id,
-            state=_state(track.sightings + 1, parameters),
+            id=number,
+            state=state,
             detection=detection,
             position=T_track_camera.apply(detection.position),
             velocity=velocity,
             sightings=track.sightings + 1,
             missed=0,
         )
+
+    def _number(self, number: int, state: TrackState) -> int:
+        """A lasting one, once it is confirmed."""
+        return number if state is TrackState.TENTATIVE else self._numbers.confirmed(number)
 
     def _missed(self, track: Track, expected: Float64Array) -> Track:
         tentative = track.state is TrackState.TENTATIVE

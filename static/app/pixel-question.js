@@ -148,7 +148,8 @@ export class PixelQuestion extends Part {
     this.#obstacle.hidden = obstacle === null;
     if (obstacle) {
       const state = obstacle.reported ? "" : ", not yet seen often enough to be reported";
-      setText(this.#obstacle, `Obstacle ${obstacle.id}${state}: ${obstacle.why.replace(/\.?$/, ".")}`);
+      const name = obstacle.id < 0 ? "An obstacle" : `Obstacle ${obstacle.id}`;
+      setText(this.#obstacle, `${name}${state}: ${obstacle.why.replace(/\.?$/, ".")}`);
     }
     this.#change.replaceChildren(h("b", {}, "What would change it: "), answer.would_change);
     this.#change.hidden = false;

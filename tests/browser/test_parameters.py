@@ -97,6 +97,7 @@ def test_the_detector_acts_in_space_and_what_does_not_says_so(server, form, even
     def of(name):
         return form.locator(f'observer-parameter[data-name="features.{name}"]')
 
+    form.locator("details", has=of("detector")).locator("summary").click()
     expect(of("max_count")).to_contain_text("Not used by rigid.")
     expect(of("detector")).not_to_contain_text("Not used by rigid.")
     form.locator("#parameter-features-detector").select_option("fast")

@@ -175,6 +175,14 @@ def test_it_recovers_from_black_images(lateral) -> None:
     assert seen[-1].T_world_camera is not None
 
 
+def test_only_who_is_confirmed_has_a_number_that_lasts(seen) -> None:
+    told = {(o.id, o.state is TrackState.TENTATIVE) for each in seen for o in each.obstacles}
+    assert {number for number, tentative in told if not tentative} == {1}
+    provisional = {number for number, tentative in told if tentative}
+    assert provisional
+    assert max(provisional) < -1
+
+
 def test_who_was_there_coasts_through_black_images_and_keeps_its_number(lateral) -> None:
     dark = [
         replace(f, left=np.zeros_like(f.left), right=np.zeros_like(f.left)) for f in lateral[34:36]

@@ -206,7 +206,7 @@ def test_another_kind_of_model_begins_a_new_segment_and_numbers_run_on(lateral: 
         assert seen[k].obstacles == ()
         np.testing.assert_array_equal(seen[k].T_world_camera.matrix, np.eye(4))
     numbers = [
-        {o.id for each in part for o in each.obstacles}
+        {o.id for each in part for o in each.reported}
         for part in (seen[:15], seen[15:25], seen[25:])
     ]
     assert numbers[0]

@@ -107,6 +107,14 @@ def test_where_nothing_moves_but_the_camera_nothing_is_confirmed(seed: int, seen
         assert observation.reported == ()
 
 
+@pytest.mark.parametrize("spec", LATERAL)
+def test_who_is_not_confirmed_uses_up_no_number(spec: str, seen: Seen) -> None:
+    every = [o for each in seen(spec, 45) for o in each.obstacles]
+    told = {(o.id, o.state is TrackState.TENTATIVE) for o in every}
+    assert {number for number, tentative in told if not tentative} == {1}
+    assert max(number for number, tentative in told if tentative) < -1
+
+
 # A column hides a robot for about a second.
 HIDING = """
 based_on: lateral

@@ -167,6 +167,14 @@ def test_what_belongs_to_an_obstacle_counts_for_as_long_as_that_is_followed() ->
     assert "obstacle 3 would not be seen" in stopped.would_change
 
 
+def test_an_obstacle_that_is_not_confirmed_yet_has_no_number_to_tell() -> None:
+    made = evidence(9.0, dynamic=np.array([True]), obstacle_id=np.array([-2]))
+    answer = ask(made)
+    assert "an obstacle not confirmed yet" in answer.sentence
+    assert "an obstacle not confirmed yet would not be seen" in answer.would_change
+    assert "-2" not in answer.sentence + answer.would_change
+
+
 def test_features_that_are_not_judged_have_no_speed() -> None:
     answer = ask(evidence(0.0, age_s=np.array([0.07])))
     assert answer.numbers["speed_mps"] is None

@@ -11,6 +11,8 @@ import pytest
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.obstacle_body import BodyTrack
+from observer.parameters import Parameters
+from observer.points import NO_OBSTACLE, Points
 from observer.stages.obstacle_tracking import BodyTracker
 from observer.types import MotionState, TrackState
 
@@ -61,6 +63,39 @@ def test_a_body_is_confirmed_once_it_surely_moves(watched: Any, box: Any, crate:
     (track,) = run.tracks
     assert track.motion is MotionState.MOVING
     assert track.significance > 5
+
+
+def test_its_number_is_provisional_until_it_is_confirmed_and_then_lasts(
+    watched: Any, box: Any, crate: Any
+) -> None:
+    run = watched(box(to_the_right()), crate)
+    run.tracker = BodyTracker(count(7))
+    seen = []
+    for _ in range(25):
+        seen += [(t.state is TrackState.TENTATIVE, t.id) for t in run.step()]
+        # Its points go by the same number.
+        for track in run.tracks:
+            assert np.count_nonzero(run.points.obstacle == track.id) == track.points or not (
+                track.points
+            )
+        known = {t.id for t in run.tracks} | {NO_OBSTACLE}
+        assert set(run.points.obstacle.tolist()) <= known
+    assert all(number < NO_OBSTACLE for tentative, number in seen if tentative)
+    assert {number for tentative, number in seen if not tentative} == {7}
+    assert sum(not tentative for tentative, _ in seen) > 15
+
+
+def test_who_is_confirmed_keeps_its_number_when_it_is_one_with_an_older_one(
+    make_track: Any,
+) -> None:
+    older, younger = make_track(number=-2), make_track(number=4)
+    younger.state = TrackState.CONFIRMED
+    tracker = BodyTracker(count(9))
+    tracker.tracks = [older, younger]
+    points = tracker.live(Points.none(), np.zeros(3), lambda _: 0.1, Parameters().obstacles)
+    assert len(points) == 0
+    assert [(t.id, t.state) for t in tracker.tracks] == [(4, TrackState.CONFIRMED)]
+    assert tracker.tracks[0] is older
 
 
 def test_its_velocity_and_centre_are_those_of_the_body(watched: Any, box: Any, crate: Any) -> None:

@@ -59,7 +59,7 @@ def test_the_velocity_is_the_newest_displacement_and_nothing_else() -> None:
 
 
 def test_two_that_cross_keep_their_identities() -> None:
-    run = Run(gate=0.6)
+    run = Run(gate=0.6, confirm_hits=1)
     path = np.arange(-1.0, 1.0, 0.5 * DT)
     numbers = set()
     for s in path:
@@ -118,7 +118,7 @@ def test_beyond_the_gate_a_new_track_begins() -> None:
 
 
 def test_what_stands_in_the_world_keeps_its_identity_while_the_camera_moves() -> None:
-    run = Run(gate=0.1)
+    run = Run(gate=0.1, confirm_hits=1)
     numbers = set()
     for k in range(10):
         pose = Pose.from_rotvec((0, 0.1 * k, 0), (0.3 * k, 0, 0))
@@ -130,7 +130,7 @@ def test_what_stands_in_the_world_keeps_its_identity_while_the_camera_moves() ->
 
 
 def test_numbers_are_not_used_again() -> None:
-    run = Run()
+    run = Run(confirm_hits=1)
     (first,) = run.see(detection((0, 0, 2)))
     run.tracker.clear()
     (second,) = run.see(detection((0, 0, 2)))
@@ -138,8 +138,23 @@ def test_numbers_are_not_used_again() -> None:
     assert second.sightings == 1
 
 
+def test_only_what_is_confirmed_uses_up_a_number() -> None:
+    run = Run(confirm_hits=3)
+    fleeting = set()
+    for k in range(9):  # Each too far from the one before to be the same.
+        fleeting |= {t.id for t in run.see(detection((3.0 * k, 0, 2)))}
+    assert len(fleeting) == 9
+    assert max(fleeting) < -1  # -1 is no obstacle at all.
+    place = detection((0, 5, 2))
+    numbers = [run.see(place)[-1].id for _ in range(5)]
+    assert numbers[0] == numbers[1] < min(fleeting)
+    assert numbers[2:] == [1, 1, 1]
+    (coasting,) = run.see()
+    assert coasting.id == 1
+
+
 @pytest.mark.parametrize("dt", [0.02, 0.5])
 def test_where_a_track_is_expected_follows_the_time_that_passed(dt: float) -> None:
-    run = Run(gate=0.05)
+    run = Run(gate=0.05, confirm_hits=1)
     numbers = {run.see(detection((0.8 * dt * k, 0, 2), (0.8, 0, 0)), dt=dt)[0].id for k in range(5)}
     assert len(numbers) == 1
