@@ -220,17 +220,17 @@ def test_a_short_loss_is_bridged_and_the_world_stays(parameters) -> None:
 
 
 def test_a_long_loss_begins_a_new_segment() -> None:
-    sequence = frames(14)
-    sequence[4:9] = [black(frame) for frame in sequence[4:9]]
+    sequence = frames(26)
+    sequence[10:15] = [black(frame) for frame in sequence[10:15]]
     parameters = preset("default").changed({"ego_motion.recover_frames": 2})
     seen = observe_all(Observer(CALIBRATION, parameters), sequence)
-    assert [o.segment for o in seen[:6]] == [0] * 6
-    assert seen[6].segment == 1
-    assert any("new segment" in reason for reason in seen[6].reasons)
-    assert seen[13].segment >= 2  # black frames cannot begin one that lasts
-    assert seen[13].status is Status.OK
-    before = {o.id for s in seen[:6] for o in s.obstacles}
-    after = {o.id for s in seen[9:] for o in s.obstacles}
+    assert [o.segment for o in seen[:12]] == [0] * 12
+    assert seen[12].segment == 1
+    assert any("new segment" in reason for reason in seen[12].reasons)
+    assert seen[25].segment >= 2  # black frames cannot begin one that lasts
+    assert seen[25].status is Status.OK
+    before = {o.id for s in seen[:12] for o in s.reported}
+    after = {o.id for s in seen[15:] for o in s.reported}
     assert before
     assert after
     assert not before & after
@@ -267,7 +267,8 @@ def test_a_new_segment_forgets_everything(moving) -> None:
     second = observe_all(observer, moving)
     assert {o.segment for o in second} == {1}
     assert second[0].obstacles == ()
-    ids = [{o.id for s in seen for o in s.obstacles} for seen in (first, second)]
+    ids = [{o.id for s in seen for o in s.reported} for seen in (first, second)]
+    assert all(ids)
     assert not ids[0] & ids[1]
 
 
