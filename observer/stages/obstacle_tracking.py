@@ -265,6 +265,7 @@ class BodyTracker:
         shape_vector = points.shape_vector.copy()
         for track in self.tracks:
             mine = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
+            mine = mine[np.isfinite(shape_position(points, mine)).all(axis=1)]
             if len(mine) >= parameters.min_points:
                 self._learn(track, points, mine, camera_position, parameters)
                 # About its centre a body's turning has least to do with its driving.
