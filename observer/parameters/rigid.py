@@ -129,7 +129,7 @@ class ObstacleParameters(Stage):
         help="For how many frames.",
     )
     coast_s: Real = number(
-        1.5, ge=0.0, le=10.0, unit="s", step=0.1, title="Coast for",
+        2.0, ge=0.0, le=10.0, unit="s", step=0.1, title="Coast for",
         help="An obstacle that is not seen any more is kept for this long.",
     )
     stopped_below_mps: Real = number(
