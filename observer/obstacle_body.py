@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.obstacle_filter import (
     POSITION,
-    STATE_SIZE,
     VELOCITY,
     YAW,
     YAW_RATE,
@@ -93,10 +92,10 @@ class BodyTrack:
         """
         mean, cov = self.mean, self.filter.covariance
         arm = self.centre - mean[POSITION]
-        J = np.zeros((3, STATE_SIZE))
-        J[:, VELOCITY] = np.eye(3)
-        J[:, YAW_RATE] = turning_velocity(1.0, arm)
-        cov = J @ cov @ J.T + self.lasting_cov
+        swing = turning_velocity(1.0, arm)
+        mixed = cov[VELOCITY, YAW_RATE, None] * swing
+        turning = cov[YAW_RATE, YAW_RATE] * swing[:, None] * swing
+        cov = cov[VELOCITY, VELOCITY] + mixed + mixed.T + turning + self.lasting_cov
         if self.box is not None:
             doubt = _CENTRE_DOUBT * float(self.box.size[[0, 2]].max()) * self.yaw_rate
             cov = cov + doubt**2 * _LEVEL

@@ -138,8 +138,9 @@ def _near_most(places: Float64Array) -> NDArray[np.bool_]:
 
     By the spread along the axis where it is largest: most of them may lie on one flat face.
     """
-    apart = np.abs(places - np.median(places, axis=0))
-    spread = 1.4826 * float(np.median(apart, axis=0).max())
+    half = len(places) // 2
+    apart = np.abs(places - np.partition(places, half, axis=0)[half])
+    spread = 1.4826 * float(np.partition(apart, half, axis=0)[half].max())
     return np.asarray((apart <= _STRAY * spread + _LEAST_SPREAD_M).all(axis=1))
 
 

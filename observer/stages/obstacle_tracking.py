@@ -265,9 +265,11 @@ class BodyTracker:
         shape_vector = points.shape_vector.copy()
         for track in self.tracks:
             mine = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
-            mine = mine[np.isfinite(shape_position(points, mine)).all(axis=1)]
-            if len(mine) >= parameters.min_points:
-                self._learn(track, points, mine, camera_position, parameters)
+            places = shape_position(points, mine)
+            known = np.isfinite(places).all(axis=1)
+            if np.count_nonzero(known) >= parameters.min_points:
+                tenure = points.tenure[mine[known]]
+                self._learn(track, places[known], tenure, camera_position, parameters)
                 # About its centre a body's turning has least to do with its driving.
                 offset = track.rebase()
                 every = points.obstacle == track.id
@@ -300,32 +302,26 @@ class BodyTracker:
     def _learn(
         self,
         track: BodyTrack,
-        points: Points,
-        mine: NDArray[np.intp],
+        places: Float64Array,
+        tenure: NDArray[np.int64],
         camera_position: Float64Array,
         parameters: ObstacleParameters,
     ) -> None:
-        """Learn the heading and the box from the members (K,)."""
+        """Learn the heading, and the box from the members' places (K, 3) m, body's frame.
+
+        Args:
+            tenure: (K,) frames for which each has been a member.
+        """
         cov = track.filter.covariance[VELOCITY, VELOCITY]
         track.shape.note_heading(track.mean[VELOCITY], cov, track.yaw)
-        settled = mine[points.tenure[mine] >= min(_SETTLED // 2, track.frames)]
-        settled = settled if len(settled) >= parameters.min_points else mine
-        view = track.R.T @ (track.mean[POSITION] - camera_position)
-        self._note_places(track, points, mine[points.tenure[mine] >= _SETTLED], parameters)
-        track.box = track.shape.box(shape_position(points, settled), view)
-
-    def _note_places(
-        self,
-        track: BodyTrack,
-        points: Points,
-        settled: NDArray[np.intp],
-        parameters: ObstacleParameters,
-    ) -> None:
-        """Remember where settled members (K,) are; a stranger may not stretch the box by much."""
-        at = shape_position(points, settled)
+        settled = tenure >= _SETTLED
         if track.box is not None:
-            at = at[track.box.contains(at, track.room(parameters.margin))]
-        track.shape.note(at)
+            # A stranger may not stretch the box by much.
+            settled &= track.box.contains(places, track.room(parameters.margin))
+        track.shape.note(places[settled])
+        older = places[tenure >= min(_SETTLED // 2, track.frames)]
+        view = track.R.T @ (track.mean[POSITION] - camera_position)
+        track.box = track.shape.box(older if len(older) >= parameters.min_points else places, view)
 
     def _placed(self, points: Points, obstacle: NDArray[np.int64]) -> Points:
         """Give points that have just joined a place on their body."""
