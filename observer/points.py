@@ -27,6 +27,7 @@ class Points:
         sightings: (N,) in how many frames the point was seen.
         age: (N,) seconds since it was first seen.
         sums: position and velocity of each point, world frame.
+        velocity: (N, 3) m/s, world, by itself at the last frame; 0 while unknown.
         dynamic: (N,) whether it moved, at the last frame.
         obstacle: (N,) number of the obstacle it belongs to, or ``NO_OBSTACLE``.
         tenure: (N,) frames for which it has belonged to it.
@@ -42,6 +43,7 @@ class Points:
     sightings: NDArray[np.int64]
     age: Float64Array
     sums: MotionSums
+    velocity: Float64Array
     dynamic: NDArray[np.bool_]
     obstacle: NDArray[np.int64]
     tenure: NDArray[np.int64]
@@ -61,6 +63,7 @@ class Points:
             sightings=nothing.astype(np.int64),
             age=nothing,
             sums=MotionSums.begin(np.zeros((0, 3)), np.zeros((0, 3, 3))),
+            velocity=np.zeros((0, 3)),
             dynamic=nothing.astype(np.bool_),
             obstacle=nothing.astype(np.int64),
             tenure=nothing.astype(np.int64),
@@ -87,6 +90,7 @@ class Points:
             sightings=np.ones(count, np.int64),
             age=np.zeros(count),
             sums=sums,
+            velocity=np.zeros((count, 3)),
             dynamic=np.zeros(count, np.bool_),
             obstacle=np.full(count, NO_OBSTACLE, np.int64),
             tenure=np.zeros(count, np.int64),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.camera_rate import CameraRate
-from observer.geometry import Float64Array, Pose, inverse_3x3
+from observer.geometry import Float64Array, Pose
 from observer.lost_obstacles import while_lost
 from observer.method import StageTimer, Step, StereoRows, View
 from observer.motion_sums import MotionSums
@@ -45,8 +45,6 @@ _ANOTHER_DISPARITY_PX = 2.5
 _NOISE_GAIN = 0.3
 # The noise of points that are seen for the first time, before it can be told.
 _FIRST_SIGMA_PX = 0.15
-# From so many sightings on a point's own velocity says where it is now.
-_KNOWN_SIGHTINGS = 4
 # Time step of the derivative by which a new point's flow is predicted, seconds.
 _FLOW_STEP_S = 0.01
 
@@ -107,7 +105,7 @@ class RigidMethod:
             motion = pooled_motion(
                 points, T_camera_world, step_cov, dt, self._camera, p.evidence, rate
             )
-            points = points.but(dynamic=motion.dynamic)
+            points = points.but(dynamic=motion.dynamic, velocity=motion.own_velocity)
         with timer("tracking"):
             tracker, camera_position = self._tracker, T_world_camera.translation
             tracker.predict(dt, camera_position, self._camera, p.obstacles)
@@ -273,7 +271,7 @@ class RigidMethod:
         self._noise += _NOISE_GAIN * (max(ego.noise_scale, p.evidence.least_noise) - self._noise)
         place = self._camera.triangulate(points.px, points.disparity)
         # The information depends on the depth; the noise of this very sighting must not decide it.
-        steady = T_world_camera.inverse().apply(_place_now(points))
+        steady = T_world_camera.inverse().apply(points.sums.moving_position(points.velocity)[0])
         use = np.isfinite(steady).all(axis=1) & (steady[:, 2] > 0)
         at = np.where(use[:, None], steady, place)
         information = _information(at, sigma * self._noise, T_world_camera, self._camera)
@@ -359,18 +357,6 @@ def _information(
     J = camera.projection_jacobian(place) / sigma[..., None]
     R = T_world_camera.rotation
     return np.asarray(R @ (np.swapaxes(J, 1, 2) @ J) @ R.T, dtype=np.float64)
-
-
-def _place_now(points: Points) -> Float64Array:
-    """(N, 3) metres, world: moving as each point does, where that is known."""
-    information, vector = points.sums.velocity_information()
-    known = points.sightings >= _KNOWN_SIGHTINGS
-    cov = inverse_3x3(np.where(known[:, None, None], information, np.eye(3)))
-    # Of an information that has no inverse, or by rounding a negative one, nothing is known.
-    known &= (np.einsum("nii->ni", cov) > 0).all(axis=1)
-    velocity = np.einsum("nij,nj->ni", np.where(known[:, None, None], cov, 0.0), vector)
-    velocity[~np.isfinite(velocity).all(axis=1)] = 0.0
-    return points.sums.moving_position(velocity)[0]
 
 
 def _row_offset(points: Points) -> Float64Array:
