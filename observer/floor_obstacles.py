@@ -11,13 +11,13 @@ from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
 from observer.inverse_depth import expected_sightings
 from observer.lost_obstacles import while_lost
+from observer.neighbourhood import grouped
 from observer.parameters import Parameters
 from observer.ray_evidence import RayEvidence
 from observer.rays import NO_OBSTACLE, RayPoints
 from observer.stages.floating import alike_in_depth, floating, off_floor
 from observer.stages.floor_reporting import describe_floor_body
 from observer.stages.floor_tracking import FloorTracker
-from observer.stages.one_camera_evidence import grouped
 from observer.types import Image, Obstacle
 
 # Fewer points that seem to float are none.

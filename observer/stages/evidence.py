@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.special import gammainccinv
 from scipy.stats import chi2
@@ -14,6 +12,7 @@ from observer.camera import StereoCamera
 from observer.camera_rate import CameraRate
 from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
 from observer.motion_evidence import Motion
+from observer.neighbourhood import false_alarms_per_test, grouped, summed
 from observer.parameters import EvidenceParameters
 from observer.points import Points
 
@@ -68,7 +67,7 @@ def pooled_motion(
         points, ready, position, position_cov, velocity, own_cov, T_camera_world, camera,
         parameters,
     )  # fmt: skip
-    sums = _summed(pairs, [
+    sums = summed(pairs, [
         information.reshape(count, 9), vector, np.einsum("ni,ni->n", velocity, vector)[:, None],
         ready.astype(np.float64)[:, None],
     ])  # fmt: skip
@@ -88,9 +87,9 @@ def pooled_motion(
     cov = cov + np.swapaxes(common, 1, 2) @ common
     squared = np.einsum("ni,nij,nj->n", pooled, inverse_3x3(cov), pooled)
     squared = np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0)
-    tests = max(1.0, ready.sum() / max(1.0, float(neighbours[ready].mean()) if ready.any() else 1))
+    rate_each = false_alarms_per_test(parameters.false_alarms_per_frame, ready, neighbours)
     # The quantile of chi-squared with three degrees of freedom.
-    threshold = float(np.sqrt(2 * gammainccinv(1.5, parameters.false_alarms_per_frame / tests)))
+    threshold = float(np.sqrt(2 * gammainccinv(1.5, rate_each)))
     significance = np.sqrt(squared)
     return Motion(
         own_velocity=velocity,
@@ -118,34 +117,7 @@ def group_dynamic(motion: Motion, free: NDArray[np.bool_], min_points: int) -> N
     Returns:
         (N,) group number from 0, largest group first; -1 for all other points.
     """
-    chosen = motion.dynamic & free
-    group = np.full(len(free), -1)
-    members = np.flatnonzero(chosen)
-    if len(members) < min_points:
-        return group
-    place = np.cumsum(chosen) - 1
-    i, j = place[motion.pairs[chosen[motion.pairs].all(axis=1)]].T
-    near = coo_matrix((np.ones(len(i)), (i, j)), shape=(len(members), len(members)))
-    _, labels = connected_components(near, directed=False)
-    sizes = np.bincount(labels)
-    order = np.argsort(-sizes, kind="stable")
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    group[members] = np.where(sizes[labels] >= min_points, rank[labels], -1)
-    return group
-
-
-def _summed(pairs: NDArray[np.intp], columns: list[Float64Array]) -> Float64Array:
-    """(N, sum of C) over each point and all its neighbours, of columns (N, C)."""
-    own = np.concatenate(columns, axis=1)
-    # Each pair both ways, ordered by the point that sums.
-    point, other = np.concatenate([pairs, pairs[:, ::-1]]).T
-    order = np.argsort(point, kind="stable")
-    point, other = point[order], other[order]
-    first = np.flatnonzero(np.diff(point, prepend=-1))
-    if len(first):
-        own[point[first]] += np.add.reduceat(own[other], first, axis=0)
-    return own
+    return grouped(motion.pairs, motion.dynamic & free, min_points)
 
 
 def _neighbours(

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.stats import chi2, norm
 
@@ -18,6 +16,7 @@ from observer.camera import StereoCamera
 from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
 from observer.inverse_depth import expected_sightings, inverse_2x2
+from observer.neighbourhood import false_alarms_per_test, summed
 from observer.parameters import EvidenceParameters
 from observer.ray_evidence import RayEvidence
 from observer.rays import RayPoints
@@ -60,7 +59,6 @@ def ray_evidence(
     cov = points.residual_cov * (max(1.0, noise_scale) ** 2 / age**2)[:, None, None]
     W = np.where(ready[:, None, None], inverse_2x2(cov), 0.0)
     pairs = _neighbours(points, ready, parameters.radius_px)
-    near = _adjacency(pairs, count)
     told = np.einsum("nij,nj->ni", W, velocity)
     bound, slack = np.zeros(count), 0.0
     if floor is not None:
@@ -70,10 +68,8 @@ def ray_evidence(
     excess = _FLOOR_SHARE * np.maximum(bound, 0.0) - slack - points.inverse
     depth_weight = ready / np.maximum(_DEPTH_SHARED * points.variance, 1e-12)
     beyond = ready & (excess * np.sqrt(depth_weight) > _EACH_SIGMAS)
-    columns = [W.reshape(count, 4), told, np.einsum("ni,ni->n", velocity, told)]
-    columns += [ready.astype(np.float64), depth_weight, depth_weight * excess]
-    columns += [beyond.astype(np.float64)]
-    sums = near @ np.column_stack(columns)
+    singles = [np.einsum("ni,ni->n", velocity, told), ready, depth_weight, depth_weight * excess]
+    sums = summed(pairs, [W.reshape(count, 4), told, np.column_stack([*singles, beyond])])
     neighbours = sums[:, 7]
     shared = 1 + parameters.shared_error * np.maximum(neighbours - 1, 0)
     C = inverse_2x2(np.where(ready[:, None, None], sums[:, :4].reshape(count, 2, 2), np.eye(2)))
@@ -87,8 +83,7 @@ def ray_evidence(
     squared = np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0)
     below = _below_floor(sums[:, 8], sums[:, 9], shared * max(1.0, noise_scale) ** 2, tilt_sigma,
                          floor, ready)  # fmt: skip
-    tests = max(1.0, ready.sum() / max(1.0, float(neighbours[ready].mean()) if ready.any() else 1))
-    rate = parameters.false_alarms_per_frame / tests
+    rate = false_alarms_per_test(parameters.false_alarms_per_frame, ready, neighbours)
     threshold = float(np.sqrt(chi2.isf(rate, df=2)))
     below *= threshold / float(norm.isf(rate))
     below = np.where(sums[:, 10] >= _MOST * neighbours, below, 0.0)
@@ -116,23 +111,6 @@ def _below_floor(
     if floor is not None:
         variance = variance + (tilt_sigma / max(floor.depth, 1e-6)) ** 2
     return np.where(ready, np.maximum(mean, 0.0) / np.sqrt(variance), 0.0)
-
-
-def grouped(pairs: NDArray[np.intp], chosen: NDArray[np.bool_], least: int) -> NDArray[np.int64]:
-    """(N,) group number from 0, largest first, of the chosen points that hang together; else -1."""
-    kept = pairs[chosen[pairs].all(axis=1)]
-    _, labels = connected_components(_adjacency(kept, len(chosen)), directed=False)
-    sizes = np.bincount(labels[chosen], minlength=labels.max(initial=-1) + 1)
-    order = np.argsort(-sizes, kind="stable")
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    return np.where(chosen & (sizes[labels] >= least), rank[labels], -1)
-
-
-def _adjacency(pairs: NDArray[np.intp], count: int) -> csr_matrix:
-    i, j, own = pairs[:, 0], pairs[:, 1], np.arange(count)
-    rows, columns = np.concatenate([i, j, own]), np.concatenate([j, i, own])
-    return coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
 
 
 def _neighbours(points: RayPoints, ready: NDArray[np.bool_], radius_px: float) -> NDArray[np.intp]:

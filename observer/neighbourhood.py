@@ -1,0 +1,63 @@
+"""What points have in common with those beside them: sums over neighbours, and groups."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from observer.geometry import Float64Array
+
+
+def summed(pairs: NDArray[np.intp], columns: list[Float64Array]) -> Float64Array:
+    """(N, sum of C) over each point and all its neighbours, of columns (N, C).
+
+    Args:
+        pairs: (P, 2) neighbours, each pair once.
+    """
+    own = np.concatenate(columns, axis=1)
+    # Each pair both ways, ordered by the point that sums.
+    point, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    order = np.argsort(point, kind="stable")
+    point, other = point[order], other[order]
+    first = np.flatnonzero(np.diff(point, prepend=-1))
+    if len(first):
+        own[point[first]] += np.add.reduceat(own[other], first, axis=0)
+    return own
+
+
+def grouped(
+    pairs: NDArray[np.intp], chosen: NDArray[np.bool_], min_points: int
+) -> NDArray[np.int64]:
+    """(N,) number of the group, largest first, of chosen points (N,) that hang together.
+
+    From 0; -1 for all other points, and for groups of fewer than ``min_points``.
+    """
+    group = np.full(len(chosen), -1)
+    members = np.flatnonzero(chosen)
+    if len(members) < min_points:
+        return group
+    place = np.cumsum(chosen) - 1
+    i, j = place[pairs[chosen[pairs].all(axis=1)]].T
+    near = coo_matrix((np.ones(len(i)), (i, j)), shape=(len(members), len(members)))
+    _, labels = connected_components(near, directed=False)
+    sizes = np.bincount(labels)
+    order = np.argsort(-sizes, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    group[members] = np.where(sizes[labels] >= min_points, rank[labels], -1)
+    return group
+
+
+def false_alarms_per_test(
+    false_alarms_per_frame: float, ready: NDArray[np.bool_], neighbours: Float64Array
+) -> float:
+    """The rate that each test may have: points judged with their neighbours are not independent.
+
+    Args:
+        ready: (N,) which points are judged. neighbours: (N,) with how many, themselves included.
+    """
+    count = int(np.count_nonzero(ready))
+    each = max(1.0, float(neighbours[ready].mean())) if count else 1.0
+    return false_alarms_per_frame / max(1.0, count / each)
