@@ -173,11 +173,12 @@ class BodyTracker:
         for track in self.tracks:
             mine = np.flatnonzero((obstacle == track.id) & np.isfinite(sighting[:, 0]))
             members = Members.of(points, mine, sighting, information, track.R)
-            pose, _ = expected_pose(track.mean, track.filter.covariance)
+            pose, spread = expected_pose(track.mean, track.filter.covariance)
             if np.count_nonzero(members.known) >= parameters.min_points:
                 seen = measure_body(
                     members,
-                    *expected_pose(track.mean, track.filter.covariance),
+                    pose,
+                    spread,
                     T_camera_world,
                     step_covariance,
                     parameters.shared_error,
@@ -325,10 +326,9 @@ class BodyTracker:
 
     def _placed(self, points: Points, obstacle: NDArray[np.int64]) -> Points:
         """Give points that have just joined a place on their body."""
-        information, vector = (
-            points.shape_information.copy(),
-            points.shape_vector.copy(),
-        )
+        if np.array_equal(obstacle, points.obstacle):
+            return points
+        information, vector = points.shape_information.copy(), points.shape_vector.copy()
         for track in self.tracks:
             new = np.flatnonzero((obstacle == track.id) & (points.obstacle != track.id))
             if len(new) == 0:
