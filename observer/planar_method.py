@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,6 @@ from observer.types import (
     Obstacle,
     PointMotions,
     ResidualFlow,
-    Status,
     Trace,
 )
 
@@ -113,31 +112,19 @@ class PlanarMethod:
         return Step(ego, T_world_camera, obstacles, share, rows=None)
 
     def _plausible_one(
-        self, ego: PlanarEgoMotion, view: View, dt: float, depth: Float64Array, p: Parameters
+        self, ego: PlanarEgoMotion, view: View, dt: float, disparity: Float64Array, p: Parameters
     ) -> PlanarEgoMotion:
         """The same motion, or a lost one where it contradicts those before."""
         if ego.T_current_previous is None:
             return ego
         reach = None
-        known = depth[np.isfinite(depth)]
-        if p.matching.method == "klt" and len(known):
-            far = self._camera.fx * self._camera.baseline / float(np.median(known))
+        if p.matching.method == "klt":
             follows = p.flow.window_px / 2 * 2**p.flow.pyramid_levels
-            reach = ImageReach(self._camera.fx, far, follows)
+            reach = ImageReach.of(self._camera, disparity, follows)
         reason = self._plausible.refusal(
             view.time, dt, ego.T_current_previous, ego.pose_covariance, reach
         )
-        if reason is None:
-            return ego
-        return replace(
-            ego,
-            status=Status.LOST,
-            reasons=(*ego.reasons, reason),
-            homography=None,
-            covariance=None,
-            T_current_previous=None,
-            pose_covariance=None,
-        )
+        return ego if reason is None else ego.refused(reason)
 
     def _track(
         self,

@@ -31,7 +31,7 @@ from observer.stages.obstacle_tracking import BodyTracker
 from observer.stages.rigid_ego_motion import RigidEgoMotion, StaticScene, estimate_rigid_motion
 from observer.stages.selection import attention, crowding, squares, thinned
 from observer.stages.sparse_stereo import coarse_disparity
-from observer.types import Obstacle, Status, Trace
+from observer.types import Obstacle, Trace
 
 # Disparities below this are as good as none; their points are taken to be this far away.
 _LEAST_DISPARITY_PX = 0.25
@@ -240,24 +240,14 @@ class RigidMethod:
         ego = replace(ego, inliers=inliers)
         if ego.T_current_previous is None:
             return ego
-        known = points.disparity[np.isfinite(points.disparity)]
         reach = None
-        if len(known) and self._rate is not None:
-            far = self._camera.fx * self._camera.baseline / float(np.median(known))
-            reach = ImageReach(self._camera.fx, far, p.following.window_px / 2 * 2**_LEVELS)
+        if self._rate is not None:
+            follows = p.following.window_px / 2 * 2**_LEVELS
+            reach = ImageReach.of(self._camera, points.disparity, follows)
         reason = self._plausible.refusal(
             view.time, dt, ego.T_current_previous, ego.pose_covariance, reach
         )
-        if reason is None:
-            return ego
-        return replace(
-            ego,
-            status=Status.LOST,
-            reasons=(*ego.reasons, reason),
-            T_camera_world=None,
-            T_current_previous=None,
-            pose_covariance=None,
-        )
+        return ego if reason is None else ego.refused(reason)
 
     def _measured(
         self,

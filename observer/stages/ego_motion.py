@@ -6,7 +6,7 @@ supplied beside them, by stereo PnP on their inliers, only to express results in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -55,6 +55,18 @@ class PlanarEgoMotion:
     T_current_previous: Pose | None
     pose_covariance: Float64Array | None
     residual_rms_px: float
+
+    def refused(self, reason: str) -> PlanarEgoMotion:
+        """The same, lost for this reason."""
+        return replace(
+            self,
+            status=Status.LOST,
+            reasons=(*self.reasons, reason),
+            homography=None,
+            covariance=None,
+            T_current_previous=None,
+            pose_covariance=None,
+        )
 
     def predict(self, px: Float64Array, disparity: Float64Array | None = None) -> Float64Array:
         """Pixels (N, 2) at t+dt of static points at (N, 2) at t; NaN while lost.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 
 # What a body that carries a camera can do. A car brakes at 10 m/s^2, a drone turns over at
@@ -85,6 +86,15 @@ class ImageReach:
     focal_px: float
     depth_m: float
     reach_px: float
+
+    @staticmethod
+    def of(camera: StereoCamera, disparity: Float64Array, reach_px: float) -> ImageReach | None:
+        """With the depth of features of these disparities (N,) px; None if all are unknown."""
+        known = disparity[np.isfinite(disparity)]
+        if len(known) == 0:
+            return None
+        far = camera.fx * camera.baseline / float(np.median(known))
+        return ImageReach(camera.fx, far, reach_px)
 
 
 def jump_reason(

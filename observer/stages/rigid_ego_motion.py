@@ -7,7 +7,7 @@ its inliers refine it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +107,17 @@ class RigidEgoMotion:
     def homography(self) -> None:
         """No image is warped."""
         return None
+
+    def refused(self, reason: str) -> RigidEgoMotion:
+        """The same, lost for this reason."""
+        return replace(
+            self,
+            status=Status.LOST,
+            reasons=(*self.reasons, reason),
+            T_camera_world=None,
+            T_current_previous=None,
+            pose_covariance=None,
+        )
 
     def predict(self, px: Float64Array, disparity: Float64Array | None) -> Float64Array:
         """Pixels (N, 2) at t+dt of static points at (N, 2) with disparity (N,) at t.
