@@ -225,21 +225,23 @@ def inverse_3x3(matrices: Float64Array) -> Float64Array:
     matrix without an inverse gives huge numbers or infinities, never an error.
     """
     m = np.asarray(matrices, dtype=np.float64)
-    # One row for each entry: operations on neighbours in memory are faster.
-    a, b, c, _, d, e, _, _, f = np.ascontiguousarray(m.reshape(-1, 9).T)
-    inverse = np.empty((9, len(m)))
-    np.subtract(d * f, e * e, out=inverse[0])
-    np.subtract(c * e, b * f, out=inverse[1])
-    np.subtract(b * e, c * d, out=inverse[2])
-    np.subtract(a * f, c * c, out=inverse[4])
-    np.subtract(b * c, a * e, out=inverse[5])
-    np.subtract(a * d, b * b, out=inverse[8])
+    # One row for each entry, operations on all rows at once: few calls, neighbours in memory.
+    entries = np.ascontiguousarray(m.reshape(-1, 9).T)
+    inverse = entries.take(_COFACTORS[0], axis=0)
+    inverse *= entries.take(_COFACTORS[1], axis=0)
+    inverse -= entries.take(_COFACTORS[2], axis=0) * entries.take(_COFACTORS[3], axis=0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        scale = 1 / (a * inverse[0] + b * inverse[1] + c * inverse[2])
-        for entry in (0, 1, 2, 4, 5, 8):
-            inverse[entry] *= scale
-    inverse[3], inverse[6], inverse[7] = inverse[1], inverse[2], inverse[5]
-    return np.ascontiguousarray(inverse.T).reshape(-1, 3, 3)
+        inverse *= 1 / (entries[:3] * inverse[:3]).sum(axis=0)
+    return inverse.T.take(_SYMMETRIC, axis=1).reshape(-1, 3, 3)
+
+
+# Of a symmetric matrix whose entries are numbered row by row, the six different entries of the
+# adjugate: the first times the second minus the third times the fourth.
+_COFACTORS = np.array(
+    [[4, 2, 1, 0, 1, 0], [8, 5, 5, 8, 2, 4], [5, 1, 2, 2, 0, 1], [5, 8, 4, 2, 5, 1]]
+)
+# Which of the six stands at each of the nine places.
+_SYMMETRIC = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
 
 def cross_matrix(vectors: ArrayLike) -> Float64Array:

@@ -77,7 +77,7 @@ class BodyTrack:
     @property
     def R(self) -> Float64Array:
         """(3, 3) from the body's frame to the world's."""
-        return yaw_matrix(self.yaw)
+        return self.filter.rotation
 
     @property
     def centre(self) -> Float64Array:

@@ -66,6 +66,13 @@ class ObstacleMotion:
         inner = (self.probabilities @ self.covariances.reshape(2, -1)).reshape(STATE_SIZE, -1)
         return np.asarray(inner + gap.T @ (gap * self.probabilities[:, None]), np.float64)
 
+    @cached_property
+    def rotation(self) -> Float64Array:
+        """(3, 3) from the body's frame to the world's, not to be written to."""
+        R = yaw_matrix(float(self.mean[YAW]))
+        R.setflags(write=False)
+        return R
+
     def predicted(
         self,
         dt: float,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,21 +70,22 @@ class ObstacleShape:
 
     def note_heading(self, velocity: Float64Array, cov: Float64Array, yaw: float) -> None:
         """Learn from a velocity (3,) m/s, world, with its covariance, at the body's yaw."""
-        flat, flat_cov = velocity[[0, 2]], cov[np.ix_([0, 2], [0, 2])]
-        squared = float(flat @ np.linalg.solve(flat_cov + 1e-9 * np.eye(2), flat))
+        x, z = float(velocity[0]), float(velocity[2])
+        xx, xz, zz = float(cov[0, 0]) + 1e-9, float(cov[0, 2]), float(cov[2, 2]) + 1e-9
+        squared = (zz * x * x - 2 * xz * x * z + xx * z * z) / (xx * zz - xz * xz)
         if squared < _HEADING_SIGMAS**2:
             return
-        angle = 2 * (np.arctan2(flat[0], flat[1]) - yaw)
+        angle = 2 * (math.atan2(x, z) - yaw)
         self._axis = 0.97 * self._axis + min(squared, 400.0) * np.array(
-            [np.cos(angle), np.sin(angle)]
+            [math.cos(angle), math.sin(angle)]
         )
 
     def axis(self, yaw: float) -> Float64Array | None:
         """(3,) unit length, world: along which the body drives; None while unknown."""
         if not self._axis.any():
             return None
-        angle = float(np.arctan2(self._axis[1], self._axis[0]) / 2) + yaw
-        return np.array([np.sin(angle), 0.0, np.cos(angle)])
+        angle = math.atan2(self._axis[1], self._axis[0]) / 2 + yaw
+        return np.array([math.sin(angle), 0.0, math.cos(angle)])
 
     def note(self, points: Float64Array) -> None:
         """Remember where members (N, 3) m, body frame, are in this frame."""
@@ -106,7 +108,7 @@ class ObstacleShape:
         Args:
             points: body frame. view: (3,) from the camera to the body, in the body's frame.
         """
-        heading = float(np.arctan2(self._axis[1], self._axis[0]) / 2)
+        heading = math.atan2(self._axis[1], self._axis[0]) / 2
         R = yaw_matrix(-heading)
         every = np.concatenate([points, self._places]) @ R.T
         every = every[np.isfinite(every).all(axis=1)]

@@ -317,7 +317,8 @@ class RigidMethod:
         )
         own = points.px[due, 0] - points.right_px[due, 0]
         wrong = np.abs(coarse[: len(due)] - own) > _ANOTHER_DISPARITY_PX
-        self._points = points.take(np.delete(np.arange(len(points)), due[wrong]))
+        if wrong.any():
+            self._points = points.take(np.delete(np.arange(len(points)), due[wrong]))
         return coarse[len(due) :]
 
     def _static_flow(self, px: NDArray[np.float32], disparity: Float64Array) -> Float64Array:

@@ -109,8 +109,8 @@ class BodyTracker:
 
     def known(self, points: Points) -> NDArray[np.bool_]:
         """(N,) which points belong to obstacles that are known to move."""
-        sure = [t.id for t in self.tracks if t.state is not TrackState.TENTATIVE]
-        return np.isin(points.obstacle, sure)
+        sure = np.array([t.id for t in self.tracks if t.state is not TrackState.TENTATIVE])
+        return np.asarray((points.obstacle[:, None] == sure).any(axis=1))
 
     def expected_at(
         self,

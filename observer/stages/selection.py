@@ -114,7 +114,9 @@ def new_points(
     v, u = ((np.arange(n, dtype=np.float32) * step).astype(np.intp) for n in (height, width))
     best = _strongest(strength, v, u, marked)
     best[~_free(taken, marked, turn) | (best < _least(parameters))] = np.inf
-    row, column = np.nonzero(strength == best[v][:, u])
+    # Numbered over the whole image, they are found several times faster than by row and column.
+    found = np.flatnonzero(strength == best.take(v, axis=0).take(u, axis=1))
+    row, column = np.divmod(found, width)
     px = np.stack([column, row], axis=1).astype(np.float32) * _REDUCTION
     square = squares(px, marked, parameters)
     # Of equally strong ones it is the first in the image, so that equal images give equal points.
