@@ -17,16 +17,20 @@ _STRAY = 10.0
 _LEAST_SPREAD_M = 0.01
 # Share of the places on each side that are left out: the outermost are partly wrong ones.
 _TRIM = 0.03
-# A face that turns less of itself than this towards the camera does not show how far it goes.
-_SHOWN = 0.5
+# A face that turns less of itself than this towards the camera does not show how far it goes; one
+# that has done so for this many seconds does, for by then points have been found all over it.
+_SHOWN = 0.7
+_SHOWN_S = 1.5
 # Places of members are remembered in every so many frames, and so many of them: several seconds,
 # so that the box neither follows each frame's points nor forgets the faces that are hidden now.
 _NOTE_EVERY = 3
 _MEMORY = 400
 # Where one side of the box was never seen, it is taken for this share of the other one.
 _ASPECT = 0.85
-# The heading is learnt from velocities that are known at least this well.
+# The heading is learnt from velocities that are known at least this well, and tells which face is
+# which once it is known to a few degrees (the squared length of all velocities, in their noise).
 _HEADING_SIGMAS = 4.0
+_HEADING_KNOWN = 20.0**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +67,8 @@ class ObstacleShape:
         self._axis = np.zeros(2)
         self._places = np.zeros((0, 3))
         self._frames = 0
-        self._shown = np.zeros(2, np.bool_)
+        # (2,) seconds for which each side of the box was shown in its full length.
+        self._shown_s = np.zeros(2)
         # (2,) metres: what the box measured when its places were last forgotten.
         self._size_before = np.zeros(2)
         self._size = np.zeros(2)
@@ -102,11 +107,15 @@ class ObstacleShape:
         self._places = np.zeros((0, 3))
         self._size_before = self._size
 
-    def box(self, points: Float64Array, view: Float64Array) -> Box:
+    def box(self, points: Float64Array, view: Float64Array, dt: float) -> Box:
         """The box around points (N, 3) and the remembered ones, seen along ``view``.
+
+        A side that was not shown yet is taken for what most robots measure there; the longer it
+        is shown, the more it is what its points say.
 
         Args:
             points: body frame. view: (3,) from the camera to the body, in the body's frame.
+            dt: seconds for which it has been seen so.
         """
         heading = math.atan2(self._axis[1], self._axis[0]) / 2
         R = yaw_matrix(-heading)
@@ -118,12 +127,10 @@ class ObstacleShape:
         direction = direction / max(float(np.hypot(direction[0], direction[2])), 1e-9)
         extent = (high - low)[[0, 2]]
         # Axis k is seen in its full length on the face whose normal is the other axis.
-        self._shown |= np.abs(direction[[2, 0]]) >= _SHOWN
-        size = extent.copy()
-        for k in (0, 1):
-            if not self._shown[k]:
-                size[k] = max(size[k], _ASPECT * extent[1 - k])
-        size = self._size = np.maximum(size, self._size_before)
+        if np.hypot(*self._axis) >= _HEADING_KNOWN:
+            self._shown_s[np.abs(direction[[2, 0]]) >= _SHOWN] += dt
+        usual = _ASPECT * extent[::-1] * np.maximum(0.0, 1 - self._shown_s / _SHOWN_S)
+        size = self._size = np.maximum(np.maximum(extent, usual), self._size_before)
         centre = (low + high) / 2
         for k, axis in enumerate((0, 2)):
             # What is missing lies behind what is seen.

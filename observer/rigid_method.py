@@ -119,7 +119,7 @@ class RigidMethod:
             groups = group_dynamic(motion, free, p.obstacles.min_points)
             near = self._neighbourhood(camera_position, p)
             points = tracker.found(points, groups, motion, near, p.obstacles)
-            points = tracker.live(points, camera_position, near, p.obstacles)
+            points = tracker.live(points, camera_position, near, dt, p.obstacles)
         keep_motion(trace, before, points, seen, ego, motion)
         self._T_camera_world, self._points, self._view = T_camera_world, points, view
         self._rate = rate

@@ -255,6 +255,7 @@ class BodyTracker:
         points: Points,
         camera_position: Float64Array,
         radius_m: Callable[[Float64Array], float],
+        dt: float,
         parameters: ObstacleParameters,
     ) -> Points:
         """Learn boxes, decide on each track's state, merge and end tracks.
@@ -270,7 +271,7 @@ class BodyTracker:
             known = np.isfinite(places).all(axis=1)
             if np.count_nonzero(known) >= parameters.min_points:
                 tenure = points.tenure[mine[known]]
-                self._learn(track, places[known], tenure, camera_position, parameters)
+                self._learn(track, places[known], tenure, camera_position, dt, parameters)
                 # About its centre a body's turning has least to do with its driving.
                 offset = track.rebase()
                 every = points.obstacle == track.id
@@ -306,6 +307,7 @@ class BodyTracker:
         places: Float64Array,
         tenure: NDArray[np.int64],
         camera_position: Float64Array,
+        dt: float,
         parameters: ObstacleParameters,
     ) -> None:
         """Learn the heading, and the box from the members' places (K, 3) m, body's frame.
@@ -322,7 +324,8 @@ class BodyTracker:
         track.shape.note(places[settled])
         older = places[tenure >= min(_SETTLED // 2, track.frames)]
         view = track.R.T @ (track.mean[POSITION] - camera_position)
-        track.box = track.shape.box(older if len(older) >= parameters.min_points else places, view)
+        seen = older if len(older) >= parameters.min_points else places
+        track.box = track.shape.box(seen, view, dt)
 
     def _placed(self, points: Points, obstacle: NDArray[np.int64]) -> Points:
         """Give points that have just joined a place on their body."""

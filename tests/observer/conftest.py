@@ -172,7 +172,7 @@ class Watched:
             return radius * float(np.linalg.norm(at))
 
         points = tracker.found(points, groups, motion, radius_m, o)
-        points = tracker.live(points, origin, radius_m, o)
+        points = tracker.live(points, origin, radius_m, dt, o)
         self.points = points
         self._renew()
         return self.tracks

@@ -155,8 +155,8 @@ def test_rebasing_leaves_the_remembered_places_where_they_are(turning: BodyTrack
     for _ in range(6):
         turning.shape.note(local)
     view = np.array([1.0, 0.0, 1.0])
-    before = turning.shape.box(local[:4], view)
+    before = turning.shape.box(local[:4], view, 0.1)
     offset = turning.rebase()
-    after = turning.shape.box(local[:4] - offset, view)
+    after = turning.shape.box(local[:4] - offset, view, 0.0)
     np.testing.assert_allclose(after.centre, before.centre - offset, atol=1e-12)
     np.testing.assert_allclose(after.size, before.size)

@@ -11,6 +11,8 @@ from observer.obstacle_shape import Box, ObstacleShape
 # Across its heading, high, along its heading, metres.
 SIZE = np.array([0.4, 0.3, 0.7])
 SURE = np.eye(3) * 0.01**2
+# Seconds after which a side that is shown is known.
+LONG = 2.0
 
 
 def face(rng: np.random.Generator, axis: int, sign: int, count: int = 400) -> np.ndarray:
@@ -39,7 +41,7 @@ def test_box_and_heading_are_learnt_from_two_faces(heading: float) -> None:
     centre = np.array([0.3, 0.1, -0.2])
     points = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)]) @ R.T + centre
     # Seen from where both faces show themselves.
-    box = shape.box(points, R @ np.array([1.0, 0.0, 1.0]))
+    box = shape.box(points, R @ np.array([1.0, 0.0, 1.0]), LONG)
     assert same_axis(box.heading, heading) < 0.01
     np.testing.assert_allclose(box.size, SIZE, rtol=0.1)
     np.testing.assert_allclose(box.centre, centre, atol=0.03)
@@ -57,7 +59,7 @@ def test_a_side_that_was_never_seen_is_completed_behind_the_face(
     heading_for(shape, 0.0)
     view = np.zeros(3)
     view[axis] = -sign
-    box = shape.box(face(rng, axis, sign), view)
+    box = shape.box(face(rng, axis, sign), view, LONG)
     assert box.size[other] == pytest.approx(SIZE[other], rel=0.1)
     # Of an unknown depth, but surely not flat, and not nearer than what is seen.
     assert 0.5 * SIZE[other] < box.size[axis] < 1.2 * SIZE[other]
@@ -66,16 +68,41 @@ def test_a_side_that_was_never_seen_is_completed_behind_the_face(
     assert sign * box.centre[axis] < sign * seen
 
 
+def test_a_side_is_believed_the_longer_it_is_shown() -> None:
+    """At first only few points are found on a face that comes into view."""
+    rng, shape = np.random.default_rng(7), ObstacleShape()
+    heading_for(shape, 0.0)
+    thin = np.concatenate([face(rng, 0, -1), face(rng, 2, -1) * [0.3, 1.0, 1.0]])
+    thin[:, 0] = np.maximum(thin[:, 0], -0.06)
+    corner, front = np.array([1.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.2])
+    usual = shape.box(thin, front, LONG).size[0]
+    assert usual > 0.75 * SIZE[2]
+    widths = [shape.box(thin, corner, 0.1).size[0] for _ in range(20)]
+    assert widths[0] > 0.9 * usual
+    assert all(np.diff(widths) <= 0)
+    assert widths[-1] < 0.15
+
+
+def test_a_first_guess_of_the_heading_does_not_tell_the_faces_apart() -> None:
+    rng, shape = np.random.default_rng(8), ObstacleShape()
+    # It seems to drive along x, and is found to drive along z: the face seen is its front.
+    shape.note_heading(np.array([0.1, 0.0, 0.0]), np.eye(3) * 0.02**2, 0.0)
+    shape.box(face(rng, 2, -1), np.array([0.0, 0.0, 1.0]), LONG)
+    heading_for(shape, 0.0)
+    box = shape.box(face(rng, 2, -1), np.array([0.0, 0.0, 1.0]), LONG)
+    assert box.size[2] > 0.5 * SIZE[0]
+
+
 def test_a_face_that_is_hidden_now_is_remembered() -> None:
     rng, shape = np.random.default_rng(2), ObstacleShape()
     heading_for(shape, 0.0)
     for _ in range(30):
         both = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
         shape.note(both)
-    shape.box(both, np.array([1.0, 0.0, 1.0]))
+    shape.box(both, np.array([1.0, 0.0, 1.0]), LONG)
     for _ in range(9):
         shape.note(face(rng, 2, -1, 20))
-    box = shape.box(face(rng, 2, -1, 20), np.array([0.0, 0.0, 1.0]))
+    box = shape.box(face(rng, 2, -1, 20), np.array([0.0, 0.0, 1.0]), LONG)
     np.testing.assert_allclose(box.size, SIZE, rtol=0.15)
     np.testing.assert_allclose(box.centre, 0, atol=0.06)
 
@@ -86,7 +113,7 @@ def test_few_wrong_points_do_not_stretch_the_box() -> None:
     points = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)])
     points[:8] += [2.0, 0.5, 2.0]
     points[8:16, :] = np.nan
-    box = shape.box(points, np.array([1.0, 0.0, 1.0]))
+    box = shape.box(points, np.array([1.0, 0.0, 1.0]), LONG)
     np.testing.assert_allclose(box.size, SIZE, rtol=0.15)
 
 
@@ -102,7 +129,7 @@ def test_shift_tells_the_places_from_another_origin() -> None:
             shape.note(both)
         if shift:
             shape.shift(offset)
-        boxes.append(shape.box(both[:5] - offset * shift, view))
+        boxes.append(shape.box(both[:5] - offset * shift, view, LONG))
     np.testing.assert_allclose(boxes[1].centre, boxes[0].centre - offset, atol=1e-12)
     np.testing.assert_allclose(boxes[1].size, boxes[0].size)
 
@@ -116,7 +143,7 @@ def test_forgotten_places_are_forgotten() -> None:
         shape.note(elsewhere)
     shape.forget()
     both = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)])
-    box = shape.box(both, np.array([1.0, 0.0, 1.0]))
+    box = shape.box(both, np.array([1.0, 0.0, 1.0]), LONG)
     np.testing.assert_allclose(box.size, SIZE, rtol=0.1)
     np.testing.assert_allclose(box.centre, 0, atol=0.03)
     # but neither how it drives
@@ -130,9 +157,9 @@ def test_a_body_that_was_lost_keeps_its_size() -> None:
     both = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
     for _ in range(30):
         shape.note(both)
-    before = shape.box(both, np.array([1.0, 0.0, 1.0]))
+    before = shape.box(both, np.array([1.0, 0.0, 1.0]), LONG)
     shape.forget()
-    after = shape.box(face(rng, 2, -1), np.array([0.0, 0.0, 1.0]))
+    after = shape.box(face(rng, 2, -1), np.array([0.0, 0.0, 1.0]), LONG)
     np.testing.assert_allclose(after.size, before.size, rtol=0.2)
 
 

@@ -92,7 +92,7 @@ def test_who_is_confirmed_keeps_its_number_when_it_is_one_with_an_older_one(
     younger.state = TrackState.CONFIRMED
     tracker = BodyTracker(count(9))
     tracker.tracks = [older, younger]
-    points = tracker.live(Points.none(), np.zeros(3), lambda _: 0.1, Parameters().obstacles)
+    points = tracker.live(Points.none(), np.zeros(3), lambda _: 0.1, 1 / 15, Parameters().obstacles)
     assert len(points) == 0
     assert [(t.id, t.state) for t in tracker.tracks] == [(4, TrackState.CONFIRMED)]
     assert tracker.tracks[0] is older
