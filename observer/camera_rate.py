@@ -1,4 +1,4 @@
-"""How fast the world moves past the camera, and what a lasting disparity error makes of it."""
+"""How fast the world passes the camera, and what lasting errors of calibration make of it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.camera import StereoCamera
-from observer.geometry import Float64Array, Pose
+from observer.geometry import Float64Array, Pose, cross_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,3 +56,31 @@ class CameraRate:
         per_disparity = depth / (camera.fx * camera.baseline)
         drift = -per_disparity[:, None] * (relative + place * (depth_rate / depth)[:, None])
         return np.asarray(drift * seen[:, None], dtype=np.float64)
+
+    def velocity_by_distortion(
+        self, place: Float64Array, velocity: Float64Array, camera: StereoCamera
+    ) -> Float64Array:
+        """(N, 3) m/s, camera axes: how points seem to move by distortion that was not calibrated.
+
+        Where the image is stretched by too much, all that passes seems to pass too fast, by the
+        same share. Given is what it makes of the flow if the share is 1 in the corners of the
+        image. From there it falls with the fourth power of the distance from the principal point:
+        distortion does, and it is known worst where the board was rarely seen.
+
+        Args:
+            place, velocity: as of ``velocity_by_bias``.
+        """
+        x, y, z = place.T
+        seen = z > 0
+        z = np.where(seen, z, 1.0)
+        relative = velocity + self.shift + place @ cross_matrix(self.turn).T
+        u, v = camera.fx * x / z, camera.fy * y / z
+        width, height = camera.width, camera.height
+        corner = np.hypot(
+            max(camera.cx, width - camera.cx), max(camera.cy, height - camera.cy)
+        )
+        share = np.minimum((u * u + v * v) / corner**2, 1.0) ** 2 * seen
+        out = np.zeros_like(place)
+        out[:, 0] = share * (relative[:, 0] - x / z * relative[:, 2])
+        out[:, 1] = share * (relative[:, 1] - y / z * relative[:, 2])
+        return out

@@ -232,7 +232,7 @@ def inverse_3x3(matrices: Float64Array) -> Float64Array:
     inverse -= entries.take(_COFACTORS[2], axis=0) * entries.take(_COFACTORS[3], axis=0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         inverse *= 1 / (entries[:3] * inverse[:3]).sum(axis=0)
-    return inverse.T.take(_SYMMETRIC, axis=1).reshape(-1, 3, 3)
+    return np.asarray(inverse.T.take(_SYMMETRIC, axis=1).reshape(-1, 3, 3), np.float64)
 
 
 # Of a symmetric matrix whose entries are numbered row by row, the six different entries of the

@@ -112,8 +112,8 @@ class RigidMethod:
             points = tracker.update(
                 points, sighting, information, T_camera_world, step_cov, dt, p.obstacles
             )
-            bias_px = p.evidence.disparity_bias_px
-            tracker.look_from(T_camera_world, rate, self._camera, bias_px)
+            bias_px, stretch = p.evidence.disparity_bias_px, p.evidence.stretch
+            tracker.look_from(T_camera_world, rate, self._camera, bias_px, stretch)
             points = tracker.adopt(points, motion, p.obstacles)
             free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
             groups = group_dynamic(motion, free, p.obstacles.min_points)

@@ -83,6 +83,14 @@ class EvidenceParameters(Stage):
         help="One standard deviation of the error of a disparity that lasts from frame to frame, "
         "by calibration or by what is beside the point; it makes what is far from a fast camera "
         "seem to move.",
+        models=("rigid",),
+    )
+    stretch: Real = number(
+        0.05, ge=0.0, le=1.0, unit="", step=0.01, title="Stretch",
+        help="One standard deviation of the share by which distortion that was not calibrated "
+        "stretches the image in its corners; it falls towards the centre. It makes what passes "
+        "by at the edge of the view seem to move.",
+        models=("rigid",),
     )
     least_noise: Real = number(
         1.0, ge=0.1, le=10.0, unit="", step=0.1, title="Least noise",

@@ -82,7 +82,7 @@ def pooled_motion(
     window = points.sums.window_s()
     common = _common_errors(
         T_camera_world.apply(position), step_covariance, dt, np.maximum(window, dt), rate, camera,
-        parameters.disparity_bias_px,
+        parameters,
     ) @ T_camera_world.rotation  # fmt: skip
     cov = cov + np.swapaxes(common, 1, 2) @ common
     squared = np.einsum("ni,nij,nj->n", pooled, inverse_3x3(cov), pooled)
@@ -160,17 +160,17 @@ def _common_errors(
     window: Float64Array,
     rate: CameraRate | None,
     camera: StereoCamera,
-    bias_px: float,
+    parameters: EvidenceParameters,
 ) -> Float64Array:
-    """(N, 7, 3) m/s, camera axes: how static points seem to move by errors they share.
+    """(N, 8, 3) m/s, camera axes: how static points seem to move by errors they share.
 
     Each is that of one independent cause of one standard deviation: six of the camera's own
-    motion, whose covariance is the sum of their products, and the lasting error of the disparity.
+    motion, whose covariance is the sum of their products, and the calibration's two.
 
     Args:
         place: (N, 3) metres, camera frame. window: (N,) seconds over which it was sighted.
     """
-    out = np.zeros((len(place), 7, 3))
+    out = np.zeros((len(place), 8, 3))
     values, axes = np.linalg.eigh(step_covariance)
     causes = (axes * np.sqrt(np.maximum(values, 0.0))).T
     # A turn by w moves the point p by w x p = -[p]x w; here for all six causes at once.
@@ -178,5 +178,8 @@ def _common_errors(
     moved = (causes[:, 3:].reshape(18) - place @ turning).reshape(-1, 6, 3)
     out[:, :6] = moved * np.sqrt(_RANDOM_WALK / (dt * window))[:, None, None]
     if rate is not None:
-        out[:, 6] = bias_px * rate.velocity_by_bias(place, np.zeros_like(place), camera)
+        still = np.zeros_like(place)
+        bias, stretch = parameters.disparity_bias_px, parameters.stretch
+        out[:, 6] = bias * rate.velocity_by_bias(place, still, camera)
+        out[:, 7] = stretch * rate.velocity_by_distortion(place, still, camera)
     return out

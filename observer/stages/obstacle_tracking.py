@@ -92,20 +92,26 @@ class BodyTracker:
             track.frames += 1
 
     def look_from(
-        self, T_camera_world: Pose, rate: CameraRate, camera: StereoCamera, bias_px: float
+        self,
+        T_camera_world: Pose,
+        rate: CameraRate,
+        camera: StereoCamera,
+        bias_px: float,
+        stretch: float,
     ) -> None:
         """Note how sure velocities can be at best, seen from this pose.
 
         Args:
-            bias_px: one standard deviation of the lasting error of disparities.
+            bias_px, stretch: one standard deviation each of the calibration's lasting errors, as
+                of ``EvidenceParameters``.
         """
         for track in self.tracks:
-            place, velocity = track.mean[POSITION], track.mean[VELOCITY]
-            drift = rate.velocity_by_bias(
-                T_camera_world.apply(place[None]), T_camera_world.rotate(velocity[None]), camera
-            )
-            drift = bias_px * drift[0] @ T_camera_world.rotation
-            track.lasting_cov = np.outer(drift, drift)
+            place = T_camera_world.apply(track.mean[None, POSITION])
+            velocity = T_camera_world.rotate(track.mean[None, VELOCITY])
+            bias = bias_px * rate.velocity_by_bias(place, velocity, camera)
+            distortion = stretch * rate.velocity_by_distortion(place, velocity, camera)
+            drift = np.concatenate([bias, distortion]) @ T_camera_world.rotation
+            track.lasting_cov = drift.T @ drift
 
     def known(self, points: Points) -> NDArray[np.bool_]:
         """(N,) which points belong to obstacles that are known to move."""

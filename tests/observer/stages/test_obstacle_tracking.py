@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import count
 from typing import Any
 
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 from observer.camera import StereoCamera
+from observer.camera_rate import CameraRate
 from observer.geometry import Pose
 from observer.obstacle_body import BodyTrack
+from observer.obstacle_filter import POSITION, VELOCITY
 from observer.parameters import Parameters
 from observer.points import NO_OBSTACLE, Points
 from observer.stages.obstacle_tracking import BodyTracker
@@ -116,6 +119,25 @@ def test_its_velocity_and_centre_are_those_of_the_body(watched: Any, box: Any, c
     mine = run.points.obstacle == track.id
     assert mine[run.owner == 0].mean() > 0.9
     assert not mine[run.owner == 1].any()
+
+
+def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -> None:
+    """At the edge of the view a camera that drives does not know how fast things pass."""
+    rate = CameraRate(np.zeros(3), np.array([0.0, 0.0, -1.0]))
+    tracker, track = BodyTracker(), make_track()
+    tracker.tracks = [track]
+    edge = CAMERA.triangulate(np.array([[5.0, CAMERA.cy]]), np.array([12.0]))[0]
+    doubt = {}
+    for stretch in (0.0, 0.05):
+        track.filter.means[:, POSITION] = edge
+        track.filter = replace(track.filter)
+        tracker.look_from(Pose.identity(), rate, CAMERA, 0.0, stretch)
+        doubt[stretch] = track.lasting_cov
+    own = track.mean[None, VELOCITY]
+    drift = 0.05 * rate.velocity_by_distortion(edge[None], own, CAMERA)[0]
+    np.testing.assert_allclose(doubt[0.05], np.outer(drift, drift))
+    assert np.sqrt(doubt[0.05][0, 0]) > 0.005
+    assert not doubt[0.0].any()
 
 
 def test_what_stands_is_no_obstacle(watched: Any, crate: Any) -> None:
