@@ -16,12 +16,12 @@ from observer.types import Image
 _EIGENVALUE_UNIT = 1024.0
 # Lucas-Kanade ends when it moves less than this, px, or after so many steps.
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.01)
-# The first attempt trusts the expectation to within a window at half the resolution; only what
-# it does not find is searched for over all levels.
-_NEAR_LEVELS = 1
-# Checks, and the other camera's view of points whose depth is known, start where the answer
-# should be: a pyramid would only find what is somewhere else.
-_CHECK_LEVELS = 0
+# The first attempt, the checks, and the other camera's view of points whose depth is known, start
+# where the answer should be: a pyramid would only find what is somewhere else. What the first
+# attempt does not find is searched for over all levels.
+_NEAR_LEVELS = 0
+# The disparity of a new point is known to about a pixel, and of a blurred one to a few.
+_COARSE_LEVELS = 1
 # A mean absolute difference m of normally distributed noise means a deviation of m sqrt(pi / 2).
 _DEVIATION = float(np.sqrt(np.pi / 2))
 # Texture below this, grey levels/px, cannot be told from none.
@@ -86,11 +86,11 @@ def follow(
     mismatch = np.zeros(count, np.float32)
     seen = np.flatnonzero(found & np.isfinite(expected_disparity))
     matched[seen], mismatch[seen] = match_right(
-        current, end[seen], expected_disparity[seen], parameters, _CHECK_LEVELS
+        current, end[seen], expected_disparity[seen], parameters, _NEAR_LEVELS
     )
     circle = seen[np.isfinite(right_px[seen, 0]) & np.isfinite(matched[seen, 0])]
     around, status, _ = _flow(
-        previous[1], current[1], right_px[circle], matched[circle], _CHECK_LEVELS, parameters
+        previous[1], current[1], right_px[circle], matched[circle], _NEAR_LEVELS, parameters
     )
     apart = ((around - matched[circle]) ** 2).sum(axis=1) > parameters.circle_px**2
     matched[circle[apart | ~status]] = np.nan
@@ -103,7 +103,7 @@ def match_right(
     px: NDArray[np.float32],
     expected_disparity: NDArray[np.float32],
     parameters: FollowingParameters,
-    levels: int = _NEAR_LEVELS,
+    levels: int = _COARSE_LEVELS,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Where points (N, 2) of the left image are in the right one, (N, 2) float32 pixels.
 
@@ -149,7 +149,7 @@ def _there_and_back(
     """(N, 2) where points are, (N,) whether they return, (N,) difference, (N,) texture."""
     end, status, difference = _flow(first, second, px, expected_px, levels, parameters)
     back, returned, texture = _flow(
-        second, first, end, px, _CHECK_LEVELS, parameters, want_texture=True
+        second, first, end, px, _NEAR_LEVELS, parameters, want_texture=True
     )
     found = status & returned & _inside(end, second, parameters.window_px / 4)
     found &= ((back - px) ** 2).sum(axis=1) <= parameters.back_check_px**2

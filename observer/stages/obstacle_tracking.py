@@ -101,11 +101,13 @@ class BodyTracker:
     ) -> None:
         """Note how sure velocities can be at best, seen from this pose.
 
+        What is out of sight is known as it was when it was last seen.
+
         Args:
             bias_px, stretch: one standard deviation each of the calibration's lasting errors, as
                 of ``EvidenceParameters``.
         """
-        for track in self.tracks:
+        for track in [t for t in self.tracks if t.missed_s == 0]:
             place = T_camera_world.apply(track.mean[None, POSITION])
             velocity = T_camera_world.rotate(track.mean[None, VELOCITY])
             bias = bias_px * rate.velocity_by_bias(place, velocity, camera)

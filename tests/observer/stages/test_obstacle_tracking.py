@@ -138,6 +138,9 @@ def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -
     np.testing.assert_allclose(doubt[0.05], np.outer(drift, drift))
     assert np.sqrt(doubt[0.05][0, 0]) > 0.005
     assert not doubt[0.0].any()
+    track.missed_s = 0.1
+    tracker.look_from(Pose.identity(), CameraRate.still(), CAMERA, 0.0, 0.05)
+    np.testing.assert_array_equal(track.lasting_cov, doubt[0.05])
 
 
 def test_what_stands_is_no_obstacle(watched: Any, crate: Any) -> None:
