@@ -167,8 +167,10 @@ class MotionSums:
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> MotionSums:
         """The sums of some of the points."""
-        taken = MotionSums(*(getattr(self, name)[which] for name in _NAMES))
-        return taken._with_cov(self._cov[which]) if "_cov" in self.__dict__ else taken
+        # Of rows, take() is several times as fast as an index, and wants no mask.
+        at = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        taken = MotionSums(*(getattr(self, name).take(at, axis=0) for name in _NAMES))
+        return taken._with_cov(self._cov.take(at, axis=0)) if "_cov" in self.__dict__ else taken
 
     def joined(self, other: MotionSums) -> MotionSums:
         """These points and then the others."""

@@ -23,7 +23,7 @@ def summed(pairs: NDArray[np.intp], columns: list[Float64Array]) -> Float64Array
     point, other = point[order], other[order]
     first = np.flatnonzero(np.diff(point, prepend=-1))
     if len(first):
-        own[point[first]] += np.add.reduceat(own[other], first, axis=0)
+        own[point[first]] += np.add.reduceat(own.take(other, axis=0), first, axis=0)
     return own
 
 

@@ -76,17 +76,17 @@ class Members:
             sighting: (P, 3) metres, world, and information: (P, 3, 3), of all followed points.
             R: (3, 3) from the body's frame to the world's.
         """
-        own = points.shape_information[which]
+        own = points.shape_information.take(which, axis=0)
         known = np.trace(own, axis1=1, axis2=2) > 0
         cov = inverse_3x3(np.where(known[:, None, None], own, np.eye(3)))
-        place = np.einsum("nij,nj->ni", cov, points.shape_vector[which])
-        noise = inverse_3x3(information[which])
+        place = np.einsum("nij,nj->ni", cov, points.shape_vector.take(which, axis=0))
+        noise = inverse_3x3(information.take(which, axis=0))
         cov = cov + _PERSISTENT * (R.T @ noise @ R)
         return Members(
             place=np.where(known[:, None], place, 0.0),
             place_cov=cov,
             known=known,
-            sighting=sighting[which],
+            sighting=sighting.take(which, axis=0),
             noise=noise,
         )
 

@@ -100,7 +100,8 @@ class Points:
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Points:
         """Some of the points."""
-        # A mask is searched through for each of the arrays anew, indices are not.
+        # A mask is searched through for each of the arrays anew, indices are not; and of rows
+        # take() is several times as fast as an index.
         at = np.flatnonzero(which) if which.dtype == np.bool_ else which
         return Points(*(_taken(getattr(self, name), at) for name in _NAMES))
 
@@ -120,8 +121,8 @@ class Points:
 _NAMES = tuple(f.name for f in fields(Points))
 
 
-def _taken(value: Any, which: NDArray[np.intp] | NDArray[np.bool_]) -> Any:
-    return value.take(which) if isinstance(value, MotionSums) else value[which]
+def _taken(value: Any, at: NDArray[np.intp]) -> Any:
+    return value.take(at) if isinstance(value, MotionSums) else value.take(at, axis=0)
 
 
 def _joined(first: Any, second: Any) -> Any:

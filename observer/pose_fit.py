@@ -62,8 +62,8 @@ class SeenPoints:
     def take(self, which: NDArray[np.intp]) -> SeenPoints:
         """Some of the points."""
         return SeenPoints(
-            self.place[:, which], self.covariance[:, which], self.seen[:, which],
-            self.known[which], self.variance[:, which],
+            self.place.take(which, axis=1), self.covariance.take(which, axis=1),
+            self.seen.take(which, axis=1), self.known[which], self.variance.take(which, axis=1),
         )  # fmt: skip
 
     def residuals(self, pose: Pose, camera: StereoCamera) -> Float64Array:

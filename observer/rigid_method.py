@@ -229,8 +229,8 @@ class RigidMethod:
             chosen = np.arange(len(points))
         px = points.px[chosen]
         scene = StaticScene(
-            place[chosen], place_cov[chosen], px.astype(np.float64), points.disparity[chosen],
-            sigma[chosen], crowding(px, p.following),
+            place.take(chosen, axis=0), place_cov.take(chosen, axis=0), px.astype(np.float64),
+            points.disparity[chosen], sigma.take(chosen, axis=0), crowding(px, p.following),
         )  # fmt: skip
         ego = estimate_rigid_motion(
             scene, self._T_camera_world, T_expected, self._camera, p.ego_motion, view.index

@@ -147,8 +147,9 @@ def _neighbours(
     allowed = reach + np.minimum(noise, reach)
     near = ready[i] & ready[j] & (np.abs(depth[i] - depth[j]) <= allowed)
     i, j = i[near], j[near]
-    gap = velocity[i] - velocity[j]
-    squared = np.einsum("pi,pij,pj->p", gap, inverse_3x3(covariance[i] + covariance[j]), gap)
+    gap = velocity.take(i, axis=0) - velocity.take(j, axis=0)
+    apart = covariance.take(i, axis=0) + covariance.take(j, axis=0)
+    squared = np.einsum("pi,pij,pj->p", gap, inverse_3x3(apart), gap)
     agree = squared <= _VELOCITY_CHI2
     return np.stack([i[agree], j[agree]], axis=1)
 

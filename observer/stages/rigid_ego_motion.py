@@ -290,7 +290,7 @@ def _ransac(
     count = len(points.known)
     judges = np.linspace(0, count - 1, min(_JUDGES, count)).astype(np.intp)
     judging = points.take(judges)
-    sigma = linear.sigma[:, judges]
+    sigma = linear.sigma.take(judges, axis=1)
     limit = np.minimum(parameters.ransac_threshold_px, _OUTLIER_SIGMAS * sigma[0])
     cap = (limit / sigma[0]) ** 2
     weight = share[judges]
@@ -357,7 +357,7 @@ def _sampled(
     R = np.broadcast_to(start.rotation, (count, 3, 3))
     t = np.broadcast_to(start.translation, (count, 3))
     place, seen, variance = (
-        values[:, sample].swapaxes(0, 1) for values in (points.place, points.seen, points.variance)
+        values.take(sample, axis=1).swapaxes(0, 1) for values in (points.place, points.seen, points.variance)
     )
     known, sigma = points.known[sample], np.sqrt(variance)
     for _ in range(steps):
