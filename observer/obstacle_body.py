@@ -37,7 +37,8 @@ class BodyTrack:
             update.
         points: members seen in this frame. frames: since it began. missed_s: seconds since it
             was last seen. age_s: seconds since it began.
-        hits: frames in which it moved significantly. sightings: of members in those frames.
+        hits: frames in which it moved significantly. sightings: of members in those frames,
+            beyond those that may err alike.
         significance: Mahalanobis length of the velocity.
         box_px: u0 v0 u1 v1 around the members in the left image.
         lasting_cov: (3, 3) (m/s)^2, world: of the velocity, by errors that time does not reduce.

@@ -45,8 +45,10 @@ _BANISHED = 5
 _YOUNG = 4
 # Below this the velocity is no more than noise.
 _MOVING_SIGMAS = 3.0
-# The members that moved, summed over the frames, before there is an obstacle.
-_CONFIRM_SIGHTINGS = 24
+# The members that moved, beyond the first two, summed over the frames, before there is an
+# obstacle: two or three on one edge err alike.
+_CONFIRM_SIGHTINGS = 16
+_ALIKE = 2
 # Seconds: a tentative track that was not seen for so long, or has not moved significantly so long
 # after it began, was none.
 _TENTATIVE_COAST_S = 0.15
@@ -418,7 +420,7 @@ def _confirm(track: BodyTrack, parameters: ObstacleParameters) -> None:
     moves = track.significance >= parameters.confirm_sigmas
     if moves and track.motion is MotionState.MOVING:
         track.hits += 1
-        track.sightings += track.points
+        track.sightings += max(0, track.points - _ALIKE)
     else:
         track.hits = max(0, track.hits - 1)
     if track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS:

@@ -68,6 +68,20 @@ def test_a_body_is_confirmed_once_it_surely_moves(watched: Any, box: Any, crate:
     assert track.significance > 5
 
 
+@pytest.mark.parametrize(("members", "frames"), [(3, 16), (4, 8), (10, 3), (60, 3)])
+def test_the_fewer_points_the_longer_they_must_move_alike(
+    make_track: Any, members: int, frames: int
+) -> None:
+    track, tracker = make_track(), BodyTracker()
+    track.points, tracker.tracks = members, [track]
+    states = []
+    for _ in range(20):
+        tracker.live(Points.none(), np.zeros(3), lambda _: 0.1, DT, Parameters().obstacles)
+        states.append(track.state)
+    assert track.significance > Parameters().obstacles.confirm_sigmas
+    assert states.index(TrackState.CONFIRMED) == frames - 1
+
+
 def test_its_number_is_provisional_until_it_is_confirmed_and_then_lasts(
     watched: Any, box: Any, crate: Any
 ) -> None:
