@@ -171,7 +171,8 @@ def placed(track: BodyTrack, sums: MotionSums) -> tuple[Float64Array, Float64Arr
 def shape_position(points: Points, which: NDArray[np.intp]) -> Float64Array:
     """(K, 3) metres: where points are on their obstacle, in its own frame."""
     cov = inverse_3x3(points.shape_information.take(which, axis=0))
-    return np.asarray(np.einsum("nij,nj->ni", cov, points.shape_vector.take(which, axis=0)), np.float64)
+    vector = points.shape_vector.take(which, axis=0)
+    return np.asarray(np.einsum("nij,nj->ni", cov, vector), np.float64)
 
 
 def _apart(a: Float64Array, b: Float64Array, cov: Float64Array, share: float) -> float:

@@ -357,7 +357,8 @@ def _sampled(
     R = np.broadcast_to(start.rotation, (count, 3, 3))
     t = np.broadcast_to(start.translation, (count, 3))
     place, seen, variance = (
-        values.take(sample, axis=1).swapaxes(0, 1) for values in (points.place, points.seen, points.variance)
+        values.take(sample, axis=1).swapaxes(0, 1)
+        for values in (points.place, points.seen, points.variance)
     )
     known, sigma = points.known[sample], np.sqrt(variance)
     for _ in range(steps):
