@@ -102,7 +102,7 @@ class Points:
         """Some of the points."""
         # A mask is searched through for each of the arrays anew, indices are not; and of rows
         # take() is several times as fast as an index.
-        at = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        at = np.flatnonzero(which) if which.dtype == np.bool_ else which.astype(np.intp, copy=False)
         return Points(*(_taken(getattr(self, name), at) for name in _NAMES))
 
     def joined(self, other: Points) -> Points:

@@ -21,8 +21,10 @@ _DEPTH_SIGMAS = 3.0
 _VELOCITY_CHI2 = float(chi2.ppf(0.999, df=3))
 # A regression over a random walk of the pose knows the slope this much worse than its step.
 _RANDOM_WALK = 1.2
-# Product of the three eigenvalues of an information, relative to their mean, that is not rounding.
+# Product of the three eigenvalues of an information, relative to their mean, that is not rounding;
+# and their mean, relative to the sums whose difference they are.
 _LEAST_RANK = 1e-12
+_LEAST_REMAINDER = 1e-9
 
 
 def pooled_motion(
@@ -53,7 +55,8 @@ def pooled_motion(
     ready = (points.sightings >= parameters.min_sightings) & np.isfinite(vector).all(axis=1)
     # Seen along one line only, or always at one instant, a point's velocity is unknown.
     scale = np.trace(information, axis1=1, axis2=2) / 3
-    ready &= (scale > 0) & (np.linalg.det(information) > _LEAST_RANK * scale**3)
+    ready &= scale > _LEAST_REMAINDER * np.trace(points.sums.a2, axis1=1, axis2=2)
+    ready &= np.linalg.det(information) > _LEAST_RANK * scale**3
     information = np.where(ready[:, None, None], information, 0.0)
     vector = np.where(ready[:, None], vector, 0.0)
     own_cov = inverse_3x3(np.where(ready[:, None, None], information, np.eye(3)))

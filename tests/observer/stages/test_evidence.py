@@ -335,6 +335,20 @@ def test_points_seen_too_seldom_are_not_judged() -> None:
     assert not np.isin(motion.pairs, np.arange(0, 16, 2)).any()
 
 
+def test_what_was_measured_at_one_instant_only_is_not_judged() -> None:
+    """Seen ever since, but without depth: what its sums differ by is rounding."""
+    rng = np.random.default_rng(11)
+    place = board(rng, count=400, side_px=200)
+    points = watched(LAB, place, np.zeros(3), rng, frames=1)
+    points, sums = points.but(sightings=np.full(len(place), 9)), points.sums
+    for dt in rng.uniform(0.03, 0.1, 12):
+        sums = sums.advanced(dt, P.memory_s)
+        sums = sums.with_sightings(np.full_like(place, np.nan), np.zeros((len(place), 3, 3)))
+        motion = judged(points.but(sums=sums))
+        assert not motion.judged.any()
+        assert np.isfinite(motion.covariance).all()
+
+
 def test_seen_only_once_nothing_is_known_and_nothing_breaks() -> None:
     rng = np.random.default_rng(9)
     points = watched(LAB, board(rng), np.zeros(3), rng, frames=1)
