@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from observer.camera import StereoCamera
-from observer.method import Step, View
+from observer.methods.contract import Step, View
 from observer.parameters import Parameters
 from observer.stages.health import (
     exposure_reason,

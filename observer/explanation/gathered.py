@@ -22,7 +22,7 @@ from observer.explanation.answer import (
     radius_px,
 )
 from observer.explanation.texture import texture_around
-from observer.obstacle_numbers import is_provisional
+from observer.obstacles.identity import is_provisional
 from observer.parameters import Parameters
 from observer.points import NO_OBSTACLE
 from observer.types import Image

@@ -14,9 +14,9 @@ from observer.explanation.answer import (
     known,
     look_around,
 )
+from observer.one_camera.ray_evidence import RayEvidence
+from observer.one_camera.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import Parameters
-from observer.ray_evidence import RayEvidence
-from observer.rays import NO_OBSTACLE, RayPoints
 
 _RATE = "evidence.false_alarms_per_frame"
 

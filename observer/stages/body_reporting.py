@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
-from observer.obstacle_body import BodyTrack
-from observer.obstacle_filter import POSITION, yaw_matrix
+from observer.obstacles.body import BodyTrack
+from observer.obstacles.derived import closing_speed, out_of_sight, speed_std
+from observer.obstacles.motion_filter import POSITION, yaw_matrix
 from observer.types import MotionState, Obstacle, TrackState
 
 # The centre is known to this share of the box's size: its far side is not seen.
@@ -30,8 +31,6 @@ def describe_body(
     position_cov = track.filter.covariance[POSITION, POSITION]
     position_cov = position_cov + R @ np.diag((_CENTRE_SHARE * size) ** 2) @ R.T
     speed = float(np.linalg.norm(velocity))
-    along = velocity / speed if speed > 0 else np.array([0.0, 0.0, 1.0])
-    reach = max(float(np.linalg.norm(position_camera)), 1e-9)
     return Obstacle(
         id=track.id,
         state=track.state,
@@ -44,10 +43,10 @@ def describe_body(
         velocity_cov=velocity_cov,
         velocity_time=time,
         speed=speed,
-        speed_std=float(np.sqrt(max(0.0, float(along @ velocity_cov @ along)))),
+        speed_std=speed_std(velocity, velocity_cov),
         size=size,
         orientation_wxyz=Pose(R, np.zeros(3)).quaternion_wxyz,
-        closing_speed=float((camera_velocity - velocity_camera) @ position_camera / reach),
+        closing_speed=closing_speed(position_camera, velocity_camera, camera_velocity),
         points=track.points,
         significance=track.significance,
         box_px=track.box_px,
@@ -62,5 +61,5 @@ def _why(track: BodyTrack, speed: float) -> str:
         f"{track.significance:.1f} standard deviations from standing, known for {track.age_s:.1f} s"
     )
     if track.state is TrackState.COASTING:
-        return f"not seen for {track.missed_s:.1f} s, expected where it should be by now; {what}"
+        return out_of_sight(track.missed_s, what)
     return what

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
-from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
+from observer.one_camera.floor import Floor
+from observer.one_camera.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import OneCameraParameters
-from observer.rays import NO_OBSTACLE, RayPoints
 from observer.stages.ground_contact import floor_place, lower_edge
 from observer.types import Image
 

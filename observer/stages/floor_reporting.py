@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from observer.floor import Floor
-from observer.floor_body import FloorTrack
 from observer.geometry import Float64Array, Pose
+from observer.obstacles.derived import closing_speed, out_of_sight, speed_std
+from observer.one_camera.floor import Floor
+from observer.one_camera.floor_body import FloorTrack
 from observer.parameters import OneCameraParameters
 from observer.stages.ground_contact import shared_covariance, shared_velocity_covariance
 from observer.types import Obstacle, TrackState
@@ -55,11 +56,9 @@ def describe_floor_body(
         T_camera_world.rotate(velocity),
     )
     speed = float(np.linalg.norm(velocity))
-    ahead = track.velocity / speed if speed > 0 else np.array([0.0, 1.0])
     # Nothing rises from the floor; what is known of that is as good as the floor is flat.
     upright = np.outer(floor.down, floor.down)
     R = np.column_stack([axes[:, 0], floor.down, axes[:, 1]])
-    reach = max(float(np.linalg.norm(position_camera)), 1e-9)
     return Obstacle(
         id=track.id,
         state=track.state,
@@ -72,10 +71,10 @@ def describe_floor_body(
         velocity_cov=axes @ velocity_cov @ axes.T + 0.02**2 * upright,
         velocity_time=time,
         speed=speed,
-        speed_std=float(np.sqrt(max(0.0, float(ahead @ velocity_cov @ ahead)))),
+        speed_std=speed_std(track.velocity, velocity_cov),
         size=np.array([width, height, _DEPTH_SHARE * width]),
         orientation_wxyz=Pose(R, np.zeros(3)).quaternion_wxyz,
-        closing_speed=float((camera_velocity - velocity_camera) @ position_camera / reach),
+        closing_speed=closing_speed(position_camera, velocity_camera, camera_velocity),
         points=track.points,
         significance=track.significance,
         box_px=track.box_px,
@@ -94,5 +93,5 @@ def _why(track: FloorTrack, speed: float) -> str:
         f"the floor moves at {speed:.2f} m/s, {track.significance:.1f} sigmas from standing"
     )
     if track.state is TrackState.COASTING:
-        return f"not seen for {track.missed_s:.1f} s, expected where it should be by now; {what}"
+        return out_of_sight(track.missed_s, what)
     return what

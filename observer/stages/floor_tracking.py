@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
-from observer.floor import Floor
-from observer.floor_body import FloorTrack
 from observer.geometry import Float64Array, Pose
-from observer.obstacle_numbers import ObstacleNumbers
+from observer.obstacles.identity import ObstacleNumbers
+from observer.one_camera.floor import Floor
+from observer.one_camera.floor_body import FloorTrack
+from observer.one_camera.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import ObstacleParameters, OneCameraParameters
-from observer.rays import NO_OBSTACLE, RayPoints
 from observer.stages.ground_contact import floor_place, lower_edge
 from observer.types import Image, MotionState, TrackState
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from observer.camera import StereoCamera
-from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
+from observer.one_camera.floor import Floor
 from observer.types import Image
 
 # Of the box: the middle part of its width that is looked at, and how far above and below its

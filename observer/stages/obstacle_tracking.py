@@ -11,10 +11,10 @@ from observer.camera import StereoCamera
 from observer.camera_rate import CameraRate
 from observer.geometry import Float64Array, Pose
 from observer.motion_evidence import Motion
-from observer.obstacle_body import BodyTrack
-from observer.obstacle_filter import POSITION, VELOCITY, ObstacleMotion, yaw_matrix
-from observer.obstacle_measurement import Members, expected_pose, measure_body
-from observer.obstacle_membership import (
+from observer.obstacles.body import BodyTrack
+from observer.obstacles.identity import ObstacleNumbers, is_provisional
+from observer.obstacles.measurement import Members, expected_pose, measure_body
+from observer.obstacles.membership import (
     Group,
     are_one,
     body_of,
@@ -23,8 +23,8 @@ from observer.obstacle_membership import (
     placed,
     shape_position,
 )
-from observer.obstacle_numbers import ObstacleNumbers, is_provisional
-from observer.obstacle_shape import ObstacleShape
+from observer.obstacles.motion_filter import POSITION, VELOCITY, ObstacleMotion, yaw_matrix
+from observer.obstacles.shape import ObstacleShape
 from observer.parameters import ObstacleParameters
 from observer.points import NO_OBSTACLE, Points
 from observer.types import MotionState, TrackState

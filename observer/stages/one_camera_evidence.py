@@ -13,13 +13,13 @@ from scipy.spatial import cKDTree
 from scipy.stats import chi2, norm
 
 from observer.camera import StereoCamera
-from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
-from observer.inverse_depth import expected_sightings, inverse_2x2
 from observer.neighbourhood import false_alarms_per_test, summed
+from observer.one_camera.floor import Floor
+from observer.one_camera.inverse_depth import expected_sightings, inverse_2x2
+from observer.one_camera.ray_evidence import RayEvidence
+from observer.one_camera.rays import RayPoints
 from observer.parameters import EvidenceParameters
-from observer.ray_evidence import RayEvidence
-from observer.rays import RayPoints
 
 # Neighbours move alike in the image to within so many pixels a frame, and this share.
 _ALIKE_PX, _ALIKE_SHARE = 0.6, 0.1

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from observer.camera import StereoCamera
-from observer.floor import Floor
 from observer.geometry import Float64Array, Pose, cross_matrix
-from observer.inverse_depth import expected_sightings, inverse_2x2, sighting_noise
 from observer.mount import CameraMount
-from observer.rays import RayPoints
+from observer.one_camera.floor import Floor
+from observer.one_camera.inverse_depth import expected_sightings, inverse_2x2, sighting_noise
+from observer.one_camera.rays import RayPoints
 
 # Residuals beyond so many standard deviations hardly count, round after round.
 _WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.0, 3.0)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from observer.geometry import Float64Array, Pose
-from observer.lost_obstacles import without_pose
+from observer.obstacles.derived import closing_speed, speed_std
+from observer.obstacles.lost import without_pose
 from observer.types import Detection, MotionState, Obstacle, Track, TrackState
 
 
@@ -39,7 +38,7 @@ def describe_obstacle(
     std = None if seen.velocity_cov is None else speed_std(seen.velocity, seen.velocity_cov)
     approach = None
     if camera_velocity is not None:
-        approach = float((camera_velocity - velocity) @ position / np.linalg.norm(position))
+        approach = closing_speed(position, velocity, camera_velocity)
     obstacle = Obstacle(
         id=track.id,
         state=track.state,
@@ -62,22 +61,6 @@ def describe_obstacle(
         reason=_why(track, seen),
     )
     return obstacle if T_world_camera is not None else without_pose(obstacle)
-
-
-def speed_std(velocity: Float64Array, covariance: Float64Array) -> float:
-    """One standard deviation of the length of a velocity, m/s.
-
-    To first order it is the deviation along the velocity. Noise across it can only lengthen the
-    vector, by tr(C_across) / (2 |v|) to second order, which matters for slow obstacles.
-    """
-    variance = float(np.trace(covariance))
-    speed = float(np.linalg.norm(velocity))
-    if speed == 0:
-        return float(np.sqrt(variance))
-    direction = velocity / speed
-    along = float(direction @ covariance @ direction)
-    lengthening = (variance - along) / (2 * speed)
-    return float(np.sqrt(min(along + lengthening**2, variance)))
 
 
 def _why(track: Track, seen: Detection) -> str:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
-from observer.rays import NO_OBSTACLE, RayPoints
+from observer.one_camera.floor import Floor
+from observer.one_camera.rays import NO_OBSTACLE, RayPoints
 
 # Points less than this far below the horizon say little of the height (sine of the angle).
 _LEAST_SLOPE = 0.06

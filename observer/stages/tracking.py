@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from observer.geometry import Float64Array, Pose
-from observer.obstacle_numbers import ObstacleNumbers
+from observer.obstacles.identity import ObstacleNumbers
 from observer.parameters import TrackingParameters
 from observer.types import Detection, Track, TrackState
 

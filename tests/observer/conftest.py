@@ -11,9 +11,9 @@ import pytest
 from observer.camera import StereoCalibration, StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.motion_sums import MotionSums
-from observer.obstacle_body import BodyTrack
-from observer.obstacle_filter import ObstacleMotion, yaw_matrix
-from observer.obstacle_shape import Box, ObstacleShape
+from observer.obstacles.body import BodyTrack
+from observer.obstacles.motion_filter import ObstacleMotion, yaw_matrix
+from observer.obstacles.shape import Box, ObstacleShape
 from observer.opening import open_source
 from observer.parameters import Parameters
 from observer.points import NO_OBSTACLE, Points

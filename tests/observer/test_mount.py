@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.floor import Floor
 from observer.mount import CameraMount
-from observer.odometry_way import driven_step
+from observer.one_camera.floor import Floor
+from observer.one_camera.odometry_way import driven_step
 from observer.types import Odometry
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from observer.geometry import Pose
-from observer.obstacle_body import BodyTrack
-from observer.obstacle_filter import yaw_matrix
-from observer.obstacle_shape import Box
+from observer.obstacles.body import BodyTrack
+from observer.obstacles.motion_filter import yaw_matrix
+from observer.obstacles.shape import Box
 from observer.stages.body_reporting import describe_body
 from observer.types import MotionState, TrackState
 
@@ -129,7 +129,7 @@ def test_one_that_stands_exactly_still_has_numbers_too(
     o = describe_body(still, Pose.identity(), STILL, 0.0)
     assert o.speed == 0
     assert o.closing_speed == 0
-    assert o.speed_std == pytest.approx(0.01)
+    assert o.speed_std == pytest.approx(0.01 * 3**0.5)
     np.testing.assert_array_equal(o.size, 0)
     assert o.orientation_wxyz is not None
     np.testing.assert_allclose(o.orientation_wxyz, [1, 0, 0, 0])

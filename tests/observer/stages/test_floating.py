@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from observer.camera import StereoCamera
-from observer.floor import Floor
 from observer.geometry import Pose
-from observer.inverse_depth import lines_of_sight
 from observer.mount import CameraMount
+from observer.one_camera.floor import Floor
+from observer.one_camera.inverse_depth import lines_of_sight
+from observer.one_camera.rays import RayPoints
 from observer.parameters import OneCameraParameters
-from observer.rays import RayPoints
 from observer.stages.floating import floating, off_floor
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)

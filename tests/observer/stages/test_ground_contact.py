@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from observer.camera import StereoCamera
-from observer.floor import Floor
 from observer.geometry import Pose
 from observer.mount import CameraMount
+from observer.one_camera.floor import Floor
 from observer.stages.ground_contact import (
     floor_place,
     lower_edge,

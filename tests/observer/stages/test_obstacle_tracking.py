@@ -12,8 +12,8 @@ import pytest
 from observer.camera import StereoCamera
 from observer.camera_rate import CameraRate
 from observer.geometry import Pose
-from observer.obstacle_body import BodyTrack
-from observer.obstacle_filter import POSITION, VELOCITY
+from observer.obstacles.body import BodyTrack
+from observer.obstacles.motion_filter import POSITION, VELOCITY
 from observer.parameters import Parameters
 from observer.points import NO_OBSTACLE, Points
 from observer.stages.obstacle_tracking import BodyTracker

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from observer.geometry import Pose
-from observer.stages.reporting import describe_obstacle, speed_std
+from observer.stages.reporting import describe_obstacle
 from observer.types import Detection, Obstacle, Track, TrackState
 
 POSE = Pose.from_rotvec((0.0, np.pi / 2, 0.0), (1.0, 0.0, 2.0))
@@ -100,16 +100,3 @@ def test_an_unknown_uncertainty_stays_unknown() -> None:
     assert o.speed_std is None
     assert o.velocity_cov is None
     assert o.velocity is not None
-
-
-@pytest.mark.parametrize("speed", [0.0, 0.05, 0.2, 1.0, 5.0])
-@pytest.mark.parametrize("sigmas", [(0.02, 0.02, 0.02), (0.03, 0.02, 0.4)])
-def test_the_speeds_deviation_is_that_of_noisy_velocities(speed: float, sigmas) -> None:
-    """Noise across the motion only lengthens the vector: no less error, but never more."""
-    rng = np.random.default_rng(0)
-    truth = np.array([speed, 0.0, 0.0])
-    covariance = np.diag(np.square(sigmas))
-    velocities = truth + rng.normal(0, sigmas, (3000, 3))
-    error = np.sqrt(np.mean((np.linalg.norm(velocities, axis=1) - speed) ** 2))
-    stated = np.median([speed_std(v, covariance) for v in velocities])
-    assert 0.5 * error < stated < 1.7 * error

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.floor import Floor
 from observer.geometry import Pose
 from observer.mount import CameraMount
-from observer.rays import RayPoints
+from observer.one_camera.floor import Floor
+from observer.one_camera.rays import RayPoints
 from observer.stages.scale import Scale, floor_scale, odometry_scale, scale_by_floor
 
 MOUNT = CameraMount(0.4, np.radians(5))

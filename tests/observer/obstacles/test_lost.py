@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from observer.geometry import Pose
-from observer.lost_obstacles import while_lost, without_pose
-from observer.obstacle_body import BodyTrack
+from observer.obstacles.body import BodyTrack
+from observer.obstacles.lost import while_lost, without_pose
 from observer.stages.body_reporting import describe_body
 from observer.types import Obstacle, TrackState
 

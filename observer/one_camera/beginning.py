@@ -9,8 +9,8 @@ import numpy as np
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
+from observer.one_camera.rays import RayPoints
 from observer.parameters import OneCameraParameters
-from observer.rays import RayPoints
 from observer.stages.one_camera_pose import estimate_pose
 from observer.stages.one_camera_start import TwoViews, inverse_distances, two_views
 from observer.stages.scale import scale_by_floor

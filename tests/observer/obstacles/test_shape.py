@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.obstacle_filter import yaw_matrix
-from observer.obstacle_shape import Box, ObstacleShape
+from observer.obstacles.motion_filter import yaw_matrix
+from observer.obstacles.shape import Box, ObstacleShape
 
 # Across its heading, high, along its heading, metres.
 SIZE = np.array([0.4, 0.3, 0.7])

@@ -11,8 +11,8 @@ from scipy.stats import chi2
 from observer.geometry import Float64Array, inverse_3x3
 from observer.motion_evidence import Motion
 from observer.motion_sums import MotionSums
-from observer.obstacle_body import BodyTrack
-from observer.obstacle_filter import POSITION, VELOCITY, turning_velocity
+from observer.obstacles.body import BodyTrack
+from observer.obstacles.motion_filter import POSITION, VELOCITY, turning_velocity
 from observer.parameters import ObstacleParameters
 from observer.points import Points
 

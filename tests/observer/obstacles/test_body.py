@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from observer.obstacle_body import BodyTrack
-from observer.obstacle_filter import YAW, YAW_RATE, ObstacleMotion, yaw_matrix
-from observer.obstacle_shape import Box
+from observer.obstacles.body import BodyTrack
+from observer.obstacles.motion_filter import YAW, YAW_RATE, ObstacleMotion, yaw_matrix
+from observer.obstacles.shape import Box
 
 MakeTrack = Callable[..., BodyTrack]
 SIZE = np.array([0.4, 0.3, 0.6])

@@ -13,19 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
-from observer.floor import Floor
-from observer.floor_obstacles import FloorObstacles
 from observer.geometry import Float64Array, Pose
-from observer.inverse_depth import anchored_anew, expected_sightings, lines_of_sight, updated
-from observer.map_scale import MapScale
-from observer.method import StageTimer, Step, View
+from observer.methods.contract import StageTimer, Step, View
 from observer.mount import CameraMount
-from observer.odometry_way import driven_step, driven_way
-from observer.one_camera_beginning import Beginning, begin_by_two_views
+from observer.one_camera.beginning import Beginning, begin_by_two_views
+from observer.one_camera.floor import Floor
+from observer.one_camera.floor_obstacles import FloorObstacles
+from observer.one_camera.inverse_depth import (
+    anchored_anew,
+    expected_sightings,
+    lines_of_sight,
+    updated,
+)
+from observer.one_camera.map_scale import MapScale
+from observer.one_camera.odometry_way import driven_step, driven_way
+from observer.one_camera.ray_evidence import RayEvidence
+from observer.one_camera.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import Parameters
 from observer.point_choice import chosen_points
-from observer.ray_evidence import RayEvidence
-from observer.rays import NO_OBSTACLE, RayPoints
 from observer.stages.following import as_bright_as, follow
 from observer.stages.one_camera_evidence import ray_evidence
 from observer.stages.one_camera_pose import PoseEstimate, estimate_pose
@@ -66,7 +71,7 @@ NOT_TRAVELLED = "the camera has not travelled far enough yet: depth from one cam
 class OneCameraMethod:
     """Holds the followed points, the obstacles, the pose and the scale of one segment.
 
-    See ``observer.method.Method``.
+    See ``observer.methods.contract.Method``.
     """
 
     def __init__(

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from observer.camera import StereoCamera
-from observer.floor import Floor
 from observer.geometry import Float64Array, Pose
-from observer.inverse_depth import expected_sightings
-from observer.lost_obstacles import while_lost
 from observer.neighbourhood import grouped
+from observer.obstacles.lost import while_lost
+from observer.one_camera.floor import Floor
+from observer.one_camera.inverse_depth import expected_sightings
+from observer.one_camera.ray_evidence import RayEvidence
+from observer.one_camera.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import Parameters
-from observer.ray_evidence import RayEvidence
-from observer.rays import NO_OBSTACLE, RayPoints
 from observer.stages.floating import alike_in_depth, floating, off_floor
 from observer.stages.floor_reporting import describe_floor_body
 from observer.stages.floor_tracking import FloorTracker

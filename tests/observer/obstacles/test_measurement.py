@@ -9,8 +9,8 @@ from scipy.stats import chi2
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.motion_sums import MotionSums
-from observer.obstacle_filter import STATE_SIZE, yaw_matrix
-from observer.obstacle_measurement import BodyMeasurement, Members, expected_pose, measure_body
+from observer.obstacles.measurement import BodyMeasurement, Members, expected_pose, measure_body
+from observer.obstacles.motion_filter import STATE_SIZE, yaw_matrix
 from observer.points import Points
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
-from observer.obstacle_filter import (
+from observer.obstacles.motion_filter import (
     POSITION,
     VELOCITY,
     YAW,
@@ -17,7 +17,7 @@ from observer.obstacle_filter import (
     turning_velocity,
     yaw_matrix,
 )
-from observer.obstacle_shape import Box, ObstacleShape
+from observer.obstacles.shape import Box, ObstacleShape
 from observer.types import MotionState, TrackState
 
 # One standard deviation of where the centre is, as a share of the box's longer side.

@@ -12,9 +12,9 @@ import pytest
 from observer.explanation.answer import PixelVerdict
 from observer.explanation.pixel import explain_pixel
 from observer.jsonl import observation_line
+from observer.methods.one_camera import NO_SCALE, ONLY_TURNED
 from observer.mount import CameraMount
 from observer.observer import Observer
-from observer.one_camera_method import NO_SCALE, ONLY_TURNED
 from observer.parameters import Parameters
 from observer.simulation.scenarios import load_scenario, scenario_from_text
 from observer.simulation.source import SimulatedSource

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.camera_rate import CameraRate
 from observer.geometry import Float64Array, Pose
-from observer.lost_obstacles import while_lost
-from observer.method import StageTimer, Step, StereoRows, View
+from observer.methods.contract import StageTimer, Step, StereoRows, View
+from observer.methods.rigid_trace import keep_background, keep_motion
 from observer.motion_sums import MotionSums
+from observer.obstacles.lost import while_lost
 from observer.parameters import Parameters
 from observer.plausibility import PlausibleMotions
 from observer.point_choice import chosen_points
 from observer.points import NO_OBSTACLE, Points
-from observer.rigid_trace import keep_background, keep_motion
 from observer.stages.body_reporting import describe_body
 from observer.stages.evidence import group_dynamic, pooled_motion
 from observer.stages.following import Sightings, as_bright_as, follow, match_right
@@ -52,7 +52,7 @@ _FLOW_STEP_S = 0.01
 class RigidMethod:
     """Holds the followed points, the obstacles and the camera's pose of one segment.
 
-    See ``observer.method.Method``.
+    See ``observer.methods.contract.Method``.
     """
 
     def __init__(self, camera: StereoCamera, numbers: Iterator[int] | None = None) -> None:

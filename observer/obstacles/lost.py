@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+from observer.obstacles.derived import out_of_sight
 from observer.types import Obstacle, TrackState
 
 
@@ -45,7 +46,7 @@ def _unseen(obstacle: Obstacle, elapsed_s: float, missed_s: float) -> Obstacle:
     tentative = obstacle.state is TrackState.TENTATIVE
     why = obstacle.reason
     if obstacle.state is not TrackState.COASTING:
-        why = f"not seen for {missed_s:.1f} s, expected where it should be by now; before, {why}"
+        why = out_of_sight(missed_s, f"before, {why}")
     return replace(
         without_pose(obstacle),
         state=TrackState.TENTATIVE if tentative else TrackState.COASTING,

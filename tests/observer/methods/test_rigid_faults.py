@@ -19,7 +19,7 @@ from observer.observer import Observer
 from observer.parameters import Parameters
 from observer.types import Observation, Status, StereoFrame, TrackState
 
-from .conftest import Clip, OpenClip
+from ..conftest import Clip, OpenClip
 
 SPEC = "simulated:lateral?seed=11"
 RIGID = Parameters().changed({"ego_motion.model": "rigid"})

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, cross_matrix
-from observer.rays import RayPoints
+from observer.one_camera.rays import RayPoints
 
 # Noise of the anchor's own line of sight, and by how much a followed point drifts, px and
 # px per root second: it is followed from frame to frame and its errors add up.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.method import StageTimer, Step, View
+from observer.methods.contract import StageTimer, Step, View
 from observer.parameters import Parameters
 from observer.plausibility import PlausibleMotions
 from observer.stages.clustering import detect_obstacles
@@ -55,7 +55,7 @@ class _Seen:
 
 
 class PlanarMethod:
-    """Steps 2 to 9 of the paper (see ``observer.method.Method``)."""
+    """Steps 2 to 9 of the paper (see ``observer.methods.contract.Method``)."""
 
     def __init__(self, camera: StereoCamera, numbers: Iterator[int]) -> None:
         self._camera = camera

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from observer.floor import Floor
 from observer.geometry import Pose
 from observer.mount import CameraMount
-from observer.odometry_way import driven_way
+from observer.one_camera.floor import Floor
+from observer.one_camera.odometry_way import driven_way
+from observer.one_camera.rays import RayPoints
 from observer.parameters import OneCameraParameters
-from observer.rays import RayPoints
 from observer.stages.scale import Scale, floor_scale, odometry_scale
 from observer.types import Odometry
 

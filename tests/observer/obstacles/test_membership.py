@@ -10,9 +10,8 @@ import pytest
 from observer.geometry import Float64Array
 from observer.motion_evidence import Motion
 from observer.motion_sums import MotionSums
-from observer.obstacle_body import BodyTrack
-from observer.obstacle_filter import yaw_matrix
-from observer.obstacle_membership import (
+from observer.obstacles.body import BodyTrack
+from observer.obstacles.membership import (
     Group,
     are_one,
     body_of,
@@ -21,7 +20,8 @@ from observer.obstacle_membership import (
     placed,
     shape_position,
 )
-from observer.obstacle_shape import Box
+from observer.obstacles.motion_filter import yaw_matrix
+from observer.obstacles.shape import Box
 from observer.parameters import ObstacleParameters
 from observer.points import Points
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
-from observer.obstacle_filter import MEASURED, turning_velocity, yaw_matrix
+from observer.obstacles.motion_filter import MEASURED, turning_velocity, yaw_matrix
 from observer.points import Points
 
 # A point that fits its body worse than this leaves it; from half of this it counts for less.

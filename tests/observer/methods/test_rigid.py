@@ -15,7 +15,7 @@ from observer.parameters import Parameters
 from observer.truth.contract import TrueBody
 from observer.types import MotionState, Observation, Status, StereoFrame, TrackState
 
-from .conftest import Clip, OpenClip
+from ..conftest import Clip, OpenClip
 
 # The velocity of three coordinates lies within this squared Mahalanobis length by 95 %.
 INSIDE = float(chi2.ppf(0.95, 3))

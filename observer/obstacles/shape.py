@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
-from observer.obstacle_filter import yaw_matrix
+from observer.obstacles.motion_filter import yaw_matrix
 
 # Places further from the middle than so many times the largest spread are none of the body's, if
 # they are also further than this many metres.

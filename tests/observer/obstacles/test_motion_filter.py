@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from observer.obstacle_filter import (
+from observer.obstacles.motion_filter import (
     MEASURED,
     POSITION,
     STATE_SIZE,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from observer.evidence import Evidence
-from observer.method import View
+from observer.methods.contract import View
 from observer.motion_evidence import Motion
 from observer.points import NO_OBSTACLE, Points
 from observer.stages.following import Sightings

@@ -4,11 +4,16 @@ import numpy as np
 import pytest
 
 from observer.camera import StereoCamera
-from observer.floor import Floor
 from observer.geometry import Pose
-from observer.inverse_depth import anchored_anew, expected_sightings, lines_of_sight, updated
 from observer.mount import CameraMount
-from observer.rays import RayPoints
+from observer.one_camera.floor import Floor
+from observer.one_camera.inverse_depth import (
+    anchored_anew,
+    expected_sightings,
+    lines_of_sight,
+    updated,
+)
+from observer.one_camera.rays import RayPoints
 from observer.stages.one_camera_pose import estimate_pose
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)

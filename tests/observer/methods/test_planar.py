@@ -11,7 +11,7 @@ from observer.observer import Observer
 from observer.parameters import Parameters, preset
 from observer.types import FullTrace, Status, TrackState
 
-from .rendered_board import BOARD_M, CALIBRATION, DT, F, frames, observe_all
+from ..rendered_board import BOARD_M, CALIBRATION, DT, F, frames, observe_all
 
 PLANAR = Parameters().changed({"ego_motion.model": "affine"})
 

@@ -1,0 +1,1 @@
+"""How moving obstacles are found: one module for each method, and the contract they fulfil."""

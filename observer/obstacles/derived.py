@@ -1,0 +1,39 @@
+"""What follows from an obstacle's place and velocity, told alike by every method."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.geometry import Float64Array
+
+
+def speed_std(velocity: Float64Array, covariance: Float64Array) -> float:
+    """One standard deviation of the length of a velocity, m/s.
+
+    To first order it is the deviation along the velocity. Noise across it can only lengthen the
+    vector, by tr(C_across) / (2 |v|) to second order, which matters for slow obstacles.
+    """
+    variance = float(np.trace(covariance))
+    speed = float(np.linalg.norm(velocity))
+    if speed == 0:
+        return float(np.sqrt(variance))
+    direction = velocity / speed
+    along = float(direction @ covariance @ direction)
+    lengthening = (variance - along) / (2 * speed)
+    return float(np.sqrt(min(along + lengthening**2, variance)))
+
+
+def closing_speed(
+    position: Float64Array, velocity: Float64Array, camera_velocity: Float64Array
+) -> float:
+    """m/s by which an obstacle at (3,) m comes nearer to the camera; both velocities (3,) m/s.
+
+    All in the camera's axes.
+    """
+    distance = max(float(np.linalg.norm(position)), 1e-9)
+    return float((camera_velocity - velocity) @ position / distance)
+
+
+def out_of_sight(missed_s: float, known: str) -> str:
+    """Why an obstacle counts although it was not seen for so many seconds, with what is known."""
+    return f"not seen for {missed_s:.1f} s, expected where it should be by now; {known}"
