@@ -84,10 +84,10 @@ class PlanarMethod:
             matches = _match(previous.left, view.left, features, p)
         with timer("stereo"):
             disparity = disparity_map(previous.left, previous.right, p.stereo)
-            depth = sample_disparity(disparity, matches.previous)
+            of_matches = sample_disparity(disparity, matches.previous)
         with timer("ego_motion"):
-            ego = estimate_ego_motion(matches, depth, camera, p.ego_motion, view.index)
-            ego = self._plausible_one(ego, view, dt, depth, p)
+            ego = estimate_ego_motion(matches, of_matches, camera, p.ego_motion, view.index)
+            ego = self._plausible_one(ego, view, dt, of_matches, p)
         _keep_background(trace, previous, features, matches, disparity, ego)
         detections: tuple[Detection, ...] = ()
         if ego.homography is not None:
@@ -108,7 +108,7 @@ class PlanarMethod:
             _keep_motion(trace, warped, flow, warped_disparity, motions, detections)
         with timer("tracking"):
             T_world_camera, obstacles = self._track(seen, view, ego, detections, p)
-        share = float(np.isfinite(depth).mean()) if len(depth) else 0.0
+        share = float(np.isfinite(of_matches).mean()) if len(of_matches) else 0.0
         return Step(ego, T_world_camera, obstacles, share, rows=None)
 
     def _plausible_one(
