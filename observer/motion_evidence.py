@@ -18,6 +18,7 @@ class Motion:
         own_velocity: (N, 3) m/s, world, of each point alone. own_information: (N, 3, 3).
         judged: (N,) whether the point was seen often enough. window_s: (N,) over how long.
         position: (N, 3) metres, world, now. position_cov: (N, 3, 3).
+        shared_cov: (N, 3, 3) (m/s)^2, of all velocities here, by errors that all points share.
         velocity: (N, 3) m/s, world, pooled. covariance: (N, 3, 3), of ``velocity``.
         significance: (N,) Mahalanobis length of ``velocity``; 0 where nothing can be said.
         neighbours: (N,) how many points were pooled, each one itself included.
@@ -32,6 +33,7 @@ class Motion:
     window_s: Float64Array
     position: Float64Array
     position_cov: Float64Array
+    shared_cov: Float64Array
     velocity: Float64Array
     covariance: Float64Array
     significance: Float64Array

@@ -36,7 +36,7 @@ class BodyTrack:
         shape: where its points are in its own frame. box: in that frame; None before the first
             update.
         points: members seen in this frame. frames: since it began. missed_s: seconds since it
-            was last seen. age_s: seconds since it began.
+            was last seen. age_s: seconds since it began. steady_s: since it last manoeuvred.
         hits: frames in which it moved significantly. sightings: of members in those frames,
             beyond those that may err alike.
         significance: Mahalanobis length of the velocity.
@@ -55,6 +55,7 @@ class BodyTrack:
     sightings: int = 0
     missed_s: float = 0.0
     age_s: float = 0.0
+    steady_s: float = 0.0
     hits: int = 0
     significance: float = 0.0
     box_px: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)

@@ -17,11 +17,13 @@ from observer.parameters import ObstacleParameters
 from observer.points import Points
 
 # A point joins if its velocity fits the body's and it is this much likelier than at rest (twice
-# the logarithm of the likelihoods' ratio: e^4 = 55 times).
+# the logarithm of the likelihoods' ratio: e^4 = 55 times); and leaves if it is so much less.
 _JOIN_CHI2 = float(chi2.ppf(0.99, df=3))
-_JOIN_RATIO = 8.0
+_SURE_RATIO = 8.0
 # Two velocities in space that differ by no more than this belong to one body.
 _SAME_CHI2 = float(chi2.ppf(0.999, df=3))
+# Share of a body's speed at which a point beside it may seem to creep, and still rests.
+_AT_REST = 0.03
 # Share of its speed that a body may gain or lose in a second.
 _BRAKING_PER_S = 0.5
 # Share of a body's yaw rate that it may not have had yet when a point was first seen.
@@ -31,7 +33,7 @@ _STRAY = 4.0
 # Share of the speed by which a body's velocity may differ from that of points seen again: it
 # turned or braked while it was hidden; and by which the velocities of its parts may differ.
 _CHANGED_WHILE_HIDDEN = 0.3
-_PARTS_DIFFER = 0.25
+_PARTS_DIFFER = 0.12
 # Metres, the extent of a body whose box is not known yet, and standard deviations of its place
 # within which points may be it.
 _FIRST_EXTENT_M = 0.3
@@ -96,18 +98,45 @@ def joining(
     sigma = np.sqrt(np.maximum(np.einsum("nii->n", motion.position_cov[free]), 0.0))
     room = track.room(parameters.margin)
     inside = track.contains(now, room + np.minimum(2 * sigma, room))
-    free, now = free[inside], now[inside]
-    L = motion.own_information[free]
-    own = motion.own_velocity[free]
+    apart, ratio = _likelier(track, free[inside], motion)
+    inside[inside] = (apart <= _JOIN_CHI2) & (ratio >= _SURE_RATIO)
+    return inside
+
+
+def resting(track: BodyTrack, members: NDArray[np.intp], motion: Motion) -> NDArray[np.bool_]:
+    """(K,) which members (K,) of a body that moves rest.
+
+    A point that was followed into the edge of something before the body stays there. Such points
+    need not be misfits: a body that is thought to turn about them explains them, and then all that
+    is told of it is wrong.
+    """
+    _, ratio = _likelier(track, members, motion)
+    return np.asarray(motion.judged[members] & (ratio <= -_SURE_RATIO))
+
+
+def _likelier(
+    track: BodyTrack, which: NDArray[np.intp], motion: Motion
+) -> tuple[Float64Array, Float64Array]:
+    """How far points (K,) are from moving with the body, and how much likelier that is than rest.
+
+    Both are likelihoods, with all that makes the one or the other uncertain: the more freedom a
+    body takes to explain points, the less likely it made just this velocity.
+
+    Returns:
+        (K,) squared Mahalanobis length, and (K,) twice the logarithm of the likelihoods' ratio.
+    """
+    own = motion.own_velocity[which]
+    noise = inverse_3x3(motion.own_information[which] + 1e-6 * np.eye(3))
     # A point's velocity is the mean over its window; a body that turns or brakes has moved on.
     speed = float(np.linalg.norm(track.mean[VELOCITY]))
-    lag = speed * (abs(track.yaw_rate) + _BRAKING_PER_S) * motion.window_s[free] / 2
-    loose = inverse_3x3(L + 1e-6 * np.eye(3)) + lag[:, None, None] ** 2 * np.eye(3)
-    apart = own - track.velocity_at(now)
-    as_body = np.einsum("ni,nij,nj->n", apart, inverse_3x3(loose), apart)
-    at_rest = np.einsum("ni,nij,nj->n", own, L, own)
-    inside[inside] = (as_body <= _JOIN_CHI2) & (at_rest - as_body >= _JOIN_RATIO)
-    return inside
+    lag = speed * (abs(track.yaw_rate) + _BRAKING_PER_S) * motion.window_s[which] / 2
+    as_body, body_spread = _unlikely(
+        own - track.velocity_at(motion.position[which]),
+        noise + lag[:, None, None] ** 2 * np.eye(3),
+    )
+    slow = (_AT_REST * speed) ** 2 * np.eye(3)
+    at_rest, rest_spread = _unlikely(own, noise + motion.shared_cov[which] + slow)
+    return as_body, at_rest + rest_spread - as_body - body_spread
 
 
 def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
@@ -121,8 +150,9 @@ def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
         slack = 0.5 * size + _FOUND_SIGMAS * float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
         distance = float(np.linalg.norm(group.centre - track.centre))
         velocity, own = track.centre_velocity()
-        squared = _apart(group.velocity, velocity, own + group.velocity_cov, _CHANGED_WHILE_HIDDEN)
-        if distance <= slack and squared <= _SAME_CHI2 and distance < best_distance:
+        if distance <= min(slack, best_distance) and _moves_with(
+            group.velocity, group.velocity_cov, velocity, own, _CHANGED_WHILE_HIDDEN
+        ):
             best, best_distance = track, distance
     return best
 
@@ -143,7 +173,7 @@ def are_one(
     _, older_cov = older.centre_velocity()
     velocity, cov = younger.centre_velocity()
     expected = older.velocity_at(younger.centre)
-    return _apart(expected, velocity, older_cov + cov, _PARTS_DIFFER) <= _SAME_CHI2
+    return _moves_with(velocity, cov, expected, older_cov, _PARTS_DIFFER)
 
 
 def placed(track: BodyTrack, sums: MotionSums) -> tuple[Float64Array, Float64Array]:
@@ -175,11 +205,33 @@ def shape_position(points: Points, which: NDArray[np.intp]) -> Float64Array:
     return np.asarray(np.einsum("nij,nj->ni", cov, vector), np.float64)
 
 
-def _apart(a: Float64Array, b: Float64Array, cov: Float64Array, share: float) -> float:
-    """Squared Mahalanobis length of the gap of two velocities, a share of which may be real."""
-    gap = a - b
-    real = share * max(float(np.linalg.norm(a)), float(np.linalg.norm(b)))
-    return float(gap @ np.linalg.solve(cov + np.eye(3) * real**2, gap))
+def _unlikely(gap: Float64Array, cov: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """(N,) squared Mahalanobis length of gaps (N, 3), and (N,) the log determinant of cov.
+
+    Their sum is twice the negative logarithm of a normal density, but for a constant.
+    """
+    squared = np.einsum("ni,nij,nj->n", gap, inverse_3x3(cov), gap)
+    return squared, np.log(np.linalg.det(cov))
+
+
+def _moves_with(
+    velocity: Float64Array,
+    cov: Float64Array,
+    expected: Float64Array,
+    expected_cov: Float64Array,
+    share: float,
+) -> bool:
+    """Whether what moves so may be part of a body that is expected to, rather than be at rest.
+
+    A share of the velocity may truly differ. The less is known of the body, the more may be it; but
+    not what rests, for there is plenty of that everywhere.
+    """
+    real = share * max(float(np.linalg.norm(velocity)), float(np.linalg.norm(expected)))
+    spread = cov + expected_cov + np.eye(3) * real**2
+    as_body, body_spread = _unlikely((velocity - expected)[None], spread[None])
+    at_rest, rest_spread = _unlikely(velocity[None], cov[None])
+    ratio = float((at_rest + rest_spread - as_body - body_spread)[0])
+    return float(as_body[0]) <= _SAME_CHI2 and ratio > -_SURE_RATIO
 
 
 def _together(position: Float64Array, reach: float) -> NDArray[np.bool_]:

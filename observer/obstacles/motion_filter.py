@@ -73,6 +73,11 @@ class ObstacleMotion:
         R.setflags(write=False)
         return R
 
+    @property
+    def manoeuvres(self) -> bool:
+        """Whether it more likely brakes, gains speed or begins to turn than drives steadily."""
+        return bool(self.probabilities[1] > 0.5)
+
     def predicted(
         self,
         dt: float,

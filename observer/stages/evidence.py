@@ -87,7 +87,8 @@ def pooled_motion(
         T_camera_world.apply(position), step_covariance, dt, np.maximum(window, dt), rate, camera,
         parameters,
     ) @ T_camera_world.rotation  # fmt: skip
-    cov = cov + np.swapaxes(common, 1, 2) @ common
+    shared_cov = np.swapaxes(common, 1, 2) @ common
+    cov = cov + shared_cov
     squared = np.einsum("ni,nij,nj->n", pooled, inverse_3x3(cov), pooled)
     squared = np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0)
     rate_each = false_alarms_per_test(parameters.false_alarms_per_frame, ready, neighbours)
@@ -101,6 +102,7 @@ def pooled_motion(
         window_s=window,
         position=position,
         position_cov=position_cov,
+        shared_cov=shared_cov,
         velocity=pooled,
         covariance=cov,
         significance=significance,

@@ -13,6 +13,7 @@ from observer.geometry import Float64Array, Pose
 from observer.motion_evidence import Motion
 from observer.obstacles.body import BodyTrack
 from observer.obstacles.identity import ObstacleNumbers, is_provisional
+from observer.obstacles.life import judge, over
 from observer.obstacles.measurement import Members, expected_pose, measure_body
 from observer.obstacles.membership import (
     Group,
@@ -21,13 +22,14 @@ from observer.obstacles.membership import (
     group_of,
     joining,
     placed,
+    resting,
     shape_position,
 )
 from observer.obstacles.motion_filter import POSITION, VELOCITY, ObstacleMotion, yaw_matrix
 from observer.obstacles.shape import ObstacleShape
 from observer.parameters import ObstacleParameters
 from observer.points import NO_OBSTACLE, Points
-from observer.types import MotionState, TrackState
+from observer.types import TrackState
 
 # Share of the acceleration that a steadily driving body may still have.
 _STEADY = 0.1
@@ -43,16 +45,11 @@ _SETTLED = 6
 _BANISHED = 5
 # A point seen more often than this knows its own motion, and needs no guess.
 _YOUNG = 4
-# Below this the velocity is no more than noise.
-_MOVING_SIGMAS = 3.0
-# The members that moved, beyond the first two, summed over the frames, before there is an
-# obstacle: two or three on one edge err alike.
-_CONFIRM_SIGHTINGS = 16
-_ALIKE = 2
-# Seconds: a tentative track that was not seen for so long, or has not moved significantly so long
-# after it began, was none.
-_TENTATIVE_COAST_S = 0.15
-_PATIENCE_S = 0.5
+# Seconds after a body manoeuvred for which its members' own velocities may still be those before.
+_STEADY_S = 0.3
+# A group slower than this share of what counts as moving creeps: the edge of something, whose
+# points slide along it, and no obstacle.
+_CREEPING = 0.5
 # m^2: a group's middle is the body's origin by definition.
 _ORIGIN_VARIANCE = 1e-6
 
@@ -92,6 +89,7 @@ class BodyTracker:
             )
             track.age_s += dt
             track.frames += 1
+            track.steady_s += dt
 
     def look_from(
         self,
@@ -194,6 +192,8 @@ class BodyTracker:
                     parameters.shared_error,
                 )
                 track.filter = track.filter.updated(seen.pose, seen.covariance)
+                if track.filter.manoeuvres:
+                    track.steady_s = 0.0
                 pose, _ = expected_pose(track.mean, track.filter.covariance)
                 obstacle[mine[seen.misfits]] = NO_OBSTACLE
                 tenure[mine[seen.misfits]] = -_BANISHED
@@ -212,14 +212,18 @@ class BodyTracker:
         )
 
     def adopt(self, points: Points, motion: Motion, parameters: ObstacleParameters) -> Points:
-        """Let points that move with a body, on it, join it."""
-        obstacle = points.obstacle.copy()
+        """Let points that move with a body, on it, join it, and members that rest leave it."""
+        obstacle, tenure = points.obstacle.copy(), points.tenure.copy()
         for track in self.tracks:
-            free = np.flatnonzero((obstacle == NO_OBSTACLE) & motion.judged & (points.tenure >= 0))
+            mine = np.flatnonzero(obstacle == track.id)
+            if track.steady_s >= _STEADY_S:
+                left = mine[resting(track, mine, motion)]
+                obstacle[left], tenure[left] = NO_OBSTACLE, -_BANISHED
+            free = np.flatnonzero((obstacle == NO_OBSTACLE) & motion.judged & (tenure >= 0))
             if track.box is None or len(free) == 0:
                 continue
             obstacle[free[joining(track, free, motion, parameters)]] = track.id
-        return self._placed(points, obstacle)
+        return self._placed(points.but(tenure=tenure), obstacle)
 
     def found(
         self,
@@ -241,6 +245,8 @@ class BodyTracker:
             reach = radius_m(np.median(motion.position[candidates], axis=0))
             group = group_of(candidates, motion, parameters, reach)
             if group is None:
+                continue
+            if np.linalg.norm(group.velocity) < _CREEPING * parameters.stopped_below_mps:
                 continue
             members = group.members
             track = body_of(group, self.tracks)
@@ -286,10 +292,10 @@ class BodyTracker:
                 offset = track.rebase()
                 every = points.obstacle == track.id
                 shape_vector[every] -= points.shape_information[every] @ offset
-            _judge(track, parameters)
+            judge(track, parameters)
         points = self._named(points.but(shape_vector=shape_vector))
         obstacle = points.obstacle.copy()
-        for track in [t for t in self.tracks if _over(t, parameters)]:
+        for track in [t for t in self.tracks if over(t, parameters)]:
             obstacle[obstacle == track.id] = NO_OBSTACLE
             self.tracks.remove(track)
         for older, younger in self._same(radius_m, parameters):
@@ -388,48 +394,3 @@ def _note_seen(
     track.missed_s = 0.0
     low, high = px.min(axis=0), px.max(axis=0)
     track.box_px = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-
-
-def _judge(track: BodyTrack, parameters: ObstacleParameters) -> None:
-    """Decide whether it moves, and whether it is confirmed."""
-    velocity, cov = track.centre_velocity()
-    track.significance = float(np.sqrt(max(0.0, float(velocity @ np.linalg.solve(cov, velocity)))))
-    speed = float(np.linalg.norm(velocity))
-    direction = velocity / max(speed, 1e-9)
-    sigma = float(np.sqrt(direction @ cov @ direction))
-    limit = parameters.stopped_below_mps
-    # Between the two conditions the answer stays what it was.
-    if speed < limit or track.significance < _MOVING_SIGMAS:
-        track.motion = MotionState.STOPPED
-    elif speed - sigma > limit:
-        track.motion = MotionState.MOVING
-    if track.missed_s > 0:
-        if track.state is TrackState.CONFIRMED:
-            track.state = TrackState.COASTING
-    elif track.state is TrackState.COASTING:
-        track.state = TrackState.CONFIRMED
-    elif track.state is TrackState.TENTATIVE:
-        _confirm(track, parameters)
-
-
-def _confirm(track: BodyTrack, parameters: ObstacleParameters) -> None:
-    """A tentative track is confirmed once it moved significantly in enough frames and points.
-
-    The fewer points there are, the longer they must keep moving alike.
-    """
-    moves = track.significance >= parameters.confirm_sigmas
-    if moves and track.motion is MotionState.MOVING:
-        track.hits += 1
-        track.sightings += max(0, track.points - _ALIKE)
-    else:
-        track.hits = max(0, track.hits - 1)
-    if track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS:
-        track.state = TrackState.CONFIRMED
-
-
-def _over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
-    """Whether a track is to end."""
-    if track.state is TrackState.TENTATIVE:
-        hopeless = track.age_s > _PATIENCE_S and track.hits == 0
-        return track.missed_s > _TENTATIVE_COAST_S or hopeless
-    return track.missed_s > parameters.coast_s

@@ -16,9 +16,13 @@ from observer.obstacles.body import BodyTrack
 from observer.obstacles.motion_filter import POSITION, VELOCITY
 from observer.parameters import Parameters
 from observer.points import NO_OBSTACLE, Points
+from observer.stages.evidence import pooled_motion
 from observer.stages.obstacle_tracking import BodyTracker
 from observer.types import MotionState, TrackState
 
+from .. import builders
+
+P = Parameters()
 DT = 1 / 15
 SIZE = (0.4, 0.3, 0.5)
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
@@ -155,6 +159,20 @@ def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -
     track.missed_s = 0.1
     tracker.look_from(Pose.identity(), CameraRate.still(), CAMERA, 0.0, 0.05)
     np.testing.assert_array_equal(track.lasting_cov, doubt[0.05])
+
+
+@pytest.mark.parametrize(("speed", "begins"), [(0.02, False), (0.1, True)])
+def test_what_creeps_begins_no_track(speed: float, begins: bool) -> None:
+    """However surely: points slide along the edge of one thing before another."""
+    rng = np.random.default_rng(1)
+    place = rng.uniform((-0.2, -0.2, 2.9), (0.2, 0.2, 3.1), (20, 3))
+    points = builders.watched(CAMERA, place, np.array([speed, 0, 0]), rng, sigma_px=0.002)
+    motion = pooled_motion(points, Pose.identity(), np.zeros((6, 6)), DT, CAMERA, P.evidence)
+    assert motion.dynamic.all()
+    tracker = BodyTracker()
+    together = np.zeros(20, np.int64)
+    tracker.found(points, together, motion, lambda _: 0.2, P.obstacles)
+    assert bool(tracker.tracks) == begins
 
 
 def test_what_stands_is_no_obstacle(watched: Any, crate: Any) -> None:
