@@ -84,3 +84,21 @@ class CameraRate:
         out[:, 0] = share * (relative[:, 0] - x / z * relative[:, 2])
         out[:, 1] = share * (relative[:, 1] - y / z * relative[:, 2])
         return out
+
+    def lasting_errors(
+        self,
+        place: Float64Array,
+        velocity: Float64Array,
+        camera: StereoCamera,
+        bias_px: float,
+        stretch: float,
+    ) -> Float64Array:
+        """(N, 2, 3) m/s, camera axes: of the disparity and of distortion, one deviation of each.
+
+        Args:
+            place, velocity: as of ``velocity_by_bias``. bias_px, stretch: one standard deviation
+                each, as of ``EvidenceParameters``.
+        """
+        bias = bias_px * self.velocity_by_bias(place, velocity, camera)
+        distortion = stretch * self.velocity_by_distortion(place, velocity, camera)
+        return np.stack([bias, distortion], axis=1)

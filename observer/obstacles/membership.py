@@ -119,24 +119,20 @@ def _likelier(
 ) -> tuple[Float64Array, Float64Array]:
     """How far points (K,) are from moving with the body, and how much likelier that is than rest.
 
-    Both are likelihoods, with all that makes the one or the other uncertain: the more freedom a
-    body takes to explain points, the less likely it made just this velocity.
-
-    Returns:
-        (K,) squared Mahalanobis length, and (K,) twice the logarithm of the likelihoods' ratio.
+    As of ``_against_rest``.
     """
     own = motion.own_velocity[which]
     noise = inverse_3x3(motion.own_information[which] + 1e-6 * np.eye(3))
     # A point's velocity is the mean over its window; a body that turns or brakes has moved on.
     speed = float(np.linalg.norm(track.mean[VELOCITY]))
     lag = speed * (abs(track.yaw_rate) + _BRAKING_PER_S) * motion.window_s[which] / 2
-    as_body, body_spread = _unlikely(
+    slow = (_AT_REST * speed) ** 2 * np.eye(3)
+    return _against_rest(
+        own,
         own - track.velocity_at(motion.position[which]),
         noise + lag[:, None, None] ** 2 * np.eye(3),
+        noise + motion.shared_cov[which] + slow,
     )
-    slow = (_AT_REST * speed) ** 2 * np.eye(3)
-    at_rest, rest_spread = _unlikely(own, noise + motion.shared_cov[which] + slow)
-    return as_body, at_rest + rest_spread - as_body - body_spread
 
 
 def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
@@ -205,6 +201,26 @@ def shape_position(points: Points, which: NDArray[np.intp]) -> Float64Array:
     return np.asarray(np.einsum("nij,nj->ni", cov, vector), np.float64)
 
 
+def _against_rest(
+    velocity: Float64Array, gap: Float64Array, body_cov: Float64Array, rest_cov: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """How far what moves is from moving with a body, and how much likelier that is than rest.
+
+    Both are likelihoods, with all that makes the one or the other uncertain: the more freedom a
+    body takes to explain what is seen, the less likely it made just this velocity.
+
+    Args:
+        velocity: (N, 3) m/s, with covariance ``rest_cov`` (N, 3, 3) about 0 if it rests. gap:
+            (N, 3) m/s, to what the body does there, with covariance ``body_cov`` (N, 3, 3).
+
+    Returns:
+        (N,) squared Mahalanobis length, and (N,) twice the logarithm of the likelihoods' ratio.
+    """
+    as_body, body_spread = _unlikely(gap, body_cov)
+    at_rest, rest_spread = _unlikely(velocity, rest_cov)
+    return as_body, at_rest + rest_spread - as_body - body_spread
+
+
 def _unlikely(gap: Float64Array, cov: Float64Array) -> tuple[Float64Array, Float64Array]:
     """(N,) squared Mahalanobis length of gaps (N, 3), and (N,) the log determinant of cov.
 
@@ -228,10 +244,10 @@ def _moves_with(
     """
     real = share * max(float(np.linalg.norm(velocity)), float(np.linalg.norm(expected)))
     spread = cov + expected_cov + np.eye(3) * real**2
-    as_body, body_spread = _unlikely((velocity - expected)[None], spread[None])
-    at_rest, rest_spread = _unlikely(velocity[None], cov[None])
-    ratio = float((at_rest + rest_spread - as_body - body_spread)[0])
-    return float(as_body[0]) <= _SAME_CHI2 and ratio > -_SURE_RATIO
+    apart, ratio = _against_rest(
+        velocity[None], (velocity - expected)[None], spread[None], cov[None]
+    )
+    return bool(apart[0] <= _SAME_CHI2 and ratio[0] > -_SURE_RATIO)
 
 
 def _together(position: Float64Array, reach: float) -> NDArray[np.bool_]:

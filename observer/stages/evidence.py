@@ -184,8 +184,7 @@ def _common_errors(
     moved = (causes[:, 3:].reshape(18) - place @ turning).reshape(-1, 6, 3)
     out[:, :6] = moved * np.sqrt(_RANDOM_WALK / (dt * window))[:, None, None]
     if rate is not None:
-        still = np.zeros_like(place)
-        bias, stretch = parameters.disparity_bias_px, parameters.stretch
-        out[:, 6] = bias * rate.velocity_by_bias(place, still, camera)
-        out[:, 7] = stretch * rate.velocity_by_distortion(place, still, camera)
+        out[:, 6:] = rate.lasting_errors(
+            place, np.zeros_like(place), camera, parameters.disparity_bias_px, parameters.stretch
+        )
     return out

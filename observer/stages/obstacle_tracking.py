@@ -110,9 +110,8 @@ class BodyTracker:
         for track in [t for t in self.tracks if t.missed_s == 0]:
             place = T_camera_world.apply(track.mean[None, POSITION])
             velocity = T_camera_world.rotate(track.mean[None, VELOCITY])
-            bias = bias_px * rate.velocity_by_bias(place, velocity, camera)
-            distortion = stretch * rate.velocity_by_distortion(place, velocity, camera)
-            drift = np.concatenate([bias, distortion]) @ T_camera_world.rotation
+            errors = rate.lasting_errors(place, velocity, camera, bias_px, stretch)[0]
+            drift = errors @ T_camera_world.rotation
             track.lasting_cov = drift.T @ drift
 
     def known(self, points: Points) -> NDArray[np.bool_]:
