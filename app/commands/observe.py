@@ -14,7 +14,7 @@ import typer
 from app.commands.assignments import chosen_parameters
 from app.commands.output import whole_file
 from app.commands.progress import ProgressCallback, progress_bar
-from observer.calibration.opencv_file import read_calibration_file
+from observer.calibration.formats.opencv_file import read_calibration_file
 from observer.errors import CalibrationError, InputError
 from observer.jsonl import observation_line
 from observer.observer import Observer

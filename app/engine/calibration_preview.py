@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from app.engine.views import encode_jpeg
-from observer.calibration.opencv_file import read_calibration
+from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import as_gray
 from observer.geometry import Float64Array
 from observer.stages.rectification import Rectification

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from app.engine.playback import Player
 from app.engine.truth_matching import TruthMatcher
 from app.messages import OpenSource
-from observer.calibration.opencv_file import calibration_text, read_calibration
+from observer.calibration.formats.opencv_file import calibration_text, read_calibration
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
 from observer.mount import CameraMount

@@ -10,7 +10,7 @@ from app.station.asking import ask
 from app.station.contracts import Engine
 from app.station.errors import FieldError, NotThere
 from app.storage import CalibrationRecord, RunRecord, Storage
-from observer.calibration.opencv_file import read_calibration
+from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import cv2
 
-from observer.calibration.opencv_file import calibration_text
+from observer.calibration.formats.opencv_file import calibration_text
 from observer.errors import InputError
 from observer.simulation.scenarios import load_scenario
 from observer.simulation.source import SimulatedSource

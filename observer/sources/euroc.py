@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from observer.calibration.euroc_file import read_euroc
+from observer.calibration.formats.euroc_file import read_euroc
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
 from observer.sources.file_pairs import FilePair, FilePairSource, MissingPair

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from observer.calibration.kitti_file import read_kitti_odometry
+from observer.calibration.formats.kitti_file import read_kitti_odometry
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
 from observer.sources.file_pairs import FilePairSource

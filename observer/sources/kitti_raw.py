@@ -7,7 +7,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
-from observer.calibration.kitti_file import read_kitti_raw
+from observer.calibration.formats.kitti_file import read_kitti_raw
 from observer.calibration.refinement import refine_rows
 from observer.camera import StereoCalibration
 from observer.errors import SourceError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from observer.calibration.opencv_file import read_calibration_file
+from observer.calibration.formats.opencv_file import read_calibration_file
 from observer.camera import StereoCalibration
 from observer.sources.file_pairs import FilePairSource
 from observer.sources.listing import pairs_by_name, read_times

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from observer.calibration.opencv_file import read_calibration_file
+from observer.calibration.formats.opencv_file import read_calibration_file
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, SourceError
 from observer.sources.contract import SkippedFrame, SourceInfo

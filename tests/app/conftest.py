@@ -33,7 +33,7 @@ from app.messages import (
 )
 from app.storage import Storage
 from app.supervisor import EngineHealth, EngineRefused, EngineUnavailable
-from observer.calibration.opencv_file import calibration_text
+from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.parameters import Parameters
 

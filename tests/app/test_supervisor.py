@@ -34,7 +34,7 @@ from app.messages import (
     WatchViews,
 )
 from app.supervisor import EngineRefused, EngineUnavailable, Supervisor, SupervisorLimits
-from observer.calibration.opencv_file import calibration_text
+from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.parameters import preset
 

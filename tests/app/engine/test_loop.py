@@ -33,7 +33,7 @@ from app.messages import (
     StopRun,
     WatchViews,
 )
-from observer.calibration.opencv_file import calibration_text
+from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import SourceError
 from observer.geometry import Pose

@@ -14,7 +14,7 @@ from app.engine.dense_stereo import PairKeeper, dense_stereo
 from app.engine.views import MAX_WIDTH, draw_disparity, draw_view
 from app.engine.watched import Observed
 from app.messages import VIEW_NAMES
-from observer.calibration.opencv_file import calibration_text
+from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
 from observer.geometry import Pose

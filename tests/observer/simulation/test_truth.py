@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from observer.calibration.opencv_file import read_calibration_file
+from observer.calibration.formats.opencv_file import read_calibration_file
 from observer.camera import StereoCalibration
 from observer.errors import InputError
 from observer.opening import open_source

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from observer.calibration.opencv_file import calibration_text
+from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, SourceError
 from observer.sources.contract import SkippedFrame, Source

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer.calibration.kitti_file import read_kitti_raw
+from observer.calibration.formats.kitti_file import read_kitti_raw
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 from observer.sources.folders import open_folder

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from observer.calibration.numbers import number_array
-from observer.calibration.plain_data import PlainData, parse_plain_data, read_text
+from observer.calibration.formats.numbers import number_array
+from observer.calibration.formats.plain_data import PlainData, parse_plain_data, read_text
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, Pose

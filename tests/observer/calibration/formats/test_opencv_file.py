@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from observer.calibration.opencv_file import (
+from observer.calibration.formats.opencv_file import (
     calibration_text,
     read_calibration,
     read_calibration_file,

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 
-from observer.calibration.plain_data import PlainData
+from observer.calibration.formats.plain_data import PlainData
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 

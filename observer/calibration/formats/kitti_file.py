@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from observer.calibration.plain_data import read_text
+from observer.calibration.formats.plain_data import read_text
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from observer.calibration.kitti_file import read_kitti_odometry, read_kitti_raw
+from observer.calibration.formats.kitti_file import read_kitti_odometry, read_kitti_raw
 from observer.errors import CalibrationError
 
 SIZE = (1392, 512)
