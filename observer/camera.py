@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,17 +15,23 @@ from observer.geometry import Float64Array, is_rotation
 MIN_BASELINE_M = 0.001
 MAX_BASELINE_M = 2.0
 
+# OpenCV's own model (k1 k2 p1 p2 [k3 ...], "radtan" to Kalibr, "plumb_bob" to ROS), and that of
+# fisheye lenses (k1 k2 k3 k4; Kannala and Brandt 2006, OpenCV's module fisheye).
+DistortionModel = Literal["radtan", "equidistant"]
+
 
 @dataclass(frozen=True, eq=False)
 class StereoCalibration:
-    """A calibrated, not necessarily rectified, pair of pinhole cameras (OpenCV's model).
+    """A calibrated, not necessarily rectified, pair of cameras.
 
     Attributes:
         width, height: image size in pixels, the same for both cameras.
         K1, K2: (3, 3) float64 camera matrices, pixels.
-        D1, D2: (N,) float64 distortion k1 k2 p1 p2 [k3 ...]; all zero for rectified images.
+        D1, D2: (N,) float64 distortion k1 k2 p1 p2 [k3 ...]; all zero for rectified images; of a
+            fisheye lens k1 k2 k3 k4.
         R: (3, 3) rotation ``R_right_left``.
         T: (3,) metres: the left camera's origin in the right camera's frame (T[0] < 0).
+        distortion_model: of both lenses.
 
     Raises:
         CalibrationError: naming the key and the reason.
@@ -38,6 +45,7 @@ class StereoCalibration:
     D2: Float64Array
     R: Float64Array
     T: Float64Array
+    distortion_model: DistortionModel = "radtan"
 
     def __post_init__(self) -> None:
         if not (8 <= self.width <= 16384 and 8 <= self.height <= 16384):
@@ -50,7 +58,13 @@ class StereoCalibration:
         self._set("T", (3,))
         for name in ("D1", "D2"):
             size = np.asarray(getattr(self, name)).size
-            if size not in (0, 4, 5, 8, 12, 14):
+            if self.distortion_model == "equidistant":
+                if size != 4:
+                    raise CalibrationError(
+                        f"{name} of an equidistant (fisheye) lens must hold 4 coefficients, "
+                        f"not {size}"
+                    )
+            elif size not in (0, 4, 5, 8, 12, 14):
                 raise CalibrationError(
                     f"{name} must hold 4, 5, 8, 12 or 14 distortion coefficients, not {size}"
                 )
@@ -100,7 +114,8 @@ class StereoCalibration:
     def is_rectified(self) -> bool:
         """Whether images of this pair are used as they are, without any remapping."""
         return bool(
-            not self.D1.any()
+            self.distortion_model == "radtan"
+            and not self.D1.any()
             and not self.D2.any()
             and np.array_equal(self.R, np.eye(3))
             and not self.T[1:].any()

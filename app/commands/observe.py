@@ -19,7 +19,7 @@ from observer.errors import CalibrationError, InputError
 from observer.jsonl import observation_line
 from observer.observer import Observer
 from observer.opening import open_source
-from observer.sources.contract import SkippedFrame, Source
+from observer.sources.contract import NoFrame, SkippedFrame, Source
 
 
 def observe(
@@ -82,12 +82,16 @@ def _observe_all(
     """Write one line per readable frame; the frames that could not be read are returned."""
     skipped: list[SkippedFrame] = []
     observed = 0
+    trouble: str | None = None
     while limit is None or observed < limit:
         frame = source.read()
         if frame is None:
             break
         if isinstance(frame, SkippedFrame):
             skipped.append(frame)
+            continue
+        if isinstance(frame, NoFrame):
+            trouble = _told(frame.trouble, trouble)
             continue
         line = observation_line(observer.observe(frame), tentative=tentative)
         file.write(json.dumps(line, allow_nan=False) + "\n")
@@ -97,6 +101,13 @@ def _observe_all(
         reasons = f": {skipped[0].reason}" if skipped else ""
         raise InputError(f"{source.info.spec} has no frame that could be read{reasons}")
     return skipped
+
+
+def _told(trouble: str | None, before: str | None) -> str | None:
+    """A live source's trouble, said once on stderr as long as it stays the same."""
+    if trouble is not None and trouble != before:
+        typer.echo(trouble, err=True)
+    return trouble
 
 
 @contextlib.contextmanager

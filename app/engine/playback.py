@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from app.engine.errors import NotNow
 from observer.errors import InputError, SourceError
-from observer.sources.contract import SkippedFrame, Source
+from observer.sources.contract import NoFrame, SkippedFrame, Source
 from observer.types import StereoFrame
 
 MIN_RATE = 0.1
@@ -66,6 +66,8 @@ class Player:
         self._played: deque[tuple[float, float]] = deque()
         self.position: int | None = None
         self.skipped = 0
+        # What keeps a live source from delivering, one sentence.
+        self.trouble: str | None = None
 
     @property
     def paused(self) -> bool:
@@ -119,7 +121,10 @@ class Player:
             self.skipped += 1
             self._last_index = item.index + self._index_offset
             return replace(item, index=self._last_index)
-        if item is not None:
+        if isinstance(item, NoFrame):
+            self.trouble = item.trouble
+        elif item is not None:
+            self.trouble = None
             self._hold(item)
         elif self._frames_in_pass == 0:
             raise SourceError(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 from observer.camera import StereoCalibration
 from observer.mount import CameraMount
 from observer.types import StereoFrame
+
+# The engine's loop asks the source between its heartbeats, so no answer may take longer.
+LIVE_PATIENCE_S = 0.03
 
 
 @dataclass(frozen=True)
@@ -17,7 +21,7 @@ class SourceInfo:
     Attributes:
         spec: the text it was opened by, as in ``simulated:lab``.
         kind: ``simulated``, ``stereo folder``, ``KITTI odometry``, ``KITTI raw``, ``EuRoC``,
-            ``video``; words shown to people.
+            ``video``, ``camera``, ``network``; words shown to people.
         width, height: of each image, pixels.
         frame_rate: nominal, 1/s.
         frame_count: total number of frames, or None for a live source.
@@ -27,6 +31,8 @@ class SourceInfo:
             unknown.
         mount_forward_m, mount_left_m: of the left camera from the middle of the axle about which
             the robot turns, None where unknown.
+        devices: names by which the cameras of a live source are found again (left and right, or
+            one that shows both images); empty for others. A calibration is bound to them.
     """
 
     spec: str
@@ -40,6 +46,7 @@ class SourceInfo:
     mount_tilt_rad: float | None = None
     mount_forward_m: float | None = None
     mount_left_m: float | None = None
+    devices: tuple[str, ...] = ()
 
     @property
     def mount(self) -> CameraMount | None:
@@ -64,6 +71,71 @@ class SkippedFrame:
     reason: str
 
 
+@dataclass(frozen=True)
+class NoFrame:
+    """A live source has no frame at this moment; ask again. Only live sources answer with it.
+
+    Attributes:
+        trouble: one sentence that names the camera and what is wrong with it; None while nothing
+            is: the next frame is simply not due yet.
+    """
+
+    trouble: str | None = None
+
+
+@dataclass(frozen=True)
+class CameraReport:
+    """How one camera of a live source is.
+
+    Attributes:
+        side: ``left``, ``right``, or ``both`` for one that shows both images.
+        device: as in ``SourceInfo.devices``.
+        state: ``open``, ``waiting`` (it is being opened again) or ``failed``.
+        trouble: one sentence, None while it delivers.
+        settings: what the camera really accepted, in words by name, as in
+            ``{"size": "640x480", "pixel format": "MJPG", "exposure": "156 (locked)"}``.
+        refused: one sentence for each setting that was asked for and not accepted.
+    """
+
+    side: Literal["left", "right", "both"]
+    device: str
+    state: Literal["open", "waiting", "failed"]
+    trouble: str | None
+    settings: Mapping[str, str]
+    refused: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class LiveReport:
+    """How a live source is.
+
+    Attributes:
+        cameras: one or two.
+        pairs: delivered so far. dropped: pairs whose images were further apart than half a frame.
+        skew_median_s, skew_p95_s: of ``right_time - time`` over the last seconds, as a size;
+            None before enough pairs, and for one device that shows both images.
+        reopened: how often a camera was opened again.
+        hints: sentences for the person who sets it up, such as on shared USB bandwidth.
+    """
+
+    cameras: tuple[CameraReport, ...]
+    pairs: int
+    dropped: int
+    skew_median_s: float | None
+    skew_p95_s: float | None
+    reopened: int
+    hints: tuple[str, ...] = ()
+
+
+@runtime_checkable
+class LiveSource(Protocol):
+    """What a live source can tell beside its frames."""
+
+    def report(self) -> LiveReport:
+        """How it is at this moment; returns at once, from any thread."""
+        ...
+
+
 class Source(Protocol):
     """A sequence of stereo frames, opened by its constructor.
 
@@ -78,8 +150,12 @@ class Source(Protocol):
         """The calibration that came with the source; None where it brings none."""
         ...
 
-    def read(self) -> StereoFrame | SkippedFrame | None:
-        """The next frame, a frame that was skipped and why, or None after the last one."""
+    def read(self) -> StereoFrame | SkippedFrame | NoFrame | None:
+        """The next frame, a frame that was skipped and why, or None after the last one.
+
+        A live source never waits longer than ``LIVE_PATIENCE_S`` and answers ``NoFrame`` when
+        nothing came; it never ends by itself.
+        """
         ...
 
     def rewind(self) -> None:

@@ -107,8 +107,18 @@ class _KittiFile:
             R, T_b - R @ T_a,
         )  # fmt: skip
 
-    def _checked(self, width: int, height: int, *arrays: Float64Array) -> StereoCalibration:
+    def _checked(
+        self,
+        width: int,
+        height: int,
+        K1: Float64Array,
+        D1: Float64Array,
+        K2: Float64Array,
+        D2: Float64Array,
+        R: Float64Array,
+        T: Float64Array,
+    ) -> StereoCalibration:
         try:
-            return StereoCalibration(width, height, *arrays)
+            return StereoCalibration(width, height, K1, D1, K2, D2, R, T)
         except CalibrationError as error:
             raise CalibrationError(f"{self._name}: {error}") from None

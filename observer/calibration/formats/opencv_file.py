@@ -53,9 +53,9 @@ def read_calibration(text: str, *, name: str) -> StereoCalibration:
     if missing:
         raise CalibrationError(f"{name}: {_missing_sentence(missing)}")
     width, height = _image_size(data, name)
-    arrays = {key: _array(data, key, name) for key in _KEYS}
+    a = {key: _array(data, key, name) for key in _KEYS}
     try:
-        return StereoCalibration(width, height, **arrays)
+        return StereoCalibration(width, height, a["K1"], a["D1"], a["K2"], a["D2"], a["R"], a["T"])
     except CalibrationError as error:
         raise CalibrationError(f"{name}: {error}") from None
 

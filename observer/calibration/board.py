@@ -1,0 +1,97 @@
+"""The boards that cameras are calibrated with: what is printed, and where its corners are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from observer.errors import CalibrationError
+from observer.geometry import Float64Array
+
+BoardKind = Literal["chessboard", "charuco"]
+# The markers of every ChArUco board here: 250 different ones serve boards of up to 500 squares.
+CHARUCO_DICTIONARY = "DICT_4X4_250"
+# Of a square's side; the white margin around a marker is what its detection rests on.
+MARKER_SHARE = 0.75
+
+_CORNERS = (3, 30)
+_SQUARE_M = (0.002, 0.5)
+
+
+@dataclass(frozen=True)
+class Board:
+    """A flat board of squares, named by its inner corners as OpenCV names it.
+
+    Corner ``i`` is column ``i % columns`` of row ``i // columns``. The board's own frame lies on
+    it: x along a row, y along a column, z into the board, the origin at corner 0.
+
+    Attributes:
+        kind: ``chessboard``, or ``charuco``, whose squares carry markers, so that a part of it
+            in view is enough.
+        columns, rows: inner corners; there is one square more each way.
+        square_m: side of a square, metres.
+
+    Raises:
+        CalibrationError: one sentence of what is wrong and what would be right.
+    """
+
+    kind: BoardKind = "chessboard"
+    columns: int = 9
+    rows: int = 6
+    square_m: float = 0.025
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("chessboard", "charuco"):
+            raise CalibrationError(f"a board is a chessboard or charuco, not {self.kind!r}")
+        for name in ("columns", "rows"):
+            value = getattr(self, name)
+            if not _CORNERS[0] <= value <= _CORNERS[1]:
+                raise CalibrationError(
+                    f"a board has {_CORNERS[0]} to {_CORNERS[1]} inner corners each way, "
+                    f"not {value} {name}; count the corners between squares, not the squares"
+                )
+        if not _SQUARE_M[0] <= self.square_m <= _SQUARE_M[1]:
+            raise CalibrationError(
+                f"the squares of a board have a side of {1e3 * _SQUARE_M[0]:g} to "
+                f"{1e3 * _SQUARE_M[1]:g} mm, not {1e3 * self.square_m:g} mm"
+            )
+        if self.kind == "charuco" and (self.columns + 1) * (self.rows + 1) > 500:
+            raise CalibrationError("a ChArUco board has at most 500 squares here")
+
+    @property
+    def corner_count(self) -> int:
+        return self.columns * self.rows
+
+    @property
+    def object_points(self) -> Float64Array:
+        """(columns * rows, 3) metres, the corners in the board's frame, by number."""
+        v, u = np.mgrid[0 : self.rows, 0 : self.columns]
+        flat = np.stack([u.ravel(), v.ravel(), np.zeros(self.corner_count)], axis=1)
+        return np.asarray(flat * self.square_m, dtype=np.float64)
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Width and height of all squares, metres."""
+        return (self.columns + 1) * self.square_m, (self.rows + 1) * self.square_m
+
+    @property
+    def words(self) -> str:
+        """As people say it: ``chessboard 9x6, 25 mm``."""
+        name = "ChArUco board" if self.kind == "charuco" else "chessboard"
+        return f"{name} {self.columns}x{self.rows}, {1e3 * self.square_m:g} mm"
+
+
+def parse_board_size(text: str) -> tuple[int, int]:
+    """Columns and rows of ``9x6``.
+
+    Raises:
+        CalibrationError: the text is not of this form.
+    """
+    columns, x, rows = text.lower().replace("×", "x").partition("x")
+    if not (x and columns.strip().isdecimal() and rows.strip().isdecimal()):
+        raise CalibrationError(
+            f"a board's size is given as COLUMNSxROWS of inner corners, as in 9x6, not {text!r}"
+        )
+    return int(columns), int(rows)
