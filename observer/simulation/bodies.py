@@ -16,13 +16,8 @@ from observer.simulation.facets import (
     rectangle,
     wheel,
 )
-from observer.simulation.scenarios import (
-    P3DX_SIZE,
-    BoxSpec,
-    PosterSpec,
-    RoomSpec,
-    TextureSpec,
-)
+from observer.simulation.specs.places import BoxSpec, PosterSpec, RoomSpec, TextureSpec
+from observer.simulation.specs.vehicles import P3DX_SIZE
 
 # How far a picture hangs in front of its wall, so that visibility is decided, metres.
 _POSTER_GAP_M = 0.004

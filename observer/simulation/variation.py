@@ -9,17 +9,16 @@ import numpy as np
 
 from observer.errors import ScenarioError
 from observer.simulation.motion import Course, Leg, Oscillation, Parked, PlanarMotion, Sway
-from observer.simulation.scenarios import (
+from observer.simulation.scenarios import Scenario
+from observer.simulation.specs.base import SineSpec
+from observer.simulation.specs.places import BoxSpec, PosterSpec
+from observer.simulation.specs.vehicles import (
     ArcLeg,
-    BoxSpec,
     CourseSpec,
     DriveLeg,
     LegSpec,
     MotionSpec,
-    PosterSpec,
     RobotSpec,
-    Scenario,
-    SineSpec,
     SwaySpec,
     TurnLeg,
     VehicleSpec,

@@ -33,7 +33,9 @@ from observer.simulation.bodies import (
 )
 from observer.simulation.facets import Facet, Part
 from observer.simulation.motion import Oscillation, PlanarMotion, PlanarState
-from observer.simulation.scenarios import AMIGOBOT_SIZE, Scenario, SineSpec
+from observer.simulation.scenarios import Scenario
+from observer.simulation.specs.base import SineSpec
+from observer.simulation.specs.vehicles import AMIGOBOT_SIZE
 from observer.simulation.variation import build_motion, varied
 
 # From a vehicle's axes (x forward, y left, z up) to a camera's (x right, y down, z forward).

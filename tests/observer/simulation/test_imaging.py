@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from observer.simulation.imaging import LEFT, RIGHT, StereoImager
-from observer.simulation.scenarios import FaultSpec, load_scenario, scenario_names
+from observer.simulation.scenarios import load_scenario, scenario_names
 from observer.simulation.source import SimulatedSource
+from observer.simulation.specs.cameras import FaultSpec
 from observer.simulation.textures import paint
 from observer.simulation.visibility import left_hits
 from observer.simulation.world import World

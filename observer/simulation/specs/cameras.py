@@ -1,0 +1,87 @@
+"""The two cameras, how they are mounted, and what ails them."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from observer.simulation.specs.base import Fraction, SineSpec, Spec
+
+
+class CameraSpec(Spec):
+    """The stereo pair and how it is mounted on the observer."""
+
+    width: int = Field(512, ge=64, le=4096)
+    height: int = Field(256, ge=64, le=4096)
+    baseline_m: float = Field(0.12, gt=0, le=1)
+    hfov_deg: float = Field(60.0, ge=10, le=120)
+    height_m: float = Field(0.40, ge=0.05, le=3)
+    tilt_deg: float = Field(5.0, ge=-60, le=60)
+    forward_m: float = Field(0.05, ge=-1, le=1)
+
+
+class ShakeSpec(Spec):
+    """Motion of the camera against the vehicle, sines; angles in degrees, ``up`` in metres.
+
+    Small and quick it is a vibrating mount, large and slow the flight of an aerial vehicle.
+    """
+
+    roll: SineSpec = SineSpec()
+    pitch: SineSpec = SineSpec()
+    yaw: SineSpec = SineSpec()
+    up: SineSpec = SineSpec()
+
+
+class LensSpec(Spec):
+    """Radial and tangential distortion of both lenses, OpenCV's model."""
+
+    k1: float = Field(0.0, ge=-0.6, le=0.6)
+    k2: float = Field(0.0, ge=-0.6, le=0.6)
+    p1: float = Field(0.0, ge=-0.05, le=0.05)
+    p2: float = Field(0.0, ge=-0.05, le=0.05)
+
+
+class TiltSpec(Spec):
+    """Rotation of the right camera against the left one, degrees about x, y and z."""
+
+    pitch_deg: float = Field(0.0, ge=-5, le=5)
+    vergence_deg: float = Field(0.0, ge=-5, le=5)
+    roll_deg: float = Field(0.0, ge=-5, le=5)
+
+
+class MiscalibrationSpec(TiltSpec):
+    """What the calibration that is handed out says beyond the truth; ``focal`` is relative."""
+
+    focal: float = Field(0.0, ge=-0.2, le=0.2)
+
+
+class FlickerSpec(Spec):
+    """Brightness of the light, ``1 + amplitude sin(2 pi hz t)``."""
+
+    amplitude: Fraction = 0.0
+    hz: float = Field(2.0, gt=0, le=1000)
+
+
+class FaultSpec(Spec):
+    """What ails the cameras.
+
+    Attributes:
+        noise: standard deviation, grey levels, independent in both cameras.
+        gain: the right camera is brighter by this share.
+        blur_px: standard deviation of a Gaussian (out of focus), pixels.
+        exposure_s: length of the exposure, during which motion blurs; the mean instant counts.
+        exposure_samples: instants that are rendered and averaged over the exposure.
+        skew_s: the right camera exposes later by this time; free-running cameras.
+        readout_s: rolling shutter: from the exposure of the first to that of the last row.
+    """
+
+    noise: float = Field(0.0, ge=0, le=30)
+    gain: float = Field(0.0, ge=-0.9, le=2)
+    flicker: FlickerSpec = FlickerSpec()
+    blur_px: float = Field(0.0, ge=0, le=20)
+    exposure_s: float = Field(0.0, ge=0, le=0.5)
+    exposure_samples: int = Field(5, ge=2, le=32)
+    skew_s: float = Field(0.0, ge=-0.5, le=0.5)
+    readout_s: float = Field(0.0, ge=0, le=0.2)
+    lens: LensSpec = LensSpec()
+    tilt: TiltSpec = TiltSpec()
+    miscalibration: MiscalibrationSpec = MiscalibrationSpec()
