@@ -29,6 +29,8 @@ points_current        (K, 3) metres, the same points at t+dt, in the same frame
 detections            the obstacles of this frame before they get an identity
 --------------------  rigid only
 evidence              ``Evidence``: how every followed point moves, and how sure that is
+rows                  ``StereoRows``: where the points are in the right image; the inliers of
+                      ``ego_motion`` are aligned with them
 --------------------  one camera only
 rays                  ``RayPoints``: all followed points, their lines of sight and depths
 ray_evidence          ``RayEvidence``: which of them cannot stand

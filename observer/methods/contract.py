@@ -7,6 +7,9 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from observer.geometry import Float64Array, Pose
 from observer.parameters import Parameters
 from observer.types import EgoMotion, Image, Obstacle, Odometry, StereoFrame, Trace
@@ -40,14 +43,18 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class StereoRows:
-    """Where N points of the left image were found in the right one, to check the rectification.
+    """Where N points of the left image were found in the right one, to check the calibration.
 
     Attributes:
         px: (N, 2) pixels, left image. offset_px: (N,) left minus right row, pixels.
+        disparity: (N,) pixels at the left image's exposure; NaN unknown.
+        number: (N,) each point's own number, never used twice in a segment.
     """
 
     px: Float64Array
     offset_px: Float64Array
+    disparity: Float64Array
+    number: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

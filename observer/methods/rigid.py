@@ -89,9 +89,10 @@ class RigidMethod:
             points, sigma = self._sighted(seen, expected_disparity, view, dt, p)
         with timer("ego_motion"):
             ego = self._ego_motion(points, sigma, T_expected, view, dt, p)
-        rows = StereoRows(points.px.astype(np.float64), _row_offset(points))
+        rows = _rows(points)
         share = float(np.isfinite(points.disparity).mean()) if len(points) else 0.0
         keep_background(trace, previous, before, points, seen, ego)
+        trace.keep("rows", rows)
         if ego.T_camera_world is None or ego.T_current_previous is None:
             return Step(ego, None, self._unseen(view.time, p), share, rows)
         T_camera_world, step_cov = ego.T_camera_world, ego.pose_covariance
@@ -350,5 +351,6 @@ def _information(
     return np.asarray(R @ (np.swapaxes(J, 1, 2) @ J) @ R.T, dtype=np.float64)
 
 
-def _row_offset(points: Points) -> Float64Array:
-    return np.asarray(points.px[:, 1] - points.right_px[:, 1], dtype=np.float64)
+def _rows(points: Points) -> StereoRows:
+    offset = np.asarray(points.px[:, 1] - points.right_px[:, 1], dtype=np.float64)
+    return StereoRows(points.px.astype(np.float64), offset, points.disparity, points.number)

@@ -101,7 +101,8 @@ class VerticalError:
     """How far the rows of a rectified pair are apart: v_left - v_right of the same points.
 
     Attributes:
-        median_px: the median, signed. p95_px: 95 % of what fits the fitted plane lies within
+        median_px: the median, signed. centre_px: the fitted plane at the principal point.
+        p95_px: 95 % of what fits the fitted plane lies within
             this distance of 0. typical_px: root mean square of the fitted plane over the image.
         typical_std_px: its standard deviation.
         roll_rad: by how much the right image is turned against the left one, clockwise positive.
@@ -110,6 +111,7 @@ class VerticalError:
     """
 
     median_px: float
+    centre_px: float
     p95_px: float
     typical_px: float
     typical_std_px: float
@@ -172,6 +174,7 @@ def vertical_error(
     gradient = share * plane / max(typical, 1e-9)
     return VerticalError(
         median_px=float(np.median(y[fitting])),
+        centre_px=float(plane[0]),
         p95_px=float(sizes[int(0.95 * (len(sizes) - 1))]),
         typical_px=typical,
         typical_std_px=float(np.sqrt(gradient @ covariance @ gradient)),
