@@ -17,11 +17,17 @@ _R_CAMERA_BASE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 class CameraMount:
     """The left camera on a robot that stands on a flat floor.
 
+    The camera is level and looks ahead, then turns about its own axes: by ``pan_rad`` to the
+    left, by ``tilt_rad`` down, at last by ``roll_rad`` about the direction it looks in.
+
     Attributes:
         height_m: of the camera above the floor. tilt_rad: angle by which it looks down from the
             horizontal.
         forward_m, left_m: of the camera from the middle of the axle about which the robot turns;
             None where unknown.
+        roll_rad: by which its right side hangs lower than its left one: clockwise as seen from
+            behind the camera. pan_rad: by which it looks to the left of where the robot drives.
+            Both 0 where nobody has measured them: a camera is put up straight.
 
     Raises:
         ValueError: the height is not positive or the camera does not look ahead.
@@ -31,23 +37,52 @@ class CameraMount:
     tilt_rad: float
     forward_m: float | None = None
     left_m: float | None = None
+    roll_rad: float = 0.0
+    pan_rad: float = 0.0
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.height_m) and self.height_m > 0):
             raise ValueError(f"a camera stands above the floor, not at {self.height_m} m")
         if not abs(self.tilt_rad) < math.pi / 2:
             raise ValueError("a camera looks ahead: its tilt must lie within 90 degrees")
+        if not abs(self.roll_rad) < math.pi / 2:
+            raise ValueError("a camera stands upright: its roll must lie within 90 degrees")
+        if not abs(self.pan_rad) <= math.pi:
+            raise ValueError("a camera's pan must lie within 180 degrees")
+
+    @staticmethod
+    def angles_of(down: Float64Array) -> tuple[float, float]:
+        """Tilt and roll, radians, of a camera that has gravity in this direction.
+
+        Args:
+            down: (3,) unit vector in the camera's axes; the inverse of ``down``.
+        """
+        x, y, z = (float(value) for value in down)
+        return math.atan2(z, math.hypot(x, y)), math.atan2(x, y)
 
     @property
     def down(self) -> Float64Array:
         """(3,) the direction of gravity in the camera's axes, unit length."""
-        return np.array([0.0, math.cos(self.tilt_rad), math.sin(self.tilt_rad)])
+        level = math.cos(self.tilt_rad)
+        return np.array(
+            [level * math.sin(self.roll_rad), level * math.cos(self.roll_rad),
+             math.sin(self.tilt_rad)]
+        )  # fmt: skip
 
     @property
     def T_base_camera(self) -> Pose:
         """The camera on its robot; as if above the axle where its offset is unknown."""
         offset = np.array([self.forward_m or 0.0, self.left_m or 0.0, self.height_m])
         return Pose(self.R_base_camera, offset)
+
+    @property
+    def T_level_camera(self) -> Pose:
+        """The camera in upright axes: z up from the floor below it, x to where it looks, y left.
+
+        What ``T_base_camera`` is, but for pan and offset: all that levelling needs. Applied to
+        the world, which is a segment's first camera, it is the display's frame.
+        """
+        return Pose(self._R_level_camera, np.array([0.0, 0.0, self.height_m]))
 
     @property
     def lever_sigma_m(self) -> float:
@@ -57,5 +92,11 @@ class CameraMount:
     @property
     def R_base_camera(self) -> Float64Array:
         """(3, 3) from the camera's axes to the robot's (x forward, y left, z up)."""
-        turn = Pose.from_rotvec([0.0, self.tilt_rad, 0.0], np.zeros(3)).rotation
-        return np.asarray(turn @ _R_CAMERA_BASE.T, dtype=np.float64)
+        pan = Pose.from_rotvec([0.0, 0.0, self.pan_rad], np.zeros(3)).rotation
+        return np.asarray(pan @ self._R_level_camera, dtype=np.float64)
+
+    @property
+    def _R_level_camera(self) -> Float64Array:
+        tilt = Pose.from_rotvec([0.0, self.tilt_rad, 0.0], np.zeros(3)).rotation
+        roll = Pose.from_rotvec([self.roll_rad, 0.0, 0.0], np.zeros(3)).rotation
+        return np.asarray(tilt @ roll @ _R_CAMERA_BASE.T, dtype=np.float64)

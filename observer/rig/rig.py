@@ -1,0 +1,179 @@
+"""What is known of the robot that carries the cameras, and where each number comes from."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from types import MappingProxyType
+from typing import Literal, get_args
+
+from observer.errors import InputError
+from observer.geometry import Pose
+from observer.mount import CameraMount
+
+Role = Literal["observer", "obstacle"]
+RobotModel = Literal["p3dx-sh", "p3dx", "amigo-sh", "amigo"]
+ROLES: tuple[Role, ...] = get_args(Role)
+ROBOT_MODELS: tuple[RobotModel, ...] = get_args(RobotModel)
+
+# What a camera on a robot in a room can be like; outside, a value is in other units or mistyped.
+# Lowest and highest, both allowed.
+LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "height_m": (0.02, 3.0),
+        "tilt_deg": (-89.0, 89.0),
+        "roll_deg": (-45.0, 45.0),
+        "pan_deg": (-180.0, 180.0),
+        "forward_m": (-2.0, 2.0),
+        "left_m": (-2.0, 2.0),
+    }
+)
+# A mocap system tells where the markers' middle is, which sits on the robot.
+_LARGEST_BODY_OFFSET_M = 10.0
+# As mocap systems name bodies; no quotes, backslashes or control characters.
+_BODY_NAME = re.compile(r"[\w][\w .:/()#+-]{0,63}")
+_CALIBRATION_ID = re.compile(r"[0-9A-Za-z][0-9A-Za-z._:-]{0,127}")
+
+
+@dataclass(frozen=True)
+class RigValue:
+    """A number and where it comes from; its unit is that of the key it stands under.
+
+    Attributes:
+        value: finite. sigma: one standard deviation of an estimate, same unit; None where a
+            person typed the value.
+
+    Raises:
+        InputError: the number is not finite, or the standard deviation not positive.
+    """
+
+    value: float
+    sigma: float | None = None
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.value):
+            raise InputError(f"a value of the rig must be a finite number, not {self.value}")
+        if self.sigma is not None and not (math.isfinite(self.sigma) and self.sigma > 0):
+            raise InputError(
+                f"an estimate's standard deviation (sigma) must be positive, not {self.sigma}"
+            )
+
+    @property
+    def origin(self) -> Literal["typed", "estimated"]:
+        return "typed" if self.sigma is None else "estimated"
+
+
+@dataclass(frozen=True)
+class RigMount:
+    """Where the rectified left camera sits; see ``observer.mount.CameraMount`` for the axes.
+
+    Metres and degrees, because people write and read these; None where unknown.
+
+    Attributes:
+        height_m: above the floor. tilt_deg: down. roll_deg: right side down. pan_deg: to the left
+            of where the robot drives. forward_m, left_m: from the middle of the axle.
+
+    Raises:
+        InputError: a value is outside ``LIMITS``; the sentence begins with its key.
+    """
+
+    height_m: RigValue | None = None
+    tilt_deg: RigValue | None = None
+    roll_deg: RigValue | None = None
+    pan_deg: RigValue | None = None
+    forward_m: RigValue | None = None
+    left_m: RigValue | None = None
+
+    def __post_init__(self) -> None:
+        for key, known in self.values().items():
+            low, high = LIMITS[key]
+            if not low <= known.value <= high:
+                unit = "metres" if key.endswith("_m") else "degrees"
+                raise InputError(
+                    f"{key} must lie between {low:g} and {high:g} {unit}, not {known.value:g}"
+                )
+
+    def values(self) -> dict[str, RigValue]:
+        """What is known, by key, in the order of the file."""
+        listed = ((f.name, getattr(self, f.name)) for f in fields(self))
+        return {key: value for key, value in listed if value is not None}
+
+
+MOUNT_KEYS: tuple[str, ...] = tuple(f.name for f in fields(RigMount))
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """The robot that carries the cameras.
+
+    Attributes:
+        mount: of the left camera; each value may be unknown.
+        calibration: content hash of the calibration the mount was measured with: tilt, roll and
+            pan are those of the rectified camera, which another calibration turns a little.
+        T_body_base: for each body of a mocap system, by its name there, the robot's base in the
+            body's axes.
+        models: of the robots by role; a role without a model is unknown.
+        for_simulated: whether simulated sources, which know their own mount exactly, take this
+            rig's instead; to try the rig out.
+
+    Raises:
+        InputError: one sentence that begins with the key and tells what would be right.
+    """
+
+    mount: RigMount = RigMount()
+    calibration: str | None = None
+    T_body_base: Mapping[str, Pose] = field(default_factory=dict)
+    models: Mapping[Role, RobotModel] = field(default_factory=dict)
+    for_simulated: bool = False
+
+    def __post_init__(self) -> None:
+        if self.calibration is not None and not _CALIBRATION_ID.fullmatch(self.calibration):
+            raise InputError(
+                f"calibration must be a calibration's id (letters and digits), "
+                f"not {self.calibration[:40]!r}"
+            )
+        for name, T_body_base in self.T_body_base.items():
+            if not _BODY_NAME.fullmatch(name):
+                raise InputError(
+                    f"T_body_base: a body's name must be up to 64 letters, digits, blanks or "
+                    f". : / ( ) # + - and begin with a letter or digit, not {name[:40]!r}"
+                )
+            if abs(T_body_base.translation).max() > _LARGEST_BODY_OFFSET_M:
+                raise InputError(
+                    f"T_body_base.{name} must lie within {_LARGEST_BODY_OFFSET_M:g} metres of the "
+                    f"body; millimetres must be divided by 1000"
+                )
+        for role, model in self.models.items():
+            if role not in ROLES:
+                raise InputError(
+                    f"models.{str(role)[:40]} is no role; the roles are {' and '.join(ROLES)}"
+                )
+            if model not in ROBOT_MODELS:
+                raise InputError(
+                    f"models.{role} must be one of {', '.join(ROBOT_MODELS)}, "
+                    f"not {str(model)[:40]!r}"
+                )
+        object.__setattr__(self, "T_body_base", MappingProxyType(dict(self.T_body_base)))
+        object.__setattr__(self, "models", MappingProxyType(dict(self.models)))
+
+    @property
+    def camera_mount(self) -> CameraMount | None:
+        """The mount in radians, for the method; None where height or tilt is unknown."""
+        return camera_mount(self.mount.values())
+
+
+def camera_mount(values: Mapping[str, RigValue]) -> CameraMount | None:
+    """A mount of ``RigMount``'s values; None where height or tilt is unknown."""
+    known = {key: value.value for key, value in values.items()}
+    if "height_m" not in known or "tilt_deg" not in known:
+        return None
+    return CameraMount(
+        known["height_m"],
+        math.radians(known["tilt_deg"]),
+        known.get("forward_m"),
+        known.get("left_m"),
+        roll_rad=math.radians(known.get("roll_deg", 0.0)),
+        pan_rad=math.radians(known.get("pan_deg", 0.0)),
+    )
