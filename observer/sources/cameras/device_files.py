@@ -1,0 +1,131 @@
+"""Who may open a device file, who has it open, and what to do about either."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+_MACHINE = Path("/")
+
+
+@dataclass(frozen=True)
+class User:
+    """The person at the keyboard, as device files see them.
+
+    Attributes:
+        name: the account's; empty where it has none.
+        groups: numbers of the groups that this process really has.
+    """
+
+    name: str
+    groups: frozenset[int]
+
+
+@dataclass(frozen=True)
+class Holder:
+    """A process that has a device file open."""
+
+    process: int
+    name: str
+
+
+def current_user() -> User:
+    """The user of this process."""
+    import pwd  # not on every system that can read recordings
+
+    try:
+        name = pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:
+        name = ""
+    return User(name, frozenset({*os.getgroups(), os.getgid()}))
+
+
+def permission_advice(path: Path, root: Path = _MACHINE, user: User | None = None) -> str:
+    """One sentence: why the device file may not be used, and what makes it usable.
+
+    Args:
+        path: the file as it is reached, below ``root``.
+        root: the machine's file system; its ``etc/group`` names the groups.
+        user: None for the user of this process.
+    """
+    shown = shown_path(path, root)
+    number = path.stat().st_gid
+    group, members = _groups(root).get(number, (None, ()))
+    who = user or current_user()
+    if group is None:
+        return (
+            f"{shown} may not be used by you and belongs to group {number}, which has no name "
+            f"here; in a container add --group-add {number}"
+        )
+    if group == "root" or number == 0:
+        return (
+            f"{shown} may only be used by root; a udev rule can give it to a group, "
+            f"as docker/README.md shows"
+        )
+    if number in who.groups:
+        return (
+            f"{shown} may not be used although you are in its group {group}; "
+            f"let the group read and write it: sudo chmod g+rw {shown}"
+        )
+    if who.name and who.name in members:
+        return (
+            f"{shown} may not be used yet: you were added to the group {group} after you signed "
+            f"in; sign out and in again (or: newgrp {group})"
+        )
+    return (
+        f"{shown} may be used by the group {group} only; join it, then sign out and in again: "
+        f"sudo usermod -aG {group} {who.name or '$USER'}"
+    )
+
+
+def holders(path: Path, root: Path = _MACHINE) -> tuple[Holder, ...]:
+    """Other processes that have the file open, as far as this user may see them."""
+    wanted = shown_path(path, root)
+    found = []
+    for folder in sorted(root.glob("proc/[0-9]*"), key=lambda folder: int(folder.name)):
+        if int(folder.name) != os.getpid() and wanted in _open_files(folder):
+            found.append(Holder(int(folder.name), _process_name(folder)))
+    return tuple(found)
+
+
+def shown_path(path: Path, root: Path = _MACHINE) -> str:
+    """The path as it is called on the machine whose file system is at ``root``."""
+    return f"/{path.relative_to(root)}"
+
+
+def text_in(file: Path) -> str | None:
+    """What stands in a small file of the kernel's; None where it cannot be read."""
+    try:
+        return file.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return None
+
+
+def _open_files(folder: Path) -> Iterator[str]:
+    # Processes end while they are looked at, and most of other users may not be looked at.
+    try:
+        links = list((folder / "fd").iterdir())
+    except OSError:
+        return
+    for link in links:
+        try:
+            yield os.readlink(link)
+        except OSError:
+            continue
+
+
+def _process_name(folder: Path) -> str:
+    return text_in(folder / "comm") or "a process"
+
+
+def _groups(root: Path) -> dict[int, tuple[str, tuple[str, ...]]]:
+    """Number -> name and members."""
+    found: dict[int, tuple[str, tuple[str, ...]]] = {}
+    for line in (text_in(root / "etc" / "group") or "").splitlines():
+        parts = line.split(":")
+        if len(parts) >= 4 and parts[2].isdecimal():
+            members = tuple(name for name in parts[3].split(",") if name)
+            found[int(parts[2])] = (parts[0], members)
+    return found
