@@ -82,11 +82,9 @@ class StereoCalibration:
         if baseline == 0:
             raise CalibrationError("T must not be zero: the two cameras need a baseline")
         if not MIN_BASELINE_M <= baseline <= MAX_BASELINE_M:
-            fits = "millimetres" if MIN_BASELINE_M <= baseline / 1000 <= MAX_BASELINE_M else None
-            hint = f"; in {fits} it would fit, so divide T by 1000" if fits else ""
             raise CalibrationError(
                 f"T gives a baseline of {baseline:g} m, which is outside "
-                f"{MIN_BASELINE_M:g} to {MAX_BASELINE_M:g} m{hint}"
+                f"{MIN_BASELINE_M:g} to {MAX_BASELINE_M:g} m{_unit_hint(baseline)}"
             )
 
     def _set(self, name: str, shape: tuple[int, ...]) -> None:
@@ -133,6 +131,19 @@ class StereoCalibration:
         return StereoCalibration(
             width, height, K, np.zeros(5), K, np.zeros(5), np.eye(3), np.array([-baseline, 0, 0])
         )
+
+
+def _unit_hint(baseline: float) -> str:
+    """Which units would make a baseline of this number plausible, as the rest of a sentence."""
+    fitting = [
+        f"in {unit} it would fit ({baseline / divisor:.3g} m), so divide T by {divisor}"
+        for unit, divisor in (("millimetres", 1000), ("centimetres", 100))
+        if MIN_BASELINE_M <= baseline / divisor <= MAX_BASELINE_M
+    ]
+    # A square of a board is a few centimetres, and a baseline seldom longer than 50 of them.
+    if MAX_BASELINE_M < baseline <= 50:
+        fitting.append("in squares of the board, multiply T by a square's side in metres")
+    return f"; {'; or '.join(fitting)}" if fitting else ""
 
 
 @dataclass(frozen=True)

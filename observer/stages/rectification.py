@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
@@ -13,6 +15,15 @@ from observer.types import Image
 
 # cv2.initUndistortRectifyMap's pair of maps: (H, W, 2) int16 and (H, W) uint16.
 _Maps = tuple[NDArray[np.int16], NDArray[np.uint16]]
+_Side = Literal["left", "right"]
+
+# A plane image of a fisheye lens grows without bound towards 90 degrees, and what is there gets
+# ever blurrier; further than this from the axis the rectified image does not look sideways.
+_WIDEST_HALF_VIEW_RAD = np.deg2rad(60.0)
+# Maps are in steps of 1/32 px: this far within its frame no pixel is mixed with what is outside.
+_FRAME_MARGIN_PX = 0.05
+# How exactly a rectified point must come back to the pixel it was made of.
+_POINT_TOLERANCE_PX = 0.01
 
 
 class Rectification:
@@ -20,12 +31,15 @@ class Rectification:
 
     Bouguet's method as in OpenCV's ``stereoRectify``, at the input's size with alpha 0: every
     pixel of the result comes from a pixel of the input. Images of a calibration that is rectified
-    already are handed through untouched.
+    already are handed through untouched. Images of fisheye lenses are turned by the same
+    rotations; they become plane images of the widest view that both cameras fill, at most 120
+    degrees across.
 
     Attributes:
         camera: the rectified pair.
         R_rectified_left: (3, 3) rotation from the left camera's own frame into the rectified
             left camera's, which is the **camera** frame everywhere else.
+        R_rectified_right: (3, 3) the same of the right camera.
 
     Raises:
         CalibrationError: the right camera does not stand to the right of the left one, or the
@@ -34,38 +48,27 @@ class Rectification:
 
     camera: StereoCamera
     R_rectified_left: Float64Array
+    R_rectified_right: Float64Array
 
     def __init__(self, calibration: StereoCalibration) -> None:
         self._calibration = calibration
         self._maps: tuple[_Maps, _Maps] | None = None
-        _check_side_by_side(calibration)
+        check_side_by_side(calibration)
         if calibration.is_rectified:
             K = calibration.K1
             self.camera = _camera(calibration, K, calibration.baseline)
-            self.R_rectified_left = np.eye(3)
+            self.R_rectified_left = self.R_rectified_right = np.eye(3)
             return
         size = (calibration.width, calibration.height)
-        rotations_and_projections = cv2.stereoRectify(
-            calibration.K1,
-            _distortion(calibration.D1),
-            calibration.K2,
-            _distortion(calibration.D2),
-            size,
-            calibration.R,
-            calibration.T.reshape(3, 1),
-            flags=cv2.CALIB_ZERO_DISPARITY,
-            alpha=0,
-            newImageSize=size,
-        )
-        R1, R2, P1, P2 = (
-            np.asarray(matrix, dtype=np.float64) for matrix in rotations_and_projections[:4]
-        )
-        self._check_result(P1, P2)
+        if calibration.distortion_model == "equidistant":
+            R1, R2, P1, P2 = self._fisheye_rectification()
+        else:
+            R1, R2, P1, P2 = self._pinhole_rectification()
         self.camera = _camera(calibration, P1, float(-P2[0, 3] / P2[0, 0]))
-        self.R_rectified_left = R1
+        self.R_rectified_left, self.R_rectified_right = R1, R2
         self._maps = (
-            _maps(calibration.K1, calibration.D1, R1, P1, size),
-            _maps(calibration.K2, calibration.D2, R2, P2, size),
+            _maps(calibration, "left", R1, P1),
+            _maps(calibration, "right", R2, P2),
         )
         for name, maps in zip(("D1", "D2"), self._maps, strict=True):
             if not _is_one_view(maps[0], size):
@@ -96,6 +99,155 @@ class Rectification:
             return left, right
         return _remap(left, self._maps[0]), _remap(right, self._maps[1])
 
+    def rectify_points(
+        self, left_px: ArrayLike, right_px: ArrayLike
+    ) -> tuple[Float64Array, Float64Array]:
+        """Where pixels of the images as taken lie in the rectified ones: (N, 2) and (M, 2).
+
+        Also outside the rectified images' frames.
+
+        Args:
+            left_px, right_px: (N, 2) and (M, 2) pixels of the left and of the right image.
+
+        Returns:
+            Pixels of the rectified images; NaN where a pixel is none of a point in front of the
+            rectified camera, or the lens model does not reach that far.
+        """
+        return self._rectified_points("left", left_px), self._rectified_points("right", right_px)
+
+    def _rectified_points(self, side: _Side, px: ArrayLike) -> Float64Array:
+        given = np.array(px, dtype=np.float64).reshape(-1, 2)
+        if self._maps is None or not len(given):
+            return given
+        K, D = _lens(self._calibration, side)
+        R = self.R_rectified_left if side == "left" else self.R_rectified_right
+        fisheye = self._calibration.distortion_model == "equidistant"
+        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-9)
+        finite = np.asarray(np.isfinite(given).all(axis=1), dtype=np.bool_)
+        points = np.where(finite.reshape(-1, 1), given, 0.0).reshape(-1, 1, 2)
+        undistort = cv2.fisheye.undistortPoints if fisheye else cv2.undistortPointsIter
+        # As seen by the camera itself, so that what lies behind the rectified one is told apart.
+        plane = undistort(points, K, D, R=np.eye(3), P=np.eye(3), criteria=criteria)
+        rays = np.ones((len(given), 3))
+        rays[:, :2] = np.asarray(plane, dtype=np.float64).reshape(-1, 2)
+        came_from = (
+            fisheye_pixels(rays, K, D)
+            if fisheye
+            else cv2.projectPoints(rays, np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2)
+        )
+        turned = rays @ R.T
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            good = finite & (turned[:, 2] > 0)
+            good &= np.abs(came_from - given).max(axis=1) < _POINT_TOLERANCE_PX
+            rectified = turned[:, :2] / turned[:, 2:] * [self.camera.fx, self.camera.fy]
+        rectified += [self.camera.cx, self.camera.cy]
+        rectified[~good] = np.nan
+        return np.asarray(rectified, dtype=np.float64)
+
+    def _pinhole_rectification(
+        self,
+    ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+        """R1, R2, P1 and P2 as OpenCV's stereoRectify returns them."""
+        calibration = self._calibration
+        size = (calibration.width, calibration.height)
+        rotations_and_projections = cv2.stereoRectify(
+            calibration.K1,
+            _distortion(calibration.D1),
+            calibration.K2,
+            _distortion(calibration.D2),
+            size,
+            calibration.R,
+            calibration.T.reshape(3, 1),
+            flags=cv2.CALIB_ZERO_DISPARITY,
+            alpha=0,
+            newImageSize=size,
+        )
+        R1, R2, P1, P2 = (
+            np.asarray(matrix, dtype=np.float64) for matrix in rotations_and_projections[:4]
+        )
+        self._check_result(P1, P2)
+        return R1, R2, P1, P2
+
+    def _fisheye_rectification(
+        self,
+    ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+        """R1, R2, P1 and P2 for equidistant lenses.
+
+        OpenCV's own ``fisheye.stereoRectify`` looks at four pixels to choose the focal length:
+        what it chooses leaves the frame at the corners, or makes far less of the images than is
+        there. The rotations know no lens and are those of stereoRectify.
+        """
+        calibration = self._calibration
+        size = (calibration.width, calibration.height)
+        no_distortion = np.zeros(5)
+        R1, R2 = (
+            np.asarray(rotation, dtype=np.float64)
+            for rotation in cv2.stereoRectify(
+                calibration.K1,
+                no_distortion,
+                calibration.K2,
+                no_distortion,
+                size,
+                calibration.R,
+                calibration.T.reshape(3, 1),
+            )[:2]
+        )
+        P1 = np.zeros((3, 4))
+        P1[:, :3] = self._widest_common_view(R1, R2)
+        P2 = P1.copy()
+        P2[0, 3] = -P2[0, 0] * calibration.baseline
+        self._check_result(P1, P2)
+        return R1, R2, P1, P2
+
+    def _widest_common_view(self, R1: Float64Array, R2: Float64Array) -> Float64Array:
+        """(3, 3) camera matrix of the widest plane image that lies within both fisheye images."""
+        calibration = self._calibration
+        last = np.array([calibration.width - 1.0, calibration.height - 1.0])
+        lenses = [(*_lens(calibration, "left"), R1), (*_lens(calibration, "right"), R2)]
+        # Both look to the middle of where their two image centres point.
+        axis = np.mean(
+            [
+                np.ravel(cv2.fisheye.undistortPoints((last / 2).reshape(1, 1, 2), K, D, R=R))
+                for K, D, R in lenses
+            ],
+            axis=0,
+        )
+        across = np.linspace(-0.5, 0.5, 65)
+        edge = np.full_like(across, 0.5)
+        frame = last * np.concatenate(
+            [np.column_stack(side) for side in (
+                (across, -edge), (across, edge), (-edge, across), (edge, across),
+            )]
+        )  # fmt: skip
+
+        def is_filled(focal: float) -> bool:
+            rays = np.column_stack([frame / focal + axis, np.ones(len(frame))])
+            for K, D, R in lenses:
+                px = fisheye_pixels(rays @ R, K, D)
+                # NaN, which is no pixel, compares false.
+                if not ((px >= _FRAME_MARGIN_PX) & (px <= last - _FRAME_MARGIN_PX)).all():
+                    return False
+            return True
+
+        narrow, wide = (
+            5.0 * calibration.K1[0, 0],
+            float(last[0] / 2 / np.tan(_WIDEST_HALF_VIEW_RAD)),
+        )
+        if is_filled(wide):
+            narrow = wide
+        elif not is_filled(narrow):
+            raise CalibrationError(
+                f"this calibration cannot be rectified: turned by R, the two fisheye images share "
+                f"no view; check that K1, D1, K2, D2 and R belong to "
+                f"{calibration.width}x{calibration.height} images of these cameras"
+            )
+        # Halved until the two are equal to a hundredth of a pixel at the frame.
+        while narrow - wide > 1e-5 * wide:
+            between = (narrow + wide) / 2
+            narrow, wide = (between, wide) if is_filled(between) else (narrow, between)
+        centre = last / 2 - narrow * axis
+        return np.array([[narrow, 0, centre[0]], [0, narrow, centre[1]], [0, 0, 1.0]])
+
     def _check_result(self, P1: Float64Array, P2: Float64Array) -> None:
         focal = float(P1[0, 0])
         usual = float(self._calibration.K1[0, 0])
@@ -115,7 +267,12 @@ class Rectification:
             )
 
 
-def _check_side_by_side(calibration: StereoCalibration) -> None:
+def check_side_by_side(calibration: StereoCalibration) -> None:
+    """Refuse a right camera that does not stand to the right of the left one.
+
+    Raises:
+        CalibrationError: saying where it stands, and to swap the two where that helps.
+    """
     # The right camera's centre in the left camera's frame; T itself is in the right camera's.
     x, y, z = -calibration.R.T @ calibration.T
     if abs(x) <= max(abs(y), abs(z)):
@@ -146,11 +303,39 @@ def _distortion(D: Float64Array) -> Float64Array:
     return D if D.size else np.zeros(5)
 
 
-def _maps(
-    K: Float64Array, D: Float64Array, R: Float64Array, P: Float64Array, size: tuple[int, int]
-) -> _Maps:
+def _lens(calibration: StereoCalibration, side: _Side) -> tuple[Float64Array, Float64Array]:
+    K, D = (calibration.K1, calibration.D1) if side == "left" else (calibration.K2, calibration.D2)
+    return K, _distortion(D)
+
+
+def fisheye_pixels(rays: Float64Array, K: Float64Array, D: Float64Array) -> Float64Array:
+    """Pixels (N, 2) of rays (N, 3) by an equidistant lens, all in the camera's frame.
+
+    theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8) (Kannala and Brandt
+    2006; OpenCV's module fisheye). NaN for rays that do not point forward, and where theta_d
+    no longer grows with theta, so that two rays would meet in one pixel.
+    """
+    r = np.hypot(rays[:, 0], rays[:, 1])
+    theta = np.arctan2(r, rays[:, 2])
+    powers = theta[:, None] ** np.array([2.0, 4.0, 6.0, 8.0])
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        scale = np.where(r > 0, theta * (1 + powers @ D) / r, 1.0)
+        grows = 1 + powers @ (D * [3.0, 5.0, 7.0, 9.0]) > 0
+        px = rays[:, :2] * scale[:, None] * [K[0, 0], K[1, 1]] + [K[0, 2], K[1, 2]]
+    px[~(grows & (rays[:, 2] > 0))] = np.nan
+    return np.asarray(px, dtype=np.float64)
+
+
+def _maps(calibration: StereoCalibration, side: _Side, R: Float64Array, P: Float64Array) -> _Maps:
     # Fixed point maps: a third of the memory of float maps, and remap is about twice as fast.
-    fixed, fraction = cv2.initUndistortRectifyMap(K, _distortion(D), R, P, size, cv2.CV_16SC2)
+    K, D = _lens(calibration, side)
+    size = (calibration.width, calibration.height)
+    make = (
+        cv2.fisheye.initUndistortRectifyMap
+        if calibration.distortion_model == "equidistant"
+        else cv2.initUndistortRectifyMap
+    )
+    fixed, fraction = make(K, D, R, P, size, cv2.CV_16SC2)
     return np.asarray(fixed, dtype=np.int16), np.asarray(fraction, dtype=np.uint16)
 
 

@@ -225,3 +225,184 @@ def test_kitti_odometry_needs_no_rectification(shared_data: Path) -> None:
     left, right = Rectification(source.calibration).apply(frame.left, frame.right)
     assert left is frame.left
     assert np.median(np.abs(vertical_errors(left, right))) < 0.6
+
+
+def fisheye(
+    rotvec: tuple[float, float, float] = (0.01, -0.02, 0.015), focal: float = 150.0
+) -> StereoCalibration:
+    """Equidistant lenses of about 120 degrees across (160 at a focal length of 115)."""
+    return StereoCalibration(
+        WIDTH,
+        HEIGHT,
+        K1=np.array([[focal, 0, 158], [0, focal + 1, 121], [0, 0, 1]]),
+        D1=np.array([0.02, -0.006, 0.002, -0.0004]),
+        K2=np.array([[focal - 2, 0, 163], [0, focal - 1, 117], [0, 0, 1]]),
+        D2=np.array([-0.01, 0.004, -0.001, 0.0002]),
+        R=cv2.Rodrigues(np.array(rotvec))[0],
+        T=np.array([-0.12, 0.003, 0.002]),
+        distortion_model="equidistant",
+    )
+
+
+def seen_by_fisheye(
+    points: NDArray[np.float64], K: NDArray[np.float64], D: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Pixels (N, 2) of points (N, 3) in the camera's frame: the model, point by point."""
+    px = []
+    for x, y, z in points:
+        theta = np.arctan2(np.hypot(x, y), z)
+        bent = theta + sum(k * theta ** (2 * i + 3) for i, k in enumerate(D))
+        phi = np.arctan2(y, x)
+        px.append([K[0, 0] * bent * np.cos(phi) + K[0, 2], K[1, 1] * bent * np.sin(phi) + K[1, 2]])
+    return np.array(px)
+
+
+def wide_points(count: int = 60) -> NDArray[np.float64]:
+    """(N, 3) metres, left camera's own frame: up to 50 degrees off the axis, 0.7 to 6 m away."""
+    rng = np.random.default_rng(3)
+    angle, around = rng.uniform(0, np.deg2rad(50), count), rng.uniform(0, 2 * np.pi, count)
+    rays = np.stack(
+        [np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), np.cos(angle)], 1
+    )
+    return rays * rng.uniform(0.7, 6, (count, 1))
+
+
+@given(
+    rotvec=st.tuples(*[st.floats(-0.06, 0.06)] * 3),
+    t=st.tuples(st.floats(-0.5, -0.05), st.floats(-0.01, 0.01), st.floats(-0.01, 0.01)),
+)
+@settings(deadline=None, max_examples=30)
+def test_fisheye_rows_agree_and_triangulate_to_the_truth(
+    rotvec: tuple[float, float, float], t: tuple[float, float, float]
+) -> None:
+    calibration = replace(fisheye(rotvec), T=np.array(t))
+    rectification = Rectification(calibration)
+    points = wide_points()
+    left, right = rectification.rectify_points(
+        seen_by_fisheye(points, calibration.K1, calibration.D1),
+        seen_by_fisheye(points @ calibration.R.T + calibration.T, calibration.K2, calibration.D2),
+    )
+    assert left[:, 1] == pytest.approx(right[:, 1], abs=0.05)
+    camera = rectification.camera
+    assert camera.baseline == pytest.approx(calibration.baseline)
+    there = camera.triangulate(left, left[:, 0] - right[:, 0]) @ rectification.R_rectified_left
+    assert there == pytest.approx(points, rel=1e-4, abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fisheye_image_is_remapped_as_its_points_are(seed: int) -> None:
+    calibration = fisheye()
+    rectification = Rectification(calibration)
+    point = points_in_view(seed, 1)
+    px = (
+        seen_by_fisheye(point, calibration.K1, calibration.D1),
+        seen_by_fisheye(point @ calibration.R.T + calibration.T, calibration.K2, calibration.D2),
+    )
+    images = rectification.apply(*(spots(each) for each in px))
+    for image, expected in zip(images, rectification.rectify_points(*px), strict=True):
+        # A spot of 2.5 px is no longer round where the plane image stretches it.
+        assert centre_near(image, expected[0]) == pytest.approx(expected[0], abs=0.2)
+
+
+@pytest.mark.parametrize("focal", [115.0, 150.0, 260.0, 600.0])
+@pytest.mark.parametrize("yaw", [-0.1, 0.0, 0.06])
+def test_a_rectified_fisheye_image_is_filled_and_no_smaller_than_need_be(
+    focal: float, yaw: float
+) -> None:
+    rectification = Rectification(fisheye((0.02, yaw, -0.01), focal))
+    white = np.full((HEIGHT, WIDTH), 255, np.uint8)
+    for image in rectification.apply(white, white):
+        assert image.min() == 255
+    camera = rectification.camera
+    across = np.rad2deg(2 * np.arctan(WIDTH / 2 / camera.fx))
+    # Either as wide as it may be, or a frame one percent wider would leave an image.
+    if across < 119:
+        corners = np.array([
+            [u, v, 1.0] for u in np.linspace(-1.01, 1.01, 41) for v in np.linspace(-1.01, 1.01, 41)
+        ]) * [WIDTH / 2, HEIGHT / 2, camera.fx]  # fmt: skip
+        corners[:, :2] += [(WIDTH - 1) / 2 - camera.cx, (HEIGHT - 1) / 2 - camera.cy]
+        calibration = fisheye((0.02, yaw, -0.01), focal)
+        px = np.concatenate([
+            seen_by_fisheye(corners @ rectification.R_rectified_left, calibration.K1,
+                            calibration.D1),
+            seen_by_fisheye(corners @ rectification.R_rectified_right, calibration.K2,
+                            calibration.D2),
+        ])  # fmt: skip
+        assert ((px < 0) | (px > [WIDTH - 1, HEIGHT - 1])).any()
+
+
+def test_a_lens_of_a_half_sphere_gives_a_plane_image_of_120_degrees() -> None:
+    wide = replace(fisheye(focal=100.0), D1=np.zeros(4), D2=np.zeros(4))  # 320 px are 183 degrees
+    camera = Rectification(wide).camera
+    assert np.rad2deg(2 * np.arctan((WIDTH - 1) / 2 / camera.fx)) == pytest.approx(120)
+    left, right = Rectification(wide).rectify_points([[0.0, 120.0]], [[160.0, 120.0]])
+    # 90 degrees to the side there is no plane image.
+    assert np.isnan(left).all()
+    assert np.isfinite(right).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"T": np.array([0.12, 0, 0])}, "swap left and right"),
+        ({"D1": np.array([-300.0, 0, 0, 0])}, "cannot be rectified"),
+        ({"R": cv2.Rodrigues(np.array([1.2, 0, 0]))[0]}, "cannot be rectified"),
+        ({"D2": np.array([1e200, 0, 0, -1e200])}, "cannot be rectified"),
+    ],
+)
+def test_refuses_fisheye_pairs_that_cannot_be_rectified(
+    changes: dict[str, NDArray[np.float64]], expected: str
+) -> None:
+    with pytest.raises(CalibrationError, match=expected):
+        Rectification(replace(fisheye(focal=400.0), **changes))
+
+
+def test_points_are_rectified_as_the_images_are() -> None:
+    calibration = crooked()
+    rectification = Rectification(calibration)
+    points = points_in_view()
+    left, right = rectification.rectify_points(*projected(calibration, points))
+    expected, disparity = rectification.camera.project(points @ rectification.R_rectified_left.T)
+    assert left == pytest.approx(expected, abs=1e-4)
+    expected[:, 0] -= disparity
+    assert right == pytest.approx(expected, abs=1e-4)
+
+
+def test_points_of_a_rectified_pair_stay() -> None:
+    calibration = StereoCalibration.rectified(WIDTH, HEIGHT, 300, 300, 160, 120, 0.12)
+    left, right = Rectification(calibration).rectify_points([[1.5, 2.5]], np.empty((0, 2)))
+    assert left.tolist() == [[1.5, 2.5]]
+    assert right.shape == (0, 2)
+
+
+@pytest.mark.parametrize("calibration", [crooked(), fisheye()])
+def test_what_is_no_pixel_is_nan(calibration: StereoCalibration) -> None:
+    nowhere = [[np.nan, 3.0], [160.0, np.inf], [160.0, 120.0]]
+    left, right = Rectification(calibration).rectify_points(nowhere, np.empty((0, 2)))
+    assert np.isnan(left[:2]).all()
+    assert np.isfinite(left[2]).all()
+    assert right.shape == (0, 2)
+
+
+def test_pinhole_pairs_are_rectified_by_opencv_to_the_last_digit() -> None:
+    calibration = crooked()
+    size = (WIDTH, HEIGHT)
+    R1, R2, P1, P2 = cv2.stereoRectify(
+        calibration.K1, calibration.D1, calibration.K2, calibration.D2, size, calibration.R,
+        calibration.T.reshape(3, 1), flags=cv2.CALIB_ZERO_DISPARITY, alpha=0, newImageSize=size,
+    )[:4]  # fmt: skip
+    noise = np.random.default_rng(1).integers(0, 255, (2, HEIGHT, WIDTH), dtype=np.uint8)
+    expected = [
+        cv2.remap(image, *cv2.initUndistortRectifyMap(K, D, R, P, size, cv2.CV_16SC2),
+                  cv2.INTER_LINEAR)
+        for image, K, D, R, P in (
+            (noise[0], calibration.K1, calibration.D1, R1, P1),
+            (noise[1], calibration.K2, calibration.D2, R2, P2),
+        )
+    ]  # fmt: skip
+    rectification = Rectification(calibration)
+    assert np.array_equal(rectification.apply(noise[0], noise[1]), expected)
+    assert np.array_equal(rectification.R_rectified_left, R1)
+    assert np.array_equal(rectification.R_rectified_right, R2)
+    assert np.array_equal(rectification.camera.K, P1[:, :3])
+    assert rectification.camera.baseline == -P2[0, 3] / P2[0, 0]
