@@ -1,0 +1,121 @@
+"""Corners of a board to a fraction of a pixel, each checked against all others of its board."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.calibration.board import Board
+from observer.geometry import Float64Array
+from observer.types import Image
+
+# Of the distance to the nearest neighbour: what the refinement looks at around a corner. On a
+# chessboard more would reach the next corner and less has more noise; on a ChArUco board the
+# markers begin at an eighth of a square.
+_WINDOW_SHARE = {"chessboard": 0.4, "charuco": 0.14}
+_WINDOW_PX = (2, 11)
+_PRECISION = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
+# A corner is misplaced if it is this far from where the others have it, as a share of the
+# distance to its neighbours and in pixels. Lenses and perspective bend a board less than that.
+_TOLERANCE_SHARE = 0.2
+_TOLERANCE_PX = 1.5
+# Of all corners: more that are misplaced, and the others say little too.
+_MISPLACED_SHARE = 0.1
+# A surface of this degree follows a tilted board through a wide lens.
+_DEGREE = 3
+
+
+def refined_corners(
+    gray: Image, board: Board, ids: NDArray[np.int32], px: Float64Array
+) -> NDArray[np.bool_]:
+    """Move corners to the saddle points nearest to them; say which are in their place.
+
+    A corner that landed on something else (a highlight, a marker, a finger) is sought again where
+    the others have it. For a chessboard half hidden by a highlight that is the difference between
+    corners that are wrong by a square and none.
+
+    Args:
+        gray: (H, W) uint8.
+        ids: (N,) numbers of the corners.
+        px: (N, 2) pixels, to about a pixel; moved in place.
+
+    Returns:
+        (N,) True where the corner is in its place; all False if too many are not.
+    """
+    spacing = _spacing(board, ids, px)
+    share = _WINDOW_SHARE[board.kind]
+    px[:] = _saddle_points(gray, px, share * spacing)
+    tolerance = np.maximum(_TOLERANCE_PX, _TOLERANCE_SHARE * spacing)
+    misplaced, expected = _misplaced(board, ids, px, tolerance)
+    if misplaced.sum() > np.ceil(_MISPLACED_SHARE * len(px)):
+        return np.zeros(len(px), np.bool_)
+    if misplaced.any():
+        again = _saddle_points(gray, expected[misplaced], share * spacing[misplaced])
+        px[misplaced] = again
+        return np.asarray(np.linalg.norm(px - expected, axis=1) <= tolerance) | ~misplaced
+    return ~misplaced
+
+
+def _saddle_points(gray: Image, px: Float64Array, reach: Float64Array) -> Float64Array:
+    """Saddle points nearest to ``px`` (N, 2), within ``reach`` (N,) pixels each."""
+    windows = np.clip(reach, *_WINDOW_PX).astype(int)
+    moved = px.copy()
+    for window in np.unique(windows):
+        chosen = windows == window
+        start = px[chosen].astype(np.float32).reshape(-1, 1, 2)
+        found = cv2.cornerSubPix(gray, start, (int(window), int(window)), (-1, -1), _PRECISION)
+        moved[chosen] = found.reshape(-1, 2)
+    return moved
+
+
+def _spacing(board: Board, ids: NDArray[np.int32], px: Float64Array) -> Float64Array:
+    """(N,) distance to the nearest neighbour along a row or column, pixels; 0 without one."""
+    grid = np.full((board.rows + 2, board.columns + 2, 2), np.nan)
+    row, column = ids // board.columns + 1, ids % board.columns + 1
+    grid[row, column] = px
+    steps = [
+        np.linalg.norm(grid[row + dv, column + du] - px, axis=1)
+        for du, dv in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
+    nearest = np.nan_to_num(np.array(steps), nan=np.inf).min(axis=0)
+    return np.where(np.isfinite(nearest), nearest, 0.0)
+
+
+def _misplaced(
+    board: Board, ids: NDArray[np.int32], px: Float64Array, tolerance: Float64Array
+) -> tuple[NDArray[np.bool_], Float64Array]:
+    """Which corners leave the smooth surface through the others, and where it has all of them.
+
+    The worst is left out one after the other; how far each is from the surface through all but
+    itself follows from its residual and leverage, e / (1 - h).
+    """
+    terms = _terms(board, ids)
+    kept = np.ones(len(px), np.bool_)
+    for _ in range(int(np.ceil(_MISPLACED_SHARE * len(px))) + 1):
+        solve = np.linalg.pinv(terms[kept])
+        expected = terms @ (solve @ px[kept])
+        unseen = 1 - np.einsum("ij,ji->i", terms[kept], solve)
+        distance = np.linalg.norm(px - expected, axis=1)[kept]
+        # What the surface follows wherever it goes cannot be checked.
+        excess = np.where(unseen > 0.05, distance / np.maximum(unseen, 0.05), 0) / tolerance[kept]
+        if excess.max() <= 1:
+            break
+        kept[np.flatnonzero(kept)[int(np.argmax(excess))]] = False
+    return ~kept, np.asarray(expected, dtype=np.float64)
+
+
+def _terms(board: Board, ids: NDArray[np.int32]) -> Float64Array:
+    """(N, terms): powers of column and row, as high as the corners in view can tell."""
+    row, column = ids // board.columns, ids % board.columns
+    degrees = [min(_DEGREE, max(1, len(np.unique(axis)) - 2)) for axis in (column, row)]
+    u, v = 2 * column / (board.columns - 1) - 1, 2 * row / (board.rows - 1) - 1
+    return np.stack(
+        [
+            u**a * v**b
+            for a in range(degrees[0] + 1)
+            for b in range(degrees[1] + 1)
+            if a + b <= _DEGREE
+        ],
+        axis=1,
+    )
