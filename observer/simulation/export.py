@@ -32,7 +32,8 @@ def export_stereo_folder(
         scenario_name: a built-in scenario or the path of a scenario file.
         output: a folder that does not exist yet or is empty. It receives ``left/`` and
             ``right/`` (PNG, equal names), ``times.txt`` (one time per line, seconds),
-            ``calibration.yaml`` (what the scenario hands out) and ``truth.csv``.
+            ``calibration.yaml`` (what the scenario hands out; absent where that is none) and
+            ``truth.csv``.
         progress: called after every frame with the number of frames written and of all.
 
     Returns:
@@ -69,7 +70,9 @@ def _export(world: World, output: Path, progress: Callable[[int, int], None] | N
             progress(frame.index + 1, total)
     times = "".join(f"{sample.time:.9f}\n" for sample in samples)
     (output / "times.txt").write_text(times, encoding="utf-8")
-    (output / "calibration.yaml").write_text(calibration_text(world.calibration), encoding="utf-8")
+    if source.calibration is not None:
+        text = calibration_text(source.calibration)
+        (output / "calibration.yaml").write_text(text, encoding="utf-8")
     write_truth_csv(output / "truth.csv", samples)
     return len(samples)
 

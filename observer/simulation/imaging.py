@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, Pose
 from observer.simulation.batches import View
-from observer.simulation.rendering import Image, Renderer
+from observer.simulation.drawing import Image
+from observer.simulation.rendering import Renderer
 from observer.simulation.world import World
 
 LEFT, RIGHT = 0, 1

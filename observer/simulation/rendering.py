@@ -1,49 +1,27 @@
-"""Pictures of the world: textured facets drawn by homography, at the speed of the demonstration.
+"""Pictures of the world: which facets are drawn, in which order and how brightly.
 
-Each facet is cut into bands of similar depth; each band takes the pyramid level that suits it
-(supersampled along the direction in which it is foreshortened), is warped by its homography
-within its bounding box, and is blended by its pixels' coverage. The room is convex and seen from
-inside, so nothing of it hides another part of it; bodies are drawn from far to near, and a buffer
-of inverse depth, which is an affine function of the pixel on every plane, decides between them.
+The room is convex and seen from inside, so nothing of it hides another part of it; bodies are
+drawn from far to near, and ``drawing`` decides by depth between them. A board that is held before
+the cameras comes last; where the camera stands and nothing else moves, all the rest is drawn
+once.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, Pose
-from observer.simulation.batches import FacetBatch, SeenFacet, View, Window
+from observer.simulation.batches import FacetBatch, SeenFacet, View
+from observer.simulation.drawing import NEAR_M, Drawing, Image
 from observer.simulation.facets import Facet, Material, Part, moved
 from observer.simulation.motion import Parked
-from observer.simulation.polygons import (
-    Corner,
-    Float32Array,
-    ImageCorner,
-    clip_depth,
-    coverage,
-)
-from observer.simulation.textures import Level, Texture, paint
+from observer.simulation.polygons import Float32Array
+from observer.simulation.textures import Texture, paint
 from observer.simulation.world import Body, World
 
-Image = NDArray[np.uint8]
-
-NEAR_M = 0.04
-# A band's farthest point is at most this much farther than its nearest one.
-_BAND_RATIO = 1.8
-# Neighbouring bands show the same, so that their overlap is not seen and saves blending them.
-_BAND_OVERLAP_PX = 3.0
-# Foreshortening up to this factor needs no supersampling, beyond the second is left to the
-# pyramid, and in windows below this many pixels it is not worth its cost.
-_FORESHORTENING = 1.7
-_MOST_SUPERSAMPLES = 4
-_SUPERSAMPLED_PX = 200
-# Parts that overlap by less than this share of their depth are decided by the drawing order.
-_DEPTH_BIAS = 1.02
 _SIDE_LIGHT = np.array([-0.6, 0.8])
 
 
@@ -66,6 +44,12 @@ class Renderer:
         # Everything that stands is one batch in the room's frame, each body that moves another.
         self._standing = _Thing(None, room, shadows, standing)
         self._moving = tuple(_moving_thing(body) for body in moving)
+        self._board: _Thing | None = None
+        if world.board is not None:
+            self._board = _Thing(world.T_room_board, (), (), (world.board.part,))
+        # Elsewhere no two pictures share a background, and keeping one would only cost.
+        self._keeps = self._board is not None and world.camera_stands and not moving
+        self._backgrounds: dict[tuple[object, ...], _Background] = {}
         self._textures: dict[int, Texture] = {}
         self._painted: dict[tuple[Material, tuple[float, float]], Texture] = {}
 
@@ -74,29 +58,62 @@ class Renderer:
 
         Pixels of moving bodies are where the bodies are at ``time``.
         """
+        if self._board is None:
+            self._draw_lab(Drawing(self.texture, view, image), view, T_room_camera, time)
+            return
+        drawing = self._background(view, T_room_camera, time, image)
+        for facet, one, gain in self._seen(self._board, view, T_room_camera, time).facets(
+            self._board.solids
+        ):
+            drawing.facet(facet, one, gain, hides=True)
+
+    def _background(self, view: View, T_room_camera: Pose, time: float, image: Image) -> Drawing:
+        """The drawing of all but the board, kept from before where it is the same."""
+        rows = slice(*view.rows)
+        geometry = (view.width, view.height, view.fx, view.fy, view.cx, view.cy, view.rows)
+        key = (*geometry, T_room_camera.matrix.tobytes())
+        kept = self._backgrounds.get(key)
+        if kept is not None:
+            image[rows] = kept.image
+            return Drawing(self.texture, view, image, kept.inverse_depth.copy())
+        drawing = Drawing(self.texture, view, image)
+        self._draw_lab(drawing, view, T_room_camera, time)
+        if self._keeps:
+            self._backgrounds[key] = _Background(image[rows].copy(), drawing.inverse_depth.copy())
+        return drawing
+
+    def _seen(self, thing: _Thing, view: View, T_room_camera: Pose, time: float) -> _SeenThing:
         R = T_room_camera.rotation.T
         eye = T_room_camera.translation
-        seen = [_SeenThing(self._standing, R, -R @ eye, eye, None, view)]
+        if thing.T_room is None:
+            return _SeenThing(thing, R, -R @ eye, eye, None, view)
+        T_room_thing = thing.T_room(time)
+        R_room = T_room_thing.rotation
+        return _SeenThing(
+            thing,
+            R @ R_room,
+            R @ (T_room_thing.translation - eye),
+            R_room.T @ (eye - T_room_thing.translation),
+            R_room,
+            view,
+        )
+
+    def _draw_lab(self, drawing: Drawing, view: View, T_room_camera: Pose, time: float) -> None:
+        seen = [self._seen(self._standing, view, T_room_camera, time)]
         for thing in self._moving:
-            if thing.body is None:
-                continue
-            T_room_body = thing.body.T_room_body(time)
-            R_body = R @ T_room_body.rotation
-            t_body = R @ (T_room_body.translation - eye)
-            eye_body = T_room_body.rotation.T @ (eye - T_room_body.translation)
-            if not thing.batch.outside(R_body, t_body, view):
-                seen.append(_SeenThing(thing, R_body, t_body, eye_body, T_room_body.rotation, view))
-        drawing = _Drawing(self, view, image)
-        for facet, one, _ in seen[0].facets(self._standing.room):
-            drawing.facet(facet, one, 1.0, hides=False)
+            one = self._seen(thing, view, T_room_camera, time)
+            if one.may_be_in_view:
+                seen.append(one)
+        for facet, part, _ in seen[0].facets(self._standing.room):
+            drawing.facet(facet, part, 1.0, hides=False)
         for things in seen:
-            for facet, one, _ in things.facets(things.thing.shadows):
-                drawing.shadow(facet, one)
+            for facet, part, _ in things.facets(things.thing.shadows):
+                drawing.shadow(facet, part)
         ordered = [(things.distance(k), things, k) for things in seen for k in things.thing.solids]
         ordered.sort(key=lambda item: -item[0])
         for _, things, k in ordered:
-            for facet, one, gain in things.facets(range(k, k + 1)):
-                drawing.facet(facet, one, gain, hides=True)
+            for facet, part, gain in things.facets(range(k, k + 1)):
+                drawing.facet(facet, part, gain, hides=True)
             drawing.hide_behind()
 
     def texture(self, facet: Facet) -> Texture:
@@ -112,22 +129,30 @@ class Renderer:
         return found
 
 
+@dataclass(frozen=True, eq=False)
+class _Background:
+    """What is behind the board: (H, W, 3) BGR of the drawn rows, and (H, W) 1/m."""
+
+    image: Image
+    inverse_depth: Float32Array
+
+
 class _Thing:
     """Parts that share one frame, with their arithmetic.
 
     Attributes:
-        body: whose frame it is; None for the room's.
+        T_room: their frame's pose in the room at a time; None where it is the room's own.
         room, shadows, solids: which of ``parts`` are which.
     """
 
     def __init__(
         self,
-        body: Body | None,
+        T_room: Callable[[float], Pose] | None,
         room: Sequence[Part],
         shadows: Sequence[Part],
         solids: Sequence[Part],
     ) -> None:
-        self.body = body
+        self.T_room = T_room
         self.parts = (*room, *shadows, *solids)
         self.room = range(len(room))
         self.shadows = range(len(room), len(room) + len(shadows))
@@ -138,7 +163,7 @@ class _Thing:
 
 def _moving_thing(body: Body) -> _Thing:
     shadows = () if body.shadow is None else (Part((body.shadow,)),)
-    return _Thing(body, (), shadows, body.parts)
+    return _Thing(body.T_room_body, (), shadows, body.parts)
 
 
 class _SeenThing:
@@ -159,7 +184,11 @@ class _SeenThing:
         self.thing = thing
         self._eye = eye
         self._R_room = R_room
-        self._seen = thing.batch.seen(R, t, eye, view, NEAR_M)
+        # A thing beside the view is not worth the arithmetic of its facets.
+        self.may_be_in_view = thing.T_room is None or not thing.batch.outside(R, t, view)
+        self._seen: list[SeenFacet | None] = []
+        if self.may_be_in_view:
+            self._seen = thing.batch.seen(R, t, eye, view, NEAR_M)
 
     def distance(self, part: int) -> float:
         """Square of the distance of a part's centre from the eye, m^2."""
@@ -168,6 +197,8 @@ class _SeenThing:
 
     def facets(self, parts: range) -> Iterator[tuple[Facet, SeenFacet, float]]:
         """The facets of some parts that may be in the image, and how bright they are lit."""
+        if not self.may_be_in_view:
+            return
         for k in parts:
             first = self.thing.batch.starts[k]
             for index, facet in enumerate(self.thing.parts[k].facets):
@@ -177,211 +208,6 @@ class _SeenThing:
                     if self._R_room is not None:
                         normal = self._R_room @ normal
                     yield facet, one, _light(normal)
-
-
-class _Drawing:
-    """One image while it is being drawn."""
-
-    def __init__(self, renderer: Renderer, view: View, image: Image) -> None:
-        self._renderer = renderer
-        self._view = view
-        self._image = image
-        self._blank = True
-        self._inverse_depth = np.zeros((view.height, view.width), np.float32)
-        self._pending: list[tuple[Float32Array, Float32Array, NDArray[np.bool_]]] = []
-
-    def facet(self, facet: Facet, seen: SeenFacet, gain: float, hides: bool) -> None:
-        """Draw one facet, ``gain`` times as bright as its texture."""
-        if seen.nearest >= NEAR_M and seen.farthest <= _BAND_RATIO * seen.nearest:
-            nearest = 1 / seen.nearest if hides else None
-            self._band(facet, seen, seen.image_corners, seen.bounds, gain, nearest)
-            return
-        for band in _bands(seen, self._view):
-            corners = self._project(band)
-            nearest = 1 / min([corner[2] for corner in band]) if hides else None
-            self._band(facet, seen, corners, _bounds(corners), gain, nearest)
-
-    def shadow(self, facet: Facet, seen: SeenFacet) -> None:
-        """Darken what lies below a body."""
-        polygon = seen.corners
-        if seen.nearest < NEAR_M:
-            polygon = clip_depth(polygon, NEAR_M, True, 0.0)
-        if not polygon:
-            return
-        window = self._view.window(*_bounds(self._project(polygon)))
-        if window is None:
-            return
-        u0, v0, u1, v1 = window
-        m = seen.texture_from_image
-        level, _, _ = self._level(facet, m, (u0 + u1) / 2, (v0 + v1) / 2, 0)
-        light = cv2.warpPerspective(
-            level.image,
-            _level_from_window(m, level, u0, v0, 1, 1),
-            (u1 - u0, v1 - v0),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=(255, 255, 255),
-        )
-        region = self._image[v0:v1, u0:u1]
-        region[:] = cv2.multiply(region, light, scale=1 / 255)
-
-    def _band(
-        self,
-        facet: Facet,
-        seen: SeenFacet,
-        corners: list[ImageCorner],
-        bounds: Sequence[float],
-        gain: float,
-        nearest: float | None,
-    ) -> None:
-        """Draw one band; ``nearest`` is its largest inverse depth, None where it hides nothing."""
-        window = self._view.window(*bounds)
-        if window is None:
-            return
-        u0, v0, u1, v1 = window
-        # What is drawn first needs no edges: all around it is drawn later.
-        share = None if self._blank else coverage(corners, u0, v0, u1 - u0, v1 - v0)
-        self._blank = False
-        if nearest is not None:
-            share = self._visible(share, seen.texture_from_image, window, nearest)
-            if share is None:
-                return
-        patch = self._warp(facet, seen.texture_from_image, window, bounds)
-        if gain != 1.0:
-            patch = np.asarray(cv2.convertScaleAbs(patch, alpha=gain), np.uint8)
-        region = self._image[v0:v1, u0:u1]
-        if share is None:
-            region[:] = patch
-        else:
-            region[:] = cv2.blendLinear(patch, region, share, 1 - share)
-
-    def _visible(
-        self, share: Float32Array | None, m: list[float], window: Window, nearest: float
-    ) -> Float32Array | None:
-        """Coverage left in front of what was drawn before; None where nothing is left."""
-        u0, v0, u1, v1 = window
-        us = np.arange(u0, u1, dtype=np.float32)
-        vs = np.arange(v0, v1, dtype=np.float32)[:, None]
-        depth = us * np.float32(m[6]) + (vs * np.float32(m[7]) + np.float32(m[8]))
-        # Beyond its own edges a plane goes on towards the eye; the facet does not.
-        np.minimum(depth, np.float32(nearest), out=depth)
-        behind = self._inverse_depth[v0:v1, u0:u1]
-        free = depth * np.float32(_DEPTH_BIAS) > behind
-        if share is None:
-            share = free.astype(np.float32)
-        else:
-            share *= free
-        if not share.any():
-            return None
-        self._pending.append((behind, depth, share >= 0.5))
-        return share
-
-    def hide_behind(self) -> None:
-        """Let the part whose facets were drawn since the last call hide what is drawn later.
-
-        Not before: the facets of one convex part do not hide each other, but each is drawn a
-        little beyond the edges that it shares with the next.
-        """
-        for behind, depth, solid in self._pending:
-            np.maximum(behind, depth, out=behind, where=solid)
-        self._pending.clear()
-
-    def _warp(self, facet: Facet, m: list[float], window: Window, bounds: Sequence[float]) -> Image:
-        """The facet's texture over a window, without aliasing."""
-        u0, v0, u1, v1 = window
-        w, h = u1 - u0, v1 - v0
-        # Chosen by what the whole image shows of the band, so that rows drawn by themselves
-        # look as they do in the whole.
-        left, right = max(bounds[0], 0.0), min(bounds[2], self._view.width)
-        above, below = max(bounds[1], 0.0), min(bounds[3], self._view.height)
-        pixels = (right - left) * (below - above)
-        level, nu, nv = self._level(facet, m, (left + right) / 2, (above + below) / 2, pixels)
-        patch = cv2.warpPerspective(
-            level.image,
-            _level_from_window(m, level, u0, v0, nu, nv),
-            (w * nu, h * nv),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        if nu > 1 or nv > 1:
-            patch = cv2.resize(patch, (w, h), interpolation=cv2.INTER_AREA)
-        return np.asarray(patch, np.uint8)
-
-    def _level(
-        self, facet: Facet, m: list[float], u: float, v: float, pixels: float
-    ) -> tuple[Level, int, int]:
-        """Pyramid level, and samples along u and v, that suit the texture about pixel (u, v)."""
-        c = m[6] * u + m[7] * v + m[8]
-        s = (m[0] * u + m[1] * v + m[2]) / c
-        t = (m[3] * u + m[4] * v + m[5]) / c
-        along_u = math.hypot(m[0] - s * m[6], m[3] - t * m[6]) / abs(c)
-        along_v = math.hypot(m[1] - s * m[7], m[4] - t * m[7]) / abs(c)
-        fine = max(min(along_u, along_v), 1e-9)
-        nu = nv = 1
-        if pixels >= _SUPERSAMPLED_PX:
-            nu = min(_MOST_SUPERSAMPLES, max(1, round(along_u / fine / _FORESHORTENING)))
-            nv = min(_MOST_SUPERSAMPLES, max(1, round(along_v / fine / _FORESHORTENING)))
-        coarse = max(along_u / nu, along_v / nv, fine)
-        # Between the two: a little blur across is less disturbing than shimmer along.
-        level = self._renderer.texture(facet).level(1 / math.sqrt(fine * coarse))
-        return level, nu, nv
-
-    def _project(self, polygon: list[Corner]) -> list[ImageCorner]:
-        v = self._view
-        return [(v.fx * x / z + v.cx, v.fy * y / z + v.cy, g) for x, y, z, g in polygon]
-
-
-def _bounds(corners: list[ImageCorner]) -> tuple[float, float, float, float]:
-    """Least u and v, largest u and v."""
-    us = [c[0] for c in corners]
-    vs = [c[1] for c in corners]
-    return min(us), min(vs), max(us), max(vs)
-
-
-def _bands(seen: SeenFacet, view: View) -> list[list[Corner]]:
-    """The facet cut by depth, from far to near; what surely is not in the image is left out."""
-    m = seen.texture_from_image
-    # The largest inverse depth of the plane within the image is at one of its corners. All rows
-    # count, so that rows drawn by themselves are cut as in the whole.
-    largest = m[8] + max(-m[6], m[6] * view.width) + max(-m[7], m[7] * view.height)
-    if largest <= 0:
-        return []
-    polygon, nearest, farthest = seen.corners, seen.nearest, seen.farthest
-    least = max(NEAR_M, 0.98 / largest)
-    if nearest < least:
-        polygon = clip_depth(polygon, least, True, _BAND_OVERLAP_PX)
-        nearest = least
-    bands = []
-    far = farthest
-    while polygon:
-        far /= _BAND_RATIO
-        if far <= nearest * 1.05:
-            bands.append(polygon)
-            break
-        band = clip_depth(polygon, far, True, _BAND_OVERLAP_PX)
-        if band:
-            bands.append(band)
-        polygon = clip_depth(polygon, far, False, _BAND_OVERLAP_PX)
-    return bands
-
-
-def _level_from_window(
-    m: list[float], level: Level, u0: int, v0: int, nu: int, nv: int
-) -> Float64Array:
-    """(3, 3) from a sample of a window to a pixel of a texture's level.
-
-    Pixel u of the window is the mean of its nu samples, so sample k lies at
-    u0 + (k + 0.5) / nu - 0.5, and v likewise.
-    """
-    rows = []
-    for a, b, c in (
-        (level.sx * m[0] - 0.5 * m[6], level.sx * m[1] - 0.5 * m[7], level.sx * m[2] - 0.5 * m[8]),
-        (level.sy * m[3] - 0.5 * m[6], level.sy * m[4] - 0.5 * m[7], level.sy * m[5] - 0.5 * m[8]),
-        (m[6], m[7], m[8]),
-    ):
-        shift_u, shift_v = u0 + 0.5 / nu - 0.5, v0 + 0.5 / nv - 0.5
-        rows.append((a / nu, b / nv, c + a * shift_u + b * shift_v))
-    return np.array(rows)
 
 
 def _light(normal: Float64Array) -> float:

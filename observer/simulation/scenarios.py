@@ -18,6 +18,7 @@ from pydantic import Field, ValidationError
 
 from observer.errors import ScenarioError
 from observer.simulation.specs.base import Spec
+from observer.simulation.specs.boards import BoardSpec
 from observer.simulation.specs.cameras import CameraSpec, FaultSpec, ShakeSpec
 from observer.simulation.specs.places import ObjectSpec, RoomSpec, TextureSpec
 from observer.simulation.specs.vehicles import RobotSpec, VehicleSpec
@@ -29,11 +30,15 @@ class VariationSpec(Spec):
     Attributes:
         position_m, heading_deg: of every start and every object.
         speed: relative, of each vehicle.
+        board_shift: of the board's poses, as a share of their depth.
+        board_turn_deg: of the board's poses, about each axis.
     """
 
     position_m: float = Field(0.0, ge=0, le=2)
     heading_deg: float = Field(0.0, ge=0, le=45)
     speed: float = Field(0.0, ge=0, le=0.8)
+    board_shift: float = Field(0.0, ge=0, le=0.5)
+    board_turn_deg: float = Field(0.0, ge=0, le=45)
 
 
 class Scenario(Spec):
@@ -47,6 +52,9 @@ class Scenario(Spec):
             errors of position and speed are no figures of the method: then only its status,
             detection and coverage count.
         benchmark: whether ``benchmark`` counts it; the lab is for showing.
+        hands_out_calibration: whether the source brings a calibration, as a camera that was just
+            plugged in does not.
+        board: that a person holds before the cameras; it is no obstacle and not scored.
     """
 
     name: str = Field(min_length=1)
@@ -55,6 +63,7 @@ class Scenario(Spec):
     declares: Literal["ideal", "faulty"]
     scored_for: Literal["everything", "detection"] = "everything"
     benchmark: bool = True
+    hands_out_calibration: bool = True
     duration_s: float = Field(gt=0, le=3600)
     frame_rate: float = Field(15.0, gt=0, le=240)
     camera: CameraSpec = CameraSpec()
@@ -62,6 +71,7 @@ class Scenario(Spec):
     objects: tuple[ObjectSpec, ...] = ()
     robots: tuple[RobotSpec, ...] = ()
     observer: VehicleSpec = VehicleSpec()
+    board: BoardSpec | None = None
     shake: ShakeSpec = ShakeSpec()
     texture: TextureSpec = TextureSpec()
     faults: FaultSpec = FaultSpec()

@@ -42,9 +42,10 @@ class SimulatedSource:
         )
 
     @property
-    def calibration(self) -> StereoCalibration:
-        """The true calibration, unless the scenario hands out a wrong one."""
-        return self._world.calibration
+    def calibration(self) -> StereoCalibration | None:
+        """The true calibration, unless the scenario hands out a wrong one or none."""
+        handed_out = self._world.scenario.hands_out_calibration
+        return self._world.calibration if handed_out else None
 
     def read(self) -> StereoFrame | None:
         """The next frame, or None after the last one."""

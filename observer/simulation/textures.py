@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.simulation.facets import Material
-from observer.simulation.painting import posters, surfaces, things
+from observer.simulation.painting import boards, posters, surfaces, things
 from observer.simulation.painting.canvas import Canvas
 
 # Levels below this many pixels are never needed: nothing is that small in the image.
@@ -25,7 +25,7 @@ _LEVELS_PER_OCTAVE = 2
 
 Painter = Callable[[Canvas], NDArray[np.uint8]]
 
-# Kind of material: its painter and its density, pixels per metre.
+# Kind of material: its painter and its density, pixels per metre, unless the material says other.
 _PAINTERS: dict[str, tuple[Painter, float]] = {
     "floor_wood": (surfaces.wood, 230),
     "floor_tiles": (surfaces.tiles, 230),
@@ -56,6 +56,8 @@ _PAINTERS: dict[str, tuple[Painter, float]] = {
     "poster_waves": (posters.framed(posters.waves), 320),
     "poster_tag": (posters.framed(posters.tag), 320),
     "poster_sign": (posters.framed(posters.sign), 320),
+    "board_chessboard": (boards.chessboard, 2500),
+    "board_charuco": (boards.charuco, 2500),
     "poster_checkerboard": (posters.plain(posters.checkerboard), 320),
 }
 
@@ -77,10 +79,17 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A painted surface at all its levels, the finest first."""
+    """A painted surface at all its levels, the finest first.
+
+    Attributes:
+        density: pixels per metre of the finest level.
+        samples: least number of samples along each axis of an image pixel; more than one where
+            edges are to be measured.
+    """
 
     levels: tuple[Level, ...]
     density: float
+    samples: int = 1
 
     def level(self, density: float) -> Level:
         """The level whose density, pixels per metre, comes closest to the one that is wanted."""
@@ -93,6 +102,7 @@ class Texture:
 def paint(material: Material, extent: tuple[float, float]) -> Texture:
     """The texture of a material over ``extent`` metres (along, down)."""
     painter, density = _PAINTERS[material.kind]
+    density = material.number("density", density)
     width = max(4, round(extent[0] * density))
     height = max(4, round(extent[1] * density))
     rng = np.random.default_rng(
@@ -110,4 +120,4 @@ def paint(material: Material, extent: tuple[float, float]) -> Texture:
         image = np.asarray(cv2.resize(base, (w, h), interpolation=cv2.INTER_AREA), np.uint8)
         levels.append(Level(image, w / extent[0], h / extent[1]))
         k += 1
-    return Texture(tuple(levels), density)
+    return Texture(tuple(levels), density, round(material.number("samples", 1)))

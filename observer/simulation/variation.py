@@ -8,9 +8,12 @@ from collections.abc import Callable
 import numpy as np
 
 from observer.errors import ScenarioError
+from observer.simulation.held_board import drawn_anew
 from observer.simulation.motion import Course, Leg, Oscillation, Parked, PlanarMotion, Sway
+from observer.simulation.rig import true_calibration
 from observer.simulation.scenarios import Scenario
 from observer.simulation.specs.base import SineSpec
+from observer.simulation.specs.boards import BoardSpec
 from observer.simulation.specs.places import BoxSpec, PosterSpec
 from observer.simulation.specs.vehicles import (
     ArcLeg,
@@ -139,9 +142,18 @@ def varied(scenario: Scenario, seed: int) -> Scenario:
             change = moved(item)
             below = (change["x"] - item.x, change["y"] - item.y)
             objects.append(item.model_copy(update=change))
+    board: BoardSpec | None = None
+    if scenario.board is not None:
+        calibration = true_calibration(scenario.camera, scenario.faults)
+        board = drawn_anew(
+            scenario.board, calibration, bounds.board_shift, bounds.board_turn_deg, rng
+        )
     return scenario.model_copy(
-        update={"robots": tuple(robots), "observer": observer, "objects": tuple(objects)}
-    )
+        update={
+            "robots": tuple(robots), "observer": observer, "objects": tuple(objects),
+            "board": board,
+        }
+    )  # fmt: skip
 
 
 def _faster(motion: MotionSpec | None, factor: float) -> MotionSpec | None:

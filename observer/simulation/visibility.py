@@ -18,8 +18,9 @@ from observer.simulation.facets import Part
 from observer.simulation.imaging import undistorted_rays
 from observer.simulation.world import Body, World
 
-# Body number of the room and its posters.
+# Body numbers of the room with its posters, and of a board that is held before the cameras.
 ROOM = -1
+BOARD = -2
 # Rays per body and axis by which the visible share is measured.
 _SHARE_RAYS = 48
 _NEAR_M = 0.05
@@ -31,7 +32,7 @@ class Hits:
 
     Attributes:
         inverse_depth: (...) float64, 1/m along the camera's z; 0 where nothing is met.
-        body: (...) int, ``Body.id``; ROOM for the room.
+        body: (...) int, ``Body.id``; ROOM for the room, BOARD for a board.
     """
 
     inverse_depth: Float64Array
@@ -52,6 +53,9 @@ def cast(
         T_camera_body = T_camera_room @ thing.T_room_body(time)
         for part in thing.parts:
             _nearest(part, T_camera_body, rays, inverse, body, thing.id)
+    if world.board is not None:
+        T_camera_board = T_camera_room @ world.T_room_board(time)
+        _nearest(world.board.part, T_camera_board, rays, inverse, body, BOARD)
     return Hits(inverse, body)
 
 
@@ -128,6 +132,10 @@ def true_flow(world: World, t0: float, t1: float) -> Float64Array:
         if mask.any():
             motion = body.T_room_body(t1) @ body.T_room_body(t0).inverse()
             points[mask] = motion.apply(points[mask])
+    if world.board is not None:
+        mask = hits.body == BOARD
+        motion = world.T_room_board(t1) @ world.T_room_board(t0).inverse()
+        points[mask] = motion.apply(points[mask])
     seen = world.T_room_left(t1).inverse().apply(points)
     height, width = depth.shape
     start = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
@@ -184,11 +192,12 @@ def visible_share(world: World, body: Body, time: float) -> float:
     if not seen.any():
         return 0.0
     blocked = np.zeros_like(own)
-    for other in world.bodies:
-        if other is body:
-            continue
-        T_camera_other = T_camera_room @ other.T_room_body(time)
-        for part in other.parts:
+    others = [(b.parts, b.T_room_body(time)) for b in world.bodies if b is not body]
+    if world.board is not None:
+        others.append(((world.board.part,), world.T_room_board(time)))
+    for parts, T_room_other in others:
+        T_camera_other = T_camera_room @ T_room_other
+        for part in parts:
             if _apart(part, T_camera_other, low, high):
                 continue
             for hit, depth in _intersections(part, T_camera_other, rays):

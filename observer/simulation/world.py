@@ -7,7 +7,8 @@ Frames
     camera: the *rectified* left camera, by the calibration that the world hands out. It has the
         left camera's origin and is turned by ``stereoRectify``'s R1; without lens and tilt it is
         the left camera itself. A method can only know this frame, so truth is given in it, also
-        where the calibration that is handed out is wrong.
+        where the calibration that is handed out is wrong. Where none is handed out, it is that
+        of the true one.
     world: the camera frame at time 0.
 """
 
@@ -32,7 +33,9 @@ from observer.simulation.bodies import (
     shadow_facet,
 )
 from observer.simulation.facets import Facet, Part
-from observer.simulation.motion import Oscillation, PlanarMotion, PlanarState
+from observer.simulation.held_board import HeldBoard, held_board
+from observer.simulation.motion import Oscillation, Parked, PlanarMotion, PlanarState
+from observer.simulation.rig import small_rotation, true_calibration
 from observer.simulation.scenarios import Scenario
 from observer.simulation.specs.base import SineSpec
 from observer.simulation.specs.vehicles import AMIGOBOT_SIZE
@@ -136,6 +139,7 @@ class World:
         self._shake = {
             name: _oscillation(getattr(s.shake, name)) for name in ("roll", "pitch", "yaw", "up")
         }
+        self.board: HeldBoard | None = None if s.board is None else held_board(s.board)
         self._check_room()
 
     @property
@@ -153,19 +157,16 @@ class World:
     @cached_property
     def true_calibration(self) -> StereoCalibration:
         """The cameras as they are."""
-        c, f = self.scenario.camera, self.scenario.faults
-        focal = c.width / 2 / math.tan(math.radians(c.hfov_deg) / 2)
-        K = np.array([[focal, 0, (c.width - 1) / 2], [0, focal, (c.height - 1) / 2], [0, 0, 1.0]])
-        D = np.array([f.lens.k1, f.lens.k2, f.lens.p1, f.lens.p2, 0.0])
-        R = _rotation(f.tilt.pitch_deg, f.tilt.vergence_deg, f.tilt.roll_deg)
-        centre_right_in_left = np.array([c.baseline_m, 0.0, 0.0])
-        return StereoCalibration(c.width, c.height, K, D, K, D, R, -R @ centre_right_in_left)
+        return true_calibration(self.scenario.camera, self.scenario.faults)
 
     @cached_property
     def calibration(self) -> StereoCalibration:
-        """The calibration that is handed out: the truth, unless the scenario miscalibrates."""
+        """The calibration that ``camera`` stands for: the truth, unless the scenario miscalibrates.
+
+        It is handed out with the images, unless the scenario hands out none.
+        """
         true, error = self.true_calibration, self.scenario.faults.miscalibration
-        wrong = _rotation(error.pitch_deg, error.vergence_deg, error.roll_deg)
+        wrong = small_rotation(error.pitch_deg, error.vergence_deg, error.roll_deg)
         if not error.focal and np.array_equal(wrong, np.eye(3)):
             return true
         K = true.K1.copy()
@@ -206,6 +207,33 @@ class World:
     def T_room_right(self, time: float) -> Pose:
         return self.T_room_left(time) @ self.T_right_left.inverse()
 
+    @property
+    def camera_stands(self) -> bool:
+        """Whether the left camera keeps its place in the room for ever."""
+        shakes = any(oscillation.amplitude for oscillation in self._shake.values())
+        return isinstance(self.observer.motion, Parked) and not shakes
+
+    # ------------------------------------------------------------------ board
+
+    def T_room_board(self, time: float) -> Pose:
+        """The board that is held before the cameras.
+
+        Raises:
+            ScenarioError: the scenario has none.
+        """
+        if self.board is None:
+            raise ScenarioError(f"nobody holds a board in the scenario {self.scenario.name}")
+        # A person stands in the room and does not move with the cameras.
+        return self.T_room_left(0.0) @ self.board.motion.pose(time)
+
+    def board_pose(self, time: float) -> Pose:
+        """``T_left_board``, see ``observer.calibration.board.Board`` for its frame.
+
+        Raises:
+            ScenarioError: the scenario has no board.
+        """
+        return self.T_room_left(time).inverse() @ self.T_room_board(time)
+
     # ------------------------------------------------------------------ world frame
 
     @cached_property
@@ -242,11 +270,3 @@ class World:
 
 def _oscillation(spec: SineSpec) -> Oscillation:
     return Oscillation(spec.amplitude, spec.period_s, math.radians(spec.phase_deg))
-
-
-def _rotation(pitch_deg: float, yaw_deg: float, roll_deg: float) -> Float64Array:
-    """(3, 3) rotation by small angles about a camera's x, y and z axes."""
-    if not (pitch_deg or yaw_deg or roll_deg):
-        return np.eye(3)
-    R = Rotation.from_euler("xyz", [pitch_deg, yaw_deg, roll_deg], degrees=True).as_matrix()
-    return np.asarray(R, dtype=np.float64)

@@ -1,0 +1,264 @@
+"""One image while it is being drawn: facets warped by homography, blended by coverage and depth.
+
+Each facet is cut into bands of similar depth; each band takes the pyramid level that suits it
+(supersampled along the direction in which it is foreshortened, or both ways where its texture
+asks for it), is warped by its homography within its bounding box, and is blended by its pixels'
+coverage. A buffer of inverse depth, which is an affine function of the pixel on every plane,
+decides what hides what.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.simulation.batches import SeenFacet, View, Window
+from observer.simulation.facets import Facet
+from observer.simulation.polygons import (
+    Corner,
+    Float32Array,
+    ImageCorner,
+    clip_depth,
+    coverage,
+)
+from observer.simulation.textures import Level, Texture
+
+Image = NDArray[np.uint8]
+
+NEAR_M = 0.04
+# A band's farthest point is at most this much farther than its nearest one.
+_BAND_RATIO = 1.8
+# Neighbouring bands show the same, so that their overlap is not seen and saves blending them.
+_BAND_OVERLAP_PX = 3.0
+# Foreshortening up to this factor needs no supersampling, beyond the second is left to the
+# pyramid, and in windows below this many pixels it is not worth its cost.
+_FORESHORTENING = 1.7
+_MOST_SUPERSAMPLES = 4
+_SUPERSAMPLED_PX = 200
+# Parts that overlap by less than this share of their depth are decided by the drawing order.
+_DEPTH_BIAS = 1.02
+
+
+class Drawing:
+    """One image while it is being drawn.
+
+    Args:
+        texture: gives the texture of a facet.
+        image: (H, W, 3) BGR, drawn into.
+        inverse_depth: (H, W) 1/m of what the image shows already; None where it shows nothing.
+    """
+
+    def __init__(
+        self,
+        texture: Callable[[Facet], Texture],
+        view: View,
+        image: Image,
+        inverse_depth: Float32Array | None = None,
+    ) -> None:
+        self._texture = texture
+        self._view = view
+        self._image = image
+        self._blank = inverse_depth is None
+        if inverse_depth is None:
+            inverse_depth = np.zeros((view.height, view.width), np.float32)
+        self.inverse_depth = inverse_depth
+        self._pending: list[tuple[Float32Array, Float32Array, NDArray[np.bool_]]] = []
+
+    def facet(self, facet: Facet, seen: SeenFacet, gain: float, hides: bool) -> None:
+        """Draw one facet, ``gain`` times as bright as its texture."""
+        if seen.nearest >= NEAR_M and seen.farthest <= _BAND_RATIO * seen.nearest:
+            nearest = 1 / seen.nearest if hides else None
+            self._band(facet, seen, seen.image_corners, seen.bounds, gain, nearest)
+            return
+        for band in _bands(seen, self._view):
+            corners = self._project(band)
+            nearest = 1 / min([corner[2] for corner in band]) if hides else None
+            self._band(facet, seen, corners, _bounds(corners), gain, nearest)
+
+    def shadow(self, facet: Facet, seen: SeenFacet) -> None:
+        """Darken what lies below a body."""
+        polygon = seen.corners
+        if seen.nearest < NEAR_M:
+            polygon = clip_depth(polygon, NEAR_M, True, 0.0)
+        if not polygon:
+            return
+        window = self._view.window(*_bounds(self._project(polygon)))
+        if window is None:
+            return
+        u0, v0, u1, v1 = window
+        m = seen.texture_from_image
+        level, _, _ = self._level(facet, m, (u0 + u1) / 2, (v0 + v1) / 2, 0)
+        light = cv2.warpPerspective(
+            level.image,
+            _level_from_window(m, level, u0, v0, 1, 1),
+            (u1 - u0, v1 - v0),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=(255, 255, 255),
+        )
+        region = self._image[v0:v1, u0:u1]
+        region[:] = cv2.multiply(region, light, scale=1 / 255)
+
+    def _band(
+        self,
+        facet: Facet,
+        seen: SeenFacet,
+        corners: list[ImageCorner],
+        bounds: Sequence[float],
+        gain: float,
+        nearest: float | None,
+    ) -> None:
+        """Draw one band; ``nearest`` is its largest inverse depth, None where it hides nothing."""
+        window = self._view.window(*bounds)
+        if window is None:
+            return
+        u0, v0, u1, v1 = window
+        # What is drawn first needs no edges: all around it is drawn later.
+        share = None if self._blank else coverage(corners, u0, v0, u1 - u0, v1 - v0)
+        self._blank = False
+        if nearest is not None:
+            share = self._visible(share, seen.texture_from_image, window, nearest)
+            if share is None:
+                return
+        patch = self._warp(facet, seen.texture_from_image, window, bounds)
+        if gain != 1.0:
+            patch = np.asarray(cv2.convertScaleAbs(patch, alpha=gain), np.uint8)
+        region = self._image[v0:v1, u0:u1]
+        if share is None:
+            region[:] = patch
+        else:
+            region[:] = cv2.blendLinear(patch, region, share, 1 - share)
+
+    def _visible(
+        self, share: Float32Array | None, m: list[float], window: Window, nearest: float
+    ) -> Float32Array | None:
+        """Coverage left in front of what was drawn before; None where nothing is left."""
+        u0, v0, u1, v1 = window
+        us = np.arange(u0, u1, dtype=np.float32)
+        vs = np.arange(v0, v1, dtype=np.float32)[:, None]
+        depth = us * np.float32(m[6]) + (vs * np.float32(m[7]) + np.float32(m[8]))
+        # Beyond its own edges a plane goes on towards the eye; the facet does not.
+        np.minimum(depth, np.float32(nearest), out=depth)
+        behind = self.inverse_depth[v0:v1, u0:u1]
+        free = depth * np.float32(_DEPTH_BIAS) > behind
+        if share is None:
+            share = free.astype(np.float32)
+        else:
+            share *= free
+        if not share.any():
+            return None
+        self._pending.append((behind, depth, share >= 0.5))
+        return share
+
+    def hide_behind(self) -> None:
+        """Let the part whose facets were drawn since the last call hide what is drawn later.
+
+        Not before: the facets of one convex part do not hide each other, but each is drawn a
+        little beyond the edges that it shares with the next.
+        """
+        for behind, depth, solid in self._pending:
+            np.maximum(behind, depth, out=behind, where=solid)
+        self._pending.clear()
+
+    def _warp(self, facet: Facet, m: list[float], window: Window, bounds: Sequence[float]) -> Image:
+        """The facet's texture over a window, without aliasing."""
+        u0, v0, u1, v1 = window
+        w, h = u1 - u0, v1 - v0
+        # Chosen by what the whole image shows of the band, so that rows drawn by themselves
+        # look as they do in the whole.
+        left, right = max(bounds[0], 0.0), min(bounds[2], self._view.width)
+        above, below = max(bounds[1], 0.0), min(bounds[3], self._view.height)
+        pixels = (right - left) * (below - above)
+        level, nu, nv = self._level(facet, m, (left + right) / 2, (above + below) / 2, pixels)
+        patch = cv2.warpPerspective(
+            level.image,
+            _level_from_window(m, level, u0, v0, nu, nv),
+            (w * nu, h * nv),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        if nu > 1 or nv > 1:
+            patch = cv2.resize(patch, (w, h), interpolation=cv2.INTER_AREA)
+        return np.asarray(patch, np.uint8)
+
+    def _level(
+        self, facet: Facet, m: list[float], u: float, v: float, pixels: float
+    ) -> tuple[Level, int, int]:
+        """Pyramid level, and samples along u and v, that suit the texture about pixel (u, v)."""
+        c = m[6] * u + m[7] * v + m[8]
+        s = (m[0] * u + m[1] * v + m[2]) / c
+        t = (m[3] * u + m[4] * v + m[5]) / c
+        along_u = math.hypot(m[0] - s * m[6], m[3] - t * m[6]) / abs(c)
+        along_v = math.hypot(m[1] - s * m[7], m[4] - t * m[7]) / abs(c)
+        fine = max(min(along_u, along_v), 1e-9)
+        texture = self._texture(facet)
+        nu = nv = texture.samples
+        if pixels >= _SUPERSAMPLED_PX:
+            nu = min(_MOST_SUPERSAMPLES, max(nu, round(nu * along_u / fine / _FORESHORTENING)))
+            nv = min(_MOST_SUPERSAMPLES, max(nv, round(nv * along_v / fine / _FORESHORTENING)))
+        fine = max(min(along_u / nu, along_v / nv), 1e-9)
+        coarse = max(along_u / nu, along_v / nv, fine)
+        # Between the two: a little blur across is less disturbing than shimmer along.
+        return texture.level(1 / math.sqrt(fine * coarse)), nu, nv
+
+    def _project(self, polygon: list[Corner]) -> list[ImageCorner]:
+        v = self._view
+        return [(v.fx * x / z + v.cx, v.fy * y / z + v.cy, g) for x, y, z, g in polygon]
+
+
+def _bounds(corners: list[ImageCorner]) -> tuple[float, float, float, float]:
+    """Least u and v, largest u and v."""
+    us = [c[0] for c in corners]
+    vs = [c[1] for c in corners]
+    return min(us), min(vs), max(us), max(vs)
+
+
+def _bands(seen: SeenFacet, view: View) -> list[list[Corner]]:
+    """The facet cut by depth, from far to near; what surely is not in the image is left out."""
+    m = seen.texture_from_image
+    # The largest inverse depth of the plane within the image is at one of its corners. All rows
+    # count, so that rows drawn by themselves are cut as in the whole.
+    largest = m[8] + max(-m[6], m[6] * view.width) + max(-m[7], m[7] * view.height)
+    if largest <= 0:
+        return []
+    polygon, nearest, farthest = seen.corners, seen.nearest, seen.farthest
+    least = max(NEAR_M, 0.98 / largest)
+    if nearest < least:
+        polygon = clip_depth(polygon, least, True, _BAND_OVERLAP_PX)
+        nearest = least
+    bands = []
+    far = farthest
+    while polygon:
+        far /= _BAND_RATIO
+        if far <= nearest * 1.05:
+            bands.append(polygon)
+            break
+        band = clip_depth(polygon, far, True, _BAND_OVERLAP_PX)
+        if band:
+            bands.append(band)
+        polygon = clip_depth(polygon, far, False, _BAND_OVERLAP_PX)
+    return bands
+
+
+def _level_from_window(
+    m: list[float], level: Level, u0: int, v0: int, nu: int, nv: int
+) -> Float64Array:
+    """(3, 3) from a sample of a window to a pixel of a texture's level.
+
+    Pixel u of the window is the mean of its nu samples, so sample k lies at
+    u0 + (k + 0.5) / nu - 0.5, and v likewise.
+    """
+    rows = []
+    for a, b, c in (
+        (level.sx * m[0] - 0.5 * m[6], level.sx * m[1] - 0.5 * m[7], level.sx * m[2] - 0.5 * m[8]),
+        (level.sy * m[3] - 0.5 * m[6], level.sy * m[4] - 0.5 * m[7], level.sy * m[5] - 0.5 * m[8]),
+        (m[6], m[7], m[8]),
+    ):
+        shift_u, shift_v = u0 + 0.5 / nu - 0.5, v0 + 0.5 / nv - 0.5
+        rows.append((a / nu, b / nv, c + a * shift_u + b * shift_v))
+    return np.array(rows)

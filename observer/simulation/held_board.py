@@ -1,0 +1,221 @@
+"""A calibration board in a person's hands: its picture, its motion, where its corners are seen.
+
+Poses are ``T_left_board``: from the board's frame (``observer.calibration.board.Board``: x along
+a row, y along a column, z into the board, the origin at corner 0) to the left camera's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from observer.calibration.board import Board
+from observer.camera import StereoCalibration
+from observer.geometry import Float64Array, Pose
+from observer.simulation.facets import Material, Part, rectangle
+from observer.simulation.specs.boards import BoardPoseSpec, BoardSpec
+
+# White around the squares, in squares: what detectors of chessboards rest on.
+MARGIN_SQUARES = 1
+# Whole pixels, so that every edge lies on the border between two of them.
+_TEXTURE_PX_PER_SQUARE = 64
+# Three samples each way make a pixel's mean good to a hundredth of a pixel's shift.
+_SAMPLES = 3
+# Hands tremble at several rates at once, 1/s (physiological tremor has 8 to 12, and sways).
+_TREMOR_HZ = (0.9, 3.1, 8.3)
+_TREMOR_SHARES = (0.5, 0.3, 0.2)
+# How near to the image's border the squares may come when poses are drawn anew, pixels.
+_BORDER_PX = 3.0
+_TRIES = 30
+
+
+class HandMotion:
+    """From pose to pose and back to the first one, again and again, holding each for a while.
+
+    Args:
+        poses: ``T_left_board``. centre: (3,) of the board, in its own frame: what is moved
+            straight on, and about which it is turned.
+        hold_s, move_s: seconds. tremor_m: largest trembling along each axis.
+
+    A move is the minimum-jerk one, 10 s^3 - 15 s^4 + 6 s^5 of the way (Flash and Hogan, The
+    coordination of arm movements, 1985), and turns about one axis at the same pace.
+    """
+
+    def __init__(
+        self,
+        poses: Sequence[Pose],
+        centre: Float64Array,
+        hold_s: float,
+        move_s: float,
+        tremor_m: float = 0.0,
+    ) -> None:
+        self._poses = tuple(poses)
+        self._centre = centre
+        self._hold_s, self._move_s = hold_s, move_s
+        self._tremor_m = tremor_m
+        self._centres = [pose.apply(centre) for pose in poses]
+        self._turns = [
+            Rotation.from_matrix(a.rotation.T @ b.rotation).as_rotvec()
+            for a, b in zip(poses, (*poses[1:], poses[0]), strict=True)
+        ]
+
+    @property
+    def period_s(self) -> float:
+        """Seconds of one pass over all poses."""
+        return len(self._poses) * (self._hold_s + self._move_s)
+
+    @property
+    def held_at(self) -> tuple[float, ...]:
+        """The middle of each hold in the first pass, seconds."""
+        step = self._hold_s + self._move_s
+        return tuple(k * step + self._hold_s / 2 for k in range(len(self._poses)))
+
+    def pose(self, time: float) -> Pose:
+        """``T_left_board`` at ``time`` >= 0 seconds; begins with the hold of the first pose."""
+        rest = time % self.period_s
+        index, since = divmod(rest, self._hold_s + self._move_s)
+        k = min(int(index), len(self._poses) - 1)
+        s = min(max((since - self._hold_s) / self._move_s, 0.0), 1.0)
+        way = s**3 * (10 - 15 * s + 6 * s * s)
+        a, b = self._centres[k], self._centres[(k + 1) % len(self._poses)]
+        R = self._poses[k].rotation @ Rotation.from_rotvec(way * self._turns[k]).as_matrix()
+        return Pose(R, a + way * (b - a) + self._tremor(rest) - R @ self._centre)
+
+    def _tremor(self, time: float) -> Float64Array:
+        """(3,) metres; whole oscillations fit into a pass, so that it closes."""
+        offset = np.zeros(3)
+        for n, (hz, share) in enumerate(zip(_TREMOR_HZ, _TREMOR_SHARES, strict=True)):
+            turns = max(1, round(hz * self.period_s))
+            for axis in range(3):
+                angle = 2 * math.pi * (turns + axis) * time / self.period_s + axis + n
+                offset[axis] += share * math.sin(angle)
+        return self._tremor_m * offset
+
+
+@dataclass(frozen=True, eq=False)
+class HeldBoard:
+    """A board, how it looks, and how it is moved.
+
+    Attributes:
+        part: one facet, in the board's frame; seen from its front only.
+    """
+
+    board: Board
+    part: Part
+    motion: HandMotion
+
+
+def held_board(spec: BoardSpec) -> HeldBoard:
+    """The board of a scenario."""
+    board = spec.board
+    centre = _centre(board)
+    poses = [_pose(pose, centre) for pose in spec.poses]
+    motion = HandMotion(poses, centre, spec.hold_s, spec.move_s, spec.tremor_mm / 1000)
+    return HeldBoard(board, board_part(board), motion)
+
+
+def board_part(board: Board) -> Part:
+    """The squares within their white margin, as a rectangle in the board's frame."""
+    material = Material(
+        f"board_{board.kind}",
+        0,
+        (
+            ("columns", board.columns),
+            ("rows", board.rows),
+            ("density", _TEXTURE_PX_PER_SQUARE / board.square_m),
+            ("samples", _SAMPLES),
+        ),
+    )
+    margin = MARGIN_SQUARES * board.square_m
+    width, height = (size + 2 * margin for size in board.size_m)
+    corner = -margin - board.square_m
+    x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    return Part((rectangle([corner, corner, 0.0], x, y, (width, height), material),))
+
+
+def corners_px(
+    calibration: StereoCalibration, T_left_board: Pose, points: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """(N, 2) pixels of the left and of the right image as taken, of points (N, 3) of the board.
+
+    Points beside an image have pixels beside it.
+    """
+    c = calibration
+    T_right_board = Pose(c.R, c.T) @ T_left_board
+    result = []
+    for T, K, D in ((T_left_board, c.K1, c.D1), (T_right_board, c.K2, c.D2)):
+        turn = Rotation.from_matrix(T.rotation).as_rotvec()
+        pixels = cv2.projectPoints(points.reshape(-1, 1, 3), turn, T.translation, K, D)[0]
+        result.append(np.asarray(pixels, np.float64).reshape(-1, 2))
+    return result[0], result[1]
+
+
+def whole_in_view(
+    calibration: StereoCalibration, T_left_board: Pose, board: Board, border_px: float = 0.0
+) -> tuple[bool, bool]:
+    """Whether the left and the right image show all squares, ``border_px`` within the image."""
+    c, s = calibration, board.square_m
+    # Lenses bend lines: the outline is looked at in steps of a square.
+    u, v = np.mgrid[-1 : board.columns + 1, -1 : board.rows + 1]
+    points = np.stack([u.ravel(), v.ravel(), np.zeros(u.size)], axis=-1) * s
+    if (T_left_board.apply(points)[:, 2] <= 0).any():
+        return False, False
+    low, high = border_px, np.array([c.width, c.height]) - 1 - border_px
+    left, right = (
+        bool(((px >= low) & (px <= high)).all()) for px in corners_px(c, T_left_board, points)
+    )
+    return left, right
+
+
+def drawn_anew(
+    spec: BoardSpec,
+    calibration: StereoCalibration,
+    shift: float,
+    turn_deg: float,
+    rng: np.random.Generator,
+) -> BoardSpec:
+    """The same poses moved and turned a little and in another order.
+
+    Args:
+        shift: share of its depth by which a pose is moved at most along each axis.
+        turn_deg: by which it is turned at most about each axis.
+
+    What the cameras saw whole they still see whole; a pose for which no such draw is found stays
+    as it is written.
+    """
+    if shift <= 0 and turn_deg <= 0:
+        return spec
+    board = spec.board
+    centre = _centre(board)
+    poses: list[BoardPoseSpec] = []
+    for written in spec.poses:
+        seen = whole_in_view(calibration, _pose(written, centre), board, _BORDER_PX)
+        chosen = written
+        for _ in range(_TRIES):
+            move = written.centre[2] * shift * rng.uniform(-1, 1, 3)
+            turn = turn_deg * rng.uniform(-1, 1, 3)
+            x, y, z = (np.array(written.centre) + move).tolist()
+            a, b, c = (np.array(written.turn_deg) + turn).tolist()
+            drawn = BoardPoseSpec(centre=(x, y, z), turn_deg=(a, b, c))
+            now = whole_in_view(calibration, _pose(drawn, centre), board, _BORDER_PX)
+            if now[0] >= seen[0] and now[1] >= seen[1]:
+                chosen = drawn
+                break
+        poses.append(chosen)
+    order = rng.permutation(len(poses))
+    return spec.model_copy(update={"poses": tuple(poses[k] for k in order)})
+
+
+def _centre(board: Board) -> Float64Array:
+    """(3,) of the board, in its own frame, metres."""
+    return np.array([board.columns - 1, board.rows - 1, 0.0]) * board.square_m / 2
+
+
+def _pose(spec: BoardPoseSpec, centre: Float64Array) -> Pose:
+    R = np.asarray(Rotation.from_euler("xyz", spec.turn_deg, degrees=True).as_matrix(), np.float64)
+    return Pose(R, np.array(spec.centre) - R @ centre)
