@@ -54,15 +54,15 @@ def permission_advice(path: Path, root: Path = _MACHINE, user: User | None = Non
     number = path.stat().st_gid
     group, members = _groups(root).get(number, (None, ()))
     who = user or current_user()
+    if group == "root" or (group is None and number == 0):
+        return (
+            f"{shown} may only be used by root; a udev rule can give it to a group, "
+            f"as docker/README.md shows"
+        )
     if group is None:
         return (
             f"{shown} may not be used by you and belongs to group {number}, which has no name "
             f"here; in a container add --group-add {number}"
-        )
-    if group == "root" or number == 0:
-        return (
-            f"{shown} may only be used by root; a udev rule can give it to a group, "
-            f"as docker/README.md shows"
         )
     if number in who.groups:
         return (

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from observer.sources.cameras.device_files import Holder, holders, shown_path, text_in
+from observer.sources.cameras.device_files import Holder, User, holders, shown_path, text_in
 from observer.sources.cameras.usb import UsbPlace, bandwidth_hints, usb_place
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.device import Control, DeviceAccess, LinuxAccess, V4l2Device
@@ -65,12 +65,13 @@ class CameraDevice:
 
 
 def list_devices(
-    root: Path = _MACHINE, access: DeviceAccess | None = None
+    root: Path = _MACHINE, access: DeviceAccess | None = None, user: User | None = None
 ) -> tuple[CameraDevice, ...]:
     """All video nodes in the order of their numbers. A bad one tells its trouble, none raises.
 
     Args:
         root: the machine's file system. access: its kernel; None for this one.
+        user: whom advice on permissions is for; None for the user of this process.
     """
     try:
         names = [file.name for file in (root / "dev").iterdir()]
@@ -79,23 +80,19 @@ def list_devices(
     numbers = sorted(int(name[5:]) for name in names if re.fullmatch(r"video[0-9]+", name))
     by_path, by_id = _links(root, "by-path"), _links(root, "by-id")
     kernel = access or LinuxAccess()
-    return tuple(
-        _device(root / "dev" / f"video{number}", root, kernel, by_path, by_id) for number in numbers
-    )
+    devices = []
+    for number in numbers:
+        path = f"/dev/video{number}"
+        named = CameraDevice(path, by_path.get(path), by_id.get(path))
+        devices.append(_device(named, root / "dev" / f"video{number}", root, kernel, user))
+    return tuple(devices)
 
 
 def _device(
-    file: Path,
-    root: Path,
-    access: DeviceAccess,
-    by_path: dict[str, str],
-    by_id: dict[str, str],
+    named: CameraDevice, file: Path, root: Path, access: DeviceAccess, user: User | None
 ) -> CameraDevice:
-    path = shown_path(file, root)
-    known = CameraDevice(
-        path,
-        by_path.get(path),
-        by_id.get(path),
+    known = replace(
+        named,
         card=_card_in_sysfs(file.name, root),
         usb=usb_place(file.name, root),
         used_by=holders(file, root),
@@ -104,7 +101,7 @@ def _device(
         with V4l2Device(file, access) as device:
             return _asked(known, device, file, root)
     except OSError as error:
-        return replace(known, trouble=why_not(file, error, root))
+        return replace(known, trouble=why_not(file, error, root, user))
 
 
 def _asked(known: CameraDevice, device: V4l2Device, file: Path, root: Path) -> CameraDevice:

@@ -6,7 +6,7 @@ import errno
 from pathlib import Path
 
 from observer.errors import SourceError
-from observer.sources.cameras.device_files import holders, permission_advice, shown_path
+from observer.sources.cameras.device_files import User, holders, permission_advice, shown_path
 from observer.sources.cameras.v4l2.device import DeviceAccess, LinuxAccess, V4l2Device
 
 _MACHINE = Path("/")
@@ -31,12 +31,12 @@ def open_device(
         raise SourceError(why_not(file, error, root)) from error
 
 
-def why_not(file: Path, error: OSError, root: Path = _MACHINE) -> str:
+def why_not(file: Path, error: OSError, root: Path = _MACHINE, user: User | None = None) -> str:
     """One sentence for an error of a device file: what is wrong and what to do."""
     shown = shown_path(file, root)
     if error.errno in (errno.EACCES, errno.EPERM):
         try:
-            return permission_advice(file, root)
+            return permission_advice(file, root, user)
         except OSError:
             return f"{shown} may not be used by you ({error.strerror})"
     if error.errno == errno.ENOENT:
