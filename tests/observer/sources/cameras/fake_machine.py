@@ -17,7 +17,7 @@ class FakeMachine:
         self.group = os.getgid() if group_number is None else group_number
         (root / "dev").mkdir(parents=True)
         (root / "etc").mkdir()
-        self.groups(f"video:x:{self.group or 44}:")
+        self.groups(f"video:x:{self.group}:")
 
     def groups(self, *lines: str) -> None:
         (self.root / "etc" / "group").write_text("".join(f"{line}\n" for line in lines))
