@@ -15,6 +15,7 @@ from observer.truth.contract import Truth
 
 # What a mistyped scheme looks like; a Windows drive letter is one character and stays a path.
 _SCHEME = re.compile(r"^([a-z_]{2,}):", re.IGNORECASE)
+_NETWORK_KINDS = ("rtsp", "rtsps", "http", "https", "sbs")
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +31,10 @@ def open_source(spec: str) -> OpenedSource:
 
     Args:
         spec: ``simulated:SCENARIO`` (optionally ``?seed=N``), ``video:LEFT,RIGHT`` or
-            ``video:SIDE_BY_SIDE``, or the path of a folder: stereo folder, KITTI odometry,
-            KITTI raw or EuRoC, recognised by its content.
+            ``video:SIDE_BY_SIDE``; ``camera:0,1``, two device paths or ``camera:sbs:0`` (settings
+            after ``?``); two ``rtsp://`` or ``http://`` addresses with a comma between them, or
+            ``sbs:`` and one; or the path of a folder: stereo folder, KITTI odometry, KITTI raw or
+            EuRoC, recognised by its content.
 
     Raises:
         SourceError: one sentence that says what is wrong and what would be right.
@@ -46,10 +49,19 @@ def open_source(spec: str) -> OpenedSource:
         from observer.sources.video import open_video
 
         return OpenedSource(open_video(rest), None)
+    if kind == "camera":
+        from observer.sources.cameras.source import open_devices
+
+        return OpenedSource(open_devices(rest), None)
+    if kind in _NETWORK_KINDS:
+        from observer.sources.cameras.source import open_urls
+
+        return OpenedSource(open_urls(spec), None)
     if kind:
         raise SourceError(
-            f"there is no kind of source {kind!r}; use simulated:SCENARIO, video:LEFT,RIGHT "
-            f"or the path of a folder with stereo images"
+            f"there is no kind of source {kind!r}; use simulated:SCENARIO, video:LEFT,RIGHT, "
+            f"camera:0,1, two addresses of network cameras or the path of a folder with stereo "
+            f"images"
         )
     return _open_folder(Path(rest))
 

@@ -1,0 +1,237 @@
+"""The camera itself, as its own process sees it: V4L2 devices and network streams by OpenCV."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol, TypeAlias
+from urllib.parse import urlsplit
+
+import cv2
+import numpy as np
+
+from observer.errors import SourceError
+from observer.sources.cameras.settings import AppliedSettings, CameraSettings
+from observer.types import Image
+
+OPENER = "observer.sources.cameras.capture:open_capture"
+
+# FFmpeg's own patience; the source's is shorter and ends the process.
+_TIMEOUT_MS = 5000
+_PROBE_S = 2.0
+# Packets are handed on as they come, none reordered or held back; RTSP over TCP, because a lost
+# packet of UDP is a torn image that nothing marks as such.
+_LOW_LATENCY = (
+    "rtsp_transport;tcp|fflags;nobuffer|flags;low_delay|max_delay;0|analyzeduration;2000000"
+)
+_DEFAULT_PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtsps": 322}
+# Where the container carries MPEG-TS's stream type instead of a name.
+_STREAM_TYPES = {0x1B: "H264", 0x24: "HEVC", 0x02: "MPEG2", 0x10: "MPEG4"}
+# A stamp further from now is on another clock than the host's monotonic one.
+_PLAUSIBLE_AGE_S = (-0.005, 2.0)
+
+
+class Capture(Protocol):
+    """What delivers the images of one camera. Every call may hang; nothing else may."""
+
+    @property
+    def rate(self) -> float | None:
+        """Frames per second as the camera says; None where it does not."""
+        ...
+
+    def grab(self) -> bool:
+        """Wait for the next frame and keep it undecoded; False where none came."""
+        ...
+
+    def stamp(self) -> float | None:
+        """Exposure of the grabbed frame, seconds of ``time.monotonic``; None where unknown."""
+        ...
+
+    def settle(self) -> AppliedSettings:
+        """Apply what can be set while it delivers, and read back what it has; called once."""
+        ...
+
+    def retrieve(self) -> Image | None:
+        """Decode the grabbed frame: (H, W) or (H, W, 3) uint8 BGR; None where it is no image."""
+        ...
+
+
+Opener: TypeAlias = Callable[[str, CameraSettings], Capture]
+
+
+def open_capture(address: str, settings: CameraSettings) -> Capture:
+    """Open a device by its path or a stream by its URL.
+
+    Raises:
+        SourceError: what follows the camera's name in a sentence.
+    """
+    return NetworkCapture(address) if "://" in address else DeviceCapture(address, settings)
+
+
+class DeviceCapture:
+    """A V4L2 device; implements ``Capture``.
+
+    Its stamp is that of the kernel's buffer: OpenCV's V4L2 backend answers CAP_PROP_POS_MSEC with
+    ``v4l2_buffer.timestamp``, which UVC gives on CLOCK_MONOTONIC, the clock of
+    ``time.monotonic``.
+
+    Raises:
+        SourceError: it is not there, may not be opened or is in use.
+    """
+
+    def __init__(self, path: str, settings: CameraSettings) -> None:
+        check_device(path)
+        self._path = path
+        self._wanted = settings
+        # A by-path name is a link; what it points to changes when the camera is plugged in anew.
+        self._capture = cv2.VideoCapture(os.path.realpath(path), cv2.CAP_V4L2)
+        if not self._capture.isOpened():
+            raise SourceError(
+                "cannot be used: another program has it open or it is no camera; close the other "
+                "program or name another device"
+            )
+        # The format first: sizes and rates depend on it.
+        if settings.pixel_format is not None:
+            code = cv2.VideoWriter.fourcc(*settings.pixel_format)
+            self._capture.set(cv2.CAP_PROP_FOURCC, code)
+        if settings.size is not None:
+            self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, settings.size[0])
+            self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, settings.size[1])
+        if settings.rate is not None:
+            self._capture.set(cv2.CAP_PROP_FPS, settings.rate)
+        self._stamped = True
+
+    @property
+    def rate(self) -> float | None:
+        return _plausible_rate(self._capture.get(cv2.CAP_PROP_FPS))
+
+    def grab(self) -> bool:
+        return self._capture.grab()
+
+    def stamp(self) -> float | None:
+        stamp = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+        low, high = _PLAUSIBLE_AGE_S
+        # Once on another clock, always: a stamp that changes its meaning would be worse.
+        self._stamped = self._stamped and low <= time.monotonic() - stamp <= high
+        return stamp if self._stamped else None
+
+    def settle(self) -> AppliedSettings:
+        # Loaded here because its ioctls exist on Linux only.
+        from observer.sources.cameras.v4l2 import apply_settings
+
+        return apply_settings(os.path.realpath(self._path), self._wanted)
+
+    def retrieve(self) -> Image | None:
+        return _retrieve(self._capture)
+
+
+class NetworkCapture:
+    """A stream over RTSP or HTTP; implements ``Capture``. Its frames are stamped at arrival.
+
+    Raises:
+        SourceError: it cannot be reached or is no video.
+    """
+
+    def __init__(self, url: str) -> None:
+        os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = _LOW_LATENCY
+        # One thread: FFmpeg's frame threads hold back as many images as there are threads.
+        self._capture = cv2.VideoCapture(
+            url,
+            cv2.CAP_FFMPEG,
+            [
+                *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _TIMEOUT_MS),
+                *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, _TIMEOUT_MS),
+                *(cv2.CAP_PROP_N_THREADS, 1),
+            ],
+        )
+        if not self._capture.isOpened():
+            raise SourceError(_why_not(url))
+
+    @property
+    def rate(self) -> float | None:
+        return _plausible_rate(self._capture.get(cv2.CAP_PROP_FPS))
+
+    def grab(self) -> bool:
+        return self._capture.grab()
+
+    def stamp(self) -> float | None:
+        return None
+
+    def settle(self) -> AppliedSettings:
+        width = round(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH))
+        height = round(self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+        accepted = {"size": f"{width}x{height}"}
+        codec = _codec(self._capture)
+        if codec is not None:
+            accepted["codec"] = codec
+        return AppliedSettings(accepted)
+
+    def retrieve(self) -> Image | None:
+        return _retrieve(self._capture)
+
+
+def check_device(path: str) -> None:
+    """See that a device is there and may be opened.
+
+    Raises:
+        SourceError: what follows the camera's name in a sentence.
+    """
+    if sys.platform != "linux":
+        raise SourceError("cannot be opened by a device path on this system; use Linux")
+    if not Path(path).exists():
+        raise SourceError("is not connected; plug it in or name another device")
+    if not os.access(path, os.R_OK | os.W_OK):
+        raise SourceError(
+            "may not be opened by this user; add the user to the group video and sign in again"
+        )
+
+
+def _retrieve(capture: cv2.VideoCapture) -> Image | None:
+    try:
+        good, image = capture.retrieve()
+    except cv2.error:
+        return None
+    if not good or image is None or image.dtype.name != "uint8" or image.ndim not in (2, 3):
+        return None
+    pixels = np.asarray(image, np.uint8)
+    if pixels.ndim == 3 and pixels.shape[2] == 1:
+        pixels = pixels[:, :, 0]
+    return pixels if pixels.size else None
+
+
+def _plausible_rate(rate: float) -> float | None:
+    # FFmpeg answers with its time base, as in 90000, where a stream does not say.
+    return rate if 0.5 <= rate <= 240.0 else None
+
+
+def _codec(capture: cv2.VideoCapture) -> str | None:
+    code = int(capture.get(cv2.CAP_PROP_FOURCC))
+    if code in _STREAM_TYPES:
+        return _STREAM_TYPES[code]
+    text = (code & 0xFFFFFFFF).to_bytes(4, "little").decode("latin-1").strip("\0 ")
+    return text.upper() if text and text.isascii() and text.isprintable() else None
+
+
+def _why_not(url: str) -> str:
+    """Why a stream could not be opened, which FFmpeg does not tell: by a connection of our own."""
+    parts = urlsplit(url)
+    port = parts.port or _DEFAULT_PORTS.get(parts.scheme.lower(), 80)
+    try:
+        with socket.create_connection((parts.hostname or "", port), timeout=_PROBE_S):
+            pass
+    except socket.gaierror:
+        return "cannot be found; see that the name of its host is right"
+    except ConnectionRefusedError:
+        return "refuses the connection; see that it is on and that its port is right"
+    except TimeoutError:
+        return "does not answer; see that it is on and that this network reaches it"
+    except OSError as error:
+        return f"cannot be reached ({error.strerror or error}); see that it is on"
+    return (
+        "answers, but not with a video; see that the path of its address, user and password are "
+        "right and that it serves nobody else"
+    )

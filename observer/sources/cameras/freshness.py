@@ -1,0 +1,120 @@
+"""Which frames of one camera are fresh: no old ones out of a queue, no repeated ones."""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+
+import numpy as np
+
+from observer.types import Image
+
+_INTERVALS = 30
+_SHORTEST_PERIOD_S = 1 / 240
+_LONGEST_PERIOD_S = 1.0
+# Until intervals were measured and where the camera names no rate.
+_USUAL_PERIOD_S = 1 / 30
+
+
+class Period:
+    """The time from frame to frame: the median of the last ones.
+
+    Args:
+        rate: frames per second as the camera says, which holds until it was measured.
+    """
+
+    def __init__(self, rate: float | None = None) -> None:
+        self._nominal = _USUAL_PERIOD_S if not rate else 1.0 / rate
+        self._intervals: deque[float] = deque(maxlen=_INTERVALS)
+        self._last: float | None = None
+        self._median: float | None = None
+
+    def add(self, stamp: float) -> None:
+        """Take the stamp of the next frame, seconds."""
+        if self._last is not None and stamp > self._last:
+            self._intervals.append(stamp - self._last)
+            self._median = None
+        self._last = stamp
+
+    def interrupt(self) -> None:
+        """Frames are missing between the last one and the next."""
+        self._last = None
+
+    @property
+    def measured(self) -> bool:
+        """Whether enough intervals were seen."""
+        return len(self._intervals) >= 8
+
+    @property
+    def seconds(self) -> float:
+        """From frame to frame."""
+        if not self.measured:
+            return self._nominal
+        if self._median is None:
+            self._median = statistics.median(self._intervals)
+        return min(max(self._median, _SHORTEST_PERIOD_S), _LONGEST_PERIOD_S)
+
+
+class Backlog:
+    """Tells frames that waited in a queue from those that came just now.
+
+    After a stall, and at the start, a network delivers at once what was held up: such frames come
+    faster than a camera makes them. Nothing else than their pace tells, so that the first frame
+    after a stall counts as old too.
+    """
+
+    _LONGEST_S = 1.0
+
+    def __init__(self) -> None:
+        self._last: float | None = None
+        self._draining_since: float | None = None
+
+    def holds(self, arrival: float, period: float) -> bool:
+        """Whether the frame that arrived at this moment is an old one.
+
+        Args:
+            arrival: host's monotonic clock, seconds.
+            period: of the camera, seconds.
+        """
+        interval = None if self._last is None else arrival - self._last
+        self._last = arrival
+        if interval is None or interval > 2.5 * period:
+            self._draining_since = arrival
+            return True
+        if self._draining_since is None:
+            return False
+        # A camera whose frames come in bursts would never be believed; it is after a while.
+        if interval >= 0.5 * period or arrival - self._draining_since > self._LONGEST_S:
+            self._draining_since = None
+            return False
+        return True
+
+
+class Repeats:
+    """Counts how often an image came again, to the last bit.
+
+    A sensor's noise makes every image another one. Looks at each fourth row. An image without
+    contrast (covered lens, glaring light) may well repeat, and is not counted: that is told by
+    its darkness, not here.
+    """
+
+    _ROWS = 4
+    _CONTRAST = 8
+
+    def __init__(self) -> None:
+        self._last: Image | None = None
+        self._count = 0
+
+    def add(self, image: Image) -> int:
+        """How many images before this one were the same."""
+        rows = image[:: self._ROWS].copy()
+        if (
+            self._last is not None
+            and np.array_equal(rows, self._last)
+            and int(rows.max()) - int(rows.min()) >= self._CONTRAST
+        ):
+            self._count += 1
+        else:
+            self._count = 0
+        self._last = rows
+        return self._count

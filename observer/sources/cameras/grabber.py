@@ -1,0 +1,280 @@
+"""The process of one camera: ``python -m observer.sources.cameras.grabber``.
+
+A native read that never returns can only be ended with its process, and decoding here leaves the
+observer's interpreter alone. It grabs each frame and tells when; the source decides whether it is
+decoded. Nothing is held back: a frame for which no decision comes gives way to the next one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import importlib.util
+import mmap
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from observer.errors import SourceError
+from observer.sources.cameras.capture import Capture, Opener
+from observer.sources.cameras.freshness import Backlog, Period, Repeats
+from observer.sources.cameras.messages import (
+    Command,
+    Decode,
+    Drop,
+    Failed,
+    Grabbed,
+    Missed,
+    Notice,
+    Open,
+    Opened,
+    Ready,
+    Resized,
+    Undecodable,
+    decode_command,
+    encode,
+)
+from observer.sources.cameras.settings import AppliedSettings
+from observer.types import Image
+
+_PR_SET_PDEATHSIG = 1
+_FIRST_IMAGE_S = 10.0
+# A frame waits this part of a period for its decision, so that waiting never becomes a queue.
+_WAITING = 0.9
+# A camera that is gone answers at once, again and again; one that waited in vain takes its time.
+_AT_ONCE_S = 0.005
+_ENDED_AFTER = 5
+_BETWEEN_TRIES_S = 0.004
+
+
+class Commands:
+    """Receives in a thread of its own, so that the end of the source is seen while a grab hangs.
+
+    Args:
+        fd: the pipe's end; its end of file ends this process.
+    """
+
+    def __init__(self, fd: int) -> None:
+        self._fd = fd
+        self._arrived = threading.Condition()
+        self._latest: Command | None = None
+        threading.Thread(target=self._receive, name="command receiver", daemon=True).start()
+
+    def _receive(self) -> None:
+        rest = b""
+        while data := os.read(self._fd, 65536):
+            *lines, rest = (rest + data).split(b"\n")
+            for line in lines:
+                with self._arrived:
+                    self._latest = decode_command(line)
+                    self._arrived.notify()
+        # The kernel releases the device, whatever hangs in it.
+        os._exit(0)
+
+    def wait(self, timeout: float | None) -> Command | None:
+        """The newest command, waited for so many seconds; None where none came."""
+        with self._arrived:
+            self._arrived.wait_for(lambda: self._latest is not None, timeout)
+            command, self._latest = self._latest, None
+            return command
+
+
+class Notices:
+    """The pipe to the source."""
+
+    def __init__(self, fd: int) -> None:
+        self._fd = fd
+        os.set_blocking(fd, False)
+
+    def offer(self, notice: Notice) -> None:
+        """Tell it, or leave it where nobody reads: it would be out of date when somebody does."""
+        try:
+            os.write(self._fd, encode(notice))
+        except BlockingIOError:
+            return
+
+    def tell(self, notice: Notice) -> None:
+        """Tell it for certain; waits where the pipe is full."""
+        data = encode(notice)
+        while data:
+            try:
+                data = data[os.write(self._fd, data) :]
+            except BlockingIOError:
+                select.select([], [self._fd], [])
+
+
+class Grabber:
+    """Serves one opened camera until it fails.
+
+    Args:
+        capture: the camera. memory_fd: an empty shared memory, which gets the size of an image.
+    """
+
+    def __init__(
+        self, capture: Capture, commands: Commands, notices: Notices, memory_fd: int
+    ) -> None:
+        self._capture = capture
+        self._commands = commands
+        self._notices = notices
+        self._memory_fd = memory_fd
+        self._repeats = Repeats()
+        self._in_vain = 0
+
+    def run(self) -> None:
+        """Deliver until the camera fails, which is told."""
+        first = self._first_image()
+        if first is None:
+            return
+        image, applied = first
+        shared = self._share(image.shape)
+        self._repeats.add(image)
+        height, width = image.shape[:2]
+        channels = 1 if image.ndim == 2 else image.shape[2]
+        rate = self._capture.rate
+        self._notices.tell(
+            Opened(width, height, channels, rate, dict(applied.accepted), applied.refused)
+        )
+        period = Period(rate)
+        backlog = Backlog()
+        seq = 0
+        while self._next(period):
+            arrival = time.monotonic()
+            stamp = self._capture.stamp()
+            period.add(arrival)
+            # A stamp tells how old a frame is; where there is none, its pace has to.
+            if stamp is None and backlog.holds(arrival, period.seconds):
+                continue
+            seq += 1
+            until = arrival + _WAITING * period.seconds
+            self._notices.offer(
+                Grabbed(seq, arrival if stamp is None else stamp, arrival, until)
+            )
+            if self._is_wanted(seq, until) and not self._deliver(seq, shared):
+                return
+
+    def _first_image(self) -> tuple[Image, AppliedSettings] | None:
+        """The first image and what was made of the settings; None where none comes."""
+        applied = None
+        deadline = time.monotonic() + _FIRST_IMAGE_S
+        while time.monotonic() < deadline:
+            if not self._next(None):
+                return None
+            # While it delivers: many cameras forget what they were told before.
+            if applied is None:
+                applied = self._capture.settle()
+            image = self._capture.retrieve()
+            if image is not None:
+                return image, applied
+            self._notices.offer(Undecodable())
+        self._notices.tell(Failed("sends nothing that is an image", alive=False))
+        return None
+
+    def _next(self, period: Period | None) -> bool:
+        """Wait for the next frame; False when the camera is done for, which was told."""
+        while True:
+            began = time.monotonic()
+            if self._capture.grab():
+                self._in_vain = 0
+                return True
+            if period is not None:
+                period.interrupt()
+            if time.monotonic() - began > _AT_ONCE_S:
+                self._in_vain = 0
+                self._notices.offer(Undecodable())
+                continue
+            self._in_vain += 1
+            if self._in_vain >= _ENDED_AFTER:
+                self._notices.tell(Failed("has stopped sending images", alive=False))
+                return False
+            time.sleep(_BETWEEN_TRIES_S)
+
+    def _is_wanted(self, seq: int, until: float) -> bool:
+        while (left := until - time.monotonic()) > 0:
+            command = self._commands.wait(left)
+            if isinstance(command, Decode | Drop):
+                if command.seq == seq:
+                    return isinstance(command, Decode)
+                if isinstance(command, Decode):
+                    self._notices.tell(Missed(command.seq))
+        return False
+
+    def _deliver(self, seq: int, shared: Image) -> bool:
+        """Decode into the shared memory; False where images have another size than before."""
+        image = self._capture.retrieve()
+        if image is None:
+            self._notices.tell(Undecodable())
+        elif image.shape != shared.shape:
+            self._notices.tell(Resized(image.shape[1], image.shape[0]))
+            return False
+        else:
+            shared[...] = image
+            self._notices.tell(Ready(seq, self._repeats.add(image)))
+        return True
+
+    def _share(self, shape: tuple[int, ...]) -> Image:
+        size = int(np.prod(shape))
+        os.ftruncate(self._memory_fd, size)
+        return np.frombuffer(mmap.mmap(self._memory_fd, size), np.uint8).reshape(shape)
+
+
+def load_opener(name: str) -> Opener:
+    """The function that opens a camera, by ``module:function`` or ``file.py:function``."""
+    place, _, function = name.rpartition(":")
+    if place.endswith(".py"):
+        spec = importlib.util.spec_from_file_location(Path(place).stem, place)
+        if spec is None or spec.loader is None:
+            raise ImportError(f"{place} is no Python file")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[spec.name] = module
+        spec.loader.exec_module(module)
+    else:
+        module = importlib.import_module(place)
+    opener: Opener = getattr(module, function)
+    return opener
+
+
+def serve(commands: Commands, notices: Notices, memory_fd: int) -> None:
+    """Open the camera when told, again and again where it cannot be opened; then deliver."""
+    while True:
+        command = commands.wait(None)
+        if not isinstance(command, Open):
+            continue
+        try:
+            capture = load_opener(command.opener)(command.address, command.camera_settings())
+        except SourceError as error:
+            notices.tell(Failed(str(error), alive=True))
+            continue
+        Grabber(capture, commands, notices, memory_fd).run()
+        return
+
+
+def main() -> None:
+    """Arguments: descriptors of commands, notices and memory, and the parent to die with or 0."""
+    commands_fd, notices_fd, memory_fd, parent_pid = map(int, sys.argv[1:5])
+    # Ctrl-C in a terminal reaches every process of it; the source decides when this one ends.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if parent_pid and sys.platform == "linux":
+        # Reaches this process also where it is stopped or hangs inside the kernel.
+        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent_pid:
+            os._exit(0)
+    cv2.setNumThreads(1)
+    notices = Notices(notices_fd)
+    try:
+        serve(Commands(commands_fd), notices, memory_fd)
+    except Exception as error:  # noqa: BLE001 - whatever a driver raises is told by the source
+        reason = f"failed inside its driver ({type(error).__name__}); it is opened again"
+        notices.tell(Failed(reason, alive=False))
+    # Without the drivers' own clean-up, which may hang; the kernel releases all there is.
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,309 @@
+"""One camera that is kept alive: its process, its faults, and its being opened again."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import asdict
+from pathlib import Path
+from typing import Literal
+
+from observer.sources.cameras.freshness import Period
+from observer.sources.cameras.messages import (
+    Decode,
+    Drop,
+    Failed,
+    Grabbed,
+    Missed,
+    Notice,
+    Open,
+    Opened,
+    Ready,
+    Resized,
+    Undecodable,
+)
+from observer.sources.cameras.process import GrabberProcess
+from observer.sources.cameras.settings import CameraSettings
+from observer.sources.cameras.spec import CameraTarget
+from observer.sources.contract import CameraReport
+from observer.types import Image
+
+# A fault is told within 200 ms of the last frame; the rest is for a source that is asked late.
+_SILENCE_S = 0.16
+_SILENT_PERIODS = 2.5
+# A network's hiccup passes by itself sooner than a stream is opened anew.
+_REOPEN_AFTER_S = 1.0
+# Longer than a driver's and FFmpeg's own patience at opening, which tell a reason.
+_OPENING_S = 12.0
+_SHORTEST_PAUSE_S = 0.25
+_LONGEST_PAUSE_S = 2.0
+# Two equal images before this one: a noise-free picture that repeats once is no fault.
+_FROZEN_REPEATS = 2
+
+_SILENT = "sends no more images"
+_UNDECODABLE = "sends what cannot be decoded as images"
+_FROZEN = "sends the same image again and again"
+_STAMPS_STAND = "sends images whose time stamps stand still"
+_UNPLUGGED = "is not connected; plug it in again"
+
+
+class LiveCamera:
+    """One camera, opened by the constructor and again after each fault. No call waits.
+
+    Args:
+        side: of the image it delivers.
+        opener: as in ``messages.Open``.
+        now: host's monotonic clock, seconds, as in all methods.
+    """
+
+    def __init__(
+        self,
+        side: Literal["left", "right", "both"],
+        target: CameraTarget,
+        settings: CameraSettings,
+        opener: str,
+        now: float,
+    ) -> None:
+        self.side = side
+        self.target = target
+        self._command = Open(target.address, asdict(settings), opener)
+        self._process: GrabberProcess | None = None
+        self._dying: list[subprocess.Popen[bytes]] = []
+        self._state: Literal["starting", "delivering", "pausing"] = "pausing"
+        self._since = now
+        self._pause = 0.0
+        self._fault: str | None = None
+        self._insists = False
+        self._attended_since = now
+        self._last_arrival = now
+        self._undecodable_since: float | None = None
+        self._frozen_since: float | None = None
+        self._standing_stamps = 0
+        self.period = Period()
+        self.opened: Opened | None = None
+        self.openings = 0
+        self.failures = 0
+        self.pending: Grabbed | None = None
+        self.decoding: Grabbed | None = None
+        self.is_decoded = False
+        self._start(now)
+
+    @property
+    def wakes(self) -> int | None:
+        """A descriptor that becomes readable when it has something to tell."""
+        process = self._process
+        return None if process is None or process.ended else process.notices
+
+    @property
+    def image(self) -> Image:
+        """The image decoded last: a view that changes with the next ``decode``."""
+        if self._process is None:
+            raise RuntimeError("a camera that is not open has no image")
+        return self._process.image
+
+    @property
+    def is_frozen(self) -> bool:
+        """Whether what it sends is no news."""
+        return self._frozen_since is not None
+
+    def attend(self, now: float) -> None:
+        """Nobody asked for long: what was missed meanwhile says nothing against the camera."""
+        self._attended_since = now
+
+    def poll(self, now: float) -> None:
+        """Take in what its process told, and end, wait or start where that is due."""
+        self._dying = [child for child in self._dying if child.poll() is None]
+        if self._state == "pausing" and now >= self._since + self._pause:
+            self._start(now)
+        process = self._process
+        if process is not None:
+            for notice in process.receive():
+                self._take(notice, now)
+                if self._process is not process:
+                    return
+            if process.ended:
+                self._fail("was lost because its process ended unexpectedly", now)
+        self._watch(now)
+
+    def decode(self) -> None:
+        """Have the pending frame decoded; ``is_decoded`` tells when it is."""
+        if self._process is not None and self.pending is not None:
+            self._process.send(Decode(self.pending.seq))
+            self.decoding, self.pending, self.is_decoded = self.pending, None, False
+
+    def drop(self) -> None:
+        """Do without the pending frame."""
+        if self._process is not None and self.pending is not None:
+            self._process.send(Drop(self.pending.seq))
+            self.pending = None
+
+    def release(self) -> None:
+        """The decoded image was used, or is not wanted any more."""
+        self.decoding, self.is_decoded = None, False
+
+    def recovered(self) -> None:
+        """It delivered; its last fault is over."""
+        self._fault = None
+        self._insists = False
+
+    def trouble(self, now: float) -> str | None:
+        """What is wrong with it in one sentence; None where nothing is."""
+        fault = self._present_fault(now)
+        return None if fault is None else f"{self} {fault}"
+
+    def report(self, now: float) -> CameraReport:
+        """How it is; from any thread."""
+        opened = self.opened
+        settings = {} if opened is None else dict(opened.settings)
+        if self.target.network and opened is not None and self.period.measured:
+            settings["rate"] = f"{1 / self.period.seconds:.1f} per s, measured"
+        return CameraReport(
+            side=self.side,
+            device=self.target.name,
+            state=(
+                "open"
+                if self._state == "delivering"
+                else "failed" if self._insists else "waiting"
+            ),
+            trouble=self.trouble(now),
+            settings=settings,
+            refused=() if opened is None else opened.refused,
+        )  # fmt: skip
+
+    def close(self) -> list[subprocess.Popen[bytes]]:
+        """End its process; the answer is what is to be waited for."""
+        self._kill()
+        self._state = "pausing"
+        dying, self._dying = self._dying, []
+        return dying
+
+    def __str__(self) -> str:
+        side = "" if self.side == "both" else f"{self.side} "
+        return f"the {side}camera ({self.target.name})"
+
+    def _present_fault(self, now: float) -> str | None:
+        if self._state != "delivering":
+            return self._fault or "is being opened"
+        silence = now - max(self._last_arrival, self._attended_since)
+        if silence > max(_SILENCE_S, _SILENT_PERIODS * self.period.seconds):
+            return _SILENT if self._undecodable_since is None else _UNDECODABLE
+        if self._undecodable_since is not None:
+            # It was good up to a period before.
+            if now - self._undecodable_since > _SILENCE_S - self.period.seconds:
+                return _UNDECODABLE
+        elif self._frozen_since is not None:
+            return _STAMPS_STAND if self._standing_stamps >= _FROZEN_REPEATS else _FROZEN
+        return self._fault
+
+    def _start(self, now: float) -> None:
+        if not self.target.network and not Path(self.target.address).exists():
+            # A look at the name is cheap; a process is not.
+            self._fault = _UNPLUGGED
+            self._since, self._pause = now, _SHORTEST_PAUSE_S
+            return
+        try:
+            if self._process is None:
+                self._process = GrabberProcess(self._command)
+            else:
+                self._process.send(self._command)
+        except OSError as error:
+            self._fail(f"cannot get a process of its own ({error.strerror})", now)
+            return
+        self._state, self._since = "starting", now
+
+    def _fail(self, fault: str, now: float, *, alive: bool = False) -> None:
+        if not self.target.network and not Path(self.target.address).exists():
+            fault = _UNPLUGGED
+        lasted = self._state == "delivering" and now - self._since > _LONGEST_PAUSE_S
+        self._pause = min(
+            _SHORTEST_PAUSE_S if lasted or not self._pause else 2 * self._pause, _LONGEST_PAUSE_S
+        )
+        self._state, self._since, self._fault = "pausing", now, fault
+        self.failures += 1
+        if not alive:
+            self._kill()
+        self.pending = None
+        self.release()
+
+    def _kill(self) -> None:
+        if self._process is not None:
+            self._dying.append(self._process.kill())
+            self._process = None
+
+    def _watch(self, now: float) -> None:
+        if self._state == "starting" and now - self._since > _OPENING_S:
+            self._fail("does not answer; see that it is on and connected", now)
+        elif self._state == "delivering":
+            silent_since = max(self._last_arrival, self._attended_since)
+            for since in (silent_since, self._undecodable_since, self._frozen_since):
+                if since is not None and now - max(since, self._since) > _REOPEN_AFTER_S:
+                    self._fail(self._present_fault(now) or _SILENT, now)
+                    return
+
+    def _take(self, notice: Notice, now: float) -> None:
+        match notice:
+            case Opened():
+                self._take_opened(notice, now)
+            case Grabbed():
+                self._take_grabbed(notice, now)
+            case Ready(seq, repeats):
+                self._undecodable_since = None
+                if repeats >= _FROZEN_REPEATS and self._frozen_since is None:
+                    self._frozen_since = now
+                elif repeats == 0 and self._standing_stamps < _FROZEN_REPEATS:
+                    self._frozen_since = None
+                if self.decoding is not None and self.decoding.seq == seq:
+                    self.is_decoded = True
+            case Missed(seq):
+                if self.decoding is not None and self.decoding.seq == seq:
+                    self.release()
+            case Undecodable():
+                self._undecodable_since = self._undecodable_since or now
+                self.release()
+            case Resized(width, height):
+                had = "" if self.opened is None else f"{_size(self.opened)} to "
+                self._fail(f"changed its images from {had}{width}x{height} pixels", now)
+            case Failed(reason, alive):
+                self._fail(reason, now, alive=alive)
+
+    def _take_opened(self, opened: Opened, now: float) -> None:
+        before = self.opened
+        if before is not None and _shape(before) != _shape(opened):
+            self._fail(
+                f"now delivers {_size(opened)} pixels instead of {_size(before)}; set it back or "
+                f"open the source anew",
+                now,
+            )
+            self._insists = True
+            return
+        assert self._process is not None
+        self._process.map(opened)
+        self.opened = opened
+        self.openings += 1
+        self.period = Period(opened.rate)
+        self._undecodable_since = None
+        self._standing_stamps = 0
+        self._last_arrival = now
+        self._state, self._since = "delivering", now
+
+    def _take_grabbed(self, grabbed: Grabbed, now: float) -> None:
+        last, self._last_grabbed = getattr(self, "_last_grabbed", None), grabbed
+        if last is None or grabbed.seq != last.seq + 1:
+            self.period.interrupt()
+        self.period.add(grabbed.stamp)
+        if last is not None and grabbed.stamp == last.stamp:
+            self._standing_stamps += 1
+            if self._standing_stamps >= _FROZEN_REPEATS and self._frozen_since is None:
+                self._frozen_since = now
+        elif self._standing_stamps:
+            self._standing_stamps = 0
+            self._frozen_since = None
+        self._last_arrival = grabbed.arrival
+        self.pending = grabbed
+
+
+def _shape(opened: Opened) -> tuple[int, int, int]:
+    return opened.height, opened.width, opened.channels
+
+
+def _size(opened: Opened) -> str:
+    return f"{opened.width}x{opened.height}"

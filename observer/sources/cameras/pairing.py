@@ -1,0 +1,48 @@
+"""Which image of the left camera belongs to which of the right."""
+
+from __future__ import annotations
+
+import statistics
+import threading
+from collections import deque
+from typing import Literal
+
+_WINDOW_S = 5.0
+_ENOUGH = 10
+
+
+def judge(left: float, right: float, period: float) -> Literal["pair", "drop left", "drop right"]:
+    """What becomes of two images.
+
+    Further apart than half a frame, the older one has a better partner that did not come, and the
+    newer one may still get one.
+
+    Args:
+        left, right: their stamps, seconds of one clock. period: from frame to frame, seconds.
+    """
+    if abs(left - right) <= 0.5 * period:
+        return "pair"
+    return "drop left" if left < right else "drop right"
+
+
+class Skews:
+    """How far apart the images of a pair were over the last seconds; for any thread."""
+
+    def __init__(self) -> None:
+        self._skews: deque[tuple[float, float]] = deque()
+        self._lock = threading.Lock()
+
+    def add(self, time: float, skew: float) -> None:
+        """Take that of the pair at this time, seconds."""
+        with self._lock:
+            self._skews.append((time, abs(skew)))
+            while self._skews[0][0] < time - _WINDOW_S:
+                self._skews.popleft()
+
+    def median_and_p95(self) -> tuple[float | None, float | None]:
+        """Their size, seconds; None before enough pairs."""
+        with self._lock:
+            skews = [skew for _, skew in self._skews]
+        if len(skews) < _ENOUGH:
+            return None, None
+        return statistics.median(skews), statistics.quantiles(skews, n=20, method="inclusive")[-1]

@@ -1,0 +1,122 @@
+"""The source's side of a camera's process."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+
+import numpy as np
+
+from observer.sources.cameras.messages import (
+    Command,
+    Notice,
+    Open,
+    Opened,
+    decode_notice,
+    encode,
+)
+from observer.types import Image
+
+
+class GrabberProcess:
+    """One process of ``grabber``, started by the constructor. No call waits.
+
+    Args:
+        command: what it opens first.
+
+    Raises:
+        OSError: no process or descriptor is left to be had.
+    """
+
+    def __init__(self, command: Open) -> None:
+        fds: list[int] = []
+        try:
+            fds += os.pipe()
+            fds += os.pipe()
+            fds.append(_anonymous_memory())
+            commands_in, self._commands, self.notices, notices_out, self._memory = fds
+            # The kernel ends a process with the *thread* that started it; only the main thread
+            # lives as long as its process.
+            with_parent = threading.current_thread() is threading.main_thread()
+            given = (commands_in, notices_out, self._memory)
+            self.child = subprocess.Popen(
+                [
+                    *(sys.executable, "-P", "-m", "observer.sources.cameras.grabber"),
+                    *map(str, (*given, os.getpid() if with_parent else 0)),
+                ],
+                pass_fds=given,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+        except BaseException:
+            for fd in fds:
+                os.close(fd)
+            raise
+        os.close(commands_in)
+        os.close(notices_out)
+        os.set_blocking(self._commands, False)
+        os.set_blocking(self.notices, False)
+        self._rest = b""
+        self._image: Image | None = None
+        self.ended = False
+        self.send(command)
+
+    def send(self, command: Command) -> None:
+        """Tell it; a process that does not read any more is found by its silence."""
+        try:
+            os.write(self._commands, encode(command))
+        except (BlockingIOError, BrokenPipeError):
+            return
+
+    def receive(self) -> list[Notice]:
+        """All that it told since; sets ``ended`` where it can tell nothing more."""
+        notices: list[Notice] = []
+        while not self.ended:
+            try:
+                data = os.read(self.notices, 65536)
+            except BlockingIOError:
+                break
+            if not data:
+                self.ended = True
+                break
+            *lines, self._rest = (self._rest + data).split(b"\n")
+            notices += [decode_notice(line) for line in lines]
+        return notices
+
+    def map(self, opened: Opened) -> None:
+        """Have the images it will decode at hand."""
+        shape: tuple[int, ...] = (opened.height, opened.width)
+        if opened.channels > 1:
+            shape = (*shape, opened.channels)
+        memory = mmap.mmap(self._memory, int(np.prod(shape)), prot=mmap.PROT_READ)
+        self._image = np.frombuffer(memory, np.uint8).reshape(shape)
+
+    @property
+    def image(self) -> Image:
+        """The image decoded last: a view that changes with the next ``Decode``."""
+        if self._image is None:
+            raise RuntimeError("no image is there before the camera was opened")
+        return self._image
+
+    def kill(self) -> subprocess.Popen[bytes]:
+        """End it and release all it used; the answer is to be waited for."""
+        self.child.kill()
+        self.ended = True
+        for fd in (self._commands, self.notices, self._memory):
+            os.close(fd)
+        self._image = None
+        return self.child
+
+
+def _anonymous_memory() -> int:
+    """A descriptor of memory that no name leads to."""
+    if hasattr(os, "memfd_create"):
+        return os.memfd_create("camera", os.MFD_CLOEXEC)
+    fd, path = tempfile.mkstemp(prefix="camera-")
+    os.unlink(path)
+    return fd

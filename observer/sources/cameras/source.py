@@ -1,0 +1,324 @@
+"""Two live cameras, or one that shows both images, as a source."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import subprocess
+import time
+from typing import Literal
+
+from observer.camera import StereoCalibration
+from observer.errors import SourceError
+from observer.sources.cameras.bandwidth import bandwidth_hints
+from observer.sources.cameras.capture import OPENER
+from observer.sources.cameras.live_camera import LiveCamera
+from observer.sources.cameras.pairing import Skews, judge
+from observer.sources.cameras.spec import CamerasSpec, parse_devices, parse_urls
+from observer.sources.contract import LIVE_PATIENCE_S, LiveReport, NoFrame, SourceInfo
+from observer.types import Image, StereoFrame
+
+_OPENING_S = 15.0
+# A device that cannot be opened says so once and for all; a stream may just be starting.
+_OPENING_FAILURES = {False: 1, True: 3}
+# How long nothing is looked after while a read waits.
+_GLANCE_S = 0.01
+_UNATTENDED_S = 1.0
+_PAIRLESS_S = 0.16
+_PAIRLESS_PERIODS = 2.5
+# A frame about to give way to the next one would be missed on the way to its process.
+_HASTE_S = 0.002
+_REAPING_S = 1.0
+
+
+def open_devices(rest: str) -> CameraSource:
+    """Open what follows ``camera:``: ``0,1``, two paths, or ``sbs:0``; settings after ``?``.
+
+    Raises:
+        SourceError: one sentence that names the camera and what is wrong.
+    """
+    return CameraSource(parse_devices(rest))
+
+
+def open_urls(text: str) -> CameraSource:
+    """Open two addresses of network cameras with a comma between them, or ``sbs:`` and one.
+
+    Raises:
+        SourceError: one sentence that names the camera and what is wrong.
+    """
+    return CameraSource(parse_urls(text))
+
+
+class CameraSource:
+    """Live cameras; implements ``Source`` and ``LiveSource``.
+
+    Each camera has a process of its own (``grabber``). Both frames of a pair are there before
+    either is decoded; what is further apart than half a frame is never decoded. All decisions are
+    made while ``read`` is called; no thread is needed.
+
+    Args:
+        spec: what to open.
+        opener: as in ``messages.Open``; another one than OpenCV's cameras for tests.
+
+    Raises:
+        SourceError: a camera is missing, refuses or delivers no pair within 15 s.
+    """
+
+    def __init__(self, spec: CamerasSpec, *, opener: str = OPENER) -> None:
+        self._spec = spec
+        self._skews = Skews()
+        self._index = 0
+        self._pairs = 0
+        self._dropped = 0
+        self._last_time: float | None = None
+        self._told: str | None = None
+        self._closed = False
+        now = time.monotonic()
+        self._last_read = now
+        self._pairless_since = now
+        sides: tuple[Literal["left", "right", "both"], ...] = ("left", "right")
+        self._cameras = [
+            LiveCamera(side, target, spec.settings, opener, now)
+            for side, target in zip(
+                sides if len(spec.targets) == 2 else ("both",), spec.targets, strict=True
+            )
+        ]
+        try:
+            self._info = self._open()
+        except BaseException:
+            self.close()
+            raise
+        self._hints = () if spec.network else self._bandwidth_hints()
+        self._index = self._pairs = self._dropped = 0
+
+    @property
+    def info(self) -> SourceInfo:
+        return self._info
+
+    @property
+    def calibration(self) -> StereoCalibration | None:
+        """None: cameras do not know how they see."""
+        return None
+
+    def read(self) -> StereoFrame | NoFrame:
+        """The next pair, or what keeps it from coming.
+
+        Raises:
+            SourceError: it was closed.
+        """
+        if self._closed:
+            raise SourceError("the cameras are closed; open the source anew")
+        now = time.monotonic()
+        deadline = now + LIVE_PATIENCE_S
+        if now - self._last_read > _UNATTENDED_S:
+            self._pairless_since = now
+            for camera in self._cameras:
+                camera.attend(now)
+        while True:
+            for camera in self._cameras:
+                camera.poll(now)
+            frame = self._decide(now)
+            if frame is not None:
+                self._told = None
+                self._last_read = now
+                return frame
+            trouble = self._trouble(now)
+            if now >= deadline or (trouble is not None and trouble != self._told):
+                self._told = trouble
+                self._last_read = now
+                return NoFrame(trouble)
+            self._wait(min(deadline - now, _GLANCE_S))
+            now = time.monotonic()
+
+    def rewind(self) -> None:
+        """Raises SourceError: what was live is over."""
+        raise SourceError("live cameras cannot go back; record them to play them again")
+
+    def report(self) -> LiveReport:
+        """How the cameras are at this moment; from any thread."""
+        now = time.monotonic()
+        median, p95 = self._skews.median_and_p95()
+        return LiveReport(
+            cameras=tuple(camera.report(now) for camera in self._cameras),
+            pairs=self._pairs,
+            dropped=self._dropped,
+            skew_median_s=median,
+            skew_p95_s=p95,
+            reopened=sum(max(0, camera.openings - 1) for camera in self._cameras),
+            hints=self._hints,
+        )
+
+    def close(self) -> None:
+        """End the cameras' processes; safe to call twice."""
+        self._closed = True
+        dying = [child for camera in self._cameras for child in camera.close()]
+        deadline = time.monotonic() + _REAPING_S
+        for child in dying:
+            # One that hangs inside the kernel ends when the kernel lets it go.
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.wait(max(0.0, deadline - time.monotonic()))
+
+    def _decide(self, now: float) -> StereoFrame | None:
+        """Pair what is pending, and hand out what is decoded."""
+        if any(camera.decoding is not None for camera in self._cameras):
+            return self._collect()
+        pending = [camera.pending for camera in self._cameras]
+        left, right = pending[0], pending[-1]
+        if left is None or right is None or now > min(left.until, right.until) - _HASTE_S:
+            return None
+        if len(pending) == 1:
+            self._cameras[0].decode()
+            return None
+        period = min(camera.period.seconds for camera in self._cameras)
+        match judge(left.stamp, right.stamp, period):
+            case "pair":
+                for camera in self._cameras:
+                    camera.decode()
+            case "drop left":
+                self._drop(self._cameras[0])
+            case "drop right":
+                self._drop(self._cameras[1])
+        return None
+
+    def _drop(self, camera: LiveCamera) -> None:
+        camera.drop()
+        self._dropped += 1
+        self._index += 1
+
+    def _collect(self) -> StereoFrame | None:
+        """The pair, where both are decoded."""
+        cameras = self._cameras
+        if any(camera.decoding is None for camera in cameras):
+            # One of them was lost on the way; the other one is of no use without it. What is
+            # still being decoded has to be waited for: it lies in the same memory as the next.
+            for camera in cameras:
+                if camera.is_decoded:
+                    camera.release()
+            return None
+        if not all(camera.is_decoded for camera in cameras):
+            return None
+        left, right = cameras[0].decoding, cameras[-1].decoding
+        assert left is not None
+        assert right is not None
+        frame = None
+        is_news = self._last_time is None or left.stamp > self._last_time
+        if is_news and not any(camera.is_frozen for camera in cameras):
+            both = len(cameras) == 1
+            received = max(left.arrival, right.arrival)
+            left_image, right_image = self._images()
+            frame = StereoFrame(
+                index=self._index,
+                time=left.stamp,
+                left=left_image,
+                right=right_image,
+                received=received,
+                right_time=None if both else right.stamp,
+            )
+            if not both:
+                self._skews.add(received, right.stamp - left.stamp)
+            self._last_time = left.stamp
+            self._index += 1
+            self._pairs += 1
+            self._pairless_since = received
+            for camera in cameras:
+                camera.recovered()
+        for camera in cameras:
+            camera.release()
+        return frame
+
+    def _images(self) -> tuple[Image, Image]:
+        """Copies: the memory is written again with the next pair."""
+        if len(self._cameras) == 2:
+            return self._cameras[0].image.copy(), self._cameras[1].image.copy()
+        both = self._cameras[0].image
+        half = both.shape[1] // 2
+        return both[:, :half].copy(), both[:, half:].copy()
+
+    def _trouble(self, now: float) -> str | None:
+        troubles = [trouble for each in self._cameras if (trouble := each.trouble(now))]
+        if troubles:
+            return "; ".join(troubles)
+        period = min(camera.period.seconds for camera in self._cameras)
+        if now - self._pairless_since > max(_PAIRLESS_S, _PAIRLESS_PERIODS * period):
+            if len(self._cameras) == 1:
+                return f"{self._cameras[0]} delivers nothing that is new"
+            return (
+                f"{self._cameras[0]} and {self._cameras[1]} deliver no images within half a "
+                f"frame of each other; give both the same rate"
+            )
+        return None
+
+    def _wait(self, seconds: float) -> None:
+        """Until a camera has something to tell, at most so long."""
+        poll = select.poll()
+        for camera in self._cameras:
+            if camera.wakes is not None:
+                poll.register(camera.wakes, select.POLLIN)
+        poll.poll(max(1.0, seconds * 1e3))
+
+    def _open(self) -> SourceInfo:
+        deadline = time.monotonic() + _OPENING_S
+        while True:
+            item = self.read()
+            now = time.monotonic()
+            for camera in self._cameras:
+                if camera.failures >= _OPENING_FAILURES[camera.target.network]:
+                    raise SourceError(camera.trouble(now) or f"{camera} cannot be opened")
+            self._check_sizes()
+            if isinstance(item, StereoFrame):
+                rates = [self._rate(camera) for camera in self._cameras]
+                known = [rate for rate in rates if rate is not None]
+                if len(known) == len(rates):
+                    return SourceInfo(
+                        spec=self._spec.text,
+                        kind="network" if self._spec.network else "camera",
+                        width=item.left.shape[1],
+                        height=item.left.shape[0],
+                        frame_rate=min(known),
+                        frame_count=None,
+                        live=True,
+                        devices=tuple(target.name for target in self._spec.targets),
+                    )
+            if now > deadline:
+                raise SourceError(
+                    self._trouble(now)
+                    or f"{self._spec.text} delivered no pair within {_OPENING_S:g} s; see that "
+                    f"the cameras are on"
+                )
+
+    def _check_sizes(self) -> None:
+        opened = [(each, each.opened) for each in self._cameras if each.opened is not None]
+        if len(opened) < len(self._cameras):
+            return
+        (left, first), (right, second) = opened[0], opened[-1]
+        assert first is not None
+        assert second is not None
+        if (first.width, first.height) != (second.width, second.height):
+            raise SourceError(
+                f"{left} delivers {first.width}x{first.height} pixels and {right} "
+                f"{second.width}x{second.height}; set both to one size"
+            )
+        if left.side == "both" and first.width % 2:
+            raise SourceError(
+                f"{left} delivers {first.width} pixels across; side by side needs an even width"
+            )
+
+    @staticmethod
+    def _rate(camera: LiveCamera) -> float | None:
+        """A device is believed; FFmpeg says 25 of each stream that does not tell."""
+        said = None if camera.opened is None or camera.target.network else camera.opened.rate
+        if said is not None:
+            return said
+        return 1.0 / camera.period.seconds if camera.period.measured else None
+
+    def _bandwidth_hints(self) -> tuple[str, ...]:
+        if len(self._cameras) < 2:
+            return ()
+        opened = self._cameras[0].opened
+        return bandwidth_hints(
+            [camera.target.address for camera in self._cameras],
+            width=self._info.width,
+            height=self._info.height,
+            rate=self._info.frame_rate,
+            pixel_format=None if opened is None else opened.settings.get("pixel format"),
+        )

@@ -1,0 +1,161 @@
+"""Which cameras a source's text names, without the passwords that may stand in it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
+
+from observer.errors import SourceError
+from observer.sources.cameras.settings import CameraSettings, parse_settings
+
+BY_PATH = Path("/dev/v4l/by-path")
+_NETWORK_SCHEMES = ("rtsp", "rtsps", "http", "https")
+# A comma may be part of an address; one that parts two of them stands before a scheme.
+_BETWEEN_URLS = re.compile(r",\s*(?=(?:rtsps?|https?)://)", re.IGNORECASE)
+# Cheap network cameras take name and password among the parameters of their address.
+_SECRET_KEY = re.compile(r"user|usr|login|pass|pwd|pw$|token|secret|auth|key", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class CameraTarget:
+    """One camera that is to be opened.
+
+    Attributes:
+        address: path of the device or URL, password included; handed to the camera's own process
+            and shown to nobody.
+        name: by which it is found again and shown: its by-path name where there is one, for a URL
+            the URL without user and password.
+        network: True for a URL.
+    """
+
+    address: str
+    name: str
+    network: bool
+
+    def __repr__(self) -> str:
+        # The address may hold a password, and a repr ends up in logs.
+        return f"CameraTarget({self.name!r})"
+
+
+@dataclass(frozen=True)
+class CamerasSpec:
+    """What a source's text asks for.
+
+    Attributes:
+        text: the source's text with users and passwords left out.
+        targets: left and right, or one that shows both images.
+        settings: for each of them.
+    """
+
+    text: str
+    targets: tuple[CameraTarget, ...]
+    settings: CameraSettings
+
+    @property
+    def network(self) -> bool:
+        """True where at least one image comes over the network."""
+        return any(target.network for target in self.targets)
+
+
+def parse_devices(rest: str, by_path: Path = BY_PATH) -> CamerasSpec:
+    """Read what follows ``camera:``, as in ``0,1?size=640x480`` or ``sbs:/dev/v4l/by-path/...``.
+
+    Raises:
+        SourceError: one sentence that says what is wrong and what would be right.
+    """
+    names, _, query = rest.partition("?")
+    settings = parse_settings(query)
+    targets: tuple[CameraTarget, ...]
+    if names.startswith("sbs:"):
+        targets = (_device(names.removeprefix("sbs:"), by_path),)
+    else:
+        parts = [part.strip() for part in names.split(",")]
+        if len(parts) != 2:
+            raise SourceError(
+                f"camera: takes two devices with a comma between them, as in camera:0,1, or one "
+                f"side-by-side device, as in camera:sbs:0, not {names!r:.80}"
+            )
+        targets = (_device(parts[0], by_path), _device(parts[1], by_path))
+        if Path(targets[0].address).resolve() == Path(targets[1].address).resolve():
+            raise SourceError(
+                f"left and right are the same camera, {targets[0].name}; name two, or one that "
+                f"shows both images as camera:sbs:0"
+            )
+    return CamerasSpec(f"camera:{rest}", targets, settings)
+
+
+def parse_urls(text: str) -> CamerasSpec:
+    """Read ``rtsp://...,http://...`` or ``sbs:rtsp://...``.
+
+    Raises:
+        SourceError: one sentence that says what is wrong and what would be right.
+    """
+    side_by_side = text.lower().startswith("sbs:")
+    urls = _BETWEEN_URLS.split(text[4:] if side_by_side else text)
+    targets = tuple(_url(url.strip()) for url in urls)
+    names = ",".join(target.name for target in targets)
+    if side_by_side and len(targets) != 1:
+        raise SourceError(f"sbs: takes one address of a side-by-side camera, not {names}")
+    if not side_by_side and len(targets) != 2:
+        raise SourceError(
+            f"network cameras come in pairs, as in rtsp://LEFT,rtsp://RIGHT, or as "
+            f"sbs:rtsp://BOTH where one shows both images side by side, not {names}"
+        )
+    if len({target.address for target in targets}) != len(targets):
+        raise SourceError(f"left and right are the same camera, {targets[0].name}; name two")
+    return CamerasSpec(f"sbs:{names}" if side_by_side else names, targets, CameraSettings())
+
+
+def without_password(url: str) -> str:
+    """The URL without user, password and what looks like one among its parameters."""
+    parts = urlsplit(url)
+    query = parts.query
+    pairs = parse_qsl(query, keep_blank_values=True)
+    if any(_SECRET_KEY.search(key) for key, _ in pairs):
+        query = urlencode([(key, value) for key, value in pairs if not _SECRET_KEY.search(key)])
+    return urlunsplit(
+        (parts.scheme, parts.netloc.rpartition("@")[2], parts.path, query, parts.fragment)
+    )
+
+
+def _device(text: str, by_path: Path) -> CameraTarget:
+    text = text.strip()
+    if text.isascii() and text.isdecimal():
+        path = f"/dev/video{int(text)}"
+    elif text.startswith("/"):
+        path = text
+    else:
+        raise SourceError(
+            f"{text!r:.80} names no camera; use its number, as in camera:0,1, or its path below "
+            f"{BY_PATH}"
+        )
+    return CameraTarget(path, _lasting_name(path, by_path), network=False)
+
+
+def _lasting_name(path: str, by_path: Path) -> str:
+    """The by-path name of the device, which stays the same at the same socket."""
+    if Path(path).parent == by_path:
+        return path
+    try:
+        links = sorted(by_path.iterdir())
+    except OSError:
+        return path
+    real = Path(path).resolve()
+    return next((str(link) for link in links if link.resolve() == real), path)
+
+
+def _url(url: str) -> CameraTarget:
+    try:
+        parts = urlsplit(url)
+        host = parts.hostname
+        _ = parts.port  # read only to be checked
+    except ValueError:
+        host = None
+    if not host or parts.scheme.lower() not in _NETWORK_SCHEMES:
+        raise SourceError(
+            "an address of a network camera is not complete; use rtsp://HOST/PATH or "
+            "http://HOST/PATH for each"
+        )
+    return CameraTarget(url, without_password(url), network=True)
