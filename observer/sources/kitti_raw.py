@@ -7,8 +7,8 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
+from observer.calibration.ageing.row_refinement import RowRefinement, refine_from_scene
 from observer.calibration.formats.kitti_file import read_kitti_raw
-from observer.calibration.refinement import refine_rows
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
 from observer.sources.file_pairs import FilePair, FilePairSource, MissingPair
@@ -101,8 +101,8 @@ def _refined(
             images.append((read_image(pair.left), read_image(pair.right)))
     size = (calibration.height, calibration.width)
     same_size = [(a, b) for a, b in images if a.shape[:2] == size == b.shape[:2]]
-    refinement = refine_rows(calibration, same_size)
-    return refinement.calibration if refinement else calibration
+    refinement = refine_from_scene(calibration, same_size)
+    return refinement.calibration if isinstance(refinement, RowRefinement) else calibration
 
 
 def _camera(folder: Path, number: int) -> Path:

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from observer.calibration.refinement import matched_points, refine_rows
+from observer.calibration.ageing.row_refinement import (
+    RefinementRefusal,
+    RowRefinement,
+    matched_points,
+    refine_from_scene,
+)
 from observer.camera import StereoCalibration
 from observer.types import Image
 
@@ -34,6 +39,18 @@ def pair_seen_by(calibration: StereoCalibration, seed: int = 0) -> tuple[Image, 
     return left.astype(np.uint8), np.clip(right, 0, 255).astype(np.uint8)
 
 
+def refined(calibration: StereoCalibration, pairs: list[tuple[Image, Image]]) -> RowRefinement:
+    found = refine_from_scene(calibration, pairs)
+    assert isinstance(found, RowRefinement), found
+    return found
+
+
+def reason(pairs: list[tuple[Image, Image]]) -> str:
+    found = refine_from_scene(TRUE, pairs)
+    assert isinstance(found, RefinementRefusal), found
+    return found.reason
+
+
 def turned(pitch_deg: float, yaw_deg: float, roll_deg: float) -> StereoCalibration:
     turn = Rotation.from_euler("xyz", [pitch_deg, yaw_deg, roll_deg], degrees=True).as_matrix()
     return replace(TRUE, R=turn @ TRUE.R, T=turn @ TRUE.T)
@@ -42,8 +59,7 @@ def turned(pitch_deg: float, yaw_deg: float, roll_deg: float) -> StereoCalibrati
 @pytest.mark.parametrize(("pitch", "roll"), [(0.1, 0.0), (0.0, -0.15), (-0.12, 0.08)])
 def test_finds_the_turn_that_happened(pitch: float, roll: float) -> None:
     real = turned(pitch, 0, roll)
-    refinement = refine_rows(TRUE, [pair_seen_by(real, seed) for seed in (0, 1)])
-    assert refinement is not None
+    refinement = refined(TRUE, [pair_seen_by(real, seed) for seed in (0, 1)])
     # Bilinear interpolation in rendering and tracking shifts corners by up to 0.05 px.
     left = Rotation.from_matrix(refinement.calibration.R @ real.R.T).magnitude()
     assert left < np.deg2rad(0.02)
@@ -57,26 +73,62 @@ def test_finds_the_turn_that_happened(pitch: float, roll: float) -> None:
 
 
 def test_holds_vergence_and_lenses() -> None:
-    refinement = refine_rows(TRUE, [pair_seen_by(turned(0.1, 0.1, 0))])
-    assert refinement is not None
-    refined = refinement.calibration
-    vergence = Rotation.from_matrix(refined.R).as_euler("xyz", degrees=True)[1]
+    calibration = refined(TRUE, [pair_seen_by(turned(0.1, 0.1, 0))]).calibration
+    vergence = Rotation.from_matrix(calibration.R).as_euler("xyz", degrees=True)[1]
     assert vergence == pytest.approx(0, abs=1e-3)
-    assert refined.baseline == pytest.approx(TRUE.baseline)
-    assert np.array_equal(refined.K1, TRUE.K1)
-    assert np.array_equal(refined.K2, TRUE.K2)
+    assert calibration.baseline == pytest.approx(TRUE.baseline)
+    assert np.array_equal(calibration.K1, TRUE.K1)
+    assert np.array_equal(calibration.K2, TRUE.K2)
 
 
-def test_changes_nothing_without_evidence() -> None:
+def test_says_how_sure_it_is_and_what_it_gained() -> None:
+    pairs = [pair_seen_by(turned(0.1, 0, 0.1), seed) for seed in (0, 1)]
+    refinement = refined(TRUE, pairs)
+    for value, std in (
+        (refinement.pitch_rad, refinement.pitch_std_rad),
+        (refinement.roll_rad, refinement.roll_std_rad),
+    ):
+        assert 0 < std < np.deg2rad(0.01)
+        assert abs(value + np.deg2rad(0.1)) < 3 * std
+    assert refinement.before_p95_px > refinement.before_px > refinement.after_px
+    assert refinement.before_p95_px > 2 * refinement.after_p95_px
+    assert refinement.pairs == 2
+    assert refinement.coverage > 0.7
+
+
+def test_a_refusal_asks_for_texture() -> None:
     blank = np.full((HEIGHT, WIDTH), 128, np.uint8)
-    assert refine_rows(TRUE, [(blank, blank)]) is None
-    assert refine_rows(TRUE, []) is None
+    assert "1 pair of images gave 0 matches" in reason([(blank, blank)])
+    assert "0 pairs of images" in reason([])
     unrelated = pair_seen_by(TRUE, 0)[0], pair_seen_by(TRUE, 1)[1]
-    assert refine_rows(TRUE, [unrelated]) is None
+    assert "200 are needed" in reason([unrelated])
+
+
+def test_a_refusal_asks_for_texture_everywhere() -> None:
+    left, right = pair_seen_by(turned(0.1, 0, 0))
+    for image in (left, right):
+        image[:, : int(0.7 * WIDTH)] = 128
+    sentence = reason([(left, right)] * 3)
+    assert "to tell roll from pitch" in sentence
+    assert "texture to the left and to the right" in sentence
 
 
 def test_refuses_more_than_a_drift() -> None:
-    assert refine_rows(TRUE, [pair_seen_by(turned(0.5, 0, 0))]) is None
+    assert "calibrate anew" in reason([pair_seen_by(turned(0.5, 0, 0))])
+
+
+def test_leaves_alone_what_is_right() -> None:
+    assert "needs no refinement" in reason([pair_seen_by(TRUE, seed) for seed in (0, 1)])
+
+
+def test_the_given_calibration_stays_and_the_new_one_needs_no_other() -> None:
+    pairs = [pair_seen_by(turned(0.15, 0, 0.1), seed) for seed in (0, 1)]
+    found = refined(TRUE, pairs)
+    assert np.array_equal(TRUE.R, np.eye(3))
+    assert np.array_equal(TRUE.T, [-0.12, 0, 0])
+    again = refine_from_scene(found.calibration, pairs)
+    if isinstance(again, RowRefinement):
+        assert max(abs(again.pitch_rad), abs(again.roll_rad)) < np.deg2rad(0.01)
 
 
 def test_matched_points_agree_with_the_wall() -> None:

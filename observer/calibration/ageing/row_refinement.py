@@ -1,0 +1,264 @@
+"""Setting a pair's rows straight from what it sees: pitch and roll between the two cameras.
+
+A stereo head that was bumped, warmed or driven for months is off by hundredths of a degree, half
+a pixel at a focal length of 1000. Rows tell that apart from the scene, columns do not: vergence
+looks like depth. So vergence, baseline and lenses stay as calibrated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from observer.camera import StereoCalibration, StereoCamera, as_gray
+from observer.geometry import Float64Array
+from observer.stages.rectification import Rectification
+from observer.types import Image
+
+# Fewer matches do not tell two angles from the mismatches among them.
+_MIN_MATCHES = 200
+# A larger error is no drift but another calibration, or left and right from different instants.
+_MAX_TURN_RAD = np.deg2rad(0.4)
+# Where an error begins to count as a mismatch, pixels.
+_SOFT_PX = 0.3
+_MAX_VERTICAL_PX = 8.0
+# Roll tilts the rows along u: the middle 90 % of the matches must reach over so much of the width.
+_MIN_SPREAD = 0.4
+# Neither angle may be known worse than this, pixels: pitch everywhere, roll at the image's edge.
+_MAX_STD_PX = 0.15
+# The image is divided into so many columns and rows, to count how much of it shows matches, and
+# because matches of one part share the errors that the lens's model leaves there.
+_CELLS = (8, 6)
+_MIN_IN_CELL = 3
+# Matching and interpolation shift whole images by up to so much (measured on rendered pairs).
+_SHARED_PX = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class RowRefinement:
+    """A calibration turned by a little, and what that gained.
+
+    Attributes:
+        calibration: the refined one; lenses, baseline and vergence are those of the given one.
+        pitch_rad, roll_rad: the turn of the rectified right camera about x and z.
+        pitch_std_rad, roll_std_rad: one standard deviation of each.
+        before_px, after_px: median vertical distance of matches after rectification, pixels.
+        before_p95_px, after_p95_px: 95 % of the matches lie within it.
+        matches: number of matches it rests on, and pairs: of pairs that show any.
+        coverage: share of the image, in cells, where there are matches.
+    """
+
+    calibration: StereoCalibration
+    pitch_rad: float
+    roll_rad: float
+    pitch_std_rad: float
+    roll_std_rad: float
+    before_px: float
+    after_px: float
+    before_p95_px: float
+    after_p95_px: float
+    matches: int
+    pairs: int
+    coverage: float
+
+
+@dataclass(frozen=True)
+class RefinementRefusal:
+    """Why the calibration stays as it is: one sentence that says what would help."""
+
+    reason: str
+
+
+def refine_from_scene(
+    calibration: StereoCalibration, pairs: Iterable[tuple[Image, Image]]
+) -> RowRefinement | RefinementRefusal:
+    """Pitch and roll of the right camera that bring matches of these pairs into one row.
+
+    The given calibration is not changed.
+
+    Args:
+        calibration: nearly right: rows agree to a few pixels.
+        pairs: left and right images as taken, of the calibration's size, (H, W) grey or
+            (H, W, 3) BGR; best from different places, with texture all over the image.
+
+    Returns:
+        The refinement, or why there is none.
+
+    Raises:
+        CalibrationError: the calibration cannot be rectified or is for images of another size.
+    """
+    rectification = Rectification(calibration)
+    camera = rectification.camera
+    found = [matched_points(*rectification.apply(left, right)) for left, right in pairs]
+    left_px = np.concatenate([np.empty((0, 2)), *(left for left, _ in found)])
+    right_px = np.concatenate([np.empty((0, 2)), *(right for _, right in found)])
+    showing = sum(len(left) > 0 for left, _ in found)
+    if len(left_px) < _MIN_MATCHES:
+        return RefinementRefusal(
+            f"{len(found)} pair{'' if len(found) == 1 else 's'} of images gave "
+            f"{len(left_px)} matches between left and right, {_MIN_MATCHES} are needed: show the "
+            f"cameras a scene with more texture"
+        )
+    low, high = np.quantile(left_px[:, 0], [0.05, 0.95])
+    if high - low < _MIN_SPREAD * camera.width:
+        return RefinementRefusal(
+            f"90 % of the matches lie within {100 * (high - low) / camera.width:.0f} % of the "
+            f"image's width, {100 * _MIN_SPREAD:.0f} % are needed to tell roll from pitch: show "
+            f"the cameras texture to the left and to the right"
+        )
+
+    def errors(turn: Float64Array) -> Float64Array:
+        rows = _turned_rows(camera, right_px, turn)
+        return np.asarray(rows - left_px[:, 1], dtype=np.float64)
+
+    fit = least_squares(errors, np.zeros(2), loss="soft_l1", f_scale=_SOFT_PX, x_scale=1e-4)
+    turn = np.asarray(fit.x, dtype=np.float64)
+    if np.abs(turn).max() > _MAX_TURN_RAD:
+        pitch, roll = np.degrees(turn)
+        return RefinementRefusal(
+            f"the rows ask for a turn of {pitch:+.2f} deg in pitch and {roll:+.2f} deg in roll, "
+            f"more than the {np.degrees(_MAX_TURN_RAD):g} deg of a drift: calibrate anew, and "
+            f"check that left and right show the same instant"
+        )
+    std = _deviations(camera, left_px, right_px, errors(turn), turn)
+    # What each means in pixels: pitch everywhere, roll at the left and right edge.
+    pitch_px, roll_px = std * (camera.fy, camera.width / 2)
+    if max(pitch_px, roll_px) > _MAX_STD_PX:
+        return RefinementRefusal(
+            f"the matches tell pitch to {pitch_px:.2f} px and roll to {roll_px:.2f} px only, "
+            f"{_MAX_STD_PX:g} px are needed: show the cameras a still scene with more texture"
+        )
+    before, before_p95 = _distances(errors(np.zeros(2)))
+    after, after_p95 = _distances(errors(turn))
+    if after >= before or not (np.abs(turn) > 2 * std).any():
+        return RefinementRefusal(
+            f"the rows agree to {before:.2f} px (median of {len(left_px)} matches), and no turn "
+            f"betters that beyond its own uncertainty: the calibration needs no refinement"
+        )
+    # R_rectified_left stays; the rectified right camera is turned, and with it R and T.
+    R_rectified_right = _turn(turn) @ rectification.R_rectified_left @ calibration.R.T
+    return RowRefinement(
+        calibration=replace(
+            calibration,
+            R=R_rectified_right.T @ rectification.R_rectified_left,
+            T=R_rectified_right.T @ np.array([-camera.baseline, 0, 0]),
+        ),
+        pitch_rad=float(turn[0]),
+        roll_rad=float(turn[1]),
+        pitch_std_rad=float(std[0]),
+        roll_std_rad=float(std[1]),
+        before_px=before,
+        after_px=after,
+        before_p95_px=before_p95,
+        after_p95_px=after_p95,
+        matches=len(left_px),
+        pairs=showing,
+        coverage=_coverage(camera, left_px),
+    )
+
+
+def matched_points(left: Image, right: Image) -> tuple[Float64Array, Float64Array]:
+    """Sub-pixel positions (N, 2) of one scene point each in a rectified pair.
+
+    Corners (Shi and Tomasi) are tracked from left to right and back (Lucas-Kanade in two
+    dimensions, so that a vertical distance shows); those that do not come back are dropped.
+    """
+    left, right = as_gray(left), as_gray(right)
+    found = cv2.goodFeaturesToTrack(left, 1000, 0.005, 7)
+    # OpenCV answers None where there is no corner, which its type stubs do not know.
+    corners = np.asarray([] if found is None else found, dtype=np.float32).reshape(-1, 1, 2)
+    if not len(corners):
+        return np.empty((0, 2)), np.empty((0, 2))
+    there, ok_there = _tracked(left, right, corners)
+    back, ok_back = _tracked(right, left, there)
+    start, end = corners.reshape(-1, 2), there.reshape(-1, 2)
+    shift = end - start
+    good = ok_there & ok_back
+    good &= np.linalg.norm(back.reshape(-1, 2) - start, axis=1) < 0.5
+    # Points in front of the cameras lie further left in the right image.
+    good &= (shift[:, 0] < 1) & (np.abs(shift[:, 1]) < _MAX_VERTICAL_PX)
+    return start[good].astype(np.float64), end[good].astype(np.float64)
+
+
+def _tracked(
+    a: Image, b: Image, points: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    found, ok, _ = cv2.calcOpticalFlowPyrLK(
+        a, b, points, points.copy(), winSize=(21, 21), maxLevel=5
+    )
+    return np.asarray(found, dtype=np.float32), np.asarray(ok).ravel() == 1
+
+
+def _turned_rows(camera: StereoCamera, px: Float64Array, turn: Float64Array) -> Float64Array:
+    """Rows (N,) of the pixels (N, 2) after turning the camera by pitch and roll."""
+    rays = np.stack(
+        [
+            (px[:, 0] - camera.cx) / camera.fx,
+            (px[:, 1] - camera.cy) / camera.fy,
+            np.ones(len(px)),
+        ],
+        axis=1,
+    )
+    turned = rays @ _turn(turn).T
+    return np.asarray(turned[:, 1] / turned[:, 2] * camera.fy + camera.cy, dtype=np.float64)
+
+
+def _turn(pitch_roll: Float64Array) -> Float64Array:
+    rotvec = [pitch_roll[0], 0.0, pitch_roll[1]]
+    return np.asarray(Rotation.from_rotvec(rotvec).as_matrix(), dtype=np.float64)
+
+
+def _deviations(
+    camera: StereoCamera,
+    left_px: Float64Array,
+    right_px: Float64Array,
+    errors: Float64Array,
+    turn: Float64Array,
+) -> Float64Array:
+    """(2,) radians: one standard deviation of pitch and roll.
+
+    The sandwich estimator with the image's cells as clusters (Liang and Zeger, Biometrika 1986):
+    what a part of the image has in common over all pairs counts once.
+    """
+    step = 1e-6
+    rows = _turned_rows(camera, right_px, turn)
+    J = np.stack(
+        [(_turned_rows(camera, right_px, turn + step * axis) - rows) / step for axis in np.eye(2)],
+        axis=1,
+    )
+    # The slope of soft_l1, by which the fit weighs each match.
+    weight = 1 / np.sqrt(1 + (errors / _SOFT_PX) ** 2)
+    # The curvature is less than the weight where an error counts by its distance only.
+    bread = np.linalg.inv((J * (weight**3)[:, None]).T @ J + 1e-9 * np.eye(2))
+    score = J * (weight * errors)[:, None]
+    cells = _cells(camera, left_px)
+    summed = np.zeros((_CELLS[0] * _CELLS[1], 2))
+    np.add.at(summed, cells, score)
+    used = np.unique(cells).size
+    small = used / max(used - 2, 1)
+    covariance = small * bread @ (summed.T @ summed) @ bread
+    shared = _SHARED_PX / np.array([camera.fy, camera.width / 2])
+    return np.asarray(np.hypot(np.sqrt(np.diag(covariance)), shared), dtype=np.float64)
+
+
+def _cells(camera: StereoCamera, px: Float64Array) -> NDArray[np.intp]:
+    share = px / (camera.width, camera.height)
+    place = np.clip((share * _CELLS).astype(np.intp), 0, np.array(_CELLS) - 1)
+    return np.asarray(place[:, 1] * _CELLS[0] + place[:, 0], dtype=np.intp)
+
+
+def _coverage(camera: StereoCamera, px: Float64Array) -> float:
+    counts = np.bincount(_cells(camera, px), minlength=_CELLS[0] * _CELLS[1])
+    return float(np.mean(counts >= _MIN_IN_CELL))
+
+
+def _distances(errors: Float64Array) -> tuple[float, float]:
+    """Median and 95th percentile of the absolute errors, pixels."""
+    median, p95 = np.quantile(np.abs(errors), [0.5, 0.95])
+    return float(median), float(p95)

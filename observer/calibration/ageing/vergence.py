@@ -1,0 +1,256 @@
+"""Whether the angle between the cameras still is what the calibration says, by a known way.
+
+Vergence cannot be seen in one pair: it looks like depth. But depth is a scale of the camera's
+way, and the robot's wheels measure that way by themselves (``vergence_fit`` has the formula).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from observer.calibration.ageing.vergence_fit import SeenTwice, WayEquation, way_equation
+from observer.camera import StereoCamera
+from observer.geometry import Pose
+from observer.methods.contract import StereoRows
+from observer.mount import CameraMount
+from observer.one_camera.odometry_way import driven_step, driven_way
+from observer.types import Odometry
+
+# Metres between the two views of a pair, and radians: a longer way loses the points, a turn makes
+# the way depend on where the camera is mounted.
+_WAY_M, _MOST_TURN = 0.2, 0.35
+# Seconds between two fits, which take 1 ms.
+_PAUSE_S = 1.0
+# Steps of the wheels' encoders, metres.
+_STEP_M = 0.002
+# The wheels' scale is wrong by about 1 % (a worn tyre, a soft floor) wherever one drives. So f v
+# is never known better than 1 % of the disparities seen, but for how much these differ.
+WHEEL_SCALE_SIGMA = 0.01
+# A scale as wrong as this is none of the wheels' usual errors: they slip, or a gear is set wrong.
+_STRANGE_SCALE = 0.05
+# Points of one scene err together, beside edges and by interpolation, and do so again in every
+# pair: the variance is at least so many times that of independent errors, and a part of it is
+# the same for all, pixels. Both as simulated drives show.
+_SHARED = 10.0
+_BIAS_PX = 0.1
+# How far back the fits count, metres of way.
+_MEMORY_M = 20.0
+_LEAST_PAIRS = 2.5
+# Disparities below are as good as none; the method clips them.
+_LEAST_DISPARITY_PX = 1.0
+_SURE_SIGMAS = 3.0
+# Vergence counts as known once a disparity is known so well, pixels.
+_KNOWN_PX = 0.3
+# Depth errors are told for things at this distance.
+_AT_M = 3.0
+_HOW = "drive 2 m straight ahead with wheel odometry, past things near and far"
+
+
+@dataclass(frozen=True)
+class VergenceCheck:
+    """What is known of the vergence.
+
+    Attributes:
+        status: ``consistent`` with the calibration, ``drifted`` from it, or ``unobserved``.
+        vergence_rad: by how much the cameras converge more than calibrated; None where nothing
+            is known. std_rad: one standard deviation, the wheels' scale error included.
+        sentence: the same in words; while unobserved, what would make it observable.
+        way_m: metres of way that it rests on.
+    """
+
+    status: Literal["unobserved", "consistent", "drifted"]
+    vergence_rad: float | None
+    std_rad: float | None
+    sentence: str
+    way_m: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    rows: StereoRows
+    T_world_camera: Pose
+    odometry: Odometry
+    time_s: float
+
+
+class VergenceWatch:
+    """Fed with every frame of one calibration; costs 0.05 ms a frame on average.
+
+    Args:
+        camera: the rectified pair.
+        mount: where the camera is on the robot; None unknown, then curves say less.
+    """
+
+    def __init__(self, camera: StereoCamera, mount: CameraMount | None = None) -> None:
+        self._camera = camera
+        self._mount = CameraMount(1.0, 0.0) if mount is None else mount
+        self._key: _Seen | None = None
+        self._segment: int | None = None
+        self._fitted_s = -math.inf
+        self._information, self._vector = np.zeros((2, 2)), np.zeros(2)
+        self._square = self._pairs = self._way_m = 0.0
+        self._found = _unobserved(f"vergence is unobserved: no way was driven yet; {_HOW}")
+
+    def look(
+        self,
+        time_s: float,
+        segment: int,
+        rows: StereoRows | None,
+        T_world_camera: Pose | None,
+        odometry: Odometry | None,
+    ) -> VergenceCheck:
+        """What is known after one more frame.
+
+        Args:
+            time_s: the frame's, seconds on the source's clock.
+            segment: of the observation: points and poses of two segments have no relation.
+            rows: the points that stereo found; None where the method finds none.
+            T_world_camera: by stereo; None while it is unknown.
+            odometry: the wheels' at this frame; None unknown.
+        """
+        key = self._key
+        if segment != self._segment or (key is not None and time_s < key.time_s):
+            key, self._segment, self._fitted_s = None, segment, -math.inf
+        if rows is None or odometry is None or T_world_camera is None:
+            # One frame whose pose is lost says nothing about the vergence.
+            if rows is None or odometry is None:
+                key = None
+            if self._pairs < _LEAST_PAIRS and T_world_camera is not None:
+                self._found = _unobserved(_missing(rows, odometry))
+            self._key = key
+            return self._found
+        seen = _Seen(rows, T_world_camera, odometry, time_s)
+        way = None if key is None else driven_way(key.odometry, odometry)
+        if key is None or way is None or _turn(key.odometry, odometry) > _MOST_TURN:
+            self._key = seen
+        elif way >= _WAY_M:
+            if time_s - self._fitted_s >= _PAUSE_S:
+                self._fitted_s = time_s
+                self._fit(key, seen)
+            self._key = seen
+        return self._found
+
+    def _fit(self, before: _Seen, now: _Seen) -> None:
+        seen = _pair(before, now, self._mount)
+        start = (self._found.vergence_rad or 0.0, 0.0)
+        equation = way_equation(seen, self._camera, start, WHEEL_SCALE_SIGMA)
+        if equation is None:
+            return
+        self._add(equation, seen.way_m)
+        self._found = self._tell()
+
+    def _add(self, equation: WayEquation, way_m: float) -> None:
+        keep = math.exp(-way_m / _MEMORY_M)
+        self._information = keep * self._information + equation.information
+        self._vector = keep * self._vector + equation.vector
+        self._square = keep * self._square + equation.square
+        self._pairs = keep * self._pairs + 1
+        self._way_m = keep * self._way_m + way_m
+
+    def _tell(self) -> VergenceCheck:
+        way = f"{self._way_m:.1f} m of way"
+        if self._pairs < _LEAST_PAIRS:
+            return _unobserved(f"vergence is unobserved after {way}; {_HOW}")
+        # The variance by which the pairs contradict each other: two unknowns each.
+        own = np.linalg.pinv(self._information, hermitian=True) @ self._vector
+        excess = (self._square - float(own @ self._vector)) / (2 * self._pairs - 2)
+        excess = max(_SHARED, excess)
+        information, vector = self._information / excess, self._vector / excess
+        information[1, 1] += WHEEL_SCALE_SIGMA**-2
+        if np.linalg.cond(information * np.outer(_UNITS, _UNITS)) > 1e12:
+            return _unobserved(f"vergence is unobserved after {way}; {_HOW}")
+        covariance = np.linalg.inv(information)
+        vergence = float(covariance[0] @ vector)
+        std = math.hypot(math.sqrt(covariance[0, 0]), _BIAS_PX / self._camera.fx)
+        degrees = f"{math.degrees(vergence):+.2f} deg (+-{math.degrees(std):.2f})"
+        if self._strange(float(own[1]), excess):
+            scale = float(own[1])
+            return _unobserved(
+                f"vergence is unobserved: over {way} the wheels tell {100 * abs(scale):.0f} % too "
+                f"{'little' if scale > 0 else 'much'} at all distances, which vergence does not "
+                f"explain; check that they do not slip and what a turn of them is worth"
+            )
+        share = 100 * vergence * _AT_M / self._camera.baseline
+        share_std = 100 * std * _AT_M / self._camera.baseline
+        if abs(vergence) > _SURE_SIGMAS * std:
+            course = "more" if vergence > 0 else "less"
+            sentence = (
+                f"the cameras converge {course} than calibrated by {degrees}, by {way} against "
+                f"the wheels: depth at {_AT_M:g} m seems about {abs(share):.0f} % too "
+                f"{'far' if share > 0 else 'near'}; calibrate anew with a board"
+            )
+            return VergenceCheck("drifted", vergence, std, sentence, self._way_m)
+        if std * self._camera.fx > _KNOWN_PX:
+            sentence = (
+                f"vergence is unobserved: {way} tell it to {math.degrees(std):.2f} deg only; {_HOW}"
+            )
+            return VergenceCheck("unobserved", vergence, std, sentence, self._way_m)
+        sentence = (
+            f"vergence agrees with the wheels over {way}: {degrees} beyond the calibration, "
+            f"{share:+.1f} % (+-{share_std:.1f}) of depth at {_AT_M:g} m, with "
+            f"{100 * WHEEL_SCALE_SIGMA:g} % allowed to the wheels"
+        )
+        return VergenceCheck("consistent", vergence, std, sentence, self._way_m)
+
+    def _strange(self, scale: float, excess: float) -> bool:
+        """Whether near and far points together contradict the wheels, whatever the vergence.
+
+        Args:
+            scale: the wheels' scale error by the spread of disparities alone, a share.
+            excess: factor on the variance of what the pairs say.
+        """
+        (a, b), (_, c) = self._information.tolist()
+        left = c - b * b / a if a > 0 else 0.0
+        if left <= 0:
+            return False
+        sigma = math.hypot(math.sqrt(excess / left), WHEEL_SCALE_SIGMA)
+        return abs(scale) > max(_STRANGE_SCALE, _SURE_SIGMAS * sigma)
+
+
+# Of about what size vergence and scale errors are, rad and 1: makes the two comparable.
+_UNITS = np.array([1e-3, 1e-2])
+
+
+def _unobserved(sentence: str) -> VergenceCheck:
+    return VergenceCheck("unobserved", None, None, sentence)
+
+
+def _missing(rows: StereoRows | None, odometry: Odometry | None) -> str:
+    if odometry is None:
+        return f"vergence is unobserved: the source reports no wheel odometry; {_HOW}"
+    assert rows is None
+    return (
+        "vergence is unobserved: this method does not match points between left and right; "
+        "set ego_motion.model to rigid"
+    )
+
+
+def _turn(before: Odometry, now: Odometry) -> float:
+    return abs(now.yaw - before.yaw)
+
+
+def _pair(before: _Seen, now: _Seen, mount: CameraMount) -> SeenTwice:
+    """The points seen in both views. What moves among them is left to the fit's own weights:
+
+    the method's inliers are those that fit the calibration as it is, right or wrong.
+    """
+    _, way_m, turn = driven_step(before.odometry, now.odometry, mount)
+    a, b = before.rows, now.rows
+    at_a, at_b = (np.flatnonzero(rows.disparity > _LEAST_DISPARITY_PX) for rows in (a, b))
+    _, in_a, in_b = np.intersect1d(
+        a.number[at_a], b.number[at_b], assume_unique=True, return_indices=True
+    )
+    at_a, at_b = at_a[in_a], at_b[in_b]
+    return SeenTwice(
+        before_px=a.px[at_a],
+        before_disparity=a.disparity[at_a],
+        now_px=b.px[at_b],
+        now_disparity=b.disparity[at_b],
+        T_now_before=now.T_world_camera.inverse() @ before.T_world_camera,
+        way_m=way_m,
+        way_std_m=math.hypot(_STEP_M, mount.lever_sigma_m * turn),
+    )
