@@ -1,0 +1,214 @@
+"""Level planes below a stereo camera, found where their noise is plain: in disparity.
+
+A plane at distance h along the unit vector n (camera frame) is seen with the disparity
+
+    d(x, y) = fB / h (n_x x + n_y y + n_z),    x = X/Z, y = Y/Z,
+
+which is linear in the pixel, and the noise of d is the same everywhere. So least squares in
+disparity is what least squares over points is with each point's noise Z^2 sigma_d / (fB) along
+its ray, but linear (v-disparity: Labayrade, Aubert, Tarel: Real time obstacle detection in
+stereovision on non flat road geometry, IV 2002).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.mount import CameraMount
+
+Mask = NDArray[np.bool_]
+
+_HYPOTHESES = 400
+# Points whose plane is asked for in each hypothesis; more only cost time.
+_SCORED = 4000
+# Planes looked at, largest first: floor, table, boxes.
+_MOST_CANDIDATES = 5
+_REFINEMENTS = 8
+# Of a robust standard deviation: beyond it a point does not belong to the plane.
+_GATE = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class DisparityPoints:
+    """N points of one view.
+
+    Attributes:
+        ray: (N, 3) x, y and 1: where each is seen, normalised image coordinates.
+        disparity: (N,) pixels, positive.
+    """
+
+    ray: Float64Array
+    disparity: Float64Array
+
+    def __len__(self) -> int:
+        return len(self.disparity)
+
+    def chosen(self, rows: Mask | NDArray[np.intp]) -> DisparityPoints:
+        return DisparityPoints(self.ray[rows], self.disparity[rows])
+
+
+@dataclass(frozen=True)
+class PlaneLimits:
+    """What a floor may be like, seen from the camera.
+
+    Attributes:
+        tilt_rad, roll_rad: largest absolute angles. height_m: lowest and highest.
+    """
+
+    tilt_rad: float
+    roll_rad: float
+    height_m: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class LevelPlane:
+    """A plane below the camera, as pixels of disparity: ``coefficients . (x, y, 1)``.
+
+    Attributes:
+        coefficients: (3,) fB n / h. fb: focal length times baseline, pixel metres.
+        members: (N,) which points of the view belong to it. sigma: their noise, pixels.
+        beneath: share of the points seen below its horizon that lie beneath the plane. Nothing
+            lies beneath the floor.
+    """
+
+    coefficients: Float64Array
+    fb: float
+    members: Mask
+    sigma: float
+    beneath: float
+
+    @property
+    def support(self) -> int:
+        return int(np.count_nonzero(self.members))
+
+    @property
+    def stand(self) -> Float64Array:
+        """(3,) height (m), tilt and roll (rad) of the camera above it."""
+        return stand_of(self.coefficients, self.fb)
+
+    @property
+    def words(self) -> str:
+        height, tilt, _ = self.stand
+        return f"{height:.2f} m below the camera (tilted by {np.degrees(tilt):.0f} degrees)"
+
+
+def stand_of(coefficients: Float64Array, fb: float) -> Float64Array:
+    """(3,) height (m), tilt and roll (rad) of a camera that sees the plane so."""
+    length = float(np.linalg.norm(coefficients))
+    return np.array([fb / length, *CameraMount.angles_of(coefficients / length)])
+
+
+def level_planes(
+    points: DisparityPoints, fb: float, noise_px: float, limits: PlaneLimits, seed: int
+) -> list[LevelPlane]:
+    """The level planes below the camera, largest support first; equal seeds, equal planes.
+
+    Args:
+        noise_px: of a disparity, one standard deviation. seed: mostly the frame's number.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 0xF100]))
+    left = np.ones(len(points), np.bool_)
+    # A plane needs its share of what is seen below the horizon, or it is a box's top.
+    fewest = max(100, len(points) // 50)
+    planes: list[LevelPlane] = []
+    for _ in range(_MOST_CANDIDATES):
+        rows = np.flatnonzero(left)
+        if len(rows) < fewest:
+            break
+        start = _best_hypothesis(points.chosen(rows), fb, noise_px, limits, rng)
+        if start is None:
+            break
+        plane = _refined(points, start, fb, noise_px)
+        # What a first plane took is gone also where the second one lies close to it.
+        taken = left & _near(points, plane.coefficients, _GATE * max(plane.sigma, noise_px))
+        if np.count_nonzero(taken) < fewest:
+            break
+        left &= ~taken
+        if _within(stand_of(plane.coefficients, fb)[None], limits)[0]:
+            planes.append(plane)
+    return sorted(planes, key=lambda plane: -plane.support)
+
+
+def _best_hypothesis(
+    points: DisparityPoints,
+    fb: float,
+    noise_px: float,
+    limits: PlaneLimits,
+    rng: np.random.Generator,
+) -> Float64Array | None:
+    """Of planes through three points each, the one that most points lie on (RANSAC)."""
+    triples = rng.integers(0, len(points), (_HYPOTHESES, 3))
+    A, d = points.ray[triples], points.disparity[triples]
+    # Three points nearly in a line tell no plane.
+    spread = np.abs(np.linalg.det(A))
+    usable = spread > 1e-3 * spread.max(initial=0.0)
+    if not usable.any():
+        return None
+    coefficients = np.linalg.solve(A[usable], d[usable][..., None])[..., 0]
+    coefficients = coefficients[_within(_stands(coefficients, fb), limits)]
+    if not len(coefficients):
+        return None
+    few = points.chosen(rng.permutation(len(points))[:_SCORED])
+    residual = np.abs(few.ray @ coefficients.T - few.disparity[:, None])
+    # Truncated squares prefer the plane in the middle of its points (MSAC, Torr 2000).
+    score = np.minimum(residual / (_GATE * noise_px), 1.0) ** 2
+    return np.asarray(coefficients[int(score.sum(axis=0).argmin())])
+
+
+def _refined(
+    points: DisparityPoints, coefficients: Float64Array, fb: float, noise_px: float
+) -> LevelPlane:
+    """Least squares with Tukey's weights, points and noise chosen anew in each round."""
+    sigma = noise_px
+    for _ in range(_REFINEMENTS):
+        residual = points.disparity - points.ray @ coefficients
+        near = np.abs(residual) < _GATE * sigma
+        if np.count_nonzero(near) < 3:
+            break
+        weight = (1 - (residual[near] / (_GATE * sigma)) ** 2) ** 2
+        A = points.ray[near] * np.sqrt(weight)[:, None]
+        b = points.disparity[near] * np.sqrt(weight)
+        coefficients = np.asarray(np.linalg.lstsq(A, b, rcond=None)[0], np.float64)
+        sigma = float(np.clip(_robust_sigma(residual[near]), 0.3 * noise_px, 1.5 * noise_px))
+    members = _near(points, coefficients, _GATE * sigma)
+    # Beyond its horizon a plane is not seen, and where it is nearer than stereo searches, what is
+    # matched there is wrong.
+    expected = points.ray @ coefficients
+    searched = points.disparity.max(initial=0.0) - _GATE * noise_px
+    seen_below = (expected > _GATE * noise_px) & (expected < searched)
+    beneath = seen_below & (points.disparity < expected - 2 * _GATE * noise_px)
+    share = float(beneath.sum()) / max(1.0, float(seen_below.sum()))
+    return LevelPlane(np.asarray(coefficients, np.float64), fb, members, sigma, share)
+
+
+def _near(points: DisparityPoints, coefficients: Float64Array, gate_px: float) -> Mask:
+    expected = points.ray @ coefficients
+    near = (np.abs(points.disparity - expected) < gate_px) & (expected > 0)
+    return np.asarray(near, np.bool_)
+
+
+def _stands(coefficients: Float64Array, fb: float) -> Float64Array:
+    """(N, 3) as ``stand_of``, of many planes."""
+    length = np.maximum(np.linalg.norm(coefficients, axis=1), 1e-9)
+    x, y, z = (coefficients / length[:, None]).T
+    return np.stack([fb / length, np.arctan2(z, np.hypot(x, y)), np.arctan2(x, y)], axis=1)
+
+
+def _within(stands: Float64Array, limits: PlaneLimits) -> Mask:
+    height, tilt, roll = stands.T
+    low, high = limits.height_m
+    return np.asarray(
+        (height >= low)
+        & (height <= high)
+        & (np.abs(tilt) <= limits.tilt_rad)
+        & (np.abs(roll) <= limits.roll_rad),
+        np.bool_,
+    )
+
+
+def _robust_sigma(residual: Float64Array) -> float:
+    return 1.4826 * float(np.median(np.abs(residual)))
