@@ -25,6 +25,7 @@ def build() -> typer.Typer:
     """The command line with all its commands."""
     # Imported here, because they bring numpy and OpenCV, which read the environment when imported.
     from app.commands.benchmark import benchmark
+    from app.commands.doctor import doctor
     from app.commands.evaluate import evaluate
     from app.commands.observe import observe
     from app.commands.parameters import parameters
@@ -45,6 +46,7 @@ def build() -> typer.Typer:
     cli.command("simulate")(simulate)
     cli.command("parameters")(parameters)
     cli.command("benchmark")(benchmark)
+    cli.command("doctor")(doctor)
     return cli
 
 

@@ -1,0 +1,1 @@
+"""``dynamic-observer doctor``: what would hinder or limit a start on this machine."""

@@ -1,0 +1,175 @@
+"""The data folder and its database, looked at without changing either."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+from alembic.config import Config
+from alembic.script import ScriptDirectory
+from sqlalchemy import create_engine, make_url
+from sqlalchemy.exc import SQLAlchemyError
+
+from app.doctor.finding import Finding
+from app.settings import Settings
+from app.storage.migration import MIGRATIONS
+
+_SECTION = "Data"
+_ELSEWHERE = "choose another folder with --data"
+_MEGABYTE = 1_000_000
+# A run of an hour takes some ten megabytes.
+_LITTLE_SPACE = 1000 * _MEGABYTE
+_NO_SPACE = 20 * _MEGABYTE
+_WAIT_S = 2.0
+
+
+def examine_data(settings: Settings) -> Iterator[Finding]:
+    """Folder, space, database."""
+    folder = settings.data.expanduser().absolute()
+    yield from _folder(folder)
+    if settings.database is None:
+        yield _sqlite(folder / "observer.sqlite")
+    elif make_url(settings.database).get_backend_name() != "sqlite":
+        yield _server(settings.database)
+    else:
+        yield _sqlite(Path(make_url(settings.database).database or ""))
+
+
+def _folder(folder: Path) -> Iterator[Finding]:
+    present = _nearest(folder)
+    if not present.is_dir():
+        yield Finding(_SECTION, "problem", f"{present} is a file, not a folder; {_ELSEWHERE}")
+        return
+    if not os.access(present, os.W_OK | os.X_OK):
+        yield Finding(
+            _SECTION,
+            "problem",
+            f"the folder {present} may not be written by you; {_ELSEWHERE}, or become its owner: "
+            f"sudo chown -R $USER {present}",
+        )
+        return
+    if present == folder:
+        yield Finding(_SECTION, "ok", f"runs and settings are kept in {folder}")
+    else:
+        yield Finding(_SECTION, "ok", f"runs and settings will be kept in {folder} (made at start)")
+    yield _space(present, shutil.disk_usage(present).free)
+
+
+def _nearest(folder: Path) -> Path:
+    """The folder, or the nearest one above it that exists."""
+    return next(each for each in (folder, *folder.parents) if os.path.lexists(each))
+
+
+def _space(folder: Path, free: int) -> Finding:
+    text = f"{_size(free)} free"
+    if free < _NO_SPACE:
+        return Finding(
+            _SECTION,
+            "problem",
+            f"only {text} at {folder}, too little for the database; free some space, or "
+            f"{_ELSEWHERE}",
+        )
+    if free < _LITTLE_SPACE:
+        return Finding(
+            _SECTION, "warning", f"only {text} at {folder}; free some space before long runs"
+        )
+    return Finding(_SECTION, "ok", text)
+
+
+def _size(count: int) -> str:
+    if count < 1000 * _MEGABYTE:
+        return f"{count / _MEGABYTE:.0f} MB"
+    return f"{count / (1000 * _MEGABYTE):.0f} GB"
+
+
+def _sqlite(file: Path) -> Finding:
+    if not os.path.lexists(file):
+        return Finding(_SECTION, "ok", "the database will be made at the first start")
+    if not os.access(file, os.R_OK | os.W_OK):
+        return Finding(
+            _SECTION,
+            "problem",
+            f"the database {file} may not be written by you; {_ELSEWHERE}, or become its owner: "
+            f"sudo chown $USER {file}",
+        )
+    try:
+        # Read only: what is wrong is told here and dealt with by serve, which keeps a copy.
+        with closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True, timeout=_WAIT_S)) as db:
+            (answer,) = db.execute("PRAGMA quick_check(1)").fetchone()
+            tables = {name for (name,) in db.execute("SELECT name FROM sqlite_schema")}
+            has_revision = "alembic_version" in tables
+            query = "SELECT version_num FROM alembic_version"
+            row = db.execute(query).fetchone() if has_revision else None
+    except sqlite3.Error as error:
+        return _damaged(file, error)
+    if answer != "ok":
+        return _moved_aside(file, str(answer))
+    return _revision(file, row[0] if row else None, bool(tables))
+
+
+def _damaged(file: Path, error: sqlite3.Error) -> Finding:
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+        return _moved_aside(file, str(error))
+    if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+        return Finding(
+            _SECTION, "problem", f"the database {file} is locked by another program; close it"
+        )
+    return Finding(
+        _SECTION, "problem", f"the database {file} cannot be opened ({error}); {_ELSEWHERE}"
+    )
+
+
+def _moved_aside(file: Path, reason: str) -> Finding:
+    told = " ".join(reason.split())
+    return Finding(
+        _SECTION,
+        "warning",
+        f"the database {file} is damaged ({told}); the next start keeps it under another name and "
+        f"begins a new one: restore your copy before that, if you have one",
+    )
+
+
+def _revision(file: Path, revision: str | None, has_tables: bool) -> Finding:
+    if revision is None and has_tables:
+        return Finding(
+            _SECTION,
+            "problem",
+            f"the database {file} belongs to another program; {_ELSEWHERE}",
+        )
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
+    script = ScriptDirectory.from_config(config)
+    if revision not in {None, *(each.revision for each in script.walk_revisions())}:
+        return Finding(
+            _SECTION,
+            "problem",
+            f"the database {file} was written by a newer version of dynamic-observer; upgrade, or "
+            f"{_ELSEWHERE}",
+        )
+    later = "" if revision == script.get_current_head() else " (brought up to date at start)"
+    return Finding(_SECTION, "ok", f"the database opens and is sound{later}")
+
+
+def _server(url: str) -> Finding:
+    shown = make_url(url).render_as_string(hide_password=True)
+    try:
+        engine = create_engine(url)
+        try:
+            with engine.connect():
+                pass
+        finally:
+            engine.dispose()
+    except (SQLAlchemyError, ModuleNotFoundError) as error:
+        why = " ".join(str(getattr(error, "orig", None) or error).split())
+        return Finding(
+            _SECTION,
+            "problem",
+            f"the database {shown} cannot be reached ({why}); see to it, or leave out "
+            f"DYNAMIC_OBSERVER_DATABASE to keep data in a file",
+        )
+    return Finding(_SECTION, "ok", f"the database {shown} can be reached")

@@ -1,0 +1,57 @@
+"""Everything that is looked at, one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from app.doctor.address import examine_address
+from app.doctor.cameras import examine_cameras
+from app.doctor.data_folder import examine_data
+from app.doctor.finding import Finding
+from app.doctor.machine import Machine
+from app.doctor.serial_ports import SerialPort, examine_serial_ports
+from app.doctor.software import examine_software, program_version
+from app.settings import Settings
+from observer.sources.cameras.devices import CameraDevice
+
+
+@dataclass(frozen=True)
+class Examination:
+    """All findings in the order in which they are told, and the devices they are about."""
+
+    findings: tuple[Finding, ...]
+    cameras: tuple[CameraDevice, ...]
+    serial_ports: tuple[SerialPort, ...]
+
+    @property
+    def hindered(self) -> bool:
+        """Whether something would hinder the start."""
+        return any(finding.level == "problem" for finding in self.findings)
+
+    def as_json(self) -> dict[str, Any]:
+        """For scripts: plain values only."""
+        return {
+            "version": program_version(),
+            "hindered": self.hindered,
+            "findings": [asdict(finding) for finding in self.findings],
+            "cameras": [asdict(camera) for camera in self.cameras],
+            "serial_ports": [asdict(port) for port in self.serial_ports],
+        }
+
+
+def examine(settings: Settings | str, machine: Machine) -> Examination:
+    """Look at everything; nothing is changed, and no finding keeps the others from being made.
+
+    Args:
+        settings: the server's, or one sentence that says why there are none.
+        machine: where to look.
+    """
+    cameras, devices = examine_cameras(machine)
+    serial, ports = examine_serial_ports(machine)
+    findings = [*examine_software(), *cameras, *serial]
+    if isinstance(settings, str):
+        findings.append(Finding("Settings", "problem", settings))
+    else:
+        findings += [*examine_data(settings), examine_address(settings)]
+    return Examination(tuple(findings), devices, ports)

@@ -1,0 +1,33 @@
+"""The machine that is examined; tests put another one in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from observer.sources.cameras.device_files import User
+from observer.sources.cameras.v4l2.device import DeviceAccess, LinuxAccess
+
+
+def described_ports() -> Mapping[str, str]:
+    """Serial ports and what they say of themselves, as far as pyserial finds any."""
+    from serial.tools.list_ports import comports  # type: ignore[import-untyped]
+
+    return {port.device: port.description for port in comports()}
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Where the doctor looks.
+
+    Attributes:
+        root: of the file system. access: the kernel, for device files.
+        user: whom advice on permissions is for; None for the user of this process.
+        ports: serial ports and their descriptions.
+    """
+
+    root: Path = Path("/")
+    access: DeviceAccess = field(default_factory=LinuxAccess)
+    user: User | None = None
+    ports: Callable[[], Mapping[str, str]] = described_ports

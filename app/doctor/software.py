@@ -1,0 +1,127 @@
+"""Python, the packages and what OpenCV was built with."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import sys
+from collections.abc import Collection, Iterator
+from importlib import metadata
+
+from app.doctor.finding import Finding
+
+_SECTION = "Software"
+_DISTRIBUTION = "dynamic-observer"
+_NEEDED_PYTHON = (3, 11)
+# Named with their versions; of the others it counts only that they are there.
+_SHOWN = ("numpy", "scipy", "opencv-python-headless", "fastapi", "uvicorn", "viser", "sqlalchemy")
+_OPENCV = ("opencv-python-headless", "opencv-python", "opencv-contrib-python",
+           "opencv-contrib-python-headless")  # fmt: skip
+
+
+def program_version() -> str:
+    """The installed version; ``unknown`` where it runs from a folder without being installed."""
+    return _version(_DISTRIBUTION) or "unknown"
+
+
+def examine_software() -> Iterator[Finding]:
+    """Python, packages, OpenCV's video, cores."""
+    yield _python()
+    yield from _packages(metadata.requires(_DISTRIBUTION) or [] if _version(_DISTRIBUTION) else [])
+    yield from _video_support(_video_backends())
+    yield _cores(_usable_cores())
+
+
+def _python() -> Finding:
+    found = f"Python {platform.python_version()} on {platform.system()} ({platform.machine()})"
+    if sys.version_info[:2] < _NEEDED_PYTHON:
+        return Finding(_SECTION, "problem", f"{found}; Python 3.11 or newer is needed")
+    return Finding(_SECTION, "ok", found)
+
+
+def _packages(requirements: Collection[str]) -> Iterator[Finding]:
+    """Whether what the program needs is installed; ``requirements`` as in its metadata."""
+    if not requirements:
+        yield Finding(
+            _SECTION,
+            "warning",
+            f"{_DISTRIBUTION} is not installed as a package, so its packages were not compared; "
+            f"make setup installs it",
+        )
+        return
+    needed = [_name(each) for each in requirements if "extra ==" not in each]
+    missing = [name for name in needed if _version(name) is None]
+    if missing:
+        yield Finding(
+            _SECTION,
+            "problem",
+            f"packages are missing: {', '.join(missing)}; make setup installs them",
+        )
+    versions = [f"{name} {_version(name)}" for name in _SHOWN if _version(name)]
+    yield Finding(_SECTION, "ok", f"packages: {', '.join(versions)}")
+    several = [name for name in _OPENCV if _version(name)]
+    if len(several) > 1:
+        yield Finding(
+            _SECTION,
+            "warning",
+            f"{' and '.join(several)} are installed beside each other and overwrite each other's "
+            f"files; uninstall all of them, then make setup",
+        )
+
+
+def _name(requirement: str) -> str:
+    match = re.match(r"[A-Za-z0-9._-]+", requirement)
+    return match.group(0) if match else requirement
+
+
+def _version(distribution: str) -> str | None:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _video_backends() -> frozenset[str]:
+    import cv2
+
+    registry = cv2.videoio_registry
+    return frozenset(
+        registry.getBackendName(each)
+        for each in registry.getBackends()
+        if registry.hasBackend(each)
+    )
+
+
+def _video_support(backends: Collection[str]) -> Iterator[Finding]:
+    """What OpenCV can read with these backends."""
+    needs = [("FFMPEG", "video files and network cameras")]
+    if sys.platform == "linux":
+        needs.insert(0, ("V4L2", "cameras on USB"))
+    for backend, what in needs:
+        if backend in backends:
+            yield Finding(_SECTION, "ok", f"OpenCV reads {what} ({backend})")
+        else:
+            yield Finding(
+                _SECTION,
+                "warning",
+                f"this build of OpenCV cannot read {what} (no {backend}); the package "
+                f"opencv-python-headless has it, make setup installs that",
+            )
+
+
+def _usable_cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _cores(number: int) -> Finding:
+    if number < 2:
+        return Finding(
+            _SECTION,
+            "warning",
+            "one processor core; the method and the panel share it and frames will be left out: "
+            "two or more are better",
+        )
+    return Finding(_SECTION, "ok", f"{number} processor cores")
