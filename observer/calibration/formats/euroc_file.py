@@ -2,90 +2,130 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from observer.calibration.formats.numbers import number_array
+from observer.calibration.formats.numbers import image_size, shaped_numbers
 from observer.calibration.formats.plain_data import PlainData, parse_plain_data, read_text
-from observer.camera import StereoCalibration
+from observer.calibration.formats.understanding import Draft
+from observer.camera import DistortionModel, StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, Pose
+
+_DISTORTION_MODELS: Mapping[str, DistortionModel] = {
+    "radial-tangential": "radtan",
+    "radtan": "radtan",
+    "equidistant": "equidistant",
+}
 
 
 def read_euroc(left: Path, right: Path) -> StereoCalibration:
     """The calibration of two cameras from their ``sensor.yaml`` files.
 
-    ``T_BS`` maps a camera's coordinates into the body's, so that
-    ``T_right_left = T_BS(right)^-1 T_BS(left)``.
+    Raises:
+        CalibrationError: one sentence naming the file, the key and the reason.
+    """
+    return _draft(_read_file(left), _read_file(right)).calibration()
+
+
+def euroc_draft(
+    first: tuple[str, dict[str, PlainData]], second: tuple[str, dict[str, PlainData]]
+) -> Draft:
+    """The calibration of two ``sensor.yaml`` files; ``T_BS`` tells which of them is left.
+
+    Args:
+        first, second: name and top-level mapping of each file.
 
     Raises:
         CalibrationError: one sentence naming the file, the key and the reason.
     """
-    a, b = _read_camera(left), _read_camera(right)
-    if a.size != b.size:
-        raise CalibrationError(
-            f"{_named(right)}: resolution is {b.size[0]}x{b.size[1]}, but the left camera's is "
-            f"{a.size[0]}x{a.size[1]}; a pair must have one size"
-        )
-    T_right_left = b.T_body_camera.inverse() @ a.T_body_camera
-    try:
-        return StereoCalibration(
-            *a.size, a.K, a.D, b.K, b.D, T_right_left.rotation, T_right_left.translation
-        )
-    except CalibrationError as error:
-        raise CalibrationError(f"{_named(right)}: {error}") from None
+    a, b = _read_camera(*first), _read_camera(*second)
+    # The second camera's place as the first one sees it.
+    beside = (a.T_body_camera.inverse() @ b.T_body_camera).translation[0]
+    left, right = (a, b) if beside >= 0 else (b, a)
+    return _draft(left, right, f"T_BS tells that {left.name} is the left camera")
 
 
 @dataclass(frozen=True, eq=False)
 class _Camera:
+    name: str
     size: tuple[int, int]
     K: Float64Array
     D: Float64Array
+    model: DistortionModel
     T_body_camera: Pose
 
 
-def _read_camera(path: Path) -> _Camera:
-    name = _named(path)
-    data = parse_plain_data(read_text(path), name=name)
-    for key, supported in (
-        ("camera_model", "pinhole"),
-        ("distortion_model", "radial-tangential"),
-    ):
-        model = data.get(key, supported)
-        if model not in (supported, "radtan"):
-            raise CalibrationError(
-                f"{name}: {key} must be {supported}, not {str(model)[:40]!r}, "
-                f"which is not understood yet"
-            )
-    width, height = _numbers(data, "resolution", (2,), name)
-    fx, fy, cx, cy = _numbers(data, "intrinsics", (4,), name)
-    matrix = _numbers(data, "T_BS", (4, 4), name)
-    try:
-        T_body_camera = Pose.from_matrix(matrix)
-    except ValueError:
-        raise CalibrationError(f"{name}: T_BS must hold a rotation and a translation") from None
-    return _Camera(
-        size=(int(width), int(height)),
-        K=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]),
-        D=_numbers(data, "distortion_coefficients", (4,), name),
-        T_body_camera=T_body_camera,
+def _draft(left: _Camera, right: _Camera, *notes: str) -> Draft:
+    if left.size != right.size:
+        raise CalibrationError(
+            f"{right.name}: resolution is {right.size[0]}x{right.size[1]}, but the left camera's "
+            f"is {left.size[0]}x{left.size[1]}; a pair must have one size"
+        )
+    if left.model != right.model:
+        raise CalibrationError(
+            f"{right.name}: distortion_model must be that of the left camera, {left.model}, "
+            f"not {right.model}"
+        )
+    # T_BS maps a camera's coordinates into the body's.
+    T_right_left = right.T_body_camera.inverse() @ left.T_body_camera
+    return Draft(
+        source=right.name,
+        format="EuRoC sensor.yaml of two cameras",
+        size=left.size,
+        K1=left.K,
+        D1=left.D,
+        K2=right.K,
+        D2=right.D,
+        R=T_right_left.rotation,
+        T=T_right_left.translation,
+        distortion_model=left.model,
+        keys={
+            "K1": "intrinsics of the left camera",
+            "D1": "distortion_coefficients of the left camera",
+            "K2": "intrinsics",
+            "D2": "distortion_coefficients",
+        },
+        derived={"T": "T_BS of both cameras"},
+        notes=(*notes, "rotation and baseline composed of T_BS of both cameras"),
     )
 
 
-def _numbers(
-    data: dict[str, PlainData], key: str, shape: tuple[int, ...], name: str
-) -> Float64Array:
-    if key not in data:
-        raise CalibrationError(f"{name}: {key} is missing")
-    array = number_array(data[key], key=key, name=name)
-    if array.size != int(np.prod(shape)):
+def _read_file(path: Path) -> _Camera:
+    name = f"{path.parent.name}/{path.name}"
+    return _read_camera(name, parse_plain_data(read_text(path), name=name))
+
+
+def _read_camera(name: str, data: dict[str, PlainData]) -> _Camera:
+    camera_model = data.get("camera_model", "pinhole")
+    if camera_model != "pinhole":
         raise CalibrationError(
-            f"{name}: {key} must hold {' x '.join(map(str, shape))} numbers, not {array.size}"
+            f"{name}: camera_model must be pinhole, not {str(camera_model)[:40]!r}, "
+            f"which is not understood yet"
         )
-    return array.reshape(shape)
-
-
-def _named(path: Path) -> str:
-    return f"{path.parent.name}/{path.name}"
+    distortion_model = data.get("distortion_model", "radial-tangential")
+    if not isinstance(distortion_model, str) or distortion_model not in _DISTORTION_MODELS:
+        raise CalibrationError(
+            f"{name}: distortion_model must be radial-tangential or equidistant, "
+            f"not {str(distortion_model)[:40]!r}, which is not understood yet"
+        )
+    size = image_size(data, "resolution", name=name)
+    fx, fy, cx, cy = shaped_numbers(data, "intrinsics", (4,), name=name)
+    matrix = shaped_numbers(data, "T_BS", (4, 4), name=name)
+    try:
+        T_body_camera = Pose.from_matrix(matrix)
+    except ValueError:
+        raise CalibrationError(
+            f"{name}: T_BS must hold a rotation (R^T R = I, det R = +1) and a translation"
+        ) from None
+    return _Camera(
+        name=name,
+        size=size,
+        K=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]),
+        D=shaped_numbers(data, "distortion_coefficients", (4,), name=name),
+        model=_DISTORTION_MODELS[distortion_model],
+        T_body_camera=T_body_camera,
+    )

@@ -1,16 +1,30 @@
-"""KITTI's calibration files: ``calib.txt`` (odometry) and ``calib_cam_to_cam.txt`` (raw)."""
+"""KITTI's calibration files: ``calib.txt`` (odometry) and ``calib_cam_to_cam.txt`` (raw).
+
+Cameras 0 and 1 are the grey pair, 2 and 3 the colour one; formats: the development kits'
+readme.txt.
+"""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
 
+from observer.calibration.formats.numbers import image_size, shaped_numbers
 from observer.calibration.formats.plain_data import read_text
+from observer.calibration.formats.understanding import (
+    Cameras,
+    Choice,
+    Draft,
+    Size,
+    Wanted,
+    size_words,
+)
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
+
+_LEFT_CAMERA: dict[Cameras, int] = {"grey": 0, "colour": 2}
 
 
 def read_kitti_odometry(path: Path, left: int, width: int, height: int) -> StereoCalibration:
@@ -24,8 +38,8 @@ def read_kitti_odometry(path: Path, left: int, width: int, height: int) -> Stere
     Raises:
         CalibrationError: one sentence naming the file, the key and the reason.
     """
-    file = _KittiFile(path)
-    return file.rectified(f"P{left}", f"P{left + 1}", width, height)
+    file = _KittiFile(path.name, read_text(path))
+    return file.rectified(f"P{left}", f"P{left + 1}", (width, height)).calibration()
 
 
 def read_kitti_raw(path: Path, left: int, width: int, height: int) -> StereoCalibration:
@@ -37,52 +51,124 @@ def read_kitti_raw(path: Path, left: int, width: int, height: int) -> StereoCali
     Raises:
         CalibrationError: one sentence naming the file, the key and the reason.
     """
-    file = _KittiFile(path)
-    a, b = f"{left:02d}", f"{left + 1:02d}"
-    size = (width, height)
-    raw = file.size(f"S_{a}"), file.size(f"S_{b}")
-    if raw == (size, size):
-        return file.unrectified(a, b, width, height)
-    if file.size(f"S_rect_{a}") == size:
-        return file.rectified(f"P_rect_{a}", f"P_rect_{b}", width, height)
-    raise CalibrationError(
-        f"{path.name}: the images are {width}x{height} pixels, which is neither the size S_{a} "
-        f"({raw[0][0]}x{raw[0][1]}) nor S_rect_{a} that the file was made for"
+    file = _KittiFile(path.name, read_text(path))
+    return file.of_raw(left, (width, height)).calibration()
+
+
+def kitti_odometry_draft(name: str, text: str, wanted: Wanted) -> Draft:
+    """The calibration of an odometry ``calib.txt``.
+
+    Raises:
+        CalibrationError: one sentence naming the file, the key and the reason.
+    """
+    file = _KittiFile(name, text)
+    cameras, notes, choices = file.cameras(wanted.cameras, "P{}")
+    if wanted.size is None:
+        raise CalibrationError(
+            f"{name}: a calib.txt of KITTI odometry does not tell the size of its images; give it "
+            f"(image_width and image_height, 1241x376 in sequence 00)"
+        )
+    left = _LEFT_CAMERA[cameras]
+    notes.append(f"the file does not tell the images' size, taken as {size_words(wanted.size)}")
+    return file.rectified(
+        f"P{left}",
+        f"P{left + 1}",
+        wanted.size,
+        format="KITTI odometry calib.txt",
+        size_was_told=True,
+        notes=tuple(notes),
+        choices=tuple(choices),
     )
+
+
+def kitti_raw_draft(name: str, text: str, wanted: Wanted) -> Draft:
+    """The calibration of a raw ``calib_cam_to_cam.txt``.
+
+    Without a wanted size it is that of the images before rectification.
+
+    Raises:
+        CalibrationError: one sentence naming the file, the key and the reason.
+    """
+    file = _KittiFile(name, text)
+    cameras, notes, choices = file.cameras(wanted.cameras, "S_0{}")
+    left = _LEFT_CAMERA[cameras]
+    sizes = [file.size(f"{key}_{left:02d}") for key in ("S", "S_rect") if file.has(key, left)]
+    size = wanted.size or sizes[0]
+    if len(sizes) > 1:
+        choices.append(Choice("size", tuple(map(size_words, sizes)), size_words(size)))
+    return file.of_raw(left, size, notes=tuple(notes), choices=tuple(choices))
 
 
 class _KittiFile:
     """Lines of ``key: numbers``."""
 
-    def __init__(self, path: Path) -> None:
-        self._name = path.name
-        text = read_text(path)
+    def __init__(self, name: str, text: str) -> None:
+        self._name = name
         entries = (line.partition(":") for line in text.splitlines())
         self._texts = {key.strip(): value for key, colon, value in entries if colon}
 
-    def numbers(self, key: str, count: int) -> Float64Array:
-        if key not in self._texts:
-            raise CalibrationError(f"{self._name}: {key} is missing")
-        words = self._texts[key].split()
-        if len(words) != count:
-            raise CalibrationError(
-                f"{self._name}: {key} must hold {count} numbers, not {len(words)}"
+    def has(self, key: str, camera: int) -> bool:
+        return f"{key}_{camera:02d}" in self._texts
+
+    def numbers(self, key: str, *shape: int) -> Float64Array:
+        flat = shaped_numbers(self._texts, key, (int(np.prod(shape)),), name=self._name)
+        return flat.reshape(shape)
+
+    def size(self, key: str) -> Size:
+        return image_size(self._texts, key, name=self._name)
+
+    def cameras(self, wanted: Cameras | None, key: str) -> tuple[Cameras, list[str], list[Choice]]:
+        """Which pair to take, by the numbers of the cameras that the file knows."""
+        there: list[Cameras] = [
+            pair
+            for pair, left in _LEFT_CAMERA.items()
+            if key.format(left) in self._texts and key.format(left + 1) in self._texts
+        ]
+        taken: Cameras = wanted or (there[0] if there else "grey")
+        left = _LEFT_CAMERA[taken]
+        notes = [f"cameras {left} and {left + 1} ({taken}) are used"]
+        if len(there) < 2:
+            return taken, notes, []
+        return taken, notes, [Choice("cameras", tuple(there), taken)]
+
+    def of_raw(
+        self,
+        left: int,
+        size: Size,
+        *,
+        notes: tuple[str, ...] = (),
+        choices: tuple[Choice, ...] = (),
+    ) -> Draft:
+        a, b = f"{left:02d}", f"{left + 1:02d}"
+        raw = self.size(f"S_{a}"), self.size(f"S_{b}")
+        if raw == (size, size):
+            return self._unrectified(a, b, size, notes, choices)
+        if self.size(f"S_rect_{a}") == size:
+            return self.rectified(
+                f"P_rect_{a}",
+                f"P_rect_{b}",
+                size,
+                format="KITTI raw calib_cam_to_cam.txt",
+                notes=notes,
+                choices=choices,
             )
-        try:
-            values = [float(word) for word in words]
-        except ValueError:
-            raise CalibrationError(f"{self._name}: {key} must hold numbers only") from None
-        if not all(map(math.isfinite, values)):
-            raise CalibrationError(f"{self._name}: {key} must hold finite numbers only")
-        return np.array(values)
+        raise CalibrationError(
+            f"{self._name}: the images are {size_words(size)} pixels, which is neither the size "
+            f"S_{a} ({size_words(raw[0])}) nor S_rect_{a} that the file was made for"
+        )
 
-    def size(self, key: str) -> tuple[int, int]:
-        width, height = self.numbers(key, 2)
-        return int(width), int(height)
-
-    def rectified(self, left: str, right: str, width: int, height: int) -> StereoCalibration:
-        P_left = self.numbers(left, 12).reshape(3, 4)
-        P_right = self.numbers(right, 12).reshape(3, 4)
+    def rectified(
+        self,
+        left: str,
+        right: str,
+        size: Size,
+        *,
+        format: str = "KITTI",
+        size_was_told: bool = False,
+        notes: tuple[str, ...] = (),
+        choices: tuple[Choice, ...] = (),
+    ) -> Draft:
+        P_left, P_right = self.numbers(left, 3, 4), self.numbers(right, 3, 4)
         if P_left[0, 0] <= 0 or not np.array_equal(P_left[:, :3], P_right[:, :3]):
             raise CalibrationError(
                 f"{self._name}: {left} and {right} must have one camera matrix with a positive "
@@ -90,35 +176,41 @@ class _KittiFile:
             )
         # P[3] is f times the way from camera 0, and cameras 2 and 3 both stand beside it.
         baseline = (P_left[0, 3] - P_right[0, 3]) / P_left[0, 0]
-        return self._checked(
-            width, height, P_left[:, :3], np.zeros(5), P_left[:, :3], np.zeros(5), np.eye(3),
-            np.array([-baseline, 0.0, 0.0]),
-        )  # fmt: skip
+        return Draft(
+            source=self._name,
+            format=format,
+            size=size,
+            K1=P_left[:, :3],
+            D1=np.zeros(5),
+            K2=P_left[:, :3],
+            D2=np.zeros(5),
+            R=np.eye(3),
+            T=np.array([-baseline, 0.0, 0.0]),
+            size_was_told=size_was_told,
+            keys={"K1": left, "K2": right},
+            derived={"T": f"{left} and {right}"},
+            notes=(*notes, f"the images are rectified already: baseline from {left} and {right}"),
+            choices=choices,
+        )
 
-    def unrectified(self, a: str, b: str, width: int, height: int) -> StereoCalibration:
-        R_a, R_b = (self.numbers(f"R_{c}", 9).reshape(3, 3) for c in (a, b))
-        T_a, T_b = (self.numbers(f"T_{c}", 3) for c in (a, b))
+    def _unrectified(
+        self, a: str, b: str, size: Size, notes: tuple[str, ...], choices: tuple[Choice, ...]
+    ) -> Draft:
+        R_a, R_b = (self.numbers(f"R_{c}", 3, 3) for c in (a, b))
         # R_x and T_x map camera 0's coordinates into camera x.
         R = R_b @ R_a.T
-        return self._checked(
-            width, height,
-            self.numbers(f"K_{a}", 9), self.numbers(f"D_{a}", 5),
-            self.numbers(f"K_{b}", 9), self.numbers(f"D_{b}", 5),
-            R, T_b - R @ T_a,
-        )  # fmt: skip
-
-    def _checked(
-        self,
-        width: int,
-        height: int,
-        K1: Float64Array,
-        D1: Float64Array,
-        K2: Float64Array,
-        D2: Float64Array,
-        R: Float64Array,
-        T: Float64Array,
-    ) -> StereoCalibration:
-        try:
-            return StereoCalibration(width, height, K1, D1, K2, D2, R, T)
-        except CalibrationError as error:
-            raise CalibrationError(f"{self._name}: {error}") from None
+        return Draft(
+            source=self._name,
+            format="KITTI raw calib_cam_to_cam.txt",
+            size=size,
+            K1=self.numbers(f"K_{a}", 3, 3),
+            D1=self.numbers(f"D_{a}", 5),
+            K2=self.numbers(f"K_{b}", 3, 3),
+            D2=self.numbers(f"D_{b}", 5),
+            R=R,
+            T=self.numbers(f"T_{b}", 3) - R @ self.numbers(f"T_{a}", 3),
+            keys={"K1": f"K_{a}", "D1": f"D_{a}", "K2": f"K_{b}", "D2": f"D_{b}"},
+            derived={"R": f"R_{a} and R_{b}", "T": f"T_{a} and T_{b}"},
+            notes=(*notes, "for the images before rectification (S, K, D, R and T)"),
+            choices=choices,
+        )

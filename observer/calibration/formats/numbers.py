@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -45,6 +46,73 @@ def number_array(value: PlainData, *, key: str, name: str) -> Float64Array:
     return data.reshape(rows, -1) if data.size else np.zeros((rows, cols))
 
 
+def shaped_numbers(
+    data: Mapping[str, PlainData],
+    key: str,
+    shape: tuple[int, ...],
+    *,
+    name: str,
+    label: str | None = None,
+) -> Float64Array:
+    """The finite numbers of one key of a mapping, float64, in this shape.
+
+    A list of as many numbers is taken row by row; a matrix of another shape is refused.
+
+    Args:
+        label: what the key is called in messages where it stands within other keys.
+
+    Raises:
+        CalibrationError: the key is missing, or its numbers are not as many; with key and reason.
+    """
+    label = label or key
+    if key not in data:
+        raise CalibrationError(f"{name}: {label} is missing")
+    array = number_array(data[key], key=label, name=name)
+    wanted = " x ".join(map(str, shape))
+    if len(shape) == 1 and array.size != shape[0]:
+        raise CalibrationError(f"{name}: {label} must hold {wanted} numbers, not {array.size}")
+    if array.size != int(np.prod(shape)) or (
+        len(shape) == array.ndim != 1 and array.shape != shape
+    ):
+        found = " x ".join(map(str, array.shape))
+        raise CalibrationError(f"{name}: {label} must have shape {wanted}, not {found}")
+    return array.reshape(shape)
+
+
+def distortion_numbers(
+    data: Mapping[str, PlainData], key: str, *, name: str, label: str | None = None
+) -> Float64Array:
+    """(N,) distortion coefficients of one key of a mapping, given as one row or one column.
+
+    Raises:
+        CalibrationError: naming the key and the reason.
+    """
+    label = label or key
+    if key not in data:
+        raise CalibrationError(f"{name}: {label} is missing")
+    array = number_array(data[key], key=label, name=name)
+    if array.ndim == 2 and array.size and 1 not in array.shape:
+        shape = " x ".join(map(str, array.shape))
+        raise CalibrationError(f"{name}: {label} must be one row or one column, not {shape}")
+    return array.reshape(-1)
+
+
+def image_size(
+    data: Mapping[str, PlainData], key: str, *, name: str, label: str | None = None
+) -> tuple[int, int]:
+    """Width and height in pixels of a key that holds these two.
+
+    Raises:
+        CalibrationError: naming the key and the reason.
+    """
+    size = shaped_numbers(data, key, (2,), name=name, label=label)
+    if (size != np.floor(size)).any() or (size < 0).any() or (size > 1e6).any():
+        raise CalibrationError(
+            f"{name}: {label or key} must hold two whole numbers, [width, height] in pixels"
+        )
+    return int(size[0]), int(size[1])
+
+
 def whole_number(value: PlainData, *, key: str, name: str) -> int:
     """One whole number from 0 to 1,000,000.
 
@@ -84,5 +152,5 @@ def _number(value: PlainData, key: str, name: str) -> float:
         if math.isfinite(number):
             return number
     elif not _NOT_FINITE.fullmatch(text):
-        raise CalibrationError(f"{name}: {key} must hold numbers, not {text[:40]!r}")
+        raise CalibrationError(f"{name}: {key} must hold numbers only, not {text[:40]!r}")
     raise CalibrationError(f"{name}: {key} must hold finite numbers only, not {text[:40]}")

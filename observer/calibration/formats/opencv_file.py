@@ -2,26 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
-import numpy as np
-
-from observer.calibration.formats.numbers import number_array, whole_number
+from observer.calibration.formats.numbers import (
+    distortion_numbers,
+    image_size,
+    number_array,
+    shaped_numbers,
+    whole_number,
+)
 from observer.calibration.formats.plain_data import PlainData, parse_plain_data, read_text
-from observer.camera import StereoCalibration
+from observer.calibration.formats.understanding import Draft, Wanted, size_words
+from observer.camera import DistortionModel, StereoCalibration
 from observer.errors import CalibrationError
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, rotation_matrix
 
 # The names people and programs give to one and the same thing; the first is ours.
-_KEYS = {
-    "K1": ("K1", "M1", "cameraMatrix1", "camera_matrix_1", "CM1"),
-    "D1": ("D1", "distCoeffs1", "dist_coeffs_1"),
-    "K2": ("K2", "M2", "cameraMatrix2", "camera_matrix_2", "CM2"),
-    "D2": ("D2", "distCoeffs2", "dist_coeffs_2"),
-    "R": ("R",),
-    "T": ("T",),
-}
-_SIZE_KEYS = ("image_size", "imageSize", "size")
+_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "K1": (
+            "K1", "M1", "cameraMatrix1", "camera_matrix_1", "CM1", "K_LEFT", "K_left",
+            "camera_matrix_left", "left_camera_matrix", "cameraMatrixL", "mtxL", "Kl", "KL",
+        ),
+        "D1": (
+            "D1", "distCoeffs1", "dist_coeffs_1", "distortion_1", "D_LEFT", "D_left",
+            "D_LEFT_FE", "dist_coeffs_left", "left_distortion_coefficients", "distCoeffsL",
+            "distL", "Dl", "DL",
+        ),
+        "K2": (
+            "K2", "M2", "cameraMatrix2", "camera_matrix_2", "CM2", "K_RIGHT", "K_right",
+            "camera_matrix_right", "right_camera_matrix", "cameraMatrixR", "mtxR", "Kr", "KR",
+        ),
+        "D2": (
+            "D2", "distCoeffs2", "dist_coeffs_2", "distortion_2", "D_RIGHT", "D_right",
+            "D_RIGHT_FE", "dist_coeffs_right", "right_distortion_coefficients", "distCoeffsR",
+            "distR", "Dr", "DR",
+        ),
+        "R": ("R", "rotation_matrix", "rotationMatrix", "rotation", "Rot"),
+        "T": ("T", "translation_vector", "translationVector", "translation", "Trans"),
+    }
+)  # fmt: skip
+_SIZE_KEYS = ("image_size", "imageSize", "size", "Size")
+# Stereolabs' calibration tool marks fisheye coefficients by their key.
+_FISHEYE_KEYS = ("D_LEFT_FE", "D_RIGHT_FE")
+_MODEL_KEY = "distortion_model"
+_DISTORTION_MODELS: Mapping[str, DistortionModel] = MappingProxyType(
+    {"radtan": "radtan", "equidistant": "equidistant", "fisheye": "equidistant"}
+)
 
 
 def read_calibration_file(path: Path | str) -> StereoCalibration:
@@ -39,6 +68,7 @@ def read_calibration(text: str, *, name: str) -> StereoCalibration:
 
     Keys: ``K1 D1 K2 D2 R T`` (``M1 M2`` and ``cameraMatrix1 distCoeffs1`` ... are understood)
     and ``image_width image_height`` or ``image_size`` as [width, height]. T in metres.
+    ``distortion_model: equidistant`` where the lenses are fisheye lenses.
 
     Args:
         text: the whole file.
@@ -47,17 +77,52 @@ def read_calibration(text: str, *, name: str) -> StereoCalibration:
     Raises:
         CalibrationError: one sentence naming the file, the key and the reason.
     """
-    data = parse_plain_data(text, name=name)
     # In an XML of FileStorage the root is <opencv_storage>, and its children are the keys.
-    missing = [key for key, names in _KEYS.items() if not any(n in data for n in names)]
+    return opencv_draft([(name, parse_plain_data(text, name=name))], Wanted()).calibration()
+
+
+def opencv_draft(files: Sequence[tuple[str, dict[str, PlainData]]], wanted: Wanted) -> Draft:
+    """The calibration of one file, or of several that together hold all keys.
+
+    OpenCV's sample stereo_calib, for one, writes ``intrinsics.yml`` and ``extrinsics.yml``.
+
+    Args:
+        files: name and top-level mapping of each file.
+        wanted: ``size`` is taken where no file tells the size of the images.
+
+    Raises:
+        CalibrationError: one sentence naming the file, the key and the reason.
+    """
+    name, data = _merged(files)
+    found = {key: next((n for n in names if n in data), "") for key, names in _KEYS.items()}
+    missing = [key for key, own in found.items() if not own]
     if missing:
         raise CalibrationError(f"{name}: {_missing_sentence(missing)}")
-    width, height = _image_size(data, name)
-    a = {key: _array(data, key, name) for key in _KEYS}
-    try:
-        return StereoCalibration(width, height, a["K1"], a["D1"], a["K2"], a["D2"], a["R"], a["T"])
-    except CalibrationError as error:
-        raise CalibrationError(f"{name}: {error}") from None
+    model, notes = _distortion_model(data, name)
+    size = _image_size(data, name, required=wanted.size is None)
+    if size is None and wanted.size is not None:
+        notes.append(f"the file does not tell the images' size, taken as {size_words(wanted.size)}")
+    rotation, note = _rotation(data, found["R"], name)
+    return Draft(
+        source=name,
+        format="OpenCV FileStorage" + (" in two files" if len(files) > 1 else ""),
+        size=size or wanted.size or (0, 0),
+        K1=shaped_numbers(data, found["K1"], (3, 3), name=name),
+        D1=distortion_numbers(data, found["D1"], name=name),
+        K2=shaped_numbers(data, found["K2"], (3, 3), name=name),
+        D2=distortion_numbers(data, found["D2"], name=name),
+        R=rotation,
+        T=_translation(data, found["T"], name),
+        distortion_model=model,
+        size_was_told=size is None,
+        keys=found,
+        notes=(*notes, *note),
+    )
+
+
+def is_opencv(data: Mapping[str, PlainData]) -> bool:
+    """Whether a mapping holds keys of a stereo calibration as OpenCV's users write them."""
+    return any(name in data for names in _KEYS.values() for name in names)
 
 
 def calibration_text(calibration: StereoCalibration) -> str:
@@ -68,6 +133,8 @@ def calibration_text(calibration: StereoCalibration) -> str:
         f"image_width: {calibration.width}",
         f"image_height: {calibration.height}",
     ]
+    if calibration.distortion_model != "radtan":
+        lines.append(f"{_MODEL_KEY}: {calibration.distortion_model}")
     for key in _KEYS:
         values: Float64Array = getattr(calibration, key)
         matrix = values if values.ndim == 2 else values.reshape(-1, 1)
@@ -96,36 +163,72 @@ def _missing_sentence(missing: list[str]) -> str:
     return f"{names} {verb} missing; {hint}"
 
 
-def _array(data: dict[str, PlainData], key: str, name: str) -> Float64Array:
-    found = next(n for n in _KEYS[key] if n in data)
-    array = number_array(data[found], key=found, name=name)
-    shape = " x ".join(map(str, array.shape))
-    if key in ("K1", "K2", "R"):
-        if array.size != 9 or (array.ndim == 2 and array.shape != (3, 3)):
-            raise CalibrationError(f"{name}: {found} must have shape 3 x 3, not {shape}")
-        return array.reshape(3, 3)
+def _merged(
+    files: Sequence[tuple[str, dict[str, PlainData]]],
+) -> tuple[str, dict[str, PlainData]]:
+    """All keys of all files, and what to call them together in messages."""
+    merged: dict[str, PlainData] = {}
+    whose: dict[str, str] = {}
+    read = {*(own for names in _KEYS.values() for own in names), *_SIZE_KEYS, _MODEL_KEY}
+    read |= {"image_width", "image_height"}
+    for name, data in files:
+        for key, value in data.items():
+            if key in read and key in merged and merged[key] != value:
+                raise CalibrationError(
+                    f"{name}: {key} differs from {key} in {whose[key]}; bring files of one and "
+                    f"the same calibration"
+                )
+            merged[key] = value
+            whose.setdefault(key, name)
+    return " and ".join(name for name, _ in files), merged
+
+
+def _distortion_model(
+    data: Mapping[str, PlainData], name: str
+) -> tuple[DistortionModel, list[str]]:
+    if any(key in data for key in _FISHEYE_KEYS):
+        return "equidistant", ["D_LEFT_FE and D_RIGHT_FE: fisheye lenses"]
+    model = data.get(_MODEL_KEY, "radtan")
+    if not isinstance(model, str) or model not in _DISTORTION_MODELS:
+        raise CalibrationError(
+            f"{name}: {_MODEL_KEY} must be radtan or equidistant, not {str(model)[:40]!r}"
+        )
+    known = _DISTORTION_MODELS[model]
+    return known, ["fisheye lenses (equidistant)"] if known == "equidistant" else []
+
+
+def _rotation(
+    data: Mapping[str, PlainData], key: str, name: str
+) -> tuple[Float64Array, tuple[str, ...]]:
+    if number_array(data[key], key=key, name=name).size != 3:
+        return shaped_numbers(data, key, (3, 3), name=name), ()
+    rotvec = shaped_numbers(data, key, (3,), name=name)
+    return rotation_matrix(rotvec), (f"{key} holds three numbers, taken as a rotation vector",)
+
+
+def _translation(data: Mapping[str, PlainData], key: str, name: str) -> Float64Array:
+    array = number_array(data[key], key=key, name=name)
     if array.ndim == 2 and array.size and 1 not in array.shape:
-        raise CalibrationError(f"{name}: {found} must be one row or one column, not {shape}")
-    if key == "T" and array.size != 3:
-        raise CalibrationError(f"{name}: T must hold 3 numbers, not {array.size}")
-    return np.asarray(array.reshape(-1), dtype=np.float64)
+        shape = " x ".join(map(str, array.shape))
+        raise CalibrationError(f"{name}: {key} must be one row or one column, not {shape}")
+    if array.size != 3:
+        raise CalibrationError(f"{name}: {key} must hold 3 numbers, not {array.size}")
+    return array.reshape(-1)
 
 
-def _image_size(data: dict[str, PlainData], name: str) -> tuple[int, int]:
+def _image_size(
+    data: Mapping[str, PlainData], name: str, *, required: bool
+) -> tuple[int, int] | None:
     if "image_width" in data and "image_height" in data:
         return (
             whole_number(data["image_width"], key="image_width", name=name),
             whole_number(data["image_height"], key="image_height", name=name),
         )
     for key in _SIZE_KEYS:
-        if key not in data:
-            continue
-        size = number_array(data[key], key=key, name=name).reshape(-1)
-        if size.size != 2 or (size != size.astype(np.int64)).any():
-            raise CalibrationError(
-                f"{name}: {key} must hold two whole numbers, [width, height] in pixels"
-            )
-        return int(size[0]), int(size[1])
+        if key in data:
+            return image_size(data, key, name=name)
+    if not required:
+        return None
     absent = next((k for k in ("image_width", "image_height") if k not in data), "")
     raise CalibrationError(
         f"{name}: {absent} is missing; add image_width and image_height, the size in pixels of "

@@ -24,11 +24,11 @@ MAX_BYTES = 1_000_000
 _MAX_DEPTH = 12
 
 
-def read_text(path: Path) -> str:
-    """The text of a calibration file.
+def read_bytes(path: Path) -> bytes:
+    """The content of a calibration file.
 
     Raises:
-        CalibrationError: the file cannot be read, is larger than a calibration or is no text.
+        CalibrationError: the file cannot be read or is larger than a calibration.
     """
     try:
         with path.open("rb") as file:
@@ -37,14 +37,41 @@ def read_text(path: Path) -> str:
         raise CalibrationError(
             f"{path} cannot be read: {error.strerror}; give the path of a calibration file"
         ) from None
+    check_length(content, name=path.name)
+    return content
+
+
+def read_text(path: Path) -> str:
+    """The text of a calibration file.
+
+    Raises:
+        CalibrationError: the file cannot be read, is larger than a calibration or is no text.
+    """
+    return decoded(read_bytes(path), name=path.name)
+
+
+def check_length(content: bytes, *, name: str) -> None:
+    """Refuse what is larger than a calibration.
+
+    Raises:
+        CalibrationError: naming the file.
+    """
     if len(content) > MAX_BYTES:
         raise CalibrationError(
-            f"{path.name}: the file is larger than the {MAX_BYTES} bytes a calibration has at most"
+            f"{name}: the file is larger than the {MAX_BYTES} bytes a calibration has at most"
         )
+
+
+def decoded(content: bytes, *, name: str) -> str:
+    """The text that these bytes are.
+
+    Raises:
+        CalibrationError: they are no text.
+    """
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise CalibrationError(f"{path.name}: the file must be UTF-8 text") from None
+        raise CalibrationError(f"{name}: the file must be UTF-8 text") from None
 
 
 def parse_plain_data(text: str, *, name: str) -> dict[str, PlainData]:

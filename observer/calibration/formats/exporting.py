@@ -1,0 +1,136 @@
+"""Calibrations written for other tools: OpenCV, ROS and Kalibr."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from observer.calibration.formats.opencv_file import calibration_text
+from observer.calibration.formats.understanding import NamedFile
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError
+from observer.geometry import Float64Array
+from observer.stages.rectification import Rectification
+
+ExportKind = Literal["opencv", "ros", "kalibr"]
+
+# What camera_calibration_parsers and image_proc know, by the number of coefficients.
+_ROS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
+
+
+def export_calibration(
+    calibration: StereoCalibration, kind: ExportKind, name: str
+) -> tuple[NamedFile, ...]:
+    """The calibration as files of another tool; ``read_any`` reads them back.
+
+    Args:
+        calibration: what to write.
+        kind: ``opencv``: one FileStorage YAML. ``ros``: two camera_info files, rectified as we
+            rectify. ``kalibr``: one camchain.
+        name: what the calibration is called; becomes part of the files' names.
+
+    Raises:
+        CalibrationError: the other tool's format cannot say what the calibration holds.
+    """
+    stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in name).strip("._") or "stereo"
+    if kind == "opencv":
+        return (_file(f"{stem}.yaml", calibration_text(calibration)),)
+    if kind == "kalibr":
+        return (_file(f"{stem}-camchain.yaml", _camchain(calibration)),)
+    left, right = _camera_infos(calibration)
+    return _file(f"{stem}-left.yaml", left), _file(f"{stem}-right.yaml", right)
+
+
+def _file(name: str, text: str) -> NamedFile:
+    return NamedFile(name, text.encode("utf-8"))
+
+
+def _camera_infos(calibration: StereoCalibration) -> tuple[str, str]:
+    rectification = Rectification(calibration)
+    camera = rectification.camera
+    P1 = np.zeros((3, 4))
+    P1[:, :3] = camera.K
+    P2 = P1.copy()
+    P2[0, 3] = -camera.fx * camera.baseline
+    return (
+        _camera_info(calibration, "left", rectification.R_rectified_left, P1),
+        _camera_info(calibration, "right", rectification.R_rectified_right, P2),
+    )
+
+
+def _camera_info(
+    calibration: StereoCalibration,
+    side: Literal["left", "right"],
+    R: Float64Array,
+    P: Float64Array,
+) -> str:
+    K, D, key = (
+        (calibration.K1, calibration.D1, "D1")
+        if side == "left"
+        else (calibration.K2, calibration.D2, "D2")
+    )
+    if calibration.distortion_model == "equidistant":
+        model = "equidistant"
+    else:
+        # plumb_bob has five coefficients, where OpenCV may leave out zeros at the end.
+        D = np.concatenate([D, np.zeros(max(0, 5 - len(D)))])
+        if len(D) > 8 and not D[8:].any():
+            D = D[:8]
+        if len(D) not in _ROS_MODELS:
+            raise CalibrationError(
+                f"{key} holds {len(D)} distortion coefficients, but ROS knows plumb_bob with 5 and "
+                f"rational_polynomial with 8; export for OpenCV, or calibrate with 5 or 8"
+            )
+        model = _ROS_MODELS[len(D)]
+    lines = [
+        f"image_width: {calibration.width}",
+        f"image_height: {calibration.height}",
+        f"camera_name: {side}",
+        *_matrix("camera_matrix", K),
+        f"distortion_model: {model}",
+        *_matrix("distortion_coefficients", D.reshape(1, -1)),
+        *_matrix("rectification_matrix", R),
+        *_matrix("projection_matrix", P),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _matrix(key: str, matrix: Float64Array) -> list[str]:
+    rows, cols = matrix.shape
+    return [f"{key}:", f"  rows: {rows}", f"  cols: {cols}", f"  data: {_list(matrix)}"]
+
+
+def _camchain(calibration: StereoCalibration) -> str:
+    T_right_left = np.eye(4)
+    T_right_left[:3, :3] = calibration.R
+    T_right_left[:3, 3] = calibration.T
+    lines = [*_chain_link(calibration, "cam0", calibration.K1, calibration.D1, "D1")]
+    lines += _chain_link(calibration, "cam1", calibration.K2, calibration.D2, "D2")
+    lines.append("  T_cn_cnm1:")
+    lines += [f"  - {_list(row)}" for row in T_right_left]
+    return "\n".join(lines) + "\n"
+
+
+def _chain_link(
+    calibration: StereoCalibration, camera: str, K: Float64Array, D: Float64Array, key: str
+) -> list[str]:
+    coefficients = np.concatenate([D, np.zeros(max(0, 4 - len(D)))])
+    if coefficients[4:].any():
+        raise CalibrationError(
+            f"{key} has k3 = {coefficients[4]:.4g} and {len(D)} coefficients, but Kalibr's radtan "
+            f"knows k1, k2, p1 and p2 only; export for OpenCV or ROS, or calibrate with these four"
+        )
+    return [
+        f"{camera}:",
+        "  camera_model: pinhole",
+        f"  intrinsics: {_list(np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]]))}",
+        f"  distortion_model: {calibration.distortion_model}",
+        f"  distortion_coeffs: {_list(coefficients[:4])}",
+        f"  resolution: [{calibration.width}, {calibration.height}]",
+        f"  rostopic: /{camera}/image_raw",
+    ]
+
+
+def _list(values: Float64Array) -> str:
+    return f"[{', '.join(repr(float(value)) for value in values.ravel())}]"

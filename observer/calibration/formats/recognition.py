@@ -1,0 +1,214 @@
+"""From uploaded files of any known format to a calibration, recognised by content, not by name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from observer.calibration.formats.euroc_file import euroc_draft
+from observer.calibration.formats.kalibr_file import kalibr_draft
+from observer.calibration.formats.kitti_file import kitti_odometry_draft, kitti_raw_draft
+from observer.calibration.formats.matlab_file import is_matlab, matlab_draft
+from observer.calibration.formats.middlebury_file import is_middlebury, middlebury_draft
+from observer.calibration.formats.opencv_file import is_opencv, opencv_draft
+from observer.calibration.formats.plain_data import (
+    PlainData,
+    check_length,
+    decoded,
+    parse_plain_data,
+    read_bytes,
+)
+from observer.calibration.formats.ros_file import ros_draft
+from observer.calibration.formats.understanding import (
+    Cameras,
+    Draft,
+    NamedFile,
+    Size,
+    UnderstoodCalibration,
+    Unit,
+    Wanted,
+    understood,
+)
+from observer.calibration.formats.zed_file import is_zed, zed_draft
+from observer.errors import CalibrationError
+
+_Kind = Literal["opencv", "ros", "kalibr", "euroc", "kitti raw", "kitti odometry", "middlebury",
+                "zed", "matlab", "one camera"]  # fmt: skip
+_WORDS: dict[_Kind, str] = {
+    "opencv": "an OpenCV calibration",
+    "ros": "a ROS camera_info",
+    "kalibr": "a Kalibr camchain",
+    "euroc": "an EuRoC sensor.yaml",
+    "kitti raw": "a KITTI calib_cam_to_cam.txt",
+    "kitti odometry": "a KITTI calib.txt",
+    "middlebury": "a Middlebury calib.txt",
+    "zed": "a ZED calibration",
+    "matlab": "a MATLAB calibration",
+    "one camera": "the calibration of one camera",
+}
+_UNDERSTOOD = (
+    "understood are OpenCV (YAML, XML, JSON), ROS camera_info, Kalibr camchain, KITTI, "
+    "MATLAB stereoParameters, Middlebury calib.txt, ZED .conf and EuRoC sensor.yaml"
+)
+# intrinsics.yml and extrinsics.yml, or one file for each camera.
+_MOST_FILES = 2
+_CHAIN = ("cam0", "cam1")
+_KITTI_RAW = re.compile(r"^(S|K|D|R|T|S_rect|R_rect|P_rect)_0[0-3]:[ \t]*[-+.\d]", re.MULTILINE)
+_KITTI_ODOMETRY = re.compile(r"^P[0-3]:[ \t]*[-+.\d]", re.MULTILINE)
+
+
+@dataclass(frozen=True, eq=False)
+class _Recognised:
+    """A file, what it is, and its text or the mapping it holds, as its kind needs it."""
+
+    file: NamedFile
+    kind: _Kind
+    text: str = ""
+    data: dict[str, PlainData] | None = None
+
+    @property
+    def mapping(self) -> tuple[str, dict[str, PlainData]]:
+        return self.file.name, self.data or {}
+
+
+def named_file(path: Path | str) -> NamedFile:
+    """A file of the disk, to be handed to ``read_any``.
+
+    Raises:
+        CalibrationError: the file cannot be read or is larger than a calibration.
+    """
+    path = Path(path)
+    return NamedFile(path.name, read_bytes(path))
+
+
+def read_any(
+    files: Sequence[NamedFile],
+    *,
+    size: Size | None = None,
+    unit: Unit | None = None,
+    cameras: Cameras | None = None,
+    expected_size: Size | None = None,
+) -> UnderstoodCalibration:
+    """The calibration that one file, or several brought together, hold.
+
+    Args:
+        files: one file; or a pair: ROS's left.yaml and right.yaml, EuRoC's two sensor.yaml,
+            OpenCV's intrinsics.yml and extrinsics.yml. Their order does not matter.
+        size: width and height, pixels: what the images have whose size a file does not tell
+            (OpenCV, KITTI odometry), or which of several sizes to take (ZED, KITTI raw).
+        unit: what lengths in the files are in; None takes the format's own unit. Lengths are
+            never scaled because they would be more plausible so.
+        cameras: KITTI's grey or colour pair; None takes grey where it is there.
+        expected_size: what the camera's images have; taken for ``size`` where that is not given.
+
+    Raises:
+        CalibrationError: one sentence naming the file, the key and the reason.
+    """
+    if not files:
+        raise CalibrationError("no calibration file was given; choose one file, or a pair of them")
+    if len(files) > _MOST_FILES:
+        raise CalibrationError(
+            f"{len(files)} files were given; a calibration is one file, or two that belong "
+            f"together (left and right, or intrinsics and extrinsics)"
+        )
+    wanted = Wanted(size=size or expected_size, unit=unit, cameras=cameras)
+    # What overflows becomes infinite, which every check of a calibration refuses.
+    with np.errstate(over="ignore", invalid="ignore"):
+        draft = _draft([_recognised(file) for file in _told_apart(files)], wanted)
+        return understood(draft, unit=unit, expected_size=expected_size or size)
+
+
+def _told_apart(files: Sequence[NamedFile]) -> list[NamedFile]:
+    """The files by names that differ: EuRoC calls both of its files sensor.yaml."""
+    if len({file.name for file in files}) == len(files):
+        return list(files)
+    return [
+        NamedFile(f"{file.name} ({number})", file.content)
+        for number, file in enumerate(files, start=1)
+    ]
+
+
+def _draft(files: list[_Recognised], wanted: Wanted) -> Draft:
+    first = files[0]
+    kind = first.kind
+    for other in files[1:]:
+        if other.kind != kind:
+            raise CalibrationError(
+                f"{first.file.name} is {_WORDS[kind]}, but {other.file.name} is "
+                f"{_WORDS[other.kind]}; bring files that belong together"
+            )
+    if kind == "one camera":
+        raise CalibrationError(
+            f"{first.file.name}: camera_matrix is that of one camera only; a stereo calibration "
+            f"also tells how the two cameras stand to each other (K1 D1 K2 D2 R T)"
+        )
+    if kind == "opencv":
+        return opencv_draft([file.mapping for file in files], wanted)
+    if kind in ("ros", "euroc"):
+        if len(files) != 2:
+            pair = "left.yaml and right.yaml" if kind == "ros" else "those of cam0 and cam1"
+            raise CalibrationError(
+                f"{first.file.name}: {_WORDS[kind]} holds one camera; bring both files together, "
+                f"{pair}"
+            )
+        compose = ros_draft if kind == "ros" else euroc_draft
+        return compose(files[0].mapping, files[1].mapping)
+    if len(files) != 1:
+        raise CalibrationError(
+            f"{first.file.name}: {_WORDS[kind]} is one file for both cameras, but "
+            f"{len(files)} were given; bring one"
+        )
+    name, text = first.file.name, first.text
+    if kind == "kalibr":
+        return kalibr_draft(*first.mapping)
+    if kind == "matlab":
+        return matlab_draft(name, first.file.content, wanted)
+    if kind == "middlebury":
+        return middlebury_draft(name, text)
+    if kind == "zed":
+        return zed_draft(name, text, wanted)
+    if kind == "kitti raw":
+        return kitti_raw_draft(name, text, wanted)
+    return kitti_odometry_draft(name, text, wanted)
+
+
+def _recognised(file: NamedFile) -> _Recognised:
+    name, content = file.name, file.content
+    check_length(content, name=name)
+    if is_matlab(content):
+        return _Recognised(file, "matlab")
+    if content.startswith(b"PK\x03\x04"):
+        raise CalibrationError(f"{name}: this is a ZIP archive; unpack it and bring its files")
+    text = decoded(content, name=name)
+    kinds: tuple[tuple[_Kind, bool], ...] = (
+        ("zed", is_zed(text)),
+        ("middlebury", is_middlebury(text)),
+        ("kitti raw", _KITTI_RAW.search(text) is not None),
+        ("kitti odometry", _KITTI_ODOMETRY.search(text) is not None),
+    )
+    for kind, is_kind in kinds:
+        if is_kind:
+            return _Recognised(file, kind, text=text)
+    data = parse_plain_data(text, name=name)
+    return _Recognised(file, _kind_of_mapping(name, data), data=data)
+
+
+def _kind_of_mapping(name: str, data: dict[str, PlainData]) -> _Kind:
+    if any(isinstance(data.get(key), dict) for key in _CHAIN):
+        return "kalibr"
+    if "T_BS" in data or ("intrinsics" in data and "resolution" in data):
+        return "euroc"
+    if "camera_matrix" in data:
+        told = ("projection_matrix", "rectification_matrix", "distortion_model")
+        return "ros" if any(key in data for key in told) else "one camera"
+    if is_opencv(data):
+        return "opencv"
+    keys = ", ".join(list(data)[:4])[:80] or "none"
+    raise CalibrationError(
+        f"{name}: no calibration was recognised (its keys: {keys}); {_UNDERSTOOD}"
+    )

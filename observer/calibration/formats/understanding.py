@@ -1,0 +1,277 @@
+"""What calibration files were understood to say, and the checks that all formats share.
+
+A reader of a format turns its files into a ``Draft``: numbers as the files have them, in the
+project's order and directions. ``understood`` converts units, checks the whole and says in plain
+words what was decided.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from observer.camera import (
+    MAX_BASELINE_M,
+    MIN_BASELINE_M,
+    DistortionModel,
+    StereoCalibration,
+)
+from observer.errors import CalibrationError
+from observer.geometry import Float64Array
+from observer.stages.rectification import check_side_by_side
+
+Unit = Literal["m", "mm", "cm", "in"]
+Cameras = Literal["grey", "colour"]
+Size = tuple[int, int]
+
+_METRES: Mapping[Unit, float] = MappingProxyType({"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254})
+_UNIT_WORDS: Mapping[Unit, str] = MappingProxyType(
+    {"m": "metres", "mm": "millimetres", "cm": "centimetres", "in": "inches"}
+)
+# A skew that moves no pixel further than this is rounding, px; rectification knows no skew.
+_MAX_SKEW_PX = 0.1
+# Where the principal point of images of the right size lies, as a part of width and height.
+_CENTRAL = (0.25, 0.75)
+# A calibration's own key that a sentence begins with.
+_KEY = re.compile(r"(K1|D1|K2|D2|R|T)\b")
+
+
+@dataclass(frozen=True)
+class NamedFile:
+    """A file as somebody brought it: its name, for messages, and its whole content."""
+
+    name: str
+    content: bytes
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What to take where files leave a choice.
+
+    Attributes:
+        size: width and height of the images, pixels.
+        unit: what lengths are in; None takes the format's own.
+        cameras: KITTI's grey cameras (0 and 1) or its colour ones (2 and 3).
+    """
+
+    size: Size | None = None
+    unit: Unit | None = None
+    cameras: Cameras | None = None
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Something the files left open.
+
+    Attributes:
+        name: the argument of ``read_any`` that chooses: ``size`` or ``cameras``.
+        options: what it may be; sizes as ``1280x720``.
+        taken: which of them was taken.
+    """
+
+    name: Literal["size", "cameras"]
+    options: tuple[str, ...]
+    taken: str
+
+
+@dataclass(frozen=True, eq=False)
+class UnderstoodCalibration:
+    """A calibration, and how it was read.
+
+    Attributes:
+        calibration: the calibration.
+        format: what kind of file it was, in words.
+        notes: what was decided or converted, each in plain words.
+        choices: what the files left open.
+    """
+
+    calibration: StereoCalibration
+    format: str
+    notes: tuple[str, ...]
+    choices: tuple[Choice, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A calibration as a reader took it from its files, not yet checked as a whole.
+
+    Attributes:
+        source: what messages begin with: the file's name.
+        format: what kind of file it is, in words.
+        size: width and height, pixels.
+        K1, D1, K2, D2, R: as in ``StereoCalibration``.
+        T: (3,) as in ``StereoCalibration``, but in ``unit``.
+        unit: what T is in unless the person says otherwise.
+        distortion_model: as in ``StereoCalibration``.
+        size_was_told: whether the size is not the file's own but was given by the person.
+        keys: how the file calls K1, D1, K2, D2, R or T, where it does not call them so.
+        derived: what R or T was computed from, where the file has no such key.
+        notes: what the reader decided.
+        choices: what the file left open.
+    """
+
+    source: str
+    format: str
+    size: Size
+    K1: Float64Array
+    D1: Float64Array
+    K2: Float64Array
+    D2: Float64Array
+    R: Float64Array
+    T: Float64Array
+    unit: Unit = "m"
+    distortion_model: DistortionModel = "radtan"
+    size_was_told: bool = False
+    keys: Mapping[str, str] = field(default_factory=dict)
+    derived: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    choices: tuple[Choice, ...] = ()
+
+    def calibration(self, unit: Unit | None = None) -> StereoCalibration:
+        """The calibration, T in metres.
+
+        Raises:
+            CalibrationError: naming file, key and reason.
+        """
+        used = unit or self.unit
+        length = float(np.linalg.norm(self.T))
+        if used != "m" and length and not _is_plausible(length * _METRES[used]):
+            hint = "; in metres it would fit" if _is_plausible(length) else ""
+            raise CalibrationError(
+                self.told(
+                    f"T gives a baseline of {length * _METRES[used]:g} m when read in "
+                    f"{_UNIT_WORDS[used]}, which is outside {MIN_BASELINE_M:g} to "
+                    f"{MAX_BASELINE_M:g} m{hint}"
+                )
+            )
+        try:
+            return StereoCalibration(
+                *self.size,
+                self.K1,
+                self.D1,
+                self.K2,
+                self.D2,
+                self.R,
+                self.T * _METRES[used],
+                distortion_model=self.distortion_model,
+            )
+        except CalibrationError as error:
+            raise CalibrationError(self.told(str(error))) from None
+
+    def told(self, sentence: str) -> str:
+        """The sentence with the file's name before it and the file's own names of the keys."""
+        found = _KEY.match(sentence)
+        if found is None:
+            return f"{self.source}: {sentence}"
+        key = found[0]
+        origin = f"; {key} follows from {self.derived[key]}" if key in self.derived else ""
+        return f"{self.source}: {self.keys.get(key, key)}{sentence[found.end() :]}{origin}"
+
+
+def understood(
+    draft: Draft, *, unit: Unit | None = None, expected_size: Size | None = None
+) -> UnderstoodCalibration:
+    """The draft, checked as a whole, with the notes of what was made of it.
+
+    Args:
+        draft: what a reader took from the files.
+        unit: what lengths are in, where the person knows better than the format.
+        expected_size: width and height that the camera's images have.
+
+    Raises:
+        CalibrationError: naming file, key and reason.
+    """
+    notes = list(draft.notes)
+    calibration = draft.calibration(unit)
+    for key in ("K1", "K2"):
+        notes += _check_camera_matrix(draft, key, getattr(calibration, key))
+    calibration = _without_skew(calibration)
+    if draft.size_was_told:
+        _check_central(draft, calibration)
+    if expected_size is not None and draft.size != expected_size:
+        raise CalibrationError(
+            f"{draft.source}: the calibration is for images of {_words(draft.size)} pixels, but "
+            f"the camera's are {_words(expected_size)}; calibrate at the camera's size, or set "
+            f"the camera to {_words(draft.size)}"
+        )
+    try:
+        check_side_by_side(calibration)
+    except CalibrationError as error:
+        raise CalibrationError(draft.told(str(error))) from None
+    used = unit or draft.unit
+    key = draft.keys.get("T", "T")
+    verb = "read in" if used == "m" else "converted from"
+    notes.append(f"{key} {verb} {_UNIT_WORDS[used]}: baseline {calibration.baseline:.5g} m")
+    return UnderstoodCalibration(calibration, draft.format, tuple(notes), draft.choices)
+
+
+def size_words(size: Size) -> str:
+    """``1280x720``."""
+    return _words(size)
+
+
+def _is_plausible(baseline_m: float) -> bool:
+    return MIN_BASELINE_M <= baseline_m <= MAX_BASELINE_M
+
+
+def _words(size: Size) -> str:
+    return f"{size[0]}x{size[1]}"
+
+
+def _check_camera_matrix(draft: Draft, key: str, K: Float64Array) -> list[str]:
+    """Notes on a camera matrix; refused is what is none, or needs what rectification lacks."""
+    name = draft.keys.get(key, key)
+    if K[2, 0] or K[2, 1] or K[1, 0]:
+        transposed = not K[0, 2] and not K[1, 2]
+        hint = "it is transposed" if transposed else "is this a camera matrix?"
+        raise CalibrationError(
+            f"{draft.source}: {name} must hold fx, 0, cx; 0, fy, cy; 0, 0, 1 in its rows; {hint}"
+        )
+    if not K[0, 1]:
+        return []
+    shift = abs(K[0, 1]) / K[1, 1] * max(K[1, 2], draft.size[1] - K[1, 2])
+    if shift > _MAX_SKEW_PX:
+        raise CalibrationError(
+            f"{draft.source}: {name} has a skew of {K[0, 1]:.4g}, which moves pixels by up to "
+            f"{shift:.2g} px and is not supported; calibrate without estimating skew"
+        )
+    return [f"{name} has a skew of {K[0, 1]:.3g}, which moves no pixel by 0.1 px and was dropped"]
+
+
+def _without_skew(calibration: StereoCalibration) -> StereoCalibration:
+    if not calibration.K1[0, 1] and not calibration.K2[0, 1]:
+        return calibration
+    matrices = []
+    for K in (calibration.K1, calibration.K2):
+        upright = K.copy()
+        upright[0, 1] = 0
+        matrices.append(upright)
+    return StereoCalibration(
+        calibration.width,
+        calibration.height,
+        matrices[0],
+        calibration.D1,
+        matrices[1],
+        calibration.D2,
+        calibration.R,
+        calibration.T,
+        distortion_model=calibration.distortion_model,
+    )
+
+
+def _check_central(draft: Draft, calibration: StereoCalibration) -> None:
+    for key in ("K1", "K2"):
+        centre = getattr(calibration, key)[:2, 2]
+        part = centre / np.array(draft.size)
+        if (part < _CENTRAL[0]).any() or (part > _CENTRAL[1]).any():
+            raise CalibrationError(
+                f"{draft.source}: {draft.keys.get(key, key)} has its principal point at "
+                f"({centre[0]:.5g}, {centre[1]:.5g}), which is far from the middle of "
+                f"{_words(draft.size)} images; give the size of the images that were calibrated "
+                f"with"
+            )
