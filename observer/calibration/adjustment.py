@@ -1,0 +1,283 @@
+"""Bundle adjustment of one camera or a pair by many poses of one flat board.
+
+All parameters are sought at once: the lenses, the right camera's place and every pose of the
+board, so that the squares of the distances between corners as seen and as they should be seen
+are least (Triggs et al.: Bundle Adjustment, a Modern Synthesis, 2000). The poses of the board are
+eliminated first (Schur complement), which makes a step cheap and its inverse the covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.calibration.lens import Lens
+from observer.geometry import Float64Array, cross_matrix, orthonormal, rotation_matrix
+
+_POSE = 6
+# Levenberg and Marquardt's damping: at first, and by how much it changes.
+_FIRST_DAMPING, _LESS, _MORE = 1e-3, 0.2, 8.0
+_MOST_DAMPING = 1e8
+# A step that gains no more than this share of the sum of squares is the last one.
+_CONVERGED = 1e-9
+# Of a normal matrix scaled to ones on its diagonal: less than this is rounding.
+_LEAST_EIGENVALUE = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """What one camera saw of the board in all views, ordered by view.
+
+    Attributes:
+        view: (N,) number of the view. on_board: (N, 3) metres. px: (N, 2) as seen.
+    """
+
+    view: NDArray[np.intp]
+    on_board: Float64Array
+    px: Float64Array
+
+    def of_views(self, chosen: NDArray[np.bool_]) -> Corners:
+        """Those of the chosen views (V,) alone; the views keep their numbers."""
+        kept = chosen[self.view]
+        return Corners(self.view[kept], self.on_board[kept], self.px[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Everything that is sought.
+
+    Attributes:
+        lenses: of the left camera, or of the left and the right one.
+        free: (4 + N,) which values of a lens are sought; the others stay.
+        R: (3, 3) R_right_left, T: (3,) metres; of no meaning for one camera.
+        board_R: (V, 3, 3), board_t: (V, 3) metres: T_left_board of each view.
+    """
+
+    lenses: tuple[Lens, ...]
+    free: NDArray[np.bool_]
+    R: Float64Array
+    T: Float64Array
+    board_R: Float64Array
+    board_t: Float64Array
+
+    @property
+    def global_count(self) -> int:
+        """How many parameters are sought beside the poses of the board."""
+        each = int(np.count_nonzero(self.free))
+        return each * len(self.lenses) + (_POSE if len(self.lenses) > 1 else 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted:
+    """The best rig, and how it fits.
+
+    Attributes:
+        residuals: of each camera (N, 2) px, seen minus expected, in the order of its corners.
+        covariance: (G, G) of the free values of each lens in turn, then of the rotation by which
+            R is to be multiplied from the left (rad) and of T (m); scaled by the residuals. None
+            where the views leave a parameter undetermined.
+        scatter_px: standard deviation of a residual's component, by the degrees of freedom.
+    """
+
+    rig: Rig
+    residuals: tuple[Float64Array, ...]
+    covariance: Float64Array | None
+    scatter_px: float
+
+
+def adjust(
+    rig: Rig,
+    corners: Sequence[Corners],
+    *,
+    soft_px: float = np.inf,
+    iterations: int = 60,
+    hold: bool = False,
+) -> Adjusted:
+    """The rig near ``rig`` that explains the corners best.
+
+    Args:
+        corners: of each camera of the rig.
+        soft_px: residuals longer than this count in proportion to their length, not to its
+            square (Huber), which keeps single wrong corners from deciding.
+        iterations: most steps.
+        hold: seek the poses of the board only, with lenses and cameras as they are.
+    """
+    linear = _linear(rig, corners, soft_px, hold)
+    damping = _FIRST_DAMPING
+    for _ in range(iterations):
+        if linear is None:
+            break
+        moved = False
+        while damping < _MOST_DAMPING:
+            step = linear.step(damping)
+            trial = _moved(rig, *step) if step is not None else None
+            after = _cost(trial, corners, soft_px) if trial is not None else np.inf
+            if trial is not None and after < linear.cost:
+                moved = True
+                break
+            damping *= _MORE
+        if not moved or trial is None:
+            break
+        gain = (linear.cost - after) / max(linear.cost, 1e-300)
+        rig, damping = trial, max(damping * _LESS, 1e-12)
+        linear = _linear(rig, corners, soft_px, hold)
+        if gain < _CONVERGED:
+            break
+    residuals = tuple(_expected(rig, index, each)[0] for index, each in enumerate(corners))
+    used = len({int(v) for each in corners for v in np.unique(each.view)})
+    freedom = sum(2 * len(each.px) for each in corners) - _POSE * used
+    freedom -= 0 if hold else rig.global_count
+    if linear is None or hold:
+        return Adjusted(rig, residuals, None, np.nan)
+    scatter = float(np.sqrt(linear.squares / max(freedom, 1)))
+    return Adjusted(rig, residuals, linear.covariance(scatter), scatter)
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """The normal equations about one rig, one block for each pose of the board."""
+
+    cost: float
+    squares: float
+    H: Float64Array  # (G, G)
+    g: Float64Array  # (G,)
+    A: Float64Array  # (V, 6, 6)
+    B: Float64Array  # (V, G, 6)
+    a: Float64Array  # (V, 6)
+
+    def step(self, damping: float) -> tuple[Float64Array, Float64Array] | None:
+        """Changes (G,) and (V, 6) of the parameters; None where there is no solution."""
+        A = self.A + damping * _diagonals(self.A) + 1e-12 * np.eye(_POSE)
+        H = self.H + damping * np.diag(np.diag(self.H))
+        try:
+            inverse = np.linalg.inv(A)
+            gain = self.B @ inverse
+            S = H - np.einsum("vgi,vhi->gh", gain, self.B)
+            v = self.g - np.einsum("vgi,vi->g", gain, self.a)
+            scale = 1 / np.sqrt(np.maximum(np.diag(S), 1e-300))
+            lens = scale * np.linalg.solve(S * np.outer(scale, scale), scale * v)
+        except np.linalg.LinAlgError:
+            return None
+        pose = np.einsum("vij,vj->vi", inverse, self.a - np.einsum("vgi,g->vi", self.B, lens))
+        if not (np.isfinite(lens).all() and np.isfinite(pose).all()):
+            return None
+        return lens, pose
+
+    def covariance(self, scatter: float) -> Float64Array | None:
+        try:
+            gain = self.B @ np.linalg.inv(self.A + 1e-12 * np.eye(_POSE))
+        except np.linalg.LinAlgError:
+            return None
+        S = self.H - np.einsum("vgi,vhi->gh", gain, self.B)
+        diagonal = np.diag(S)
+        if not (np.isfinite(S).all() and (diagonal > 0).all()):
+            return None
+        scale = 1 / np.sqrt(diagonal)
+        values, vectors = np.linalg.eigh(S * np.outer(scale, scale))
+        if values[0] <= _LEAST_EIGENVALUE:
+            return None
+        inverse = (vectors / values) @ vectors.T
+        return np.asarray(scatter**2 * inverse * np.outer(scale, scale), dtype=np.float64)
+
+
+def _expected(
+    rig: Rig, camera: int, corners: Corners
+) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array, Float64Array]:
+    """Residuals (N, 2) and their parts' derivatives, see ``_linear``."""
+    turned = np.einsum("nij,nj->ni", rig.board_R[corners.view], corners.on_board)
+    place = turned + rig.board_t[corners.view]
+    swung = place @ rig.R.T
+    at = place if camera == 0 else swung + rig.T
+    px, by_point, by_lens = rig.lenses[camera].project(at)
+    return corners.px - px, by_point, by_lens, turned, swung
+
+
+def _linear(rig: Rig, corners: Sequence[Corners], soft_px: float, hold: bool) -> _Linear | None:
+    views = len(rig.board_R)
+    each, count = int(np.count_nonzero(rig.free)), rig.global_count
+    H, g = np.zeros((count, count)), np.zeros(count)
+    A, B = np.zeros((views, _POSE, _POSE)), np.zeros((views, count, _POSE))
+    a = np.zeros((views, _POSE))
+    cost = squares = 0.0
+    for camera, seen in enumerate(corners):
+        residual, by_point, by_lens, turned, swung = _expected(rig, camera, seen)
+        if not np.isfinite(residual).all():
+            return None
+        weight, part = _weighed(residual, soft_px)
+        cost += part
+        squares += float((weight[:, None] * residual**2).sum())
+        root = np.sqrt(weight)[:, None, None]
+        # In the left camera's frame a turn by w moves a point of the board by w x p = -[p]x w.
+        to_left = by_point if camera == 0 else by_point @ rig.R
+        P = np.concatenate([-to_left @ cross_matrix(turned), to_left], axis=2) * root
+        G = np.zeros((len(residual), 2, count))
+        if not hold:
+            G[:, :, camera * each : (camera + 1) * each] = by_lens[:, :, rig.free]
+            if camera == 1:
+                G[:, :, 2 * each : 2 * each + 3] = -by_point @ cross_matrix(swung)
+                G[:, :, 2 * each + 3 :] = by_point
+            G *= root
+        r = residual * root[:, :, 0]
+        flat = G.reshape(-1, count)
+        H += flat.T @ flat
+        g += flat.T @ r.reshape(-1)
+        begin = np.searchsorted(seen.view, np.arange(views + 1))
+        for view in np.unique(seen.view):
+            rows = slice(begin[view], begin[view + 1])
+            Pv, Gv = P[rows].reshape(-1, _POSE), G[rows].reshape(-1, count)
+            A[view] += Pv.T @ Pv
+            B[view] += Gv.T @ Pv
+            a[view] += Pv.T @ r[rows].reshape(-1)
+    if hold:
+        H = np.eye(count)
+    return _Linear(cost, squares, H, g, A, B, a)
+
+
+def _cost(rig: Rig, corners: Sequence[Corners], soft_px: float) -> float:
+    total = 0.0
+    for camera, seen in enumerate(corners):
+        residual = _expected(rig, camera, seen)[0]
+        if not np.isfinite(residual).all():
+            return np.inf
+        total += _weighed(residual, soft_px)[1]
+    return total
+
+
+def _weighed(residual: Float64Array, soft_px: float) -> tuple[Float64Array, float]:
+    """Huber's weights (N,) and cost of residuals (N, 2)."""
+    length = np.linalg.norm(residual, axis=1)
+    weight = np.minimum(1.0, soft_px / np.maximum(length, 1e-12))
+    far = length > soft_px
+    cost = np.where(far, soft_px * (2 * length - soft_px) if np.isfinite(soft_px) else 0, length**2)
+    return weight, float(cost.sum())
+
+
+def _moved(rig: Rig, lens: Float64Array, pose: Float64Array) -> Rig:
+    each = int(np.count_nonzero(rig.free))
+    lenses = []
+    for index, old in enumerate(rig.lenses):
+        values = old.values.copy()
+        values[rig.free] += lens[index * each : (index + 1) * each]
+        lenses.append(replace(old, values=values))
+    R, T = rig.R, rig.T
+    if len(lenses) > 1:
+        R = orthonormal(rotation_matrix(lens[2 * each : 2 * each + 3]) @ rig.R)
+        T = rig.T + lens[2 * each + 3 :]
+    return replace(
+        rig,
+        lenses=tuple(lenses),
+        R=R,
+        T=T,
+        board_R=orthonormal(rotation_matrix(pose[:, :3]) @ rig.board_R),
+        board_t=rig.board_t + pose[:, 3:],
+    )
+
+
+def _diagonals(A: Float64Array) -> Float64Array:
+    out = np.zeros_like(A)
+    index = np.arange(A.shape[1])
+    out[:, index, index] = A[:, index, index]
+    return out

@@ -1,0 +1,151 @@
+"""First guesses for an adjustment: a lens and poses from one camera, the pair from many poses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.calibration.adjustment import Adjusted, Corners, Rig, adjust
+from observer.calibration.lens import FOCAL, Lens
+from observer.camera import DistortionModel
+from observer.errors import CalibrationError
+from observer.geometry import Float64Array
+
+# Focal lengths that are tried, of the image's width: 90 to 14 degrees, and 180 to 44.
+_FOCAL_SHARES: dict[DistortionModel, tuple[float, ...]] = {
+    "radtan": (0.5, 0.8, 1.2, 2.0, 4.0),
+    "equidistant": (0.25, 0.35, 0.5, 0.8, 1.3),
+}
+# While nothing is sure residuals beyond this count in proportion to their length only, pixels.
+FIRST_SOFT_PX = 5.0
+_TRIAL_STEPS = 12
+# A pair of poses that explains another view to this many pixels agrees with it; to so many where
+# all views are as bad.
+_AGREES_PX, _AGREES_AT_MOST_PX = 10.0, 25.0
+
+
+def begin_camera(
+    corners: Corners,
+    views: int,
+    model: DistortionModel,
+    width: int,
+    height: int,
+    free: NDArray[np.bool_],
+) -> Adjusted:
+    """The lens of one camera and the poses of the board before it, roughly.
+
+    Several focal lengths are tried, for a board seen under a small angle tells little of it at
+    first, and a start from far off ends in a valley of its own.
+
+    Args:
+        views: number of views; those without corners keep a pose without meaning.
+        free: (4 + N,) which values of the lens are sought.
+
+    Raises:
+        CalibrationError: no focal length explains the views at all.
+    """
+    focal_only = np.zeros_like(free)
+    # With the first radial term: without it strong distortion is taken for focal length.
+    focal_only[[FOCAL.start, FOCAL.start + 1, 4]] = True
+    best: Adjusted | None = None
+    least = np.inf
+    for share in _FOCAL_SHARES[model]:
+        lens = Lens.ideal(model, share * width, width, height)
+        rig = Rig((lens,), focal_only, np.eye(3), np.zeros(3), *_nowhere(views))
+        rig = with_poses(rig, 0, corners)
+        found = adjust(rig, [corners], soft_px=FIRST_SOFT_PX, iterations=_TRIAL_STEPS)
+        length = np.linalg.norm(found.residuals[0], axis=1)
+        cost = float(np.minimum(length, 10 * FIRST_SOFT_PX).sum())
+        if np.isfinite(cost) and cost < least:
+            best, least = found, cost
+    if best is None:
+        raise CalibrationError(
+            "no lens explains how the board was seen; check the board's number of corners"
+        )
+    rig = replace(best.rig, free=free)
+    found = adjust(rig, [corners], soft_px=FIRST_SOFT_PX)
+    # With the lens known, a pose that began in the mirrored solution finds the right one.
+    again = with_poses(found.rig, 0, corners)
+    return adjust(again, [corners], soft_px=FIRST_SOFT_PX)
+
+
+def with_poses(rig: Rig, camera: int, corners: Corners) -> Rig:
+    """The rig with T_left_board of each view by what this camera alone sees of it.
+
+    Of the two poses that explain a flat board nearly alike (Collins and Bartoli: Infinitesimal
+    Plane-based Pose Estimation, 2014) the better one; where there is none, the old pose stays.
+    """
+    board_R, board_t = rig.board_R.copy(), rig.board_t.copy()
+    looks = rig.lenses[camera].directions(corners.px)
+    for view in np.unique(corners.view):
+        rows = (corners.view == view) & np.isfinite(looks).all(axis=1)
+        pose = _pose(corners.on_board[rows], looks[rows, :2])
+        if pose is None:
+            continue
+        R, t = pose
+        if camera == 1:
+            R, t = rig.R.T @ R, rig.R.T @ (t - rig.T)
+        board_R[view], board_t[view] = R, t
+    return replace(rig, board_R=board_R, board_t=board_t)
+
+
+def begin_pair(
+    left: Rig, right: Rig, corners: tuple[Corners, Corners], both: NDArray[np.bool_]
+) -> tuple[Rig, NDArray[np.bool_]]:
+    """The pair from two cameras by themselves, and which views (V,) agree on it.
+
+    Each view in ``both`` (V,) says where the right camera is; the one that most others agree with
+    is believed, so that views in which something moved, or was numbered the other way round,
+    decide nothing.
+    """
+    shown = np.flatnonzero(both)
+    R = np.einsum("vij,vkj->vik", right.board_R, left.board_R)
+    T = right.board_t - np.einsum("vij,vj->vi", R, left.board_t)
+    seen = corners[1].of_views(both)
+    place = np.einsum("nij,nj->ni", left.board_R[seen.view], seen.on_board)
+    place += left.board_t[seen.view]
+    best, least, errors = shown[0], np.inf, np.full(len(both), np.inf)
+    for view in shown:
+        px, _, _ = right.lenses[0].project(place @ R[view].T + T[view])
+        apart = np.nan_to_num(np.sum((seen.px - px) ** 2, axis=1), nan=1e8, posinf=1e8)
+        count = np.bincount(seen.view, minlength=len(both))
+        rms = np.sqrt(np.bincount(seen.view, apart, len(both)) / np.maximum(count, 1))
+        score = float(np.minimum(rms[shown], 5 * _AGREES_PX).sum())
+        if score < least:
+            best, least, errors = view, score, rms
+    limit = float(np.clip(3 * np.median(errors[shown]), _AGREES_PX, _AGREES_AT_MOST_PX))
+    # Views that only the right camera has hang on its own poses.
+    board_R, board_t = left.board_R.copy(), left.board_t.copy()
+    only_right = np.isin(np.arange(len(both)), corners[1].view)
+    only_right &= ~np.isin(np.arange(len(both)), corners[0].view)
+    board_R[only_right] = R[best].T @ right.board_R[only_right]
+    board_t[only_right] = (right.board_t[only_right] - T[best]) @ R[best]
+    rig = Rig((left.lenses[0], right.lenses[0]), left.free, R[best], T[best], board_R, board_t)
+    return rig, both & (errors <= limit)
+
+
+def _pose(on_board: Float64Array, look: Float64Array) -> tuple[Float64Array, Float64Array] | None:
+    if len(on_board) < 4:
+        return None
+    try:
+        _, rvecs, tvecs, errors = cv2.solvePnPGeneric(
+            on_board.reshape(-1, 1, 3), look.reshape(-1, 1, 2), np.eye(3), np.zeros(4),
+            flags=cv2.SOLVEPNP_IPPE,
+        )  # fmt: skip
+    except cv2.error:
+        return None  # corners on one line, for example
+    for k in np.argsort(np.asarray(errors).ravel()):
+        R = np.asarray(cv2.Rodrigues(rvecs[k])[0], dtype=np.float64)
+        t = np.asarray(tvecs[k], dtype=np.float64).reshape(3)
+        # The whole board must lie in front of the camera.
+        if np.isfinite(R).all() and (on_board @ R[2] + t[2] > 0).all():
+            return R, t
+    return None
+
+
+def _nowhere(views: int) -> tuple[Float64Array, Float64Array]:
+    """Poses before there are any: a metre in front of the camera."""
+    return np.tile(np.eye(3), (views, 1, 1)), np.tile([0.0, 0.0, 1.0], (views, 1))

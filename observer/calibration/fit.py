@@ -1,0 +1,314 @@
+"""From many views of a board to the calibration of a pair, and how far it can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.calibration.adjustment import Corners, Rig, adjust
+from observer.calibration.beginning import FIRST_SOFT_PX, begin_camera, begin_pair, with_poses
+from observer.calibration.board import Board
+from observer.calibration.doubtful import (
+    Refusal,
+    doubtful,
+    explained,
+    limit_px,
+    posed,
+    rms,
+    soft_threshold,
+    view_errors,
+    whole_errors,
+)
+from observer.calibration.held_out import (
+    Folds,
+    fit_folds,
+    held_out,
+    jackknife,
+    reprojection,
+    richer_is_better,
+)
+from observer.calibration.lens import DISTORTION_SIZE
+from observer.calibration.plausible import check_camera, check_pair
+from observer.calibration.sightings import corners_of, refused_sightings
+from observer.calibration.stereo_fit import DepthBias, StereoFit, ViewError
+from observer.calibration.uncertainty import calibration_of, depth_covariance, uncertainty
+from observer.calibration.views import BoardView
+from observer.camera import DistortionModel
+from observer.errors import CalibrationError
+from observer.geometry import Float64Array
+
+# Two lenses and the place of one camera are two dozen numbers; fewer views leave no check on them.
+FEWEST_PAIRS = 5
+# How many distortion terms are sought at first; the others must show their worth.
+_FIRST_TERMS: dict[DistortionModel, int] = {"radtan": 4, "equidistant": 2}
+# Cells of an image, across and down, for how much of it was covered.
+_CELLS = (5, 4)
+_ROUNDS = 40
+
+Progress = Callable[[str, float], None]
+
+
+def fit_stereo(
+    views: Sequence[BoardView],
+    board: Board,
+    width: int,
+    height: int,
+    *,
+    distortion_model: DistortionModel = "radtan",
+    progress: Progress | None = None,
+) -> StereoFit:
+    """Calibrate a pair of cameras by views of a board.
+
+    Each camera is fitted alone first, then both together over all lenses, the right camera's place
+    and all poses of the board (``adjustment``). Views that one camera alone saw serve that camera.
+    A view that fits far worse than the others is refused with the reason, and the fit repeated.
+    fx and fy are free of each other. Of the distortion, k1 k2 p1 p2 (k1 k2 of a fisheye lens) are
+    always sought, k3 (k3 k4) only where it makes views that were left out clearly better.
+
+    Args:
+        width, height: of the images, pixels.
+        progress: called with words and the share done, from 0 to 1.
+
+    Raises:
+        CalibrationError: one sentence on what is missing or impossible, and what to do.
+    """
+    report = progress or (lambda _words, _share: None)
+    report("looking through the views", 0.0)
+    refused = {
+        index: Refusal(reason)
+        for index, reason in refused_sightings(views, board, width, height).items()
+    }
+    work = _Work(views, board, width, height, distortion_model, refused, report)
+    left = work.camera_alone(0)
+    right = work.camera_alone(1)
+    rig, soft_px = work.pair(left, right)
+    usable = work.usable()
+    corners = corners_of(views, board, usable)
+    both = _both(corners, len(views))
+    rig, folds = work.with_supported_terms(rig, corners, both, soft_px)
+    report("fitting both cameras by all views", 0.9)
+    found = adjust(rig, corners, soft_px=soft_px)
+    seen = np.flatnonzero(usable)
+    check_pair(found, seen, width, height)
+    assert found.covariance is not None
+    report("working out how sure it is", 0.93)
+    covariances = [depth_covariance(found.rig, found.covariance, width, height)]
+    measured = None
+    if folds is not None:
+        measured = held_out(folds, corners, width, height)
+        scatter = jackknife(found.rig, folds, width, height)
+        covariances += [] if scatter is None else [scatter]
+    errors = view_errors(found.residuals, corners, len(views))
+    report("done", 1.0)
+    return StereoFit(
+        calibration=calibration_of(found.rig, width, height),
+        board=board,
+        rms_left=rms(found.residuals[0]),
+        rms_right=rms(found.residuals[1]),
+        rms_stereo=rms(np.concatenate(found.residuals)),
+        views=tuple(
+            _view_error(view.name, refused.get(index), errors[index])
+            for index, view in enumerate(views)
+        ),
+        pairs=int(np.count_nonzero(both)),
+        uncertainty=uncertainty(found.rig, found.covariance, width, height),
+        depth_bias=DepthBias(tuple(_row(each) for each in covariances)),
+        held_out=measured,
+        coverage=(_coverage(corners[0], width, height), _coverage(corners[1], width, height)),
+    )
+
+
+class _Work:
+    """What one fit goes through; ``refused`` grows by the views that turn out bad."""
+
+    def __init__(
+        self,
+        views: Sequence[BoardView],
+        board: Board,
+        width: int,
+        height: int,
+        model: DistortionModel,
+        refused: dict[int, Refusal],
+        report: Progress,
+    ) -> None:
+        self._views, self._board = views, board
+        self._width, self._height, self._model = width, height, model
+        self._refused, self._report = refused, report
+        self._free = np.arange(4 + DISTORTION_SIZE[model]) < 4 + _FIRST_TERMS[model]
+
+    def usable(self) -> NDArray[np.bool_]:
+        """(V,) which views are not refused."""
+        out = np.ones(len(self._views), np.bool_)
+        out[list(self._refused)] = False
+        return out
+
+    def camera_alone(self, camera: int) -> Rig:
+        """One camera by itself."""
+        side = ("left", "right")[camera]
+        self._report(f"fitting the {side} camera", 0.02 + 0.2 * camera)
+        corners = self._corners(camera)
+        found = begin_camera(
+            corners, len(self._views), self._model, self._width, self._height, self._free
+        )
+        for turn in range(_ROUNDS):
+            self._report(f"fitting the {side} camera", 0.1 + 0.2 * camera + min(0.1, turn / 100))
+            soft_px = soft_threshold(found.residuals)
+            found = adjust(found.rig, [corners], soft_px=soft_px)
+            errors = view_errors(found.residuals, [corners], len(self._views))[:, 0]
+            bad = doubtful(errors)
+            if not bad.any():
+                break
+            usual, _ = limit_px(errors)
+            for index in np.flatnonzero(bad):
+                off = float(errors[index])
+                self._refused[int(index)] = Refusal(
+                    f"its corners are {off:.1f} px off in the {side} image, the others "
+                    f"{usual:.1f} px: moved or wrongly detected",
+                    *((off, None) if camera == 0 else (None, off)),
+                )
+            corners = self._corners(camera)
+            found = adjust(with_poses(found.rig, 0, corners), [corners], soft_px=soft_px)
+        seen = np.unique(corners.view)
+        check_camera(found, seen, self._width, self._height, f"the {side} camera")
+        return found.rig
+
+    def pair(self, left: Rig, right: Rig) -> tuple[Rig, float]:
+        """Both cameras, and from where on residuals are wrong corners rather than noise."""
+        self._report("fitting both cameras", 0.45)
+        views, usable = len(self._views), self.usable()
+        corners = corners_of(self._views, self._board, usable)
+        both = _both(corners, views)
+        self._require_pairs(both, None)
+        rig, agree = begin_pair(left, right, corners, both)
+        kept = usable & (agree | ~both)
+        soft_px, again = FIRST_SOFT_PX, usable.copy()
+        for turn in range(_ROUNDS):
+            self._report("fitting both cameras", 0.47 + min(0.15, turn / 100))
+            self._require_pairs(kept & both, both)
+            used = (corners[0].of_views(kept), corners[1].of_views(kept))
+            soft_px = soft_threshold(adjust(rig, used, soft_px=soft_px, iterations=5).residuals)
+            found = adjust(rig, used, soft_px=soft_px)
+            rig = found.rig
+            errors = whole_errors(found.residuals, used, views)
+            bad = doubtful(errors)
+            if bad.any():
+                kept &= ~bad
+                continue
+            usual, limit = limit_px(errors)
+            # What did not agree with the first guess, or was drawn away by worse views, may fit
+            # after all; each view gets one such chance.
+            waiting = usable & ~kept & again
+            again &= ~waiting
+            if not waiting.any():
+                break
+            late, own = posed(rig, corners, waiting, soft_px)
+            back = waiting & (whole_errors(late.residuals, own, views) <= limit)
+            if not back.any():
+                break
+            kept |= back
+            rig = _with_poses_of(rig, late.rig, back)
+        for index in np.flatnonzero(usable & ~kept):
+            self._refused[int(index)] = explained(
+                rig, corners, int(index), usual, soft_px, self._board
+            )
+        return rig, soft_px
+
+    def with_supported_terms(
+        self,
+        rig: Rig,
+        corners: tuple[Corners, Corners],
+        both: NDArray[np.bool_],
+        soft_px: float,
+    ) -> tuple[Rig, Folds | None]:
+        """The rig with as many distortion terms as views that were left out confirm."""
+        words = "measuring on views that were left out"
+
+        def report(begin: float) -> Callable[[float], None]:
+            return lambda share: self._report(words, begin + 0.12 * share)
+
+        simple = fit_folds(rig, corners, both, soft_px, report(0.65))
+        if simple is None:
+            return rig, None
+        every = _with_all_terms(rig)
+        rich = fit_folds(
+            adjust(every, corners, soft_px=soft_px).rig, corners, both, soft_px, report(0.77)
+        )
+        if rich is not None and richer_is_better(
+            reprojection(simple, corners, soft_px), reprojection(rich, corners, soft_px)
+        ):
+            return every, rich
+        return rig, simple
+
+    def _corners(self, camera: int) -> Corners:
+        """Those of one camera in the usable views.
+
+        Raises:
+            CalibrationError: there are too few views.
+        """
+        corners = corners_of(self._views, self._board, self.usable())[camera]
+        self._require(
+            len(np.unique(corners.view)), f"in which the {('left', 'right')[camera]} camera sees"
+        )
+        return corners
+
+    def _require_pairs(self, pairs: NDArray[np.bool_], among: NDArray[np.bool_] | None) -> None:
+        count = int(np.count_nonzero(pairs))
+        if among is not None and count < max(FEWEST_PAIRS, np.count_nonzero(among) / 2):
+            raise CalibrationError(
+                f"only {count} of {np.count_nonzero(among)} views agree on where the right camera "
+                f"is; check that left and right images were taken at the same time, that the "
+                f"two cameras cannot move against each other, and take the pairs again"
+            )
+        self._require(count, "in which both cameras see")
+
+    def _require(self, count: int, words: str) -> None:
+        if count >= FEWEST_PAIRS:
+            return
+        why = next(iter(self._refused.items()), None)
+        refusal = "" if why is None else f" (view {self._views[why[0]].name}: {why[1].reason})"
+        raise CalibrationError(
+            f"there {'is' if count == 1 else 'are'} {count or 'no'} "
+            f"view{'' if count == 1 else 's'} {words} the board{refusal}; at least "
+            f"{FEWEST_PAIRS} are needed to tell lenses and poses apart, and 15 are good"
+        )
+
+
+def _both(corners: tuple[Corners, Corners], views: int) -> NDArray[np.bool_]:
+    """(V,) which views both cameras saw."""
+    return np.asarray(
+        np.isin(np.arange(views), corners[0].view) & np.isin(np.arange(views), corners[1].view)
+    )
+
+
+def _with_poses_of(rig: Rig, other: Rig, chosen: NDArray[np.bool_]) -> Rig:
+    pick = chosen[:, None]
+    return Rig(
+        rig.lenses, rig.free, rig.R, rig.T,
+        np.where(pick[:, :, None], other.board_R, rig.board_R),
+        np.where(pick, other.board_t, rig.board_t),
+    )  # fmt: skip
+
+
+def _with_all_terms(rig: Rig) -> Rig:
+    return Rig(rig.lenses, np.ones_like(rig.free), rig.R, rig.T, rig.board_R, rig.board_t)
+
+
+def _view_error(name: str, refusal: Refusal | None, errors: Float64Array) -> ViewError:
+    if refusal is not None:
+        return ViewError(name, False, refusal.reason, refusal.left_px, refusal.right_px)
+    left, right = (float(e) if np.isfinite(e) else None for e in errors)
+    return ViewError(name, True, None, left, right)
+
+
+def _row(matrix: Float64Array) -> tuple[float, float, float, float]:
+    a, b, c, d = matrix.ravel().tolist()
+    return a, b, c, d
+
+
+def _coverage(corners: Corners, width: int, height: int) -> float:
+    """Share of the image's cells that hold a corner."""
+    cell = np.floor(corners.px / [width, height] * _CELLS).astype(np.intp)
+    cell = np.clip(cell, 0, np.array(_CELLS) - 1)
+    return len(np.unique(cell[:, 0] * _CELLS[1] + cell[:, 1])) / (_CELLS[0] * _CELLS[1])

@@ -1,0 +1,194 @@
+"""How good a calibration is on views that it was not fitted to.
+
+The views of a pair are dealt out into parts. For each part the rig is fitted without it, beginning
+with the whole solution, and measured on it. A rectified pair must show one point in one row:
+that vertical error needs no pose of the board and no truth. The calibration that is handed out
+uses all views, so it is a little better than what is told here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.calibration.adjustment import Corners, Rig, adjust
+from observer.calibration.uncertainty import (
+    calibration_of,
+    depth_change,
+    rectified_directions,
+)
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError
+from observer.geometry import Float64Array
+
+FOLDS = 6
+# Without a part there must be enough views left for a fit of its own.
+FEWEST_HELD_OUT = 6
+_STEPS = 6
+_POSE_STEPS = 8
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Vertical error after rectification, on views that the fit did not see.
+
+    Attributes:
+        median_px, p95_px: of its length, pixels of the left image as taken.
+        lasting_px: the part of it that all corners of a view have in common (root mean square
+            over the views, what noise alone would make of it left out): an error of the
+            calibration that lasts while a thing stays where it is.
+        count: corners. folds: into how many parts the views were dealt.
+    """
+
+    median_px: float
+    p95_px: float
+    lasting_px: float
+    count: int
+    folds: int
+
+
+@dataclass(frozen=True, eq=False)
+class Folds:
+    """The rigs of all folds, and what each left out.
+
+    Attributes:
+        rigs: fitted without one part each. parts: (V,) which views each left out.
+    """
+
+    rigs: tuple[Rig, ...]
+    parts: tuple[NDArray[np.bool_], ...]
+
+
+def fit_folds(
+    rig: Rig,
+    corners: tuple[Corners, Corners],
+    both: NDArray[np.bool_],
+    soft_px: float,
+    report: Callable[[float], None] = lambda _: None,
+) -> Folds | None:
+    """Fits without a part of the views in ``both`` (V,) each; None where they are too few.
+
+    Args:
+        report: called with the share done, from 0 to 1.
+    """
+    shown = np.flatnonzero(both)
+    if len(shown) < FEWEST_HELD_OUT:
+        return None
+    rigs, parts = [], []
+    count = min(FOLDS, len(shown))
+    for fold in range(count):
+        part = np.zeros(len(both), np.bool_)
+        part[shown[fold::count]] = True
+        kept = [each.of_views(~part) for each in corners]
+        rigs.append(adjust(rig, kept, soft_px=soft_px, iterations=_STEPS).rig)
+        parts.append(part)
+        report((fold + 1) / count)
+    return Folds(tuple(rigs), tuple(parts))
+
+
+def reprojection(folds: Folds, corners: tuple[Corners, Corners], soft_px: float) -> Float64Array:
+    """(V,) mean square of the distances, px^2, of views that were left out; NaN for others.
+
+    Only the pose of the board is fitted to them.
+    """
+    out = np.full(len(folds.parts[0]), np.nan)
+    for rig, part in zip(folds.rigs, folds.parts, strict=True):
+        left_out = [each.of_views(part) for each in corners]
+        found = adjust(rig, left_out, soft_px=soft_px, iterations=_POSE_STEPS, hold=True)
+        view = np.concatenate([each.view for each in left_out])
+        square = np.sum(np.concatenate(found.residuals) ** 2, axis=1)
+        # A single wrong corner decides nothing.
+        square = np.minimum(square, (3 * soft_px) ** 2)
+        for index in np.flatnonzero(part):
+            out[index] = float(square[view == index].mean())
+    return out
+
+
+def richer_is_better(simple: Float64Array, rich: Float64Array) -> bool:
+    """Whether further distortion terms make views (V,) that were left out clearly better.
+
+    By more than one standard error of the gain, for a term that the data do not support bends the
+    image where no board was seen.
+    """
+    gain = (simple - rich)[np.isfinite(simple) & np.isfinite(rich)]
+    if len(gain) < 2:
+        return False
+    return bool(gain.mean() > gain.std(ddof=1) / np.sqrt(len(gain)))
+
+
+def held_out(
+    folds: Folds, corners: tuple[Corners, Corners], width: int, height: int
+) -> HeldOut | None:
+    """The vertical errors of all views that were left out once; None where none can be told."""
+    errors: list[Float64Array] = []
+    for rig, part in zip(folds.rigs, folds.parts, strict=True):
+        try:
+            calibration = calibration_of(rig, width, height)
+        except CalibrationError:
+            return None
+        left, right = (each.of_views(part) for each in corners)
+        for view in np.flatnonzero(part):
+            pair = common_px(left, right, int(view))
+            error = vertical_errors(calibration, *pair)
+            errors.append(error[np.isfinite(error)])
+    errors = [each for each in errors if len(each)]
+    if not errors:
+        return None
+    every = np.concatenate(errors)
+    means = np.array([each.mean() for each in errors])
+    noise = np.array([each.var(ddof=min(1, len(each) - 1)) / len(each) for each in errors])
+    return HeldOut(
+        median_px=float(np.median(np.abs(every))),
+        p95_px=float(np.percentile(np.abs(every), 95)),
+        lasting_px=float(np.sqrt(max(0.0, float((means**2 - noise).mean())))),
+        count=len(every),
+        folds=len(folds.rigs),
+    )
+
+
+def vertical_errors(
+    calibration: StereoCalibration, left_px: Float64Array, right_px: Float64Array
+) -> Float64Array:
+    """(N,) px, right minus left row after rectification, of pixels (N, 2) as taken.
+
+    In pixels of the left image's own focal length; rectification by alpha 0 zooms, which would
+    make cameras with strong distortion seem worse.
+    """
+    left, right, _ = rectified_directions(calibration, left_px, right_px)
+    focal = float(calibration.K1[1, 1])
+    return np.asarray(focal * (right[:, 1] - left[:, 1]), dtype=np.float64)
+
+
+def common_px(left: Corners, right: Corners, view: int) -> tuple[Float64Array, Float64Array]:
+    """(N, 2) pixels each of the corners of a view that both cameras saw."""
+    a, b = left.view == view, right.view == view
+    # Corners of one board are told apart by where they are on it.
+    at = {tuple(point): k for k, point in enumerate(left.on_board[a].tolist())}
+    found = [(at[tuple(p)], k) for k, p in enumerate(right.on_board[b].tolist()) if tuple(p) in at]
+    index = np.array(found, dtype=np.intp).reshape(-1, 2)
+    return left.px[a][index[:, 0]], right.px[b][index[:, 1]]
+
+
+def jackknife(rig: Rig, folds: Folds, width: int, height: int) -> Float64Array | None:
+    """(2, 2) covariance of depth's relative error and offset in pixels, by the folds' scatter.
+
+    The delete-a-group jackknife (Efron and Tibshirani: An Introduction to the Bootstrap, 1993).
+    Unlike the fit's own covariance it knows that the corners of one view err together. None where
+    a fold's rig is impossible.
+    """
+    whole = calibration_of(rig, width, height)
+    try:
+        others = [calibration_of(each, width, height) for each in folds.rigs]
+    except CalibrationError:
+        return None
+    changes = np.stack([depth_change(whole, other) for other in others])
+    if not np.isfinite(changes).all():
+        return None
+    apart = changes - changes.mean(axis=0)
+    count = len(others)
+    return np.asarray(
+        (count - 1) / count * np.einsum("kpi,kpj->pij", apart, apart).mean(axis=0), np.float64
+    )

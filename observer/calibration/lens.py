@@ -1,0 +1,104 @@
+"""One lens: from directions to pixels with all derivatives, and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from observer.camera import DistortionModel
+from observer.geometry import Float64Array
+
+# How many numbers stand for the distortion: k1 k2 p1 p2 k3, or k1 k2 k3 k4 of a fisheye lens.
+DISTORTION_SIZE: dict[DistortionModel, int] = {"radtan": 5, "equidistant": 4}
+# fx fy cx cy come before the distortion.
+FOCAL, CENTRE, DISTORTION = slice(0, 2), slice(2, 4), slice(4, None)
+
+# Inverting a distortion is an iteration; OpenCV's own limits leave tenths of a pixel in corners.
+_CRITERIA = (cv2.TERM_CRITERIA_MAX_ITER + cv2.TERM_CRITERIA_EPS, 60, 1e-10)
+# What is nearer to the plane of the lens than this share of a metre has no picture.
+_LEAST_DEPTH_M = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """A camera's inner parameters as one vector, as an adjustment wants them.
+
+    Attributes:
+        model: of the distortion.
+        values: (4 + N,) fx fy cx cy and the distortion, pixels and plain numbers.
+    """
+
+    model: DistortionModel
+    values: Float64Array
+
+    @staticmethod
+    def ideal(model: DistortionModel, focal_px: float, width: int, height: int) -> Lens:
+        """Without distortion, its axis through the image's middle."""
+        centre = [(width - 1) / 2, (height - 1) / 2]
+        bent = np.zeros(DISTORTION_SIZE[model])
+        return Lens(model, np.concatenate([[focal_px, focal_px], centre, bent]))
+
+    @property
+    def K(self) -> Float64Array:
+        """(3, 3) camera matrix."""
+        fx, fy, cx, cy = self.values[:4].tolist()
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+    @property
+    def D(self) -> Float64Array:
+        """(N,) distortion."""
+        return self.values[DISTORTION]
+
+    def project(self, points: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """Pixels of points (N, 3), the lens's own frame, metres.
+
+        Returns:
+            (N, 2) pixels, NaN for what is not in front of the lens; (N, 2, 3) their derivatives
+            by the point, px/m; and (N, 2, 4 + N) those by ``values``.
+        """
+        if len(points) == 0:
+            return np.zeros((0, 2)), np.zeros((0, 2, 3)), np.zeros((0, 2, len(self.values)))
+        at_rest = np.zeros(3)
+        front = points[:, 2] > _LEAST_DEPTH_M
+        seen = np.where(front[:, None], points, [0.0, 0.0, 1.0]).reshape(-1, 1, 3)
+        # With the camera at rest in the points' own frame the derivative by its translation is
+        # that by the point.
+        if self.model == "equidistant":
+            px, J = cv2.fisheye.projectPoints(seen, at_rest, at_rest, self.K, self.D)
+            by_lens, by_point = J[:, :8], J[:, 11:14]
+        else:
+            px, J = cv2.projectPoints(seen, at_rest, at_rest, self.K, self.D)
+            by_lens, by_point = J[:, 6:], J[:, 3:6]
+        out = np.asarray(px, dtype=np.float64).reshape(-1, 2).copy()
+        out[~front] = np.nan
+        count = len(points)
+        return (
+            out,
+            np.asarray(by_point, dtype=np.float64).reshape(count, 2, 3),
+            np.asarray(by_lens, dtype=np.float64).reshape(count, 2, -1),
+        )
+
+    def directions(self, px: Float64Array) -> Float64Array:
+        """(N, 3) directions with z = 1 in which pixels (N, 2) look; NaN where there is none."""
+        return directions(self.model, self.K, self.D, px)
+
+
+def directions(
+    model: DistortionModel, K: Float64Array, D: Float64Array, px: Float64Array
+) -> Float64Array:
+    """(N, 3) directions with z = 1, the lens's own frame, of pixels (N, 2); NaN where none."""
+    if len(px) == 0:
+        return np.zeros((0, 3))
+    given = np.ascontiguousarray(px, dtype=np.float64).reshape(-1, 1, 2)
+    if model == "equidistant":
+        flat = cv2.fisheye.undistortPoints(given, K, D, criteria=_CRITERIA)
+    else:
+        # Its own criteria count iterations only; of these five do not do.
+        flat = cv2.undistortPointsIter(given, K, D, np.eye(3), np.eye(3), _CRITERIA)
+    out = np.ones((len(px), 3))
+    out[:, :2] = np.asarray(flat, dtype=np.float64).reshape(-1, 2)
+    # OpenCV marks what a fisheye lens cannot see with -1e6.
+    out[~(np.abs(out[:, :2]) < 1e5).all(axis=1)] = np.nan
+    return out

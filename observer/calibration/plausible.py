@@ -1,0 +1,130 @@
+"""Whether views determine a calibration, and whether a calibration can be real."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.calibration.adjustment import Adjusted, Rig
+from observer.errors import CalibrationError
+
+# One standard deviation of the focal length, as a share of it, beyond which it is unknown: of one
+# camera alone, and of the pair.
+_UNSURE_ALONE, _UNSURE = 0.1, 0.02
+# Of the board's pose between views: less than this is always the same, degrees and a share of the
+# distance.
+_SAME_DEG, _SAME_SHARE = 4.0, 0.05
+# Less than this the board faces the camera, degrees.
+_FACING_DEG = 10.0
+# Focal lengths as shares of the image's width: 157 to 3 degrees.
+_FOCAL_SHARES = (0.1, 20.0)
+_LARGE_RMS_PX = 3.0
+
+
+def check_camera(
+    found: Adjusted, seen: NDArray[np.intp], width: int, height: int, name: str
+) -> None:
+    """Whether the views determine this camera's lens.
+
+    Args:
+        seen: numbers of the views that it rests on. name: of the camera, as in ``the left camera``.
+
+    Raises:
+        CalibrationError: they do not, or the lens is none.
+    """
+    check_lens(found.rig, 0, width, height, name, _advice(found.rig, seen, 0))
+    if found.covariance is None:
+        raise CalibrationError(_undetermined(found.rig, seen, name))
+    share = np.sqrt(found.covariance[0, 0]) / found.rig.lenses[0].values[0]
+    if not share < _UNSURE_ALONE:
+        raise CalibrationError(_undetermined(found.rig, seen, name, share))
+
+
+def check_pair(found: Adjusted, seen: NDArray[np.intp], width: int, height: int) -> None:
+    """Whether the views determine this pair, and it can be a pair of stereo cameras.
+
+    Raises:
+        CalibrationError: they do not, or it cannot.
+    """
+    rig = found.rig
+    scatter = found.scatter_px
+    if not scatter < _LARGE_RMS_PX:
+        raise CalibrationError(
+            f"the corners are {scatter:.1f} px off on the whole, where 0.1 to 0.5 px are usual; "
+            f"check the board's number of corners and that the images are sharp and in pairs"
+        )
+    for camera, name in enumerate(("the left camera", "the right camera")):
+        check_lens(rig, camera, width, height, name, _advice(rig, seen, camera))
+    if found.covariance is None:
+        raise CalibrationError(_undetermined(rig, seen, "the pair"))
+    each = int(np.count_nonzero(rig.free))
+    for camera, name in enumerate(("the left camera", "the right camera")):
+        sigma = float(np.sqrt(found.covariance[camera * each, camera * each]))
+        share = sigma / float(rig.lenses[camera].values[0])
+        if not share < _UNSURE:
+            raise CalibrationError(_undetermined(rig, seen, name, share))
+    x, y, z = (-rig.R.T @ rig.T).tolist()
+    if abs(x) <= max(abs(y), abs(z)):
+        raise CalibrationError(
+            f"the right camera stands {x:.3f} m to the right, {y:.3f} m below and {z:.3f} m in "
+            f"front of the left one; the two must stand side by side"
+        )
+    if x < 0:
+        raise CalibrationError(
+            f"the right camera stands {1e3 * -x:.0f} mm to the left of the left one; swap the "
+            f"left and the right images"
+        )
+
+
+def check_lens(rig: Rig, camera: int, width: int, height: int, name: str, advice: str) -> None:
+    """Whether the lens can be one of an image of this size.
+
+    Raises:
+        CalibrationError: it cannot.
+    """
+    fx, fy, cx, cy = rig.lenses[camera].values[:4].tolist()
+    low, high = _FOCAL_SHARES
+    if not (low * width < fx < high * width and 0.5 < fy / fx < 2):
+        raise CalibrationError(
+            f"the views of {name} give an impossible focal length ({fx:.4g} x {fy:.4g} pixels "
+            f"for an image of {width}x{height}); {advice}"
+        )
+    if not (-0.25 * width < cx < 1.25 * width and -0.25 * height < cy < 1.25 * height):
+        raise CalibrationError(
+            f"the views of {name} place the middle of its lens at {cx:.0f}, {cy:.0f}, far outside "
+            f"the image of {width}x{height} pixels; {advice}"
+        )
+
+
+def _undetermined(rig: Rig, seen: NDArray[np.intp], name: str, share: float | None = None) -> str:
+    known = "" if share is None or not share < 9 else f" (known to {100 * share:.0f} % only)"
+    return (
+        f"the views do not determine the focal length of {name}{known}; "
+        f"{_advice(rig, seen, 0 if 'left' in name else len(rig.lenses) - 1)}"
+    )
+
+
+def _advice(rig: Rig, seen: NDArray[np.intp], camera: int) -> str:
+    """What to do differently, by how the board was held."""
+    R, t = rig.board_R[seen], rig.board_t[seen]
+    if camera == 1:
+        R, t = rig.R @ R, t @ rig.R.T + rig.T
+    normal = R[:, :, 2]
+    middle = np.median(normal, axis=0)
+    middle /= max(float(np.linalg.norm(middle)), 1e-9)
+    turned = np.degrees(np.arccos(np.clip(normal @ middle, -1, 1)))
+    away = np.linalg.norm(t - np.median(t, axis=0), axis=1) / max(
+        1e-9, float(np.median(np.linalg.norm(t, axis=1)))
+    )
+    if turned.max(initial=0) < _SAME_DEG and away.max(initial=0) < _SAME_SHARE:
+        return "the board is in nearly the same pose in every view: move and tilt it between them"
+    facing = np.degrees(np.arccos(np.clip(np.abs(normal[:, 2]), 0, 1)))
+    if np.percentile(facing, 90) < _FACING_DEG or turned.max(initial=0) < _SAME_DEG:
+        return (
+            "the board faces the camera alike in every view, and then a longer lens and a greater "
+            "distance look the same: tilt it by 20 to 40 degrees, to each side and up and down"
+        )
+    return (
+        "show the board nearer and tilted by 20 to 40 degrees to each side, so that it fills most "
+        "of the image"
+    )

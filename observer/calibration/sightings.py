@@ -1,0 +1,89 @@
+"""Which views of a board can be used at all, and their corners as an adjustment wants them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.calibration.adjustment import Corners
+from observer.calibration.board import Board
+from observer.calibration.views import FEWEST_CORNERS, BoardSighting, BoardView
+from observer.geometry import Float64Array
+
+# What lies so far outside the image, of its size, was never found in it.
+_OUTSIDE = 0.02
+# The narrower spread of the corners, of the wider one: below this they are one line.
+_LEAST_SPREAD = 0.01
+
+
+def refused_sightings(
+    views: Sequence[BoardView], board: Board, width: int, height: int
+) -> dict[int, str]:
+    """Why views (by their place in the list) cannot be used, as words after the view's name."""
+    refused = {}
+    for index, view in enumerate(views):
+        sides = (("left", view.left), ("right", view.right))
+        reasons = [
+            reason
+            for name, sighting in sides
+            if sighting is not None
+            and (reason := _problem(sighting, name, board, width, height)) is not None
+        ]
+        if reasons:
+            refused[index] = reasons[0]
+        elif view.left is None and view.right is None:
+            refused[index] = "the board was found in neither image"
+    return refused
+
+
+def corners_of(
+    views: Sequence[BoardView], board: Board, usable: NDArray[np.bool_]
+) -> tuple[Corners, Corners]:
+    """The corners of both cameras in the usable (V,) views."""
+    points = board.object_points
+    return (
+        _joined([(i, v.left) for i, v in enumerate(views) if usable[i]], points),
+        _joined([(i, v.right) for i, v in enumerate(views) if usable[i]], points),
+    )
+
+
+def _joined(sightings: Sequence[tuple[int, BoardSighting | None]], points: Float64Array) -> Corners:
+    seen = [(index, each) for index, each in sightings if each is not None]
+    view = [np.full(len(each), index, dtype=np.intp) for index, each in seen]
+    ids = [each.ids for _, each in seen]
+    return Corners(
+        np.concatenate([np.zeros(0, np.intp), *view]),
+        points[np.concatenate([np.zeros(0, np.int32), *ids])],
+        np.concatenate([np.zeros((0, 2)), *(np.asarray(e.px, np.float64) for _, e in seen)]),
+    )
+
+
+def _problem(
+    sighting: BoardSighting, camera: str, board: Board, width: int, height: int
+) -> str | None:
+    if len(sighting) < FEWEST_CORNERS:
+        return (
+            f"the {camera} image shows {len(sighting)} corners; at least {FEWEST_CORNERS} are "
+            f"needed to tell the board's pose"
+        )
+    if sighting.ids[0] < 0 or sighting.ids[-1] >= board.corner_count:
+        return (
+            f"its corners in the {camera} image are numbered up to {sighting.ids.max()}, but a "
+            f"{board.words} has {board.corner_count}"
+        )
+    px = np.asarray(sighting.px, np.float64)
+    if not np.isfinite(px).all():
+        return f"a corner in the {camera} image has no place"
+    room = _OUTSIDE * max(width, height)
+    if (px < -room).any() or (px > np.array([width, height]) + room).any():
+        return (
+            f"a corner in the {camera} image lies outside it; the views must be of "
+            f"{width}x{height} pixels"
+        )
+    for place in (px, board.object_points[sighting.ids, :2]):
+        wide = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
+        if not wide[1] > _LEAST_SPREAD * wide[0]:
+            return f"its corners in the {camera} image lie on one line"
+    return None

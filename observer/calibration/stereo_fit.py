@@ -1,0 +1,100 @@
+"""What a fit of a pair of cameras results in."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.calibration.board import Board
+from observer.calibration.held_out import HeldOut
+from observer.calibration.lens import directions
+from observer.calibration.uncertainty import FitUncertainty
+from observer.camera import StereoCalibration
+
+
+@dataclass(frozen=True)
+class ViewError:
+    """How well one view fits.
+
+    Attributes:
+        name: of the view. used: whether the fit rests on it. reason: why not, a clause.
+        left_px, right_px: root mean square of its corners' distances; None where not seen or
+            unknown. Of a view that is not used it is that of the best pose of the board.
+    """
+
+    name: str
+    used: bool
+    reason: str | None
+    left_px: float | None
+    right_px: float | None
+
+
+@dataclass(frozen=True)
+class DepthBias:
+    """What the uncertainty of the calibration does to depth: a share of it and lasting pixels.
+
+    Attributes:
+        covariances: estimates (by the fit's curvature, and by leaving out parts of the views) of
+            the covariance (2, 2) of relative error and offset of the disparity in pixels, row by
+            row.
+    """
+
+    covariances: tuple[tuple[float, float, float, float], ...]
+
+    def relative_sigma(self, per_disparity: float) -> float:
+        """One standard deviation of depth's relative error, by the larger of the estimates.
+
+        Args:
+            per_disparity: Z / (f B) of the depth Z, the inverse of its disparity, 1/px.
+        """
+        q = -per_disparity
+        return math.sqrt(
+            max(0.0, *(a + q * (b + c) + q * q * d for a, b, c, d in self.covariances))
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class StereoFit:
+    """A calibration, and how good it is.
+
+    Attributes:
+        calibration: by all used views.
+        board: that was shown.
+        rms_left, rms_right, rms_stereo: root mean square distance of corners, pixels.
+        views: of all that were given, in their order.
+        pairs: how many used views both cameras saw.
+        uncertainty: one standard deviation of the parameters.
+        depth_bias: what it does to depth.
+        held_out: None where there were too few views to leave some out.
+        coverage: share of the left and of the right image's cells that corners fell into.
+    """
+
+    calibration: StereoCalibration
+    board: Board
+    rms_left: float
+    rms_right: float
+    rms_stereo: float
+    views: tuple[ViewError, ...]
+    pairs: int
+    uncertainty: FitUncertainty
+    depth_bias: DepthBias
+    held_out: HeldOut | None
+    coverage: tuple[float, float]
+
+    @property
+    def field_of_view_deg(self) -> tuple[float, float]:
+        """Horizontal and vertical angle of the left camera."""
+        return field_of_view_deg(self.calibration)
+
+
+def field_of_view_deg(calibration: StereoCalibration) -> tuple[float, float]:
+    """Horizontal and vertical angle of the left camera, through its principal point."""
+    c = calibration
+    cx, cy = float(c.K1[0, 2]), float(c.K1[1, 2])
+    ends = np.array([[-0.5, cy], [c.width - 0.5, cy], [cx, -0.5], [cx, c.height - 0.5]])
+    D = c.D1 if c.D1.size else np.zeros(5)
+    look = directions(c.distortion_model, c.K1, D, ends)
+    across, down = np.degrees(np.arctan(look[:2, 0])), np.degrees(np.arctan(look[2:, 1]))
+    return float(across[1] - across[0]), float(down[1] - down[0])

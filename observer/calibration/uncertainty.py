@@ -1,0 +1,233 @@
+"""How sure a fitted pair of cameras is: of its parameters, and of the depth that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from observer.calibration.adjustment import Rig
+from observer.calibration.lens import directions
+from observer.camera import StereoCalibration
+from observer.geometry import Float64Array, rotation_matrix
+
+# Where in the image depth is judged: shares of the width and height from the principal point.
+_PLACES = ((0.0, 0.0), (-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
+# Of a derivative by differences, in standard deviations: small against the curve, large against
+# the rounding of inverted distortion.
+_STEP = 0.5
+
+
+@dataclass(frozen=True)
+class FitUncertainty:
+    """One standard deviation of each parameter that people ask for.
+
+    From the curvature of the sum of squares, scaled by the residuals. Corners of one view err
+    together (a board that is not flat, blur), which this does not know: the true ones are larger.
+
+    Attributes:
+        focal_left_px, focal_right_px: of fx. centre_left_px, centre_right_px: of cx and cy.
+        baseline_m: metres. rotation_deg: of R about the right camera's x, y and z.
+        pitch_deg, vergence_deg, roll_deg: of ``view_angles_deg``, which is what depth and rows
+            follow from.
+    """
+
+    focal_left_px: float
+    focal_right_px: float
+    centre_left_px: tuple[float, float]
+    centre_right_px: tuple[float, float]
+    baseline_m: float
+    rotation_deg: tuple[float, float, float]
+    pitch_deg: float
+    vergence_deg: float
+    roll_deg: float
+
+
+def calibration_of(rig: Rig, width: int, height: int) -> StereoCalibration:
+    """The rig as a calibration.
+
+    Raises:
+        CalibrationError: it is impossible.
+    """
+    left, right = rig.lenses
+    return StereoCalibration(
+        width=width,
+        height=height,
+        K1=left.K,
+        D1=left.D,
+        K2=right.K,
+        D2=right.D,
+        R=rig.R,
+        T=rig.T,
+        distortion_model=left.model,
+    )
+
+
+def view_angles_deg(calibration: StereoCalibration) -> Float64Array:
+    """(3,) pitch, vergence and roll: how what the two images show is turned against each other.
+
+    Angles between the lines of sight of the two images' middles, down and to the right, and the
+    turn about them. R alone is not that: a principal point that is wrong by a few tenths of a
+    pixel and a lens that is turned by hundredths of a degree show the same image, so the fit
+    knows either badly and both together ten times as well.
+    """
+    c = calibration
+    middle = np.array([[(c.width - 1) / 2, (c.height - 1) / 2]])
+    left, right = (
+        directions(c.distortion_model, K, D if D.size else np.zeros(5), middle)[0]
+        for K, D in ((c.K1, c.D1), (c.K2, c.D2))
+    )
+    left = c.R @ left
+    pitch = np.arctan2(left[1], left[2]) - np.arctan2(right[1], right[2])
+    vergence = np.arctan2(left[0], left[2]) - np.arctan2(right[0], right[2])
+    roll = np.arctan2(c.R[1, 0] - c.R[0, 1], c.R[0, 0] + c.R[1, 1])
+    return np.asarray(np.degrees([pitch, vergence, roll]), dtype=np.float64)
+
+
+def turned_by(rig: Rig, change: Float64Array) -> Rig:
+    """The rig with its global parameters changed by (G,), ordered as ``Adjusted.covariance``."""
+    each = int(np.count_nonzero(rig.free))
+    lenses = []
+    for index, lens in enumerate(rig.lenses):
+        values = lens.values.copy()
+        values[rig.free] += change[index * each : (index + 1) * each]
+        lenses.append(replace(lens, values=values))
+    turn, shift = change[2 * each : 2 * each + 3], change[2 * each + 3 :]
+    return replace(rig, lenses=tuple(lenses), R=rotation_matrix(turn) @ rig.R, T=rig.T + shift)
+
+
+def uncertainty(rig: Rig, covariance: Float64Array, width: int, height: int) -> FitUncertainty:
+    """Of a pair with the covariance (G, G) of its global parameters."""
+    sigma = np.sqrt(np.diag(covariance))
+    each = int(np.count_nonzero(rig.free))
+    along = rig.T / np.linalg.norm(rig.T)
+    T_cov = covariance[-3:, -3:]
+    turn = np.rad2deg(sigma[-6:-3])
+
+    def angles(change: Float64Array) -> Float64Array:
+        return view_angles_deg(calibration_of(turned_by(rig, change), width, height))
+
+    J = _derivative(angles, sigma)
+    view = np.sqrt(np.einsum("ai,ij,aj->a", J, covariance, J))
+    return FitUncertainty(
+        focal_left_px=float(sigma[0]),
+        focal_right_px=float(sigma[each]),
+        centre_left_px=(float(sigma[2]), float(sigma[3])),
+        centre_right_px=(float(sigma[each + 2]), float(sigma[each + 3])),
+        baseline_m=float(np.sqrt(along @ T_cov @ along)),
+        rotation_deg=(float(turn[0]), float(turn[1]), float(turn[2])),
+        pitch_deg=float(view[0]),
+        vergence_deg=float(view[1]),
+        roll_deg=float(view[2]),
+    )
+
+
+def depth_covariance(rig: Rig, covariance: Float64Array, width: int, height: int) -> Float64Array:
+    """Two causes of a wrong depth, as numbers that hold at every distance.
+
+    To first order the relative error of depth Z is ``scale - offset Z / (f B)``: a wrong
+    baseline is a share of the depth, a wrong vergence or principal point a wrong disparity, which
+    matters more the farther the point is.
+
+    Returns:
+        (2, 2) covariance of (scale, offset in pixels), the mean over five places in the image.
+    """
+    truth = calibration_of(rig, width, height)
+
+    def changes(change: Float64Array) -> Float64Array:
+        wrong = calibration_of(turned_by(rig, change), width, height)
+        return depth_change(truth, wrong).reshape(-1)
+
+    sigma = np.sqrt(np.diag(covariance))
+    J = _derivative(changes, sigma).reshape(len(_PLACES), 2, -1)
+    parts = np.einsum("pig,gh,pjh->pij", J, covariance, J)
+    return np.asarray(parts.mean(axis=0), dtype=np.float64)
+
+
+def depth_change(truth: StereoCalibration, wrong: StereoCalibration) -> Float64Array:
+    """By how much depth is wrong when ``wrong`` is used where ``truth`` holds.
+
+    Points of known depth are projected by the one and measured by the other, at two depths; a
+    share of the depth and a lasting error of the disparity explain the two.
+
+    Returns:
+        (P, 2): relative error, and pixels of disparity (as of a focal length of K1), at P places.
+    """
+    f, B = float(truth.K1[0, 0]), truth.baseline
+    # Far apart in disparity, and both far from any singular point.
+    depths = np.array([15.0, 60.0]) * B
+    errors = np.stack([_relative_error(truth, wrong, depth) for depth in depths])
+    # error = scale - offset Z / (f B): a disparity that is too large makes depth too small.
+    per_px = depths / (f * B)
+    offset = -(errors[1] - errors[0]) / (per_px[1] - per_px[0])
+    scale = errors[0] + offset * per_px[0]
+    return np.stack([scale, offset], axis=1)
+
+
+def _relative_error(
+    truth: StereoCalibration, wrong: StereoCalibration, depth: float
+) -> Float64Array:
+    """(P,) of points at this depth, metres."""
+    K = truth.K1
+    places = np.array(_PLACES) * [truth.width, truth.height]
+    u = np.column_stack([places[:, 0] / K[0, 0], places[:, 1] / K[1, 1], np.ones(len(places))])
+    points = depth * u
+    left = _project(truth.distortion_model, truth.K1, truth.D1, points)
+    right = _project(truth.distortion_model, truth.K2, truth.D2, points @ truth.R.T + truth.T)
+    seen = intersected(wrong, left, right)
+    return np.asarray(seen / depth - 1, dtype=np.float64)
+
+
+def intersected(
+    calibration: StereoCalibration, left_px: Float64Array, right_px: Float64Array
+) -> Float64Array:
+    """(N,) metres along the left camera's axis where pairs of pixels (N, 2) as taken meet.
+
+    NaN where they do not meet in front of the cameras. In the rectified pair depth is f B / d
+    with the disparity d; here it is carried back to the left camera's own axis.
+    """
+    c = calibration
+    left, right, R1 = rectified_directions(c, left_px, right_px)
+    shift = left[:, 0] - right[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = np.where(shift > 0, c.baseline / shift, np.nan)
+    return np.asarray((z[:, None] * left) @ R1[:, 2], dtype=np.float64)
+
+
+def rectified_directions(
+    calibration: StereoCalibration, left_px: Float64Array, right_px: Float64Array
+) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Directions (N, 3) with z = 1 in the rectified cameras, and R_rectified_left (3, 3)."""
+    c = calibration
+    # The turns follow from R and T alone (Bouguet); the lens only sets the zoom, not asked for.
+    R1, R2, *_ = cv2.stereoRectify(
+        c.K1, np.zeros(5), c.K2, np.zeros(5), (c.width, c.height), c.R, c.T.reshape(3, 1)
+    )
+    turned = []
+    for K, D, px, R in ((c.K1, c.D1, left_px, R1), (c.K2, c.D2, right_px, R2)):
+        look = directions(c.distortion_model, K, D if D.size else np.zeros(5), px)
+        look = look @ np.asarray(R, dtype=np.float64).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turned.append(np.where(look[:, 2:] > 0, look / look[:, 2:], np.nan))
+    return turned[0], turned[1], np.asarray(R1, dtype=np.float64)
+
+
+def _project(model: str, K: Float64Array, D: Float64Array, points: Float64Array) -> Float64Array:
+    zero = np.zeros(3)
+    module = cv2.fisheye if model == "equidistant" else cv2
+    px, _ = module.projectPoints(points.reshape(-1, 1, 3), zero, zero, K, D)
+    return np.asarray(px, dtype=np.float64).reshape(-1, 2)
+
+
+def _derivative(
+    function: Callable[[Float64Array], Float64Array], sigma: Float64Array
+) -> Float64Array:
+    """(M, G) by central differences, of a function of (G,) at zero."""
+    columns = []
+    for k, s in enumerate(sigma):
+        step = np.zeros(len(sigma))
+        step[k] = _STEP * s
+        columns.append((function(step) - function(-step)) / (2 * _STEP * s))
+    return np.stack(columns, axis=1)

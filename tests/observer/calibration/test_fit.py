@@ -1,0 +1,326 @@
+"""The fit against pairs of cameras that are known exactly, and against what goes wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from observer.calibration.fit import fit_stereo
+from observer.calibration.held_out import vertical_errors
+from observer.calibration.stereo_fit import StereoFit
+from observer.calibration.uncertainty import depth_change, view_angles_deg
+from observer.calibration.views import BoardSighting, BoardView
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError
+
+from .board_views import (
+    BOARD,
+    HEIGHT,
+    WIDTH,
+    fisheye_pair,
+    projected,
+    sighting,
+    true_pair,
+    views_of,
+)
+
+TRUE = true_pair()
+
+
+def fitted(views: list[BoardView], **options: object) -> StereoFit:
+    return fit_stereo(views, BOARD, WIDTH, HEIGHT, **options)  # type: ignore[arg-type]
+
+
+def rotation_error_deg(found: StereoCalibration, true: StereoCalibration) -> float:
+    return float(np.degrees(np.linalg.norm(cv2.Rodrigues(found.R @ true.R.T)[0])))
+
+
+@pytest.mark.parametrize(("seed", "noise_px"), [(0, 0.1), (1, 0.15), (2, 0.2), (3, 0.15)])
+def test_finds_the_pair_that_took_the_views(seed: int, noise_px: float) -> None:
+    fit = fitted(views_of(TRUE, 20, seed, noise_px))
+    found = fit.calibration
+    for name in ("K1", "K2"):
+        K, true = getattr(found, name), getattr(TRUE, name)
+        assert K[0, 0] == pytest.approx(true[0, 0], rel=0.003)
+        assert K[1, 1] == pytest.approx(true[1, 1], rel=0.003)
+        assert K[:2, 2] == pytest.approx(true[:2, 2], abs=2.5)
+    assert found.baseline == pytest.approx(TRUE.baseline, rel=0.005)
+    pitch, vergence, roll = view_angles_deg(found) - view_angles_deg(TRUE)
+    assert abs(vergence) < 0.02
+    assert max(abs(pitch), abs(roll)) < 0.05
+    # R by itself trades against the principal points, at these noises by up to 0.2 degrees.
+    assert rotation_error_deg(found, TRUE) < 0.25
+    fresh = [projected_errors(found, seed) for seed in (101, 102)]
+    assert np.percentile(np.concatenate(fresh), 95) < 0.3
+    assert fit.pairs == 20
+    assert all(view.used and view.reason is None for view in fit.views)
+    # The noise, of two coordinates, less what the poses and lenses took of it.
+    for rms in (fit.rms_left, fit.rms_right, fit.rms_stereo):
+        assert rms == pytest.approx(np.sqrt(2) * noise_px, rel=0.08)
+
+
+def projected_errors(found: StereoCalibration, seed: int) -> np.ndarray:
+    """Vertical errors, px, of corners without noise that the fit never saw."""
+    views = views_of(TRUE, 8, seed, 0.0)
+    return np.abs(
+        np.concatenate([vertical_errors(found, v.left.px, v.right.px) for v in views])
+    )
+
+
+def test_says_how_sure_it_is_and_is_right_about_that() -> None:
+    """Over seeds, errors are as large as the fit says: neither a tenth nor ten times."""
+    shares = {"focal": [], "baseline": [], "vergence": [], "depth": []}
+    per_disparity = 3 / (TRUE.K1[0, 0] * TRUE.baseline)
+    for seed in range(6):
+        fit = fitted(views_of(TRUE, 12, 20 + seed))
+        found, sure = fit.calibration, fit.uncertainty
+        vergence = view_angles_deg(found)[1] - view_angles_deg(TRUE)[1]
+        scale, offset = depth_change(TRUE, found)[0]
+        shares["focal"].append((found.K1[0, 0] - TRUE.K1[0, 0]) / sure.focal_left_px)
+        shares["baseline"].append((found.baseline - TRUE.baseline) / sure.baseline_m)
+        shares["vergence"].append(vergence / sure.vergence_deg)
+        shares["depth"].append(
+            (scale - offset * per_disparity) / fit.depth_bias.relative_sigma(per_disparity)
+        )
+    for name, values in shares.items():
+        assert 0.2 < np.sqrt(np.mean(np.square(values))) < 2.2, (name, values)
+
+
+def test_held_out_views_show_noise_and_little_else() -> None:
+    fit = fitted(views_of(TRUE, 20, 4, 0.15))
+    held_out = fit.held_out
+    assert held_out is not None
+    assert (held_out.count, held_out.folds) == (20 * 54, 6)
+    # Normal errors of two images, 0.15 px each: median 0.67 and 95 % within 1.96 deviations.
+    assert held_out.median_px == pytest.approx(0.675 * np.sqrt(2) * 0.15, rel=0.15)
+    assert held_out.p95_px == pytest.approx(1.96 * np.sqrt(2) * 0.15, rel=0.15)
+    assert held_out.lasting_px < 0.08
+    assert fitted(views_of(TRUE, 5, 4)).held_out is None
+
+
+def test_seeks_k3_only_where_it_is_needed() -> None:
+    plain = fitted(views_of(TRUE, 16, 5)).calibration
+    assert plain.D1.size == 5
+    assert plain.D1[4] == plain.D2[4] == 0
+    bent = replace(
+        TRUE,
+        D1=np.array([-0.3, 0.2, 0.0005, -0.0003, -0.35]),
+        D2=np.array([-0.3, 0.2, 0.0005, 0.0003, -0.35]),
+    )
+    assert fitted(views_of(bent, 16, 5, 0.1)).calibration.D1[4] == pytest.approx(-0.35, abs=0.15)
+
+
+def test_fits_fisheye_lenses() -> None:
+    true = fisheye_pair()
+    fit = fitted(views_of(true, 15, 6, 0.1), distortion_model="equidistant")
+    found = fit.calibration
+    assert found.distortion_model == "equidistant"
+    assert found.D1.size == found.D2.size == 4
+    assert found.K1[0, 0] == pytest.approx(300, rel=0.004)
+    assert found.baseline == pytest.approx(true.baseline, rel=0.005)
+    assert view_angles_deg(found)[1] == pytest.approx(view_angles_deg(true)[1], abs=0.03)
+    assert fit.rms_stereo == pytest.approx(0.1 * np.sqrt(2), rel=0.08)
+
+
+def test_views_of_one_camera_serve_that_camera() -> None:
+    views = views_of(TRUE, 20, 7)
+    alone = [
+        replace(v, right=None) if k % 3 == 0 else replace(v, left=None) if k % 3 == 1 else v
+        for k, v in enumerate(views)
+    ]
+    both = fitted([v for v in alone if v.left and v.right])
+    more = fitted(alone)
+    assert more.pairs == both.pairs == 6
+    assert more.uncertainty.focal_left_px < 0.8 * both.uncertainty.focal_left_px
+    assert (more.views[0].right_px, more.views[1].left_px) == (None, None)
+    assert more.calibration.baseline == pytest.approx(TRUE.baseline, rel=0.005)
+
+
+def test_parts_of_a_board_are_enough() -> None:
+    rng = np.random.default_rng(8)
+    parts = [
+        BoardView(v.name, *(sighting(s.px, rng.random(54) < 0.4) for s in (v.left, v.right)))
+        for v in views_of(TRUE, 20, 8)
+    ]
+    fit = fitted(parts)
+    assert fit.calibration.K1[0, 0] == pytest.approx(520, rel=0.004)
+    assert fit.calibration.baseline == pytest.approx(TRUE.baseline, rel=0.005)
+    assert fit.pairs == 20
+
+
+def test_bad_views_are_refused_by_name_with_their_errors() -> None:
+    rng = np.random.default_rng(9)
+    views = views_of(TRUE, 18, 9)
+    views[2] = replace(views[2], right=sighting(views[2].right.px[::-1].copy()))
+    views[5] = replace(views[5], left=sighting(views[5].left.px + rng.normal(0, 3, (54, 2))))
+    views[8] = replace(views[8], right=sighting(views[8].right.px + [3.0, 2.0]))
+    views[11] = replace(views[11], right=views[12].right)
+    views[14] = replace(views[14], left=sighting(views[14].left.px, np.arange(54) < 5))
+    fit = fitted(views)
+    refused = {view.name: view for view in fit.views if not view.used}
+    assert set(refused) == {"3", "6", "9", "12", "15"}
+    assert "numbered from the other end" in refused["3"].reason
+    assert "px off in the left image, the others 0.2 px: moved" in refused["6"].reason
+    assert refused["6"].left_px == pytest.approx(3 * np.sqrt(2), rel=0.2)
+    assert refused["6"].right_px is None
+    for name in ("9", "12"):
+        assert "not show the board in the same pose" in refused[name].reason
+        assert max(refused[name].left_px, refused[name].right_px) > 1
+    assert "shows 5 corners; at least 8" in refused["15"].reason
+    assert fit.calibration.K1[0, 0] == pytest.approx(520, rel=0.003)
+    assert fit.calibration.baseline == pytest.approx(TRUE.baseline, rel=0.005)
+
+
+def test_good_views_survive_a_third_of_mismatched_pairs() -> None:
+    views = views_of(TRUE, 18, 10)
+    wrong = {0, 3, 6, 9, 12, 15}
+    mixed = [replace(v, right=views[(k + 5) % 18].right) if k in wrong else v
+             for k, v in enumerate(views)]  # fmt: skip
+    fit = fitted(mixed)
+    assert {k for k, view in enumerate(fit.views) if not view.used} == wrong
+    assert fit.calibration.baseline == pytest.approx(TRUE.baseline, rel=0.005)
+
+
+def facing_views(count: int) -> list[BoardView]:
+    """The board parallel to the image, nearer and farther."""
+    rng = np.random.default_rng(0)
+    found = []
+    for k in range(count):
+        place = np.array([rng.uniform(-0.2, 0.05), rng.uniform(-0.15, 0), rng.uniform(0.6, 1.1)])
+        turn = cv2.Rodrigues(rng.uniform(-0.04, 0.04, 3))[0]
+        pair = projected(TRUE, turn, place)
+        noisy = [px + rng.normal(0, 0.15, px.shape) for px in pair]
+        found.append(BoardView(str(k), *map(sighting, noisy)))
+    return found
+
+
+def one_pose(count: int, noise_px: float) -> list[BoardView]:
+    view = views_of(TRUE, 1, 11, 0.0)[0]
+    rng = np.random.default_rng(0)
+    return [
+        BoardView(
+            str(k),
+            *(sighting(s.px + rng.normal(0, noise_px, (54, 2))) for s in (view.left, view.right)),
+        )
+        for k in range(count)
+    ]
+
+
+def unpaired(views: list[BoardView]) -> list[BoardView]:
+    return [replace(v, right=views[k - 1].right) for k, v in enumerate(views)]
+
+
+@pytest.mark.parametrize(
+    ("views", "words"),
+    [
+        ([], ["no views in which the left camera sees the board", "at least 5"]),
+        (views_of(TRUE, 4, 12), ["4 views in which the left camera", "at least 5"]),
+        (
+            [replace(v, right=None) if k else v for k, v in enumerate(views_of(TRUE, 9, 12))],
+            ["1 view in which the right camera sees"],
+        ),
+        (
+            [
+                replace(v, **{("right", "left")[k % 2]: None})
+                for k, v in enumerate(views_of(TRUE, 14, 12))
+            ],
+            ["no views in which both cameras see the board"],
+        ),
+        (one_pose(12, 0.1), ["focal length of the left camera", "same pose in every view"]),
+        (one_pose(8, 0.0), ["same pose in every view"]),
+        (facing_views(15), ["focal length", "tilt it by 20 to 40 degrees"]),
+        (unpaired(views_of(TRUE, 14, 13)), ["agree on where the right camera is"]),
+        (
+            [BoardView(v.name, v.right, v.left) for v in views_of(TRUE, 10, 14)],
+            ["120 mm to the left of the left one", "swap"],
+        ),
+        (views_of(TRUE, 14, 15, noise_px=4.0), ["px off on the whole"]),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_calibrated_is_told_in_one_sentence(
+    views: list[BoardView], words: list[str]
+) -> None:
+    with pytest.raises(CalibrationError) as error:
+        fitted(views)
+    for part in words:
+        assert part in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_pair_one_above_the_other_is_refused() -> None:
+    above = replace(TRUE, T=np.array([0.0, -0.08, 0.0]))
+    with pytest.raises(CalibrationError, match="side by side"):
+        fitted(views_of(above, 10, 16))
+
+
+def test_progress_is_told_often_and_rises() -> None:
+    told: list[tuple[str, float]] = []
+    fitted(views_of(TRUE, 8, 17), progress=lambda words, share: told.append((words, share)))
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert len(told) >= 15
+    assert all(words for words, _ in told)
+
+
+def test_the_same_views_give_the_same_calibration() -> None:
+    views = views_of(TRUE, 8, 18)
+    one, two = fitted(views), fitted(views)
+    for name in ("K1", "D1", "K2", "D2", "R", "T"):
+        assert np.array_equal(getattr(one.calibration, name), getattr(two.calibration, name))
+    assert one.held_out == two.held_out
+
+
+numbers = st.one_of(
+    st.floats(-100, 900),
+    st.sampled_from([0.0, np.nan, np.inf, 1e12, -1e12]),
+)
+
+
+@st.composite
+def sightings(draw: st.DrawFn) -> BoardSighting | None:
+    kind = draw(st.sampled_from(["none", "real", "shuffled", "line", "grid", "few", "wild"]))
+    rng = np.random.default_rng(draw(st.integers(0, 50)))
+    if kind == "none":
+        return None
+    real = views_of(TRUE, 1, int(rng.integers(4)))[0].left.px
+    if kind == "real":
+        return sighting(real)
+    if kind == "shuffled":
+        return sighting(rng.permutation(real))
+    if kind == "line":
+        return sighting(np.outer(np.arange(54), [draw(st.floats(0, 11)), 4.0]))
+    if kind == "grid":
+        return sighting(BOARD.object_points[:, :2] * draw(st.floats(-2000, 2000)))
+    if kind == "few":
+        return sighting(real, np.arange(54) < draw(st.integers(0, 9)))
+    ids = np.array(sorted(draw(st.sets(st.integers(-3, 70), max_size=20))), dtype=np.int32)
+    wild = [[draw(numbers), draw(numbers)] for _ in ids]
+    return BoardSighting(ids, np.array(wild, dtype=np.float64).reshape(-1, 2))
+
+
+@settings(
+    max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
+@given(
+    st.lists(st.tuples(sightings(), sightings()), max_size=9),
+    st.integers(0, 7),
+    st.sampled_from(["radtan", "equidistant"]),
+)
+def test_no_views_make_it_fail_otherwise_than_by_a_sentence(
+    pairs: list[tuple[BoardSighting | None, BoardSighting | None]], good: int, model: str
+) -> None:
+    views = [BoardView(str(k), *pair) for k, pair in enumerate(pairs)]
+    views += views_of(TRUE, 8, 3)[:good]
+    try:
+        fit = fitted(views, distortion_model=model)
+    except CalibrationError as error:
+        assert str(error)
+    else:
+        assert len(fit.views) == len(views)
+        assert np.isfinite([fit.rms_left, fit.rms_right, fit.rms_stereo]).all()
