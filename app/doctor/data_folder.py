@@ -98,20 +98,37 @@ def _sqlite(file: Path) -> Finding:
         )
     try:
         # Read only: what is wrong is told here and dealt with by serve, which keeps a copy.
-        with closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True, timeout=_WAIT_S)) as db:
+        uri = f"{file.as_uri()}?mode=ro{'&immutable=1' if _is_at_rest(file) else ''}"
+        with closing(sqlite3.connect(uri, uri=True, timeout=_WAIT_S)) as db:
             (answer,) = db.execute("PRAGMA quick_check(1)").fetchone()
             tables = {name for (name,) in db.execute("SELECT name FROM sqlite_schema")}
             has_revision = "alembic_version" in tables
             query = "SELECT version_num FROM alembic_version"
             row = db.execute(query).fetchone() if has_revision else None
     except sqlite3.Error as error:
-        return _damaged(file, error)
+        return _unreadable(file, error)
+    except OSError as error:
+        return Finding(
+            _SECTION, "problem", f"the database {file} cannot be read ({error.strerror})"
+        )
     if answer != "ok":
         return _moved_aside(file, str(answer))
     return _revision(file, row[0] if row else None, bool(tables))
 
 
-def _damaged(file: Path, error: sqlite3.Error) -> Finding:
+def _is_at_rest(file: Path) -> bool:
+    """Whether it keeps a write-ahead log and nobody has it open: the log is gone then.
+
+    Reading such a file in the ordinary way would leave a log and its index beside it, perhaps
+    owned by root.
+    """
+    with file.open("rb") as opened:
+        # https://www.sqlite.org/fileformat.html, file format version numbers: 2 is WAL.
+        keeps_log = opened.read(20)[18:20] == b"\x02\x02"
+    return keeps_log and not file.with_name(f"{file.name}-wal").exists()
+
+
+def _unreadable(file: Path, error: sqlite3.Error) -> Finding:
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
     if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
         return _moved_aside(file, str(error))
