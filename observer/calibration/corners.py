@@ -61,12 +61,48 @@ def _saddle_points(gray: Image, px: Float64Array, reach: Float64Array) -> Float6
     """Saddle points nearest to ``px`` (N, 2), within ``reach`` (N,) pixels each."""
     windows = np.clip(reach, *_WINDOW_PX).astype(int)
     moved = px.copy()
+    inside = ((px >= 0) & (px <= np.array(gray.shape[::-1]) - 1)).all(axis=1)
     for window in np.unique(windows):
-        chosen = windows == window
+        chosen = (windows == window) & inside
+        if not chosen.any():
+            continue
         start = px[chosen].astype(np.float32).reshape(-1, 1, 2)
         found = cv2.cornerSubPix(gray, start, (int(window), int(window)), (-1, -1), _PRECISION)
         moved[chosen] = found.reshape(-1, 2)
     return moved
+
+
+def goes_on(gray: Image, board: Board, px: Float64Array) -> bool:
+    """Whether a chessboard has more corners than those found: ``px`` (columns * rows, 2).
+
+    OpenCV finds 8x6 corners in a board of 9x6, other ones in each image. Beyond the last corner of
+    a row, white and black still change on two sides; only within a board do they on all four.
+    """
+    grid = px.reshape(board.rows, board.columns, 2)
+    across, down = (np.asarray(np.gradient(grid, axis=axis)) for axis in (1, 0))
+    contrast = np.median(_saddle_contrast(gray, grid, across, down))
+    for way in (grid, grid[::-1], grid.swapaxes(0, 1), grid.swapaxes(0, 1)[::-1]):
+        # Perspective makes steps grow; the second difference carries that on.
+        beyond = 3 * way[0] - 3 * way[1] + way[2]
+        seen = _saddle_contrast(gray, beyond, np.gradient(beyond, axis=0), beyond - way[0])
+        seen = seen[np.isfinite(seen)]
+        if len(seen) > 1 and np.mean(seen > 0.75 * contrast) > 0.6:
+            return True
+    return False
+
+
+def _saddle_contrast(
+    gray: Image, px: Float64Array, along: Float64Array, across: Float64Array
+) -> Float64Array:
+    """How much two opposite squares at a corner differ from the two others; NaN outside."""
+    sign = (1, -1, -1, 1)
+    value = np.zeros(px.shape[:-1])
+    for factor, (a, b) in zip(sign, ((1, 1), (1, -1), (-1, 1), (-1, -1)), strict=True):
+        place = np.rint(px + 0.35 * (a * along + b * across))
+        inside = ((place >= 0) & (place < gray.shape[::-1])).all(axis=-1)
+        u, v = (place[..., k].clip(0, gray.shape[1 - k] - 1).astype(np.intp) for k in (0, 1))
+        value += np.where(inside, factor * gray[v, u].astype(np.float64), np.nan)
+    return np.abs(value)
 
 
 def _spacing(board: Board, ids: NDArray[np.int32], px: Float64Array) -> Float64Array:

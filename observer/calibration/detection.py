@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.board import CHARUCO_DICTIONARY, MARKER_SHARE, Board
-from observer.calibration.corners import refined_corners
+from observer.calibration.corners import goes_on, refined_corners
 from observer.calibration.views import FEWEST_CORNERS, BoardSighting
 from observer.camera import as_gray
 from observer.geometry import Float64Array
@@ -50,8 +50,23 @@ def detect_board(image: Image, board: Board, *, quick: bool = False) -> BoardSig
         return _detect_charuco(gray, board, quick)
     ids = np.arange(board.corner_count, dtype=np.int32)
     for found in _searches(gray, board, quick):
-        if found is not None and refined_corners(gray, board, ids, found).all():
-            return _numbered(gray, board, found)
+        if found is None or not refined_corners(gray, board, ids, found).all():
+            continue
+        # Of a board with more corners than asked for, which of them were found is chance.
+        return None if goes_on(gray, board, found) else _numbered(gray, board, found)
+    return None
+
+
+def size_shown(image: Image) -> tuple[int, int] | None:
+    """Columns and rows of the inner corners of a chessboard in an image, or None.
+
+    For whoever gave another size than the board has: it tries sizes up to 12x9 and takes a second.
+    """
+    gray = as_gray(image)
+    for columns in range(12, 3, -1):
+        for rows in range(min(columns, 9), 2, -1):
+            if detect_board(gray, Board("chessboard", columns, rows), quick=True) is not None:
+                return columns, rows
     return None
 
 
