@@ -9,7 +9,7 @@ from itertools import groupby
 from app.doctor.finding import Finding, Level
 from app.doctor.machine import Machine
 from observer.sources.cameras.device_files import text_in
-from observer.sources.cameras.devices import CameraDevice, bandwidth_hints, list_devices
+from observer.sources.cameras.devices import CameraDevice, list_devices, shared_bus_hints
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.modes import CameraMode
 
@@ -46,8 +46,19 @@ def _findings(machine: Machine, devices: Sequence[CameraDevice]) -> Iterator[Fin
             for device in further
         )
         yield Finding(_SECTION, "ok", f"further nodes, which are no cameras: {listed}")
-    for hint in bandwidth_hints(devices):
+    hints = shared_bus_hints(devices)
+    for hint in hints:
         yield Finding(_SECTION, "warning", hint)
+    usable = [device for device in main if device.trouble is None]
+    if len(usable) > 1:
+        yield Finding(_SECTION, "ok", _as_a_pair(usable[0], usable[1], compressed=bool(hints)))
+
+
+def _as_a_pair(left: CameraDevice, right: CameraDevice, *, compressed: bool) -> str:
+    both_can = all(any(m.pixel_format == "MJPG" for m in each.modes) for each in (left, right))
+    settings = "?format=MJPG" if compressed and both_can else ""
+    source = f"camera:{left.stable_path},{right.stable_path}{settings}"
+    return f"two of them as left and right: dynamic-observer serve '{source}'"
 
 
 def _main_nodes(
@@ -87,10 +98,10 @@ def _usb_camera_connected(machine: Machine) -> bool:
 
 
 def _camera(device: CameraDevice) -> Finding:
-    name = f"{device.card or 'a device'} ({device.path})"
+    name = device.card or "a device"
     details = tuple(_details(device))
     if device.trouble is None:
-        return Finding(_SECTION, "ok", name, details)
+        return Finding(_SECTION, "ok", f"{name} ({device.path})", details)
     # Who has it open may close it, and it may be ourselves; all else keeps it from being used.
     level: Level = "warning" if device.modes else "problem"
     return Finding(_SECTION, level, f"{name}: {device.trouble}", details)

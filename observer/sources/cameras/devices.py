@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 from observer.sources.cameras.device_files import Holder, User, holders, shown_path, text_in
-from observer.sources.cameras.usb import UsbPlace, bandwidth_hints, usb_place
+from observer.sources.cameras.usb import UsbPlace, shared_bus_hints, usb_place
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.device import Control, DeviceAccess, LinuxAccess, V4l2Device
 from observer.sources.cameras.v4l2.modes import CameraMode, camera_modes
 from observer.sources.cameras.v4l2.opening import why_not
 
-__all__ = ["CameraDevice", "Use", "bandwidth_hints", "list_devices"]
+__all__ = ["CameraDevice", "Use", "list_devices", "shared_bus_hints"]
 
 _MACHINE = Path("/")
 

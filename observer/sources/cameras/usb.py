@@ -79,7 +79,7 @@ def yuyv_rate_mb(width: int, height: int, rate: float) -> float:
     return width * height * _YUYV_BYTES_PER_PIXEL * rate / 1e6
 
 
-def bandwidth_hints(cameras: Iterable[OnUsb]) -> tuple[str, ...]:
+def shared_bus_hints(cameras: Iterable[OnUsb]) -> tuple[str, ...]:
     """One sentence for each USB 2 bus that several cameras share.
 
     The nodes of one camera count once: who has two views in one device has one that fits them.
@@ -101,6 +101,7 @@ def _hint(bus: int, controller: str, cameras: Sequence[OnUsb]) -> str:
     width, height, rate = _EXAMPLE
     names = ", ".join(camera.path for camera in cameras[:-1]) + f" and {cameras[-1].path}"
     low, high = _USB2_USABLE_MB
+    together = each * len(cameras)
     lacking = [
         camera.path
         for camera in cameras
@@ -114,6 +115,7 @@ def _hint(bus: int, controller: str, cameras: Sequence[OnUsb]) -> str:
     return (
         f"{names} share one USB 2 bus (bus {bus} of the controller {controller}), which carries "
         f"about {low} to {high} MB/s: uncompressed (YUYV) {width}x{height} at {rate}/s takes "
-        f"{each:.1f} MB/s each, {each * len(cameras):.1f} MB/s together; {what}, "
+        f"{each:.1f} MB/s each, {together:.1f} MB/s together, which "
+        f"{'fits barely, if at all' if together <= high else 'does not fit'}; {what}, "
         f"or plug one camera into a port of another controller"
     )

@@ -29,6 +29,7 @@ from app.doctor.telling import tell
 from app.settings import Settings
 from app.storage.storage import Storage
 from observer.sources.cameras.device_files import User
+from observer.sources.cameras.spec import parse_devices
 
 from ...observer.sources.cameras.fake_machine import FakeMachine
 from ...observer.sources.cameras.fake_v4l2 import FakeCamera, FakeKernel, metadata_node, webcam
@@ -103,7 +104,7 @@ def test_a_camera_without_permission_hinders_and_speaks_for_its_second_node(
     bench.kernel.denied |= {"video0", "video1"}
     first, rest = bench.cameras()
     assert first.level == "problem"
-    assert first.text.startswith("Locked Cam (/dev/video0): /dev/video0 may be used by the group")
+    assert first.text.startswith("Locked Cam: /dev/video0 may be used by the group")
     assert "sudo usermod -aG video ada" in first.text
     assert (rest.level, rest.text) == ("ok", "further nodes, which are no cameras: /dev/video1")
 
@@ -128,8 +129,21 @@ def test_two_cameras_on_one_bus_are_a_warning(bench: Bench) -> None:
     bench.camera(0, webcam(), port="1-1")
     bench.camera(2, webcam(), port="1-2")
     findings = bench.cameras()
-    assert levels(findings) == ["ok", "ok", "warning"]
+    assert levels(findings) == ["ok", "ok", "warning", "ok"]
     assert "36.9 MB/s together" in findings[2].text
+    names = [f"/dev/v4l/by-path/pci-0000:00:14.0-usb-0:{n}:1.0-video-index0" for n in (1, 2)]
+    assert f"serve 'camera:{names[0]},{names[1]}?format=MJPG'" in findings[3].text
+
+
+def test_what_it_says_to_start_two_cameras_with_is_understood(bench: Bench) -> None:
+    bench.camera(0, webcam(), port="1-1")
+    bench.camera(2, webcam(), port="2-7", bus=2)
+    command = bench.cameras()[-1].text.partition("dynamic-observer serve ")[2]
+    spec = parse_devices(command.strip("'").removeprefix("camera:"))
+    assert [target.address for target in spec.targets] == [
+        "/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0",
+        "/dev/v4l/by-path/pci-0000:00:14.0-usb-0:7:1.0-video-index0",
+    ]
 
 
 def test_no_camera_is_no_hindrance_and_says_how_containers_get_one(bench: Bench) -> None:

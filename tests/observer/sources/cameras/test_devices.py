@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from observer.sources.cameras.device_files import Holder, User, permission_advice
-from observer.sources.cameras.devices import CameraDevice, bandwidth_hints, list_devices
+from observer.sources.cameras.devices import CameraDevice, list_devices, shared_bus_hints
 
 from .fake_machine import CONTROLLER, FakeMachine
 from .fake_v4l2 import EXPOSURE, FakeCamera, FakeKernel, metadata_node, webcam
@@ -172,21 +172,24 @@ def listed(machine: FakeMachine, *cameras: FakeCamera) -> tuple[CameraDevice, ..
 def test_two_cameras_on_one_bus_are_told_the_arithmetic(machine: FakeMachine) -> None:
     machine.camera(0, port="1-1")
     machine.camera(2, port="1-2.4")
-    (hint,) = bandwidth_hints(listed(machine, webcam(), webcam()))
+    (hint,) = shared_bus_hints(listed(machine, webcam(), webcam()))
     assert hint == (
         "/dev/video0 and /dev/video2 share one USB 2 bus (bus 1 of the controller 0000:00:14.0), "
         "which carries about 35 to 40 MB/s: uncompressed (YUYV) 640x480 at 30/s takes 18.4 MB/s "
-        "each, 36.9 MB/s together; take compressed images with format=MJPG, or plug one camera "
-        "into a port of another controller"
+        "each, 36.9 MB/s together, which fits barely, if at all; take compressed images with "
+        "format=MJPG, or plug one camera into a port of another controller"
     )
 
 
 def test_cameras_without_compression_are_told_another_way(machine: FakeMachine) -> None:
     machine.camera(0, port="1-1")
     machine.camera(2, port="1-2")
+    machine.camera(4, port="1-3")
     raw = webcam()
     del raw.formats["MJPG"]
-    (hint,) = bandwidth_hints(listed(machine, webcam(), raw))
+    (hint,) = shared_bus_hints(listed(machine, webcam(), raw, webcam()))
+    assert "/dev/video0, /dev/video2 and /dev/video4 share one USB 2 bus" in hint
+    assert "55.3 MB/s together, which does not fit" in hint
     assert "choose a smaller size or rate (/dev/video2: no MJPG)" in hint
 
 
@@ -204,4 +207,4 @@ def test_cameras_that_do_not_share_a_bus_are_told_nothing(
 ) -> None:
     machine.camera(0, port="1-1")
     machine.camera(2, **second)  # type: ignore[arg-type]
-    assert bandwidth_hints(listed(machine, webcam(), webcam())) == ()
+    assert shared_bus_hints(listed(machine, webcam(), webcam())) == ()
