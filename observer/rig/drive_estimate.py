@@ -1,0 +1,275 @@
+"""Where the camera sits on the robot, from a short drive: wheels on one side, stereo on the other.
+
+Hand-eye calibration, A X = X B, of a robot that drives on a plane. With the robot's motion over
+a stretch (turn psi about z, way p) and the camera's (rotation B, translation b):
+
+    R t_B  =  (Rz(psi) - I) t + s p,        R rotvec(B)  =  (0, 0, psi)
+
+R and t are rotation and place of ``T_base_camera``, s the visual metres of a wheel's metre. A turn
+tells the lever t_xy and, by its axis, tilt and roll; driving straight tells pan and s; height is
+told by neither (Censi, Franchi, Marchionni, Oriolo: Simultaneous calibration of odometry and
+sensor parameters for mobile robots, T-RO 2013).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from observer.geometry import Float64Array, rotation_matrix
+from observer.mount import CameraMount
+from observer.rig.drive_stretches import DriveSample, Stretch, drive_stretches
+from observer.rig.estimates import Estimated, Refused
+
+# Noise of a stretch to begin with, metres and radians; then the residuals tell the real one,
+# within these factors.
+_WAY_SIGMA_M, _TURN_SIGMA = 0.003, 0.002
+_NOISE_FACTOR = (0.3, 30.0)
+# What is known before anything is seen, one standard deviation: a camera is put up roughly
+# straight, somewhere on its robot. Pan, tilt, roll (rad), forward, left (m), scale.
+_PRIOR_SIGMA = (2.0, 0.8, math.radians(3), 1.0, 1.0, 0.3)
+# By what the camera's own path errs as a whole, so that no residual shows it: about a tenth of a
+# pixel of disparity. As simulated drives have it, same order; and of the turn's scale.
+_BIAS = (*(math.radians(0.1),) * 3, 0.003, 0.003, 0.01)
+_TURN_BIAS = 0.002
+_PANS = (0.0, math.pi / 2, math.pi, -math.pi / 2)
+# What is too uncertain is not told at all, in the same order.
+_USEFUL = (*(math.radians(1.5),) * 3, 0.02, 0.02, 0.03)
+_LEAST_TURN, _LEAST_WAY_M = math.radians(40), 0.4
+_FEWEST_STRETCHES = 3
+# A stretch that turns less than this counts as straight.
+_STRAIGHT = math.radians(3)
+# Of what wheels report; beyond, its unit or sign is another one.
+_POSSIBLE_SCALE, _POSSIBLE_TURN = (0.5, 2.0), (0.7, 1.4)
+
+TURN_ON_THE_SPOT = "turn by 60 degrees on the spot, to both sides where there is room"
+DRIVE_STRAIGHT = "drive 1 m straight"
+
+
+@dataclass(frozen=True)
+class DriveEstimate:
+    """What a drive has told so far; None where it has not told it yet.
+
+    Attributes:
+        forward_m, left_m: of the camera from the middle of the axle. pan_rad, tilt_rad, roll_rad:
+            as in ``CameraMount``.
+        wheel_scale: metres that the camera saw for each metre that the wheels report.
+        turn_scale: radians that the camera saw for each radian that the wheels report.
+        way_m, turned_rad: how far the camera was seen to go, and to turn, in sum.
+        still_needed: what to drive so that the rest can be told; empty when all is told.
+        sentence: the result for people.
+    """
+
+    forward_m: Estimated | None
+    left_m: Estimated | None
+    pan_rad: Estimated | None
+    tilt_rad: Estimated | None
+    roll_rad: Estimated | None
+    wheel_scale: Estimated | None
+    turn_scale: Estimated | None
+    way_m: float
+    turned_rad: float
+    still_needed: tuple[str, ...]
+    sentence: str
+
+
+def estimate_drive(
+    samples: Sequence[DriveSample],
+    standing: CameraMount | None = None,
+    standing_sigma_rad: float = math.radians(1),
+) -> DriveEstimate | Refused:
+    """The camera's place on the robot from how both of them moved.
+
+    Args:
+        samples: in order of time, a few a second or more while the robot drives.
+        standing: tilt and roll as known otherwise, mostly from the floor
+            (``FloorEstimate.mount``); its height and offset do not matter.
+        standing_sigma_rad: of its tilt and roll, one standard deviation.
+
+    Returns:
+        What can be told, or why nothing can.
+    """
+    stretches = drive_stretches(samples)
+    if isinstance(stretches, Refused):
+        return stretches
+    way = sum(stretch.seen_m for stretch in stretches)
+    turned = sum(stretch.seen_rad for stretch in stretches)
+    if len(stretches) < _FEWEST_STRETCHES:
+        return Refused(
+            f"the robot has hardly moved (by {way:.2f} m and {math.degrees(turned):.0f} degrees): "
+            f"{TURN_ON_THE_SPOT}, then {DRIVE_STRAIGHT}"
+        )
+    straight = [stretch for stretch in stretches if stretch.seen_rad < _STRAIGHT]
+    if impossible := _impossible_way(straight):
+        return Refused(impossible)
+    fit = _fitted(stretches, standing, standing_sigma_rad)
+    turn_scale = _turn_scale(stretches, fit) if turned >= _LEAST_TURN else None
+    if turn_scale and not _POSSIBLE_TURN[0] <= turn_scale.value <= _POSSIBLE_TURN[1]:
+        return Refused(
+            f"the camera turned by {turn_scale.value:.2f} degrees for each degree that the wheels "
+            f"report, but by about 1 would be right; see that the odometry's yaw is in radians "
+            f"and positive to the left"
+        )
+    went_straight = sum(stretch.driven_m for stretch in straight) >= _LEAST_WAY_M
+    shown = (went_straight, *(turned >= _LEAST_TURN,) * 4, went_straight)
+    pan, tilt, roll, forward, left, scale = (
+        Estimated(value, sigma) if may and sigma <= useful else None
+        for value, sigma, useful, may in zip(
+            fit.values.tolist(), fit.sigmas.tolist(), _USEFUL, shown, strict=True
+        )
+    )
+    needed = []
+    if forward is None or left is None or tilt is None or roll is None:
+        needed.append(TURN_ON_THE_SPOT)
+    if pan is None or scale is None:
+        needed.append(DRIVE_STRAIGHT)
+    return DriveEstimate(
+        forward_m=forward, left_m=left, pan_rad=pan, tilt_rad=tilt, roll_rad=roll,
+        wheel_scale=scale, turn_scale=turn_scale, way_m=way, turned_rad=turned,
+        still_needed=tuple(needed), sentence=_sentence(forward, left, pan, scale, needed),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Attributes: (6,) pan, tilt, roll (rad), forward, left (m), scale, and their sigmas."""
+
+    values: Float64Array
+    sigmas: Float64Array
+
+
+class _Model:
+    """What is observed of the stretches less what a place of the camera predicts."""
+
+    def __init__(self, stretches: Sequence[Stretch]) -> None:
+        self._stretches = stretches
+        self._turn = np.array([stretch.turn for stretch in stretches])
+        self._way = np.array([stretch.way for stretch in stretches])
+
+    def turned(self, values: Float64Array) -> Float64Array:
+        """(N, 3) rotation vectors in the base's axes: about z alone, were all exact."""
+        return np.asarray(self._turn @ _rotation(values[:3]).T)
+
+    def tipped(self, values: Float64Array) -> Float64Array:
+        """(N, 2) radians about the axes x and y, about which the robot cannot turn."""
+        return self.turned(values)[:, :2]
+
+    def strayed(self, values: Float64Array) -> Float64Array:
+        """(N, 3) metres."""
+        turn = self.turned(values)[:, 2]
+        c, s = np.cos(turn) - 1, np.sin(turn)
+        forward, left, scale = values[3:]
+        swing = np.stack([c * forward - s * left, s * forward + c * left, np.zeros_like(c)], axis=1)
+        driven = [one.driven(psi) for one, psi in zip(self._stretches, turn, strict=True)]
+        seen = self._way @ _rotation(values[:3]).T
+        return np.asarray(seen - swing - scale * np.array(driven))
+
+
+def _fitted(
+    stretches: Sequence[Stretch], standing: CameraMount | None, standing_sigma: float
+) -> _Fit:
+    model = _Model(stretches)
+    middle = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    prior_sigma = np.array(_PRIOR_SIGMA)
+    if standing is not None:
+        middle[1:3] = standing.tilt_rad, standing.roll_rad
+        prior_sigma[1:3] = standing_sigma
+    noise = np.array([_WAY_SIGMA_M, _TURN_SIGMA])
+
+    def residuals(values: Float64Array) -> Float64Array:
+        off = (values - middle) / prior_sigma
+        # Of an unknown pan, one that looks back is as good as one that looks ahead.
+        off[0] = math.sin(values[0] / 2) / prior_sigma[0]
+        strayed, tipped = model.strayed(values) / noise[0], model.tipped(values) / noise[1]
+        return np.concatenate([strayed.ravel(), tipped.ravel(), off])
+
+    best = None
+    for pan in _PANS:
+        start = middle.copy()
+        start[0] = pan
+        # Where a robot slips or the camera loses its way, a stretch does not count in full.
+        found = least_squares(residuals, start, loss="soft_l1", f_scale=2.0, max_nfev=30)
+        if best is None or found.cost < best.cost:
+            best = found
+    assert best is not None
+    for _ in range(2):
+        noise = np.array(
+            [
+                _WAY_SIGMA_M * _factor(model.strayed(best.x) / _WAY_SIGMA_M),
+                _TURN_SIGMA * _factor(model.tipped(best.x) / _TURN_SIGMA),
+            ]
+        )
+        best = least_squares(residuals, best.x, loss="soft_l1", f_scale=2.0, max_nfev=30)
+    values = np.asarray(best.x, np.float64)
+    values[0] = math.remainder(values[0], 2 * math.pi)
+    J = np.asarray(best.jac, np.float64)
+    variance = np.diagonal(np.linalg.inv(J.T @ J)) + np.array(_BIAS) ** 2
+    return _Fit(values, np.sqrt(variance))
+
+
+def _factor(residual: Float64Array) -> float:
+    return float(np.clip(1.4826 * np.median(np.abs(residual)), *_NOISE_FACTOR))
+
+
+def _rotation(angles: Float64Array) -> Float64Array:
+    """(3, 3) ``R_base_camera`` by pan, tilt and roll, as ``CameraMount`` composes it."""
+    pan, tilt, roll = np.eye(3)[[2, 1, 0]] * angles[:, None]
+    level = CameraMount(1.0, 0.0).R_base_camera
+    turns = rotation_matrix(pan) @ rotation_matrix(tilt) @ rotation_matrix(roll)
+    return np.asarray(turns @ level, np.float64)
+
+
+def _turn_scale(stretches: Sequence[Stretch], fit: _Fit) -> Estimated | None:
+    """What the camera saw against what the wheels report, by least squares through zero."""
+    seen = _Model(stretches).turned(fit.values)[:, 2]
+    told = np.array([stretch.wheel_turn for stretch in stretches])
+    size = float(told @ told)
+    if not size > 0:
+        return None
+    scale = float(seen @ told) / size
+    error = (seen - scale * told) * told
+    freedom = max(1, len(told) - 1)
+    spread = math.sqrt(float(error @ error) * len(told) / freedom) / size
+    return Estimated(scale, math.hypot(spread, _TURN_BIAS))
+
+
+def _impossible_way(straight: Sequence[Stretch]) -> str | None:
+    told = sum(stretch.driven_m for stretch in straight)
+    seen = sum(stretch.seen_m for stretch in straight)
+    if told < _LEAST_WAY_M:
+        return None
+    if _POSSIBLE_SCALE[0] <= seen / told <= _POSSIBLE_SCALE[1]:
+        return None
+    return (
+        f"the camera saw {seen:.2f} m of a straight way that the wheels report as {told:.2f} m; "
+        f"see that the odometry is in metres, and that the calibration's baseline is right"
+    )
+
+
+def _sentence(
+    forward: Estimated | None,
+    left: Estimated | None,
+    pan: Estimated | None,
+    scale: Estimated | None,
+    needed: Sequence[str],
+) -> str:
+    told = []
+    if forward is not None and left is not None:
+        told.append(
+            f"the left camera is {100 * forward.value:.1f} +- {100 * forward.sigma:.1f} cm ahead "
+            f"and {100 * left.value:.1f} +- {100 * left.sigma:.1f} cm to the left of the axle"
+        )
+    if pan is not None:
+        told.append(
+            f"the left camera looks {pan.degrees.value:.1f} +- {pan.degrees.sigma:.1f} degrees to "
+            f"the left of where the robot drives"
+        )
+    if scale is not None:
+        told.append(f"it sees {scale.value:.3f} +- {scale.sigma:.3f} m for each m of the wheels")
+    if needed:
+        told.append(f"still needed: {', then '.join(needed)}")
+    return "; ".join(told)

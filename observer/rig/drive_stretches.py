@@ -1,0 +1,167 @@
+"""A drive cut into stretches: how far the camera went in each, and how far the wheels did."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+from observer.rig.estimates import Refused
+from observer.types import Odometry
+
+# A stretch ends once one of these is reached: long enough for its motion to stand out of the
+# noise, short enough that there are many of them.
+_STRETCH_TURN, _STRETCH_WAY_M = math.radians(10), 0.15
+# By one step: beyond, the wheels were set back to zero or a robot was carried.
+_MOST_STEP_M, _MOST_STEP_RAD, _MOST_STEP_S = 1.0, math.radians(60), 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class DriveSample:
+    """Where camera and wheels were at one instant.
+
+    Attributes:
+        time: seconds on the source's clock. segment: of the world that the pose is given in.
+        T_world_camera: None where it is unknown. odometry: None where nothing tells it.
+    """
+
+    time: float
+    segment: int
+    T_world_camera: Pose | None
+    odometry: Odometry | None
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """What camera and wheels did from one instant to a later one.
+
+    Attributes:
+        turn: (3,) rotation vector, radians, and way: (3,) metres, of the camera: its later pose
+            in its earlier axes.
+        steps: (K, 2) metres ahead and to the left by the wheels, each in the axes that the robot
+            had at the middle of the step. wheel_turns: (K,) radians to the left.
+    """
+
+    turn: Float64Array
+    way: Float64Array
+    steps: Float64Array
+    wheel_turns: Float64Array
+
+    @property
+    def seen_m(self) -> float:
+        return float(np.linalg.norm(self.way))
+
+    @property
+    def seen_rad(self) -> float:
+        return float(np.linalg.norm(self.turn))
+
+    @property
+    def driven_m(self) -> float:
+        """The robot's way by its wheels, on whatever curve."""
+        return float(np.hypot(*self.steps.T).sum())
+
+    @property
+    def wheel_turn(self) -> float:
+        return float(self.wheel_turns.sum())
+
+    def driven(self, turn: float) -> Float64Array:
+        """(3,) metres from begin to end by the wheels, in the base's axes at the beginning.
+
+        Args:
+            turn: of the whole stretch, radians, as the camera saw it: wheels tell ways well and
+                turns badly. It is spread over the steps as the wheels' turns are.
+        """
+        correction = (turn - self.wheel_turn) / len(self.steps)
+        turns = self.wheel_turns + correction
+        heading = np.cumsum(turns) - turns / 2
+        c, s = np.cos(heading), np.sin(heading)
+        x, y = self.steps.T
+        return np.array([(c * x - s * y).sum(), (s * x + c * y).sum(), 0.0])
+
+
+def drive_stretches(samples: Sequence[DriveSample]) -> list[Stretch] | Refused:
+    """The drive in stretches that do not overlap; standing still belongs to none.
+
+    A stretch ends where a pose or the odometry is missing, the segment changes, time goes back
+    or more than a second passes, and where the wheels jump.
+    """
+    if not any(sample.odometry is not None for sample in samples):
+        return Refused(
+            "the robot's wheels report nothing, so the camera's place on it cannot be told from a "
+            "drive; type it in, or use a source with odometry"
+        )
+    if not any(sample.T_world_camera is not None for sample in samples):
+        return Refused(
+            "the camera's own motion is unknown in every frame; see that it sees something with "
+            "texture, and is calibrated"
+        )
+    return [stretch for run in _unbroken(samples) for stretch in _cut(run)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    T_world_camera: Pose
+    odometry: Odometry
+
+
+def _unbroken(samples: Iterable[DriveSample]) -> Iterator[list[_Known]]:
+    run: list[_Known] = []
+    last: DriveSample | None = None
+    for sample in samples:
+        if sample.T_world_camera is None or sample.odometry is None:
+            continue
+        if last is not None and not _follows(last, sample):
+            yield run
+            run = []
+        run.append(_Known(sample.T_world_camera, sample.odometry))
+        last = sample
+    yield run
+
+
+def _follows(before: DriveSample, now: DriveSample) -> bool:
+    assert before.odometry is not None
+    assert now.odometry is not None
+    a, b = before.odometry, now.odometry
+    return (
+        before.segment == now.segment
+        and 0 < now.time - before.time <= _MOST_STEP_S
+        and math.hypot(b.x - a.x, b.y - a.y) <= _MOST_STEP_M
+        and abs(_turned(a, b)) <= _MOST_STEP_RAD
+    )
+
+
+def _cut(run: list[_Known]) -> Iterator[Stretch]:
+    begin: _Known | None = None
+    steps: list[tuple[float, float]] = []
+    turns: list[float] = []
+    for a, b in pairwise(run):
+        step, turn = _wheel_step(a.odometry, b.odometry)
+        if begin is None:
+            begin = a
+        steps.append(step)
+        turns.append(turn)
+        way = sum(math.hypot(*one) for one in steps)
+        if not (any(turns) or way):
+            # Still standing: the stretch begins where the robot sets off.
+            begin, steps, turns = None, [], []
+            continue
+        if abs(sum(turns)) >= _STRETCH_TURN or way >= _STRETCH_WAY_M:
+            moved = begin.T_world_camera.inverse() @ b.T_world_camera
+            yield Stretch(moved.rotvec, moved.translation, np.array(steps), np.array(turns))
+            begin, steps, turns = None, [], []
+
+
+def _wheel_step(before: Odometry, now: Odometry) -> tuple[tuple[float, float], float]:
+    turn = _turned(before, now)
+    heading = before.yaw + turn / 2
+    c, s = math.cos(heading), math.sin(heading)
+    dx, dy = now.x - before.x, now.y - before.y
+    return (c * dx + s * dy, c * dy - s * dx), turn
+
+
+def _turned(before: Odometry, now: Odometry) -> float:
+    return math.remainder(now.yaw - before.yaw, 2 * math.pi)
