@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from observer.calibration.adjustment import Adjusted, Corners, Rig, adjust
 from observer.calibration.beginning import with_poses
 from observer.calibration.board import Board
+from observer.calibration.views import FEWEST_CORNERS
 from observer.geometry import Float64Array
 
 # A view is doubtful when its corners are off by this many times what is usual, and by so much
@@ -23,6 +24,11 @@ _LEAST_SOFT_PX = 0.2
 # The median length of a pair of normal numbers of deviation 1.
 _MEDIAN_LENGTH = 1.1774
 _STEPS = 20
+# A corner further off than this, in units of the soft threshold, is wrong; a view may have this
+# share of them, otherwise all of it is.
+_STRAY = 1.5
+_LEAST_STRAY_PX = 0.6
+_STRAY_SHARE = 0.15
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,19 @@ def doubtful(errors: Float64Array) -> NDArray[np.bool_]:
     _, limit = limit_px(errors)
     worst = float(np.nanmax(errors))
     return np.asarray((errors > limit) & (errors > 0.7 * worst), np.bool_)
+
+
+def stray_corners(residuals: Float64Array, corners: Corners, soft_px: float) -> NDArray[np.bool_]:
+    """(N,) single corners of a camera's views that are wrong where the rest of the view is right.
+
+    Beside a glare or the image's edge a corner is found a few pixels away.
+    """
+    far = np.linalg.norm(residuals, axis=1) > max(_LEAST_STRAY_PX, _STRAY * soft_px)
+    views = int(corners.view.max(initial=-1)) + 1
+    strays = np.bincount(corners.view, far, minlength=views)
+    count = np.bincount(corners.view, minlength=views)
+    few = (strays <= _STRAY_SHARE * count) & (count - strays >= FEWEST_CORNERS)
+    return np.asarray(far & few[corners.view], np.bool_)
 
 
 def posed(

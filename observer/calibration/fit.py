@@ -18,6 +18,7 @@ from observer.calibration.doubtful import (
     posed,
     rms,
     soft_threshold,
+    stray_corners,
     view_errors,
     whole_errors,
 )
@@ -31,7 +32,7 @@ from observer.calibration.held_out import (
 )
 from observer.calibration.lens import DISTORTION_SIZE
 from observer.calibration.plausible import check_camera, check_pair
-from observer.calibration.sightings import corners_of, refused_sightings
+from observer.calibration.sightings import corners_of, refused_sightings, without
 from observer.calibration.stereo_fit import DepthBias, StereoFit, ViewError
 from observer.calibration.uncertainty import calibration_of, depth_covariance, uncertainty
 from observer.calibration.views import BoardView
@@ -85,7 +86,7 @@ def fit_stereo(
     right = work.camera_alone(1)
     rig, soft_px = work.pair(left, right)
     usable = work.usable()
-    corners = corners_of(views, board, usable)
+    corners = corners_of(work.views, board, usable)
     both = _both(corners, len(views))
     rig, folds = work.with_supported_terms(rig, corners, both, soft_px)
     report("fitting both cameras by all views", 0.9)
@@ -109,7 +110,7 @@ def fit_stereo(
         rms_right=rms(found.residuals[1]),
         rms_stereo=rms(np.concatenate(found.residuals)),
         views=tuple(
-            _view_error(view.name, refused.get(index), errors[index])
+            _view_error(view, work.views[index], refused.get(index), errors[index])
             for index, view in enumerate(views)
         ),
         pairs=int(np.count_nonzero(both)),
@@ -121,7 +122,10 @@ def fit_stereo(
 
 
 class _Work:
-    """What one fit goes through; ``refused`` grows by the views that turn out bad."""
+    """What one fit goes through.
+
+    ``refused`` grows by the views that turn out bad, and ``views`` lose corners that do.
+    """
 
     def __init__(
         self,
@@ -133,14 +137,14 @@ class _Work:
         refused: dict[int, Refusal],
         report: Progress,
     ) -> None:
-        self._views, self._board = views, board
+        self.views, self._board = list(views), board
         self._width, self._height, self._model = width, height, model
         self._refused, self._report = refused, report
         self._free = np.arange(4 + DISTORTION_SIZE[model]) < 4 + _FIRST_TERMS[model]
 
     def usable(self) -> NDArray[np.bool_]:
         """(V,) which views are not refused."""
-        out = np.ones(len(self._views), np.bool_)
+        out = np.ones(len(self.views), np.bool_)
         out[list(self._refused)] = False
         return out
 
@@ -150,13 +154,18 @@ class _Work:
         self._report(f"fitting the {side} camera", 0.02 + 0.2 * camera)
         corners = self._corners(camera)
         found = begin_camera(
-            corners, len(self._views), self._model, self._width, self._height, self._free
+            corners, len(self.views), self._model, self._width, self._height, self._free
         )
         for turn in range(_ROUNDS):
             self._report(f"fitting the {side} camera", 0.1 + 0.2 * camera + min(0.1, turn / 100))
             soft_px = soft_threshold(found.residuals)
             found = adjust(found.rig, [corners], soft_px=soft_px)
-            errors = view_errors(found.residuals, [corners], len(self._views))[:, 0]
+            strays = stray_corners(found.residuals[0], corners, soft_px)
+            if strays.any():
+                self.views = without(self.views, camera, corners, strays)
+                corners = self._corners(camera)
+                continue
+            errors = view_errors(found.residuals, [corners], len(self.views))[:, 0]
             bad = doubtful(errors)
             if not bad.any():
                 break
@@ -177,8 +186,8 @@ class _Work:
     def pair(self, left: Rig, right: Rig) -> tuple[Rig, float]:
         """Both cameras, and from where on residuals are wrong corners rather than noise."""
         self._report("fitting both cameras", 0.45)
-        views, usable = len(self._views), self.usable()
-        corners = corners_of(self._views, self._board, usable)
+        views, usable = len(self.views), self.usable()
+        corners = corners_of(self.views, self._board, usable)
         both = _both(corners, views)
         self._require_pairs(both, None)
         rig, agree = begin_pair(left, right, corners, both)
@@ -247,7 +256,7 @@ class _Work:
         Raises:
             CalibrationError: there are too few views.
         """
-        corners = corners_of(self._views, self._board, self.usable())[camera]
+        corners = corners_of(self.views, self._board, self.usable())[camera]
         self._require(
             len(np.unique(corners.view)), f"in which the {('left', 'right')[camera]} camera sees"
         )
@@ -267,7 +276,7 @@ class _Work:
         if count >= FEWEST_PAIRS:
             return
         why = next(iter(self._refused.items()), None)
-        refusal = "" if why is None else f" (view {self._views[why[0]].name}: {why[1].reason})"
+        refusal = "" if why is None else f" (view {self.views[why[0]].name}: {why[1].reason})"
         raise CalibrationError(
             f"there {'is' if count == 1 else 'are'} {count or 'no'} "
             f"view{'' if count == 1 else 's'} {words} the board{refusal}; at least "
@@ -295,11 +304,15 @@ def _with_all_terms(rig: Rig) -> Rig:
     return Rig(rig.lenses, np.ones_like(rig.free), rig.R, rig.T, rig.board_R, rig.board_t)
 
 
-def _view_error(name: str, refusal: Refusal | None, errors: Float64Array) -> ViewError:
+def _view_error(
+    given: BoardView, view: BoardView, refusal: Refusal | None, errors: Float64Array
+) -> ViewError:
     if refusal is not None:
-        return ViewError(name, False, refusal.reason, refusal.left_px, refusal.right_px)
+        return ViewError(given.name, False, refusal.reason, refusal.left_px, refusal.right_px)
     left, right = (float(e) if np.isfinite(e) else None for e in errors)
-    return ViewError(name, True, None, left, right)
+    pairs = ((given.left, view.left), (given.right, view.right))
+    strays = sum(len(a) - len(b) for a, b in pairs if a is not None and b is not None)
+    return ViewError(given.name, True, None, left, right, strays)
 
 
 def _row(matrix: Float64Array) -> tuple[float, float, float, float]:

@@ -14,6 +14,7 @@ _UNSURE_ALONE, _UNSURE = 0.1, 0.02
 # Of the board's pose between views: less than this is always the same, degrees and a share of the
 # distance.
 _SAME_DEG, _SAME_SHARE = 4.0, 0.05
+_FEWEST_POSES = 3
 # Less than this the board faces the camera, degrees.
 _FACING_DEG = 10.0
 # Focal lengths as shares of the image's width: 157 to 3 degrees.
@@ -33,6 +34,7 @@ def check_camera(
         CalibrationError: they do not, or the lens is none.
     """
     check_lens(found.rig, 0, width, height, name, _advice(found.rig, seen, 0))
+    _check_variety(found.rig, seen)
     if found.covariance is None:
         raise CalibrationError(_undetermined(found.rig, seen, name))
     share = np.sqrt(found.covariance[0, 0]) / found.rig.lenses[0].values[0]
@@ -96,6 +98,32 @@ def check_lens(rig: Rig, camera: int, width: int, height: int, name: str, advice
         )
 
 
+def _check_variety(rig: Rig, seen: NDArray[np.intp]) -> None:
+    """Whether the board was held in enough poses; without noise one would seem to do.
+
+    Raises:
+        CalibrationError: it was not.
+    """
+    different: list[int] = []
+    for index in seen.tolist():
+        t = rig.board_t[index]
+        for other in different:
+            turned = rig.board_R[index] @ rig.board_R[other].T
+            angle = np.degrees(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1)))
+            if angle < _SAME_DEG and np.linalg.norm(
+                t - rig.board_t[other]
+            ) < _SAME_SHARE * np.linalg.norm(t):
+                break
+        else:
+            different.append(index)
+    if len(different) < _FEWEST_POSES:
+        raise CalibrationError(
+            f"the board is in only {len(different)} different "
+            f"pose{'' if len(different) == 1 else 's'} in {len(seen)} views; move and tilt it "
+            f"between them, {_FEWEST_POSES} poses are needed and 15 are good"
+        )
+
+
 def _undetermined(rig: Rig, seen: NDArray[np.intp], name: str, share: float | None = None) -> str:
     known = "" if share is None or not share < 9 else f" (known to {100 * share:.0f} % only)"
     return (
@@ -106,18 +134,13 @@ def _undetermined(rig: Rig, seen: NDArray[np.intp], name: str, share: float | No
 
 def _advice(rig: Rig, seen: NDArray[np.intp], camera: int) -> str:
     """What to do differently, by how the board was held."""
-    R, t = rig.board_R[seen], rig.board_t[seen]
+    R = rig.board_R[seen]
     if camera == 1:
-        R, t = rig.R @ R, t @ rig.R.T + rig.T
+        R = rig.R @ R
     normal = R[:, :, 2]
     middle = np.median(normal, axis=0)
     middle /= max(float(np.linalg.norm(middle)), 1e-9)
     turned = np.degrees(np.arccos(np.clip(normal @ middle, -1, 1)))
-    away = np.linalg.norm(t - np.median(t, axis=0), axis=1) / max(
-        1e-9, float(np.median(np.linalg.norm(t, axis=1)))
-    )
-    if turned.max(initial=0) < _SAME_DEG and away.max(initial=0) < _SAME_SHARE:
-        return "the board is in nearly the same pose in every view: move and tilt it between them"
     facing = np.degrees(np.arccos(np.clip(np.abs(normal[:, 2]), 0, 1)))
     if np.percentile(facing, 90) < _FACING_DEG or turned.max(initial=0) < _SAME_DEG:
         return (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,19 @@ def corners_of(
         _joined([(i, v.left) for i, v in enumerate(views) if usable[i]], points),
         _joined([(i, v.right) for i, v in enumerate(views) if usable[i]], points),
     )
+
+
+def without(
+    views: Sequence[BoardView], camera: int, corners: Corners, strays: NDArray[np.bool_]
+) -> list[BoardView]:
+    """The views without the corners (N,) of one camera that are strays."""
+    name = ("left", "right")[camera]
+    out = list(views)
+    for index in np.unique(corners.view[strays]).tolist():
+        old = getattr(views[index], name)
+        kept = ~strays[corners.view == index]
+        out[index] = replace(views[index], **{name: BoardSighting(old.ids[kept], old.px[kept])})
+    return out
 
 
 def _joined(sightings: Sequence[tuple[int, BoardSighting | None]], points: Float64Array) -> Corners:

@@ -22,6 +22,7 @@ class ViewError:
         name: of the view. used: whether the fit rests on it. reason: why not, a clause.
         left_px, right_px: root mean square of its corners' distances; None where not seen or
             unknown. Of a view that is not used it is that of the best pose of the board.
+        strays: single corners that were left out, for they were wrongly detected.
     """
 
     name: str
@@ -29,6 +30,7 @@ class ViewError:
     reason: str | None
     left_px: float | None
     right_px: float | None
+    strays: int = 0
 
 
 @dataclass(frozen=True)
