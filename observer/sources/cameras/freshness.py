@@ -46,6 +46,13 @@ class Period:
         return len(self._intervals) >= 8
 
     @property
+    def settled(self) -> bool:
+        """Whether frames were seen for so long that a stream's beginning matters no more."""
+        return len(self._intervals) == _INTERVALS or (
+            self.measured and sum(self._intervals) >= 1.0
+        )
+
+    @property
     def seconds(self) -> float:
         """From frame to frame."""
         if not self.measured:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections import deque
 from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
@@ -38,6 +39,9 @@ _SHORTEST_PAUSE_S = 0.25
 _LONGEST_PAUSE_S = 2.0
 # Two equal images before this one: a noise-free picture that repeats once is no fault.
 _FROZEN_REPEATS = 2
+
+# Stamps kept to tell a frame that never had a partner from one whose partner was missed.
+_RECENT = 4
 
 _SILENT = "sends no more images"
 _UNDECODABLE = "sends what cannot be decoded as images"
@@ -82,6 +86,8 @@ class LiveCamera:
         self.opened: Opened | None = None
         self.openings = 0
         self.failures = 0
+        self._last_grabbed: Grabbed | None = None
+        self.recent: deque[float] = deque(maxlen=_RECENT)
         self.pending: Grabbed | None = None
         self.decoding: Grabbed | None = None
         self.is_decoded = False
@@ -198,6 +204,7 @@ class LiveCamera:
         if not self.target.network and not Path(self.target.address).exists():
             # A look at the name is cheap; a process is not.
             self._fault = _UNPLUGGED
+            self.failures += 1
             self._since, self._pause = now, _SHORTEST_PAUSE_S
             return
         try:
@@ -282,11 +289,14 @@ class LiveCamera:
         self.period = Period(opened.rate)
         self._undecodable_since = None
         self._standing_stamps = 0
+        self._last_grabbed = None
+        self.recent.clear()
         self._last_arrival = now
         self._state, self._since = "delivering", now
 
     def _take_grabbed(self, grabbed: Grabbed, now: float) -> None:
-        last, self._last_grabbed = getattr(self, "_last_grabbed", None), grabbed
+        last, self._last_grabbed = self._last_grabbed, grabbed
+        self.recent.append(grabbed.stamp)
         if last is None or grabbed.seq != last.seq + 1:
             self.period.interrupt()
         self.period.add(grabbed.stamp)

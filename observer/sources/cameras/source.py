@@ -13,6 +13,7 @@ from observer.errors import SourceError
 from observer.sources.cameras.bandwidth import bandwidth_hints
 from observer.sources.cameras.capture import OPENER
 from observer.sources.cameras.live_camera import LiveCamera
+from observer.sources.cameras.messages import Grabbed
 from observer.sources.cameras.pairing import Skews, judge
 from observer.sources.cameras.spec import CamerasSpec, parse_devices, parse_urls
 from observer.sources.contract import LIVE_PATIENCE_S, LiveReport, NoFrame, SourceInfo
@@ -175,15 +176,17 @@ class CameraSource:
                 for camera in self._cameras:
                     camera.decode()
             case "drop left":
-                self._drop(self._cameras[0])
+                self._drop(left, self._cameras[0], self._cameras[1], period)
             case "drop right":
-                self._drop(self._cameras[1])
+                self._drop(right, self._cameras[1], self._cameras[0], period)
         return None
 
-    def _drop(self, camera: LiveCamera) -> None:
-        camera.drop()
-        self._dropped += 1
-        self._index += 1
+    def _drop(self, older: Grabbed, own: LiveCamera, other: LiveCamera, period: float) -> None:
+        own.drop()
+        # One whose partner was there, but passed by while the observer was busy, is no fault.
+        if not any(judge(older.stamp, stamp, period) == "pair" for stamp in other.recent):
+            self._dropped += 1
+            self._index += 1
 
     def _collect(self) -> StereoFrame | None:
         """The pair, where both are decoded."""
@@ -239,14 +242,18 @@ class CameraSource:
         if troubles:
             return "; ".join(troubles)
         period = min(camera.period.seconds for camera in self._cameras)
-        if now - self._pairless_since > max(_PAIRLESS_S, _PAIRLESS_PERIODS * period):
-            if len(self._cameras) == 1:
-                return f"{self._cameras[0]} delivers nothing that is new"
-            return (
-                f"{self._cameras[0]} and {self._cameras[1]} deliver no images within half a "
-                f"frame of each other; give both the same rate"
-            )
-        return None
+        if now - self._pairless_since <= max(_PAIRLESS_S, _PAIRLESS_PERIODS * period):
+            return None
+        left, right = self._cameras[0], self._cameras[-1]
+        if self._last_time is not None and left.recent and left.recent[-1] <= self._last_time:
+            return f"{left} sends images whose time stamps go back"
+        # Where some belong together, only the observer came too late for them.
+        if any(judge(a, b, period) == "pair" for a in left.recent for b in right.recent):
+            return None
+        return (
+            f"{left} and {right} deliver no images within half a frame of each other; give both "
+            f"the same rate"
+        )
 
     def _wait(self, seconds: float) -> None:
         """Until a camera has something to tell, at most so long."""
@@ -309,7 +316,7 @@ class CameraSource:
         said = None if camera.opened is None or camera.target.network else camera.opened.rate
         if said is not None:
             return said
-        return 1.0 / camera.period.seconds if camera.period.measured else None
+        return round(1.0 / camera.period.seconds, 1) if camera.period.settled else None
 
     def _bandwidth_hints(self) -> tuple[str, ...]:
         if len(self._cameras) < 2:

@@ -1,0 +1,115 @@
+"""A camera that does what a file says, run by the real camera process in place of OpenCV.
+
+The file is JSON, read before each frame: ``mode`` (below), ``size`` [width, height], ``rate``,
+``phase`` (part of a period by which frames come later than the host's whole periods), ``stamps``
+(``exposure``, ``standing`` or ``none``) and ``late`` (part of a period by which each fifth frame
+comes later still).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import math
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from observer.errors import SourceError
+from observer.sources.cameras.settings import AppliedSettings, CameraSettings
+from observer.sources.cameras.spec import CamerasSpec, CameraTarget
+from observer.types import Image
+
+OPENER = f"{__file__}:ScriptedCapture"
+USUAL = {"mode": "good", "size": [64, 48], "rate": 30.0, "phase": 0.0, "stamps": "exposure"}
+
+
+class ScriptedCapture:
+    """Implements ``Capture``.
+
+    Modes: ``good``; ``hang in grab`` and ``hang in retrieve``, in a native call that also keeps
+    the interpreter; ``no image``; ``frozen``; ``black`` (repeats too); ``gone`` (each grab fails
+    at once); ``raise``; ``die``; ``busy`` (cannot be opened).
+    """
+
+    def __init__(self, address: str, settings: CameraSettings) -> None:
+        self._file = Path(address)
+        self._settings = settings
+        self._stamp = 0.0
+        if self._script()["mode"] == "busy":
+            raise SourceError("is in use by another program; close it")
+
+    def _script(self) -> dict[str, Any]:
+        try:
+            return {**USUAL, **json.loads(self._file.read_text())}
+        except FileNotFoundError:
+            return {**USUAL, "mode": "gone"}
+
+    @property
+    def rate(self) -> float | None:
+        return float(self._script()["rate"])
+
+    def grab(self) -> bool:
+        script = self._script()
+        if script["mode"] == "gone":
+            return False
+        period = 1.0 / script["rate"]
+        number = math.floor(time.monotonic() / period - script["phase"]) + 1
+        late = script.get("late", 0.0) if number % 5 == 0 else 0.0
+        self._stamp = (number + script["phase"] + late) * period
+        time.sleep(max(0.0, self._stamp - time.monotonic()))
+        match self._script()["mode"]:
+            case "raise":
+                raise RuntimeError("a driver's own words")
+            case "die":
+                os._exit(3)
+            case "hang in grab":
+                ctypes.PyDLL(None).sleep(3600)
+        return True
+
+    def stamp(self) -> float | None:
+        match self._script()["stamps"]:
+            case "none":
+                return None
+            case "standing":
+                return 1234.5
+        return self._stamp
+
+    def settle(self) -> AppliedSettings:
+        width, height = self._script()["size"]
+        refused = ("gain 7 is not offered by it",) if self._settings.gain == 7 else ()
+        return AppliedSettings({"size": f"{width}x{height}"}, refused)
+
+    def retrieve(self) -> Image | None:
+        script = self._script()
+        width, height = script["size"]
+        mode = script["mode"]
+        if mode == "no image":
+            return None
+        if mode == "hang in retrieve":
+            ctypes.PyDLL(None).sleep(3600)
+        if mode == "black":
+            return np.zeros((height, width, 3), np.uint8)
+        seed = 1 if mode == "frozen" else round(self._stamp * 1e6)
+        noise = np.random.default_rng(seed).integers(0, 200, (height, width, 3))
+        image = noise.astype(np.uint8)
+        # The left half is even, the right half odd: tells the halves of a side-by-side image.
+        image[:, : width // 2] &= 0xFE
+        image[:, width // 2 :] |= 1
+        return image
+
+
+def write_script(path: Path, **changes: object) -> None:
+    """Have the camera of this file behave so from its next frame on; atomically."""
+    new = path.with_suffix(".new")
+    new.write_text(json.dumps({**USUAL, **changes}))
+    new.replace(path)
+
+
+def scripted_spec(*paths: Path, settings: CameraSettings | None = None) -> CamerasSpec:
+    """The spec of cameras that these files govern."""
+    targets = tuple(CameraTarget(str(path), path.name, network=False) for path in paths)
+    return CamerasSpec("camera:scripted", targets, settings or CameraSettings())

@@ -1,0 +1,251 @@
+"""Network cameras: real streams of ffmpeg over real sockets, with a bad network between."""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from observer.errors import SourceError
+from observer.opening import open_source
+from observer.sources.cameras.source import CameraSource, open_urls
+from observer.sources.contract import LIVE_PATIENCE_S
+from observer.types import StereoFrame
+
+from .fault_proxy import FaultProxy
+from .video_server import VideoServer, need_ffmpeg, url_of
+from .watching import Watch, grabbers
+
+# What the promise leaves to the machine: two cores that others use as well.
+LATE_S = 0.06
+
+
+def tell(measured: str) -> None:
+    """What was measured, for those who run it with -s."""
+    sys.stdout.write(f"{measured}\n")
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[VideoServer]:
+    need_ffmpeg()
+    with VideoServer() as server:
+        yield server
+
+
+@pytest.fixture
+def proxy(server: VideoServer) -> Iterator[FaultProxy]:
+    with FaultProxy(server.port) as proxy:
+        yield proxy
+
+
+@pytest.fixture
+def watch(server: VideoServer, proxy: FaultProxy) -> Iterator[Watch]:
+    """Left from the server, right through the proxy."""
+    source = open_urls(f"{server.url},{url_of(proxy.port)}")
+    yield Watch(source)
+    source.close()
+    assert grabbers() == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "codec"), [("mjpeg", "MJPG"), ("h264", "H264"), ("rtsp", "H264")]
+)
+def test_streams_are_read_in_pairs(kind: str, codec: str) -> None:
+    need_ffmpeg()
+    with VideoServer(kind=kind) as left, VideoServer(kind=kind) as right:
+        began = time.monotonic()
+        source = open_source(f"{left.url},{right.url}").source
+        try:
+            tell(f"{kind}: opened in {time.monotonic() - began:.2f} s")
+            info = source.info
+            assert (info.kind, info.live, info.width, info.height) == ("network", True, 320, 240)
+            assert info.frame_rate == pytest.approx(30.0, rel=0.2)
+            assert info.devices == (left.url, right.url)
+            assert isinstance(source, CameraSource)
+            watch = Watch(source)
+            watch.read_frames(20)
+            times = [frame.time for frame in watch.frames]
+            assert times == sorted(set(times))
+            for frame in watch.frames:
+                assert frame.left.shape == frame.right.shape == (240, 320, 3)
+                assert frame.right_time is not None
+                assert frame.received == max(frame.time, frame.right_time)
+                assert frame.left.std() > 20.0
+            settings = source.report().cameras[0].settings
+            assert settings["codec"] == codec
+            assert settings["size"] == "320x240"
+            assert "measured" in settings["rate"]
+        finally:
+            source.close()
+
+
+def test_faults_of_the_network_are_told_in_time_and_get_over(
+    watch: Watch, proxy: FaultProxy
+) -> None:
+    name = f"the right camera ({url_of(proxy.port)}) "
+    told, back = {}, {}
+    for fault in ("short stall", "stall", "cut", "reset", "refused"):
+        watch.read_frames(15)
+        match fault:
+            case "short stall" | "stall":
+                proxy.stalled = True
+            case "cut":
+                proxy.cut()
+            case "reset":
+                proxy.cut(reset=True)
+            case "refused":
+                proxy.refused = True
+                proxy.cut()
+        told[fault] = watch.trouble_after(name)
+        if fault == "stall":
+            watch.read_for(1.2)  # longer than a silence is borne before it is opened again
+        if fault == "refused":
+            watch.read_until(lambda: "refuses the connection" in watch.troubles[-1][1])
+        before = watch.frames[-1]
+        healed = time.monotonic()
+        proxy.heal()
+        watch.read_frames(1)
+        back[fault] = watch.frames[-1].received - healed
+        assert watch.frames[-1].index > before.index
+        assert watch.frames[-1].time > before.time
+    tell("told after the last received, ms: " + _in_ms(told))
+    tell("back after healing, ms: " + _in_ms(back))
+    tell(f"longest read: {watch.longest_read_s * 1e3:.0f} ms")
+    assert max(told.values()) < 0.2 + LATE_S
+    assert max(back.values()) < 5.0
+    times = [frame.time for frame in watch.frames]
+    assert times == sorted(set(times))
+    assert watch.longest_read_s < LIVE_PATIENCE_S + LATE_S
+    report = watch.source.report()
+    assert report.reopened >= 4
+    assert report.cameras[1].trouble is None
+
+
+def _in_ms(seconds: dict[str, float]) -> str:
+    return ", ".join(f"{name} {value * 1e3:.0f}" for name, value in seconds.items())
+
+
+def test_corrupted_bytes_end_nothing(watch: Watch, proxy: FaultProxy) -> None:
+    watch.read_frames(5)
+    proxy.corrupted = 0.01
+    watch.read_for(2.0)
+    proxy.heal()
+    proxy.cut()
+    watch.read_frames(5)
+    assert watch.longest_read_s < LIVE_PATIENCE_S + LATE_S
+
+
+def test_old_images_do_not_queue_up_behind_a_stall(watch: Watch, proxy: FaultProxy) -> None:
+    """What a stall held up is thrown away: images after it come at the pace of the camera."""
+    watch.read_frames(10)
+    proxy.stalled = True
+    watch.read_for(0.6)
+    count = len(watch.frames)
+    proxy.heal()
+    watch.read_frames(12)
+    steps = np.diff([frame.time for frame in watch.frames[count:]])
+    assert np.count_nonzero(steps < 0.012) <= 2
+
+
+def test_a_known_delay_shows_in_the_skew_and_a_long_one_in_what_is_dropped() -> None:
+    need_ffmpeg()
+    rate, delay_s = 10.0, 0.02
+    with VideoServer(rate=rate) as slow, FaultProxy(slow.port) as line:
+        source = open_urls(f"{slow.url},{url_of(line.port)}")
+        try:
+            watch = Watch(source)
+            watch.read_frames(15)
+            before = _median_skew(watch.frames[-15:])
+            line.delay_s = delay_s
+            watch.read_frames(25)
+            shift = (_median_skew(watch.frames[-15:]) - before) * rate % 1.0 / rate
+            tell(f"a delay of {delay_s * 1e3:.0f} ms shifts the skew by {shift * 1e3:.1f} ms")
+            assert shift == pytest.approx(delay_s, abs=0.008)
+            report = source.report()
+            assert report.skew_median_s is not None
+            assert report.skew_p95_s is not None
+            assert 0.0 <= report.skew_median_s <= report.skew_p95_s <= 0.5 / rate + 1e-6
+            dropped = report.dropped
+            # More than half a frame later than before: a pair at least has lost its partner.
+            for step in (1, 2, 3):
+                line.delay_s += 0.7 / rate
+                watch.read_frames(4)
+                tell(f"{step} delays of 0.7 frames: {source.report().dropped - dropped} dropped")
+            assert 1 <= source.report().dropped - dropped <= 12
+            for frame in watch.frames:
+                assert frame.right_time is not None
+                assert abs(frame.right_time - frame.time) <= 0.55 / rate
+        finally:
+            source.close()
+
+
+def _median_skew(frames: list[StereoFrame]) -> float:
+    return statistics.median(f.right_time - f.time for f in frames if f.right_time is not None)
+
+
+def test_a_change_of_resolution_is_told_until_it_is_back() -> None:
+    need_ffmpeg()
+    with VideoServer() as left, VideoServer() as right:
+        source = open_urls(f"{left.url},{right.url}")
+        try:
+            watch = Watch(source)
+            watch.read_frames(5)
+            right.resize("160x120")
+            after_s = watch.trouble_after(f"the right camera ({right.url}) ")
+            tell(f"change of resolution: told {after_s * 1e3:.0f} ms after the last received")
+            assert after_s < 0.2 + LATE_S
+            watch.read_until(
+                lambda: "now delivers 160x120 pixels instead of 320x240" in watch.troubles[-1][1]
+            )
+            assert source.report().cameras[1].state == "failed"
+            right.resize("320x240")
+            watch.read_frames(3)
+            assert watch.frames[-1].right.shape == (240, 320, 3)
+        finally:
+            source.close()
+
+
+def test_one_stream_with_both_images() -> None:
+    need_ffmpeg()
+    with VideoServer(size="640x240") as both:
+        source = open_source(f"sbs:{both.url}").source
+        try:
+            assert (source.info.width, source.info.height) == (320, 240)
+            assert source.info.spec == f"sbs:{both.url}"
+            assert source.info.devices == (both.url,)
+        finally:
+            source.close()
+
+
+def test_a_password_is_seen_nowhere(server: VideoServer, proxy: FaultProxy) -> None:
+    left = server.url.replace("http://", "http://someone:s3cret@")
+    right = url_of(proxy.port) + "?user=someone&pwd=s3cret&channel=1"
+    source = open_urls(f"{left},{right}")
+    try:
+        watch = Watch(source)
+        watch.read_frames(2)
+        lines = " ".join(each for child in grabbers() for each in child.cmdline())
+        proxy.refused = True
+        proxy.cut()
+        watch.read_until(lambda: "refuses" in watch.troubles[-1][1] if watch.troubles else False)
+        seen = f"{source.info} {source.report()} {watch.troubles} {lines}"
+        assert "s3cret" not in seen
+        assert "someone" not in seen
+        assert "channel=1" in seen
+    finally:
+        source.close()
+
+
+def test_what_cannot_be_opened_is_told_with_its_reason(
+    server: VideoServer, proxy: FaultProxy
+) -> None:
+    proxy.refused = True
+    began = time.monotonic()
+    with pytest.raises(SourceError, match=r"the right camera \(http.*\) refuses the connection"):
+        open_urls(f"{server.url},{url_of(proxy.port).replace('//', '//a:b@')}")
+    assert time.monotonic() - began < 10.0
+    assert grabbers() == []

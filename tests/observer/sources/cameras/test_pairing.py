@@ -1,0 +1,152 @@
+"""Which images belong together, and which frames are fresh: by arrays and numbers alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer.sources.cameras.bandwidth import bandwidth_hints
+from observer.sources.cameras.freshness import Backlog, Period, Repeats
+from observer.sources.cameras.messages import (
+    Failed,
+    Grabbed,
+    Open,
+    Opened,
+    decode_command,
+    decode_notice,
+    encode,
+)
+from observer.sources.cameras.pairing import Skews, judge
+from observer.sources.cameras.settings import CameraSettings
+
+T = 1 / 30
+
+
+def test_half_a_frame_is_the_border() -> None:
+    assert judge(1.0, 1.0 + 0.5 * T - 1e-9, T) == "pair"
+    assert judge(1.0 + 0.5 * T - 1e-9, 1.0, T) == "pair"
+    assert judge(1.0, 1.0 + 0.51 * T, T) == "drop left"
+    assert judge(1.0 + 0.51 * T, 1.0, T) == "drop right"
+
+
+def test_the_skew_is_told_of_the_last_seconds_only() -> None:
+    skews = Skews()
+    for index in range(9):
+        skews.add(index * T, 0.001)
+    assert skews.median_and_p95() == (None, None)
+    for index in range(101):
+        skews.add(100.0 + index * T, -0.0001 * index)
+    median, p95 = skews.median_and_p95()
+    assert median == pytest.approx(0.005)
+    assert p95 == pytest.approx(0.0095)
+
+
+def test_the_period_is_what_was_measured() -> None:
+    period = Period(60.0)
+    assert period.seconds == pytest.approx(1 / 60)
+    for index in range(9):
+        period.add(5.0 + index * T)
+    assert period.measured
+    assert not period.settled
+    assert period.seconds == pytest.approx(T)
+    period.interrupt()
+    period.add(50.0)
+    for index in range(1, 24):
+        period.add(50.0 + index * T)
+    assert period.settled
+    assert period.seconds == pytest.approx(T)
+    assert Period().seconds == pytest.approx(T)
+
+
+def test_frames_held_up_by_a_stall_are_old() -> None:
+    backlog = Backlog()
+    # At the start, what was buffered while the stream was looked at.
+    assert [backlog.holds(0.001 * index, T) for index in range(4)] == [True] * 4
+    at_pace = [backlog.holds(0.003 + T * (1 + index), T) for index in range(10)]
+    assert not any(at_pace)
+    # One late frame is no stall; two lost ones are.
+    assert not backlog.holds(0.003 + T * 12.2, T)
+    burst = 0.003 + T * 16
+    assert [backlog.holds(burst + 0.001 * index, T) for index in range(4)] == [True] * 4
+    assert not backlog.holds(burst + 0.003 + 0.9 * T, T)
+
+
+def test_a_stream_that_always_comes_in_bursts_is_believed_in_the_end() -> None:
+    backlog = Backlog()
+    held = [backlog.holds(0.01 * index, T) for index in range(300)]
+    assert all(held[:100])
+    assert not held[-1]
+
+
+def test_repeated_images_are_counted_but_not_dark_ones() -> None:
+    rng = np.random.default_rng(1)
+    image = rng.integers(0, 256, (48, 64, 3)).astype(np.uint8)
+    repeats = Repeats()
+    assert [repeats.add(image.copy()) for _ in range(4)] == [0, 1, 2, 3]
+    other = image.copy()
+    other[20, 3, 1] ^= 1
+    assert repeats.add(other) == 0
+    assert repeats.add(other) == 1
+    for level in (0, 255):
+        flat = np.full((48, 64), level, np.uint8)
+        assert [repeats.add(flat) for _ in range(4)] == [0, 0, 0, 0]
+
+
+def test_messages_come_as_they_went_and_notices_fit_into_an_atomic_write() -> None:
+    asked = CameraSettings(size=(640, 480), exposure="auto", power_line_hz=50)
+    opening = Open("rtsp://a:b@c/d", vars(asked), "module:function")
+    back = decode_command(encode(opening).rstrip(b"\n"))
+    assert isinstance(back, Open)
+    assert back.camera_settings() == asked
+    opened = Opened(640, 480, 3, None, {"size": "640x480"}, ("gain 7 is not offered",))
+    assert decode_notice(encode(opened)) == opened
+    grabbed = Grabbed(2**53, 123456.123456789, 123456.123456789, 123456.123456789)
+    assert decode_notice(encode(grabbed)) == grabbed
+    assert len(encode(grabbed)) <= 512
+    assert decode_notice(encode(Failed("has stopped\nsending", alive=False))) == Failed(
+        "has stopped\nsending", alive=False
+    )
+    assert encode(Failed("a\nb", alive=True)).count(b"\n") == 1
+
+
+def _plug_in(root: Path, node: str, bus: int, port: str, speed: str) -> str:
+    """A video device in a file system of ours, as the kernel shows it."""
+    usb = root / f"sys/devices/pci0000:00/0000:00:14.0/usb{bus}/{port}"
+    interface = usb / f"{port}:1.0"
+    interface.mkdir(parents=True)
+    (usb / "busnum").write_text(f"{bus}\n")
+    (usb / "speed").write_text(f"{speed}\n")
+    shown = root / f"sys/class/video4linux/{node}"
+    shown.mkdir(parents=True)
+    (shown / "device").symlink_to(interface)
+    (root / "dev").mkdir(exist_ok=True)
+    (root / "dev" / node).touch()
+    return f"/dev/{node}"
+
+
+def test_a_shared_bus_is_explained_where_it_is_too_narrow(tmp_path: Path) -> None:
+    left = _plug_in(tmp_path, "video0", 1, "1-2", "480")
+    right = _plug_in(tmp_path, "video2", 1, "1-3", "480")
+    elsewhere = _plug_in(tmp_path, "video4", 3, "3-1", "480")
+    fast = [_plug_in(tmp_path, f"video{6 + i}", 2, f"2-{i + 1}", "5000") for i in range(2)]
+
+    def hints(*devices: str, rate: float = 30.0, size: int = 1, form: str = "YUYV") -> list[str]:
+        return list(
+            bandwidth_hints(
+                devices, width=640 * size, height=480 * size, rate=rate, pixel_format=form,
+                root=tmp_path,
+            )
+        )  # fmt: skip
+
+    (hint,) = hints(left, right)
+    assert "about 37 MB/s" in hint
+    assert "format=MJPG" in hint
+    assert hints(left, right, form="MJPG") == []
+    (hint,) = hints(left, right, form="MJPG", size=3)
+    assert "lower size or rate" in hint
+    assert hints(left, right, rate=15.0) == []
+    assert hints(left, elsewhere) == []
+    assert hints(*fast) == []
+    assert hints("/dev/video90", "/dev/video91") == []

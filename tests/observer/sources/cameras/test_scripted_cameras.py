@@ -1,0 +1,334 @@
+"""Faults of a camera, by cameras that do what a test says behind the real process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import statistics
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from observer.errors import SourceError
+from observer.sources.cameras.settings import CameraSettings
+from observer.sources.cameras.source import CameraSource
+from observer.sources.contract import LIVE_PATIENCE_S, LiveSource, NoFrame
+
+from .scripted_camera import OPENER, scripted_spec, write_script
+from .watching import Watch, grabbers
+
+PERIOD_S = 1 / 30
+# What the promise leaves to the machine: two cores that others use as well.
+LATE_S = 0.05
+
+
+def tell(measured: str) -> None:
+    """What was measured, for those who run it with -s."""
+    sys.stdout.write(f"{measured}\n")
+
+
+@pytest.fixture
+def left(tmp_path: Path) -> Path:
+    write_script(tmp_path / "left")
+    return tmp_path / "left"
+
+
+@pytest.fixture
+def right(tmp_path: Path) -> Path:
+    write_script(tmp_path / "right", phase=0.2)
+    return tmp_path / "right"
+
+
+@pytest.fixture
+def watch(left: Path, right: Path) -> Iterator[Watch]:
+    source = CameraSource(scripted_spec(left, right), opener=OPENER)
+    yield Watch(source)
+    source.close()
+    assert grabbers() == []
+
+
+def test_pairs_have_the_stamps_of_their_exposures(watch: Watch) -> None:
+    watch.read_frames(40)
+    frames = watch.frames
+    skews = [frame.right_time - frame.time for frame in frames if frame.right_time is not None]
+    assert len(skews) == 40
+    assert max(abs(skew - 0.2 * PERIOD_S) for skew in skews) < 1e-5
+    assert all(frame.received >= frame.right_time for frame in frames if frame.right_time)
+    assert [f.index for f in frames] == sorted({f.index for f in frames})
+    report = watch.source.report()
+    assert report.skew_median_s == pytest.approx(0.2 * PERIOD_S, abs=1e-5)
+    assert report.skew_p95_s == pytest.approx(0.2 * PERIOD_S, abs=1e-5)
+    assert report.pairs == 40
+    assert report.dropped == 0
+    assert report.reopened == 0
+    steps = np.diff([frame.time for frame in frames])
+    assert statistics.median(steps) == pytest.approx(PERIOD_S, abs=1e-4)
+
+
+def test_what_the_source_says_of_itself(left: Path, right: Path) -> None:
+    spec = scripted_spec(left, right, settings=CameraSettings(gain=7))
+    source = CameraSource(spec, opener=OPENER)
+    try:
+        info = source.info
+        assert (info.kind, info.live, info.width, info.height) == ("camera", True, 64, 48)
+        assert info.frame_rate == pytest.approx(30.0)
+        assert info.frame_count is None
+        assert info.devices == ("left", "right")
+        assert source.calibration is None
+        assert isinstance(source, LiveSource)
+        with pytest.raises(SourceError, match="cannot go back"):
+            source.rewind()
+        cameras = source.report().cameras
+        assert [each.side for each in cameras] == ["left", "right"]
+        assert [each.state for each in cameras] == ["open", "open"]
+        assert cameras[0].settings == {"size": "64x48"}
+        assert cameras[0].refused == ("gain 7 is not offered by it",)
+    finally:
+        source.close()
+
+
+def test_one_device_that_shows_both_images(left: Path) -> None:
+    write_script(left, size=[128, 48])
+    source = CameraSource(scripted_spec(left), opener=OPENER)
+    try:
+        watch = Watch(source)
+        watch.read_frames(12)
+        assert (source.info.width, source.info.height) == (64, 48)
+        assert source.info.devices == ("left",)
+        for frame in watch.frames:
+            assert frame.left.shape == frame.right.shape == (48, 64, 3)
+            assert not (frame.left & 1).any()
+            assert (frame.right & 1).all()
+            assert frame.right_time is None
+        report = source.report()
+        assert [each.side for each in report.cameras] == ["both"]
+        assert report.skew_median_s is None
+        write_script(left, size=[128, 48], mode="hang in grab")
+        watch.trouble_after("the camera (left) sends no more images")
+    finally:
+        source.close()
+
+
+@pytest.mark.parametrize(
+    ("mode", "words", "borne_s"),
+    [
+        # Those that may pass by themselves are borne for a second before it is opened again.
+        ("hang in grab", "sends no more images", 1.2),
+        ("hang in retrieve", "sends no more images", 1.2),
+        ("no image", "sends what cannot be decoded as images", 1.2),
+        ("frozen", "sends the same image again and again", 1.2),
+        ("gone", "has stopped sending images", 0.1),
+        ("raise", "failed inside its driver (RuntimeError)", 0.1),
+        ("die", "its process ended unexpectedly", 0.1),
+    ],
+)
+def test_a_fault_is_told_by_name_in_time_and_gets_over(
+    watch: Watch, right: Path, mode: str, words: str, borne_s: float
+) -> None:
+    watch.read_frames(5)
+    write_script(right, phase=0.2, mode=mode)
+    after_s = watch.trouble_after(words)
+    tell(f"{mode}: told {after_s * 1e3:.0f} ms after the last frame was received")
+    assert after_s < 0.2 + LATE_S
+    assert watch.troubles[-1][1].startswith("the right camera (right) ")
+    watch.read_for(borne_s)
+    fault = watch.source.report().cameras[1]
+    assert words in str(fault.trouble)
+    before = watch.frames[-1]
+    write_script(right, phase=0.2)
+    healed = time.monotonic()
+    watch.read_frames(5)
+    back_s = watch.frames[-5].received - healed
+    tell(f"{mode}: back {back_s:.2f} s after it healed")
+    assert back_s < 5.0
+    assert watch.frames[-5].index > before.index
+    times = [frame.time for frame in watch.frames]
+    assert times == sorted(set(times))
+    report = watch.source.report()
+    assert report.reopened >= 1
+    assert [each.trouble for each in report.cameras] == [None, None]
+    assert len(grabbers()) == 2
+    assert watch.longest_read_s < LIVE_PATIENCE_S + LATE_S
+
+
+def test_an_unplugged_camera_is_opened_by_its_name_when_it_is_back(
+    watch: Watch, left: Path
+) -> None:
+    watch.read_frames(5)
+    left.unlink()
+    after_s = watch.trouble_after("the left camera (left) is not connected; plug it in again")
+    assert after_s < 0.2 + LATE_S
+    watch.read_for(0.8)
+    report = watch.source.report()
+    assert report.cameras[0].state == "waiting"
+    assert len(grabbers()) == 1  # none is started for what is not there
+    write_script(left)
+    plugged = time.monotonic()
+    watch.read_frames(3)
+    assert watch.frames[-3].received - plugged < 5.0
+
+
+@pytest.mark.parametrize("sent", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_process_that_stops_or_is_killed_is_replaced(watch: Watch, sent: signal.Signals) -> None:
+    watch.read_frames(5)
+    victim = grabbers()[0]
+    victim.send_signal(sent)
+    after_s = watch.trouble_after("camera")
+    tell(f"{sent.name}: told {after_s * 1e3:.0f} ms after the last frame was received")
+    assert after_s < 0.2 + LATE_S
+    count = len(watch.frames)
+    watch.read_until(lambda: len(watch.frames) >= count + 5)
+    assert watch.source.report().reopened == 1
+    assert not victim.is_running()
+    assert len(grabbers()) == 2
+
+
+def test_changed_size_is_told_until_it_is_set_back(watch: Watch, left: Path) -> None:
+    watch.read_frames(5)
+    write_script(left, size=[32, 24])
+    after_s = watch.trouble_after("changed its images from 64x48 to 32x24 pixels")
+    assert after_s < 0.2 + LATE_S
+    watch.read_until(lambda: "now delivers 32x24 pixels instead of 64x48" in watch.troubles[-1][1])
+    assert watch.source.report().cameras[0].state == "failed"
+    count = len(watch.frames)
+    watch.read_for(0.5)
+    assert len(watch.frames) == count
+    write_script(left)
+    watch.read_frames(3)
+    assert watch.frames[-1].left.shape == (48, 64, 3)
+
+
+def test_stamps_that_stand_still_are_a_fault(watch: Watch, left: Path) -> None:
+    watch.read_frames(5)
+    write_script(left, stamps="standing")
+    assert watch.trouble_after("images whose time stamps stand still") < 0.2 + LATE_S
+    write_script(left)
+    watch.read_frames(3)
+
+
+def test_images_without_contrast_are_left_to_the_observers_health(
+    watch: Watch, left: Path
+) -> None:
+    write_script(left, mode="black")
+    watch.read_until(lambda: watch.frames and not watch.frames[-1].left.any())
+    watch.read_frames(20)
+    assert watch.troubles == []
+
+
+def test_pairs_further_apart_than_half_a_frame_are_dropped_and_counted(
+    watch: Watch, right: Path
+) -> None:
+    watch.read_frames(5)
+    # Each fifth frame of the right camera is 0.2 + 0.6 of a frame behind.
+    write_script(right, phase=0.2, late=0.6)
+    time.sleep(2 * PERIOD_S)
+    start = watch.frames[-1].index
+    before = watch.source.report().dropped
+    began = time.monotonic()
+    watch.read_until(lambda: watch.source.report().dropped >= before + 4)
+    late_frames = (time.monotonic() - began) / (5 * PERIOD_S)
+    tell(f"dropped 4 pairs where {late_frames:.1f} frames were late")
+    assert late_frames > 3.0
+    assert watch.frames[-1].index - start > len([f for f in watch.frames if f.index > start])
+    for frame in watch.frames:
+        assert frame.right_time is not None
+        assert abs(frame.right_time - frame.time) <= 0.5 * PERIOD_S + 1e-6
+    assert watch.troubles == []
+
+
+def test_frames_are_fresh_after_the_observer_was_busy(watch: Watch) -> None:
+    watch.read_frames(5)
+    for busy_s in (0.08, 0.3, 1.5):
+        time.sleep(busy_s)
+        watch.read_frames(1)
+        assert watch.troubles == []
+        frame = watch.frames[-1]
+        assert time.monotonic() - frame.time < 2 * PERIOD_S + LATE_S
+
+
+def test_arrival_stands_in_where_nothing_tells_the_exposure(left: Path, right: Path) -> None:
+    for path in (left, right):
+        write_script(path, stamps="none")
+    source = CameraSource(scripted_spec(left, right), opener=OPENER)
+    try:
+        watch = Watch(source)
+        watch.read_frames(10)
+        for frame in watch.frames:
+            assert frame.received == max(frame.time, frame.right_time or 0.0)
+    finally:
+        source.close()
+
+
+def test_what_cannot_be_opened_is_told_at_once(left: Path, right: Path) -> None:
+    write_script(right, mode="busy")
+    began = time.monotonic()
+    with pytest.raises(SourceError, match=r"the right camera \(right\) is in use by another"):
+        CameraSource(scripted_spec(left, right), opener=OPENER)
+    assert time.monotonic() - began < 5.0
+    right.unlink()
+    began = time.monotonic()
+    with pytest.raises(SourceError, match=r"the right camera \(right\) is not connected"):
+        CameraSource(scripted_spec(left, right), opener=OPENER)
+    assert time.monotonic() - began < 1.0
+    write_script(right, size=[32, 24])
+    with pytest.raises(SourceError, match=r"64x48 pixels and the right camera .* 32x24"):
+        CameraSource(scripted_spec(left, right), opener=OPENER)
+    write_script(left, size=[63, 48])
+    with pytest.raises(SourceError, match="an even width"):
+        CameraSource(scripted_spec(left), opener=OPENER)
+
+
+def test_closing_leaves_nothing_and_may_come_twice(left: Path, right: Path) -> None:
+    process = psutil.Process()
+    descriptors = process.num_fds()
+    threads = threading.active_count()
+    for mode in ("good", "hang in grab", "hang in retrieve"):
+        write_script(left)
+        source = CameraSource(scripted_spec(left, right), opener=OPENER)
+        watch = Watch(source)
+        watch.read_frames(2)
+        write_script(left, mode=mode)
+        watch.read_for(0.3)
+        began = time.monotonic()
+        source.close()
+        assert time.monotonic() - began < 1.0
+        source.close()
+        assert grabbers() == []
+        with pytest.raises(SourceError, match="closed"):
+            source.read()
+    assert process.num_fds() == descriptors
+    assert threading.active_count() == threads
+
+
+@pytest.mark.parametrize("mode", ["good", "hang in grab"])
+def test_camera_processes_end_with_the_one_that_was_killed(
+    left: Path, right: Path, mode: str
+) -> None:
+    """A parent of its own that is killed: its cameras must not keep the devices."""
+    ready, told = os.pipe()
+    parent = os.fork()
+    if parent == 0:
+        source = CameraSource(scripted_spec(left, right), opener=OPENER)
+        while isinstance(source.read(), NoFrame):
+            pass
+        os.write(told, b"1")
+        time.sleep(60)
+        os._exit(0)
+    os.close(told)
+    assert os.read(ready, 1) == b"1"
+    os.close(ready)
+    children = psutil.Process(parent).children()
+    assert len(children) == 2
+    write_script(left, mode=mode)
+    time.sleep(3 * PERIOD_S)
+    os.kill(parent, signal.SIGKILL)
+    os.waitpid(parent, 0)
+    gone, alive = psutil.wait_procs(children, timeout=2.0)
+    assert len(gone) == 2
+    assert alive == []
