@@ -8,6 +8,9 @@ from observer.one_camera.floor import Floor
 from observer.one_camera.odometry_way import driven_step
 from observer.types import Odometry
 
+AHEAD = np.array([0.0, 0.0, 1.0])
+RIGHT = np.array([1.0, 0.0, 0.0])
+
 
 def test_down_is_where_the_floor_is() -> None:
     np.testing.assert_allclose(CameraMount(0.4, 0.0).down, (0, 1, 0))
@@ -17,12 +20,58 @@ def test_down_is_where_the_floor_is() -> None:
     assert Floor.below(mount).height_of(np.zeros(3)) == pytest.approx(0.4)
 
 
+@pytest.mark.parametrize("tilt", [-0.4, 0.0, 0.3])
+@pytest.mark.parametrize("roll", [-0.2, 0.0, 0.05])
+@pytest.mark.parametrize("pan", [-2.0, 0.0, 0.1])
+def test_down_leads_back_to_tilt_and_roll_whatever_the_pan(
+    tilt: float, roll: float, pan: float
+) -> None:
+    mount = CameraMount(0.4, tilt, roll_rad=roll, pan_rad=pan)
+    np.testing.assert_allclose(mount.R_base_camera @ mount.down, (0, 0, -1), atol=1e-12)
+    np.testing.assert_allclose(CameraMount.angles_of(mount.down), (tilt, roll), atol=1e-12)
+
+
+def test_a_positive_pan_looks_to_the_left_and_a_positive_roll_lowers_the_right_side() -> None:
+    panned = CameraMount(0.4, 0.0, pan_rad=np.radians(30)).R_base_camera
+    np.testing.assert_allclose(panned @ AHEAD, (np.sqrt(0.75), 0.5, 0), atol=1e-12)
+    rolled = CameraMount(0.4, 0.0, roll_rad=np.radians(10)).R_base_camera
+    np.testing.assert_allclose(rolled @ AHEAD, (1, 0, 0), atol=1e-12)
+    assert (rolled @ RIGHT)[2] == pytest.approx(-np.sin(np.radians(10)))
+
+
+def test_a_tilted_camera_is_rolled_about_where_it_looks() -> None:
+    straight = CameraMount(0.4, 0.3)
+    rolled = CameraMount(0.4, 0.3, roll_rad=0.2)
+    np.testing.assert_allclose(rolled.R_base_camera @ AHEAD, straight.R_base_camera @ AHEAD)
+
+
+def test_levelling_puts_the_floor_at_zero_and_forgets_pan_and_offset() -> None:
+    mount = CameraMount(0.4, 0.2, 0.3, 0.1, roll_rad=0.05, pan_rad=1.0)
+    below = 0.4 * mount.down
+    np.testing.assert_allclose(mount.T_level_camera.apply(below), (0, 0, 0), atol=1e-12)
+    ahead = mount.T_level_camera.rotate(AHEAD)
+    assert ahead[1] == pytest.approx(0, abs=1e-12)
+    assert ahead[0] > 0
+
+
+def test_without_pan_and_offset_levelling_is_the_robots_own_frame() -> None:
+    mount = CameraMount(0.4, 0.2, roll_rad=-0.03)
+    np.testing.assert_array_equal(mount.T_level_camera.matrix, mount.T_base_camera.matrix)
+
+
 def test_driving_ahead_moves_a_tilted_camera_along_the_floor() -> None:
     mount = CameraMount(0.4, 0.1)
     step, way, turn = driven_step(Odometry(1, 2, 0), Odometry(1.5, 2, 0), mount)
     moved = step.inverse().translation
     np.testing.assert_allclose(moved, 0.5 * np.array([0, -np.sin(0.1), np.cos(0.1)]), atol=1e-12)
     assert (way, turn) == (pytest.approx(0.5), 0)
+
+
+def test_a_camera_that_looks_to_the_left_sees_the_robot_drive_to_its_right() -> None:
+    mount = CameraMount(0.4, 0.0, pan_rad=np.radians(20))
+    step, _, _ = driven_step(Odometry(0, 0, 0), Odometry(1, 0, 0), mount)
+    moved = step.inverse().translation
+    np.testing.assert_allclose(moved, (np.sin(np.radians(20)), 0, np.cos(np.radians(20))))
 
 
 def test_turning_on_the_spot_swings_a_camera_off_the_axle() -> None:
@@ -37,3 +86,9 @@ def test_turning_on_the_spot_swings_a_camera_off_the_axle() -> None:
 def test_an_impossible_mount_is_refused(height: float, tilt: float) -> None:
     with pytest.raises(ValueError, match="camera"):
         CameraMount(height, tilt)
+
+
+@pytest.mark.parametrize("angles", [{"roll_rad": 1.6}, {"pan_rad": 3.2}, {"pan_rad": np.nan}])
+def test_a_camera_on_its_head_or_pan_beyond_a_turn_is_refused(angles: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="camera"):
+        CameraMount(0.4, 0.1, **angles)
