@@ -31,13 +31,13 @@ _MAX_VERTICAL_PX = 8.0
 # Roll tilts the rows along u: the middle 90 % of the matches must reach over so much of the width.
 _MIN_SPREAD = 0.4
 # Neither angle may be known worse than this, pixels: pitch everywhere, roll at the image's edge.
-_MAX_STD_PX = 0.15
+_MAX_STD_PX = 0.3
 # The image is divided into so many columns and rows, to count how much of it shows matches, and
 # because matches of one part share the errors that the lens's model leaves there.
 _CELLS = (8, 6)
 _MIN_IN_CELL = 3
 # Matching and interpolation shift whole images by up to so much (measured on rendered pairs).
-_SHARED_PX = 0.02
+_SHARED_PX = 0.03
 
 
 @dataclass(frozen=True, eq=False)
