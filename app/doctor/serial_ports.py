@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,6 +36,8 @@ class SerialPort:
 def examine_serial_ports(machine: Machine) -> tuple[list[Finding], tuple[SerialPort, ...]]:
     """What was found, and the ports it was found on. None is opened: that resets some boards."""
     described = machine.ports()
+    if sys.platform != "linux":
+        return _named_by_pyserial(described)
     ports: list[SerialPort] = []
     findings: list[Finding] = []
     by_id = _by_id(machine.root)
@@ -56,6 +59,15 @@ def examine_serial_ports(machine: Machine) -> tuple[list[Finding], tuple[SerialP
         )
         findings.append(Finding(_SECTION, "ok", text))
     return findings, tuple(ports)
+
+
+def _named_by_pyserial(
+    described: Mapping[str, str],
+) -> tuple[list[Finding], tuple[SerialPort, ...]]:
+    """Where ports are no device files with groups, such as COM3, pyserial alone knows them."""
+    ports = tuple(SerialPort(path, None, says, usable=True) for path, says in described.items())
+    findings = [Finding(_SECTION, "ok", f"{each.path} ({each.description})") for each in ports]
+    return findings or [Finding(_SECTION, "ok", "no serial port")], ports
 
 
 def _finding(port: SerialPort, file: Path, machine: Machine) -> Finding:

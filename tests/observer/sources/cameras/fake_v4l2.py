@@ -49,7 +49,7 @@ class FakeCamera:
         formats: four characters -> size -> intervals as (numerator, denominator); an interval
             list that is a pair of tuples of 3 is a range.
         governed: automatic -> (values by which it is off, what it governs).
-        old_driver: no device_caps, no NEXT flag.
+        old_driver: no device_caps, no NEXT flag. repeats: names its last control for ever.
         fails: number of a request -> errno.
     """
 
@@ -65,6 +65,7 @@ class FakeCamera:
     controls: dict[int, FakeControl] = field(default_factory=dict)
     governed: dict[int, tuple[tuple[int, ...], tuple[int, ...]]] = field(default_factory=dict)
     old_driver: bool = False
+    repeats: bool = False
     fails: dict[int, int] = field(default_factory=dict)
 
     def flags_of(self, number: int) -> int:
@@ -223,6 +224,8 @@ def _query_control(_: FakeKernel, camera: FakeCamera, bytes_: memoryview) -> Non
     (number,) = struct.unpack_from("=I", bytes_)
     if number & NEXT:
         later = sorted(each for each in camera.controls if each > number & ~NEXT)
+        if camera.repeats and not later:
+            later = [max(camera.controls)]
         if camera.old_driver or not later:
             raise _error(errno.EINVAL)
         number = later[0]

@@ -114,6 +114,22 @@ def test_a_driver_that_does_not_list_its_controls_is_asked_for_each(node: Path) 
     assert EXPOSURE in {control.id for control in opened(node, camera).controls()}
 
 
+def test_steps_are_counted_from_the_lowest_value(node: Path) -> None:
+    camera = webcam()
+    camera.controls[FOCUS] = FakeControl(INTEGER, "Focus", 3, 21, 6)
+    focus = opened(node, camera).control(FOCUS)
+    assert focus is not None
+    assert [value for value in range(30) if focus.takes(value)] == [3, 9, 15, 21]
+
+
+def test_a_driver_that_names_a_control_again_and_again_ends_the_list(node: Path) -> None:
+    camera = webcam()
+    camera.repeats = True
+    controls = opened(node, camera).controls()
+    assert len(controls) == len({control.id for control in controls})
+    assert EXPOSURE in {control.id for control in controls}
+
+
 def test_a_camera_that_is_unplugged_is_an_error_not_an_end_of_a_list(node: Path) -> None:
     camera = webcam()
     camera.fails[2] = errno.ENODEV

@@ -1,0 +1,38 @@
+"""The udev rules, as far as they can be checked without devices."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+# man udev, section "Rules files".
+_PART = re.compile(r'(?P<key>[A-Z]+)(\{[A-Za-z_]+\})?(?P<operator>==|!=|\+=|=)"[^"]*"')
+_MATCHES = {"SUBSYSTEM", "SUBSYSTEMS", "ATTR", "ENV"}
+_ASSIGNMENTS = {"GROUP", "MODE", "SYMLINK"}
+
+
+@pytest.fixture(scope="module")
+def rules(repository: Path) -> list[str]:
+    """All rules, those that are offered as comments too."""
+    text = (repository / "docker" / "60-dynamic-observer.rules").read_text()
+    return [line.removeprefix("# ") for line in text.splitlines() if "SUBSYSTEM==" in line]
+
+
+def test_every_rule_matches_and_assigns_with_keys_that_udev_has(rules: list[str]) -> None:
+    assert len(rules) == 4
+    for rule in rules:
+        parts = [_PART.fullmatch(part.strip()) for part in rule.split(",")]
+        assert None not in parts, rule
+        found = {(part["key"], part["operator"]) for part in parts if part}
+        assert {key for key, operator in found if operator == "=="} <= _MATCHES
+        assert {key for key, operator in found if operator != "=="} <= _ASSIGNMENTS
+        assert any(operator != "==" for _, operator in found)
+
+
+def test_devices_are_given_to_the_groups_that_the_doctor_names(rules: list[str]) -> None:
+    given = dict(
+        re.findall(r'^SUBSYSTEM=="(\w+)".*GROUP="(\w+)", MODE="0660"$', "\n".join(rules), re.M)
+    )
+    assert given == {"video4linux": "video", "tty": "dialout"}
