@@ -14,7 +14,9 @@ import typer
 from app.commands.assignments import chosen_parameters
 from app.commands.output import whole_file
 from app.commands.progress import ProgressCallback, progress_bar
-from observer.calibration.formats.opencv_file import read_calibration_file
+from observer.calibration.formats.recognition import named_file, read_any
+from observer.calibration.formats.understanding import Size
+from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, InputError
 from observer.jsonl import observation_line
 from observer.observer import Observer
@@ -31,7 +33,13 @@ def observe(
         Path | None, typer.Option(help="File for the JSON lines, one per frame; else stdout.")
     ] = None,
     calibration: Annotated[
-        Path | None, typer.Option(help="OpenCV calibration used instead of the source's own.")
+        list[str] | None,
+        typer.Option(
+            metavar="FILE[,FILE]",
+            help="Calibration used instead of the source's own: OpenCV, ROS, Kalibr, KITTI, "
+            "MATLAB, Middlebury, ZED or EuRoC, recognised by content. Pairs of files are joined "
+            "by a comma, or given one by one.",
+        ),
     ] = None,
     assignments: Annotated[
         list[str] | None,
@@ -54,11 +62,15 @@ def observe(
     parameters = chosen_parameters(preset, assignments or [])
     opened = open_source(source).source
     try:
-        used = read_calibration_file(calibration) if calibration else opened.calibration
+        used = (
+            _read_calibration(calibration, (opened.info.width, opened.info.height))
+            if calibration
+            else opened.calibration
+        )
         if used is None:
             raise CalibrationError(
                 f"{source} brings no calibration; name one with --calibration FILE "
-                f"(OpenCV YAML with K1 D1 K2 D2 R T)"
+                f"(OpenCV YAML with K1 D1 K2 D2 R T, or that of another tool)"
             )
         observer = Observer(used, parameters, mount=opened.info.mount)
         with _writer(output) as file, progress_bar(f"observing {source}") as progress:
@@ -69,6 +81,19 @@ def observe(
         shown = "; ".join(f"{s.index}: {s.reason}" for s in skipped[:5])
         more = f"; and {len(skipped) - 5} more" if len(skipped) > 5 else ""
         typer.echo(f"skipped {len(skipped)} frame(s): {shown}{more}", err=True)
+
+
+def _read_calibration(names: list[str], size: Size) -> StereoCalibration:
+    """The calibration of these files, for images of this size; what was decided goes to stderr."""
+    # A comma may be part of a file's name.
+    paths = [
+        path
+        for name in names
+        for path in ([name] if Path(name).exists() else filter(None, name.split(",")))
+    ]
+    read = read_any([named_file(path) for path in paths], expected_size=size)
+    typer.echo(f"calibration: {'; '.join((read.format, *read.notes))}", err=True)
+    return read.calibration
 
 
 def _observe_all(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from observer.calibration.formats.numbers import image_size, shaped_numbers
+from observer.calibration.formats.numbers import image_size, shaped_numbers, transformation
 from observer.calibration.formats.plain_data import PlainData, parse_plain_data, read_text
 from observer.calibration.formats.understanding import Draft
 from observer.camera import DistortionModel, StereoCalibration
@@ -114,18 +114,11 @@ def _read_camera(name: str, data: dict[str, PlainData]) -> _Camera:
         )
     size = image_size(data, "resolution", name=name)
     fx, fy, cx, cy = shaped_numbers(data, "intrinsics", (4,), name=name)
-    matrix = shaped_numbers(data, "T_BS", (4, 4), name=name)
-    try:
-        T_body_camera = Pose.from_matrix(matrix)
-    except ValueError:
-        raise CalibrationError(
-            f"{name}: T_BS must hold a rotation (R^T R = I, det R = +1) and a translation"
-        ) from None
     return _Camera(
         name=name,
         size=size,
         K=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]),
         D=shaped_numbers(data, "distortion_coefficients", (4,), name=name),
         model=_DISTORTION_MODELS[distortion_model],
-        T_body_camera=T_body_camera,
+        T_body_camera=transformation(data, "T_BS", name=name),
     )

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer.calibration.formats.numbers import image_size, shaped_numbers
+from observer.calibration.formats.numbers import image_size, shaped_numbers, transformation
 from observer.calibration.formats.plain_data import PlainData
 from observer.calibration.formats.understanding import Draft
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
-from observer.geometry import Float64Array, Pose
+from observer.geometry import Float64Array
 
 _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
     "radtan": "radtan",
@@ -56,7 +56,9 @@ def kalibr_draft(name: str, data: dict[str, PlainData]) -> Draft:
             f"{name}: cam1.distortion_model is {cam1.model}, but cam0's is {cam0.model}; "
             f"a pair must have one model"
         )
-    T_cam1_cam0 = _transformation(name, _mapping(name, data, "cam1"))
+    T_cam1_cam0 = transformation(
+        _mapping(name, data, "cam1"), "T_cn_cnm1", name=name, label="cam1.T_cn_cnm1"
+    )
     notes = []
     left, right, T_right_left = cam0, cam1, T_cam1_cam0
     if T_cam1_cam0.inverse().translation[0] < 0:
@@ -131,14 +133,3 @@ def _read_camera(name: str, data: dict[str, PlainData], key: str) -> _Camera:
         D=D,
         model=_DISTORTION_MODELS[model],
     )
-
-
-def _transformation(name: str, camera: dict[str, PlainData]) -> Pose:
-    label = "cam1.T_cn_cnm1"
-    matrix = shaped_numbers(camera, "T_cn_cnm1", (4, 4), name=name, label=label)
-    try:
-        return Pose.from_matrix(matrix)
-    except ValueError:
-        raise CalibrationError(
-            f"{name}: {label} must hold a rotation (R^T R = I, det R = +1) and a translation"
-        ) from None

@@ -43,11 +43,13 @@ _AS_STRUCT = (
     "save('stereoParams.mat', 'stereoParams', '-v7')"
 )
 _MAX_DEPTH = 8
+# What files of version 7.3 hold, behind 512 bytes of MATLAB's own.
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def is_matlab(content: bytes) -> bool:
     """Whether these bytes begin as a MAT-file does."""
-    return content.startswith((b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file", b"\x89HDF\r\n"))
+    return content.startswith((b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file", _HDF5))
 
 
 def matlab_draft(name: str, content: bytes, wanted: Wanted) -> Draft:
@@ -57,7 +59,7 @@ def matlab_draft(name: str, content: bytes, wanted: Wanted) -> Draft:
         CalibrationError: one sentence naming the file, the key and the reason; where the file
             holds an object and mat-io is not installed, how to go on.
     """
-    if not content.startswith(b"MATLAB 5.0"):
+    if content[512:].startswith(_HDF5) or not content.startswith(b"MATLAB 5.0"):
         raise CalibrationError(
             f"{name}: this is a MAT-file of version 7.3 (HDF5), which is not read; {_AS_STRUCT}"
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from observer.calibration.formats.plain_data import PlainData
 from observer.errors import CalibrationError
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, Pose
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 # How OpenCV, YAML and C write what is not finite; refused, but for the right reason.
@@ -95,6 +95,26 @@ def distortion_numbers(
         shape = " x ".join(map(str, array.shape))
         raise CalibrationError(f"{name}: {label} must be one row or one column, not {shape}")
     return array.reshape(-1)
+
+
+def transformation(
+    data: Mapping[str, PlainData], key: str, *, name: str, label: str | None = None
+) -> Pose:
+    """The rigid motion of a key that holds a 4 x 4 matrix.
+
+    Raises:
+        CalibrationError: naming the key and the reason.
+    """
+    matrix = shaped_numbers(data, key, (4, 4), name=name, label=label)
+    try:
+        if not np.array_equal(matrix[3], [0, 0, 0, 1]):
+            raise ValueError
+        return Pose.from_matrix(matrix)
+    except ValueError:
+        raise CalibrationError(
+            f"{name}: {label or key} must hold a rotation (R^T R = I, det R = +1), a translation "
+            f"and the row 0 0 0 1"
+        ) from None
 
 
 def image_size(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -123,6 +124,11 @@ def opencv_draft(files: Sequence[tuple[str, dict[str, PlainData]]], wanted: Want
 def is_opencv(data: Mapping[str, PlainData]) -> bool:
     """Whether a mapping holds keys of a stereo calibration as OpenCV's users write them."""
     return any(name in data for names in _KEYS.values() for name in names)
+
+
+def calibration_id(text: str) -> str:
+    """A calibration's id: SHA-256 of its file's UTF-8 text, 64 hexadecimal digits."""
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
 def calibration_text(calibration: StereoCalibration) -> str:

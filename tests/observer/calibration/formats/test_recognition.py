@@ -1,0 +1,288 @@
+"""Recognised by content: every format, what belongs together, and refusals they all share."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.calibration.formats.exporting import export_calibration
+from observer.calibration.formats.recognition import named_file, read_any
+from observer.calibration.formats.understanding import Choice, NamedFile, UnderstoodCalibration
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError
+
+RIG = StereoCalibration(
+    640, 480,
+    K1=[[500, 0, 320], [0, 501, 240], [0, 0, 1]], D1=[-0.1, 0.02, 0, 0],
+    K2=[[499, 0, 318], [0, 500, 241], [0, 0, 1]], D2=[-0.2, 0.1, 0, 0],
+    R=cv2.Rodrigues(np.array([0.01, 0.02, -0.03]))[0], T=[-0.12, 0.001, 0.002],
+)  # type: ignore[arg-type]  # fmt: skip
+
+
+def exported(kind: str) -> tuple[NamedFile, ...]:
+    return export_calibration(RIG, kind, "a")  # type: ignore[arg-type]
+
+
+def row(key: str, values: object) -> str:
+    return f"{key}: {' '.join(repr(float(v)) for v in np.ravel(values))}\n"
+
+
+KITTI_RAW = "calib_time: 09-Jan-2012 13:57:47\n" + "".join(
+    row(f"S_0{i}", [1392, 512]) + row(f"K_0{i}", [984, 0, 690, 0, 980, 233, 0, 0, 1])
+    + row(f"D_0{i}", [-0.3, 0.2, 0, 0, 0]) + row(f"R_0{i}", np.eye(3))
+    + row(f"T_0{i}", [0.06 * (i > 1) - 0.5 * (i % 2) - 0.01 * (i == 3), 0, 0])
+    + row(f"S_rect_0{i}", [1242, 375]) + row(f"R_rect_0{i}", np.eye(3))
+    + row(f"P_rect_0{i}", [700, 0, 600, 45 * (i > 1) - 380 * (i % 2), 0, 700, 170, 0, 0, 0, 1, 0])
+    for i in range(4)
+)  # fmt: skip
+KITTI_ODOMETRY = "".join(
+    row(f"P{i}", [700, 0, 600, 45 * (i > 1) - 380 * (i % 2), 0, 700, 180, 0, 0, 0, 1, 0])
+    for i in range(4)
+)
+ZED = "".join(
+    f"[{side}_CAM_HD]\nfx=700\nfy=700\ncx=640\ncy=360\nk1=-0.17\nk2=0.03\n"
+    for side in ("LEFT", "RIGHT")
+) + "[STEREO]\nBaseline=120\nRX_HD=0.001\nCV_HD=0.002\nRZ_HD=0.003\n"  # fmt: skip
+MIDDLEBURY = (
+    "cam0=[1000 0 300; 0 1000 200; 0 0 1]\ncam1=[1000 0 310; 0 1000 200; 0 0 1]\ndoffs=10\n"
+    "baseline=100\nwidth=640\nheight=480\nndisp=64\n"
+)
+SENSOR = (
+    "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n"
+    "  data: [1, 0, 0, {x}, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [752, 480]\n"
+    "camera_model: pinhole\nintrinsics: [458.0, 457.0, 367.0, 248.0]\n"
+    "distortion_model: radial-tangential\ndistortion_coefficients: [-0.28, 0.07, 0, 0]\n"
+)
+
+
+def texts(*contents: str) -> tuple[NamedFile, ...]:
+    # Names that say nothing: recognised is by content.
+    return tuple(NamedFile(f"file{i}", text.encode()) for i, text in enumerate(contents))
+
+
+FORMATS: dict[str, tuple[NamedFile, ...]] = {
+    "OpenCV FileStorage": exported("opencv"),
+    "ROS camera_info of two cameras": exported("ros"),
+    "Kalibr camchain": exported("kalibr"),
+    "EuRoC sensor.yaml of two cameras": texts(SENSOR.format(x=0), SENSOR.format(x=0.11)),
+    "KITTI raw calib_cam_to_cam.txt": texts(KITTI_RAW),
+    "KITTI odometry calib.txt": texts(KITTI_ODOMETRY),
+    "Middlebury calib.txt": texts(MIDDLEBURY),
+    "Stereolabs ZED calibration (.conf)": texts(ZED),
+}
+SIZES = {"KITTI odometry calib.txt": (1241, 376)}
+
+
+def read(format: str) -> UnderstoodCalibration:
+    return read_any(FORMATS[format], size=SIZES.get(format))
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_every_format_is_recognised_and_says_what_it_did(format: str) -> None:
+    understood = read(format)
+    assert understood.format == format
+    assert understood.notes
+    assert re.search(r"baseline 0\.\d+ m$", understood.notes[-1])
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_the_cameras_size_is_held_to(format: str) -> None:
+    with pytest.raises(CalibrationError) as caught:
+        read_any(FORMATS[format], size=SIZES.get(format), expected_size=(800, 600))
+    # ZED and KITTI have no such section or images; KITTI odometry was told another size.
+    assert re.search(
+        r"images of \d+x\d+ pixels, but the camera's are 800x600|no section is for images of "
+        r"800x600|the images are 800x600 pixels, which is neither",
+        str(caught.value),
+    )
+
+
+def test_kitti_pairs_and_sizes_are_choices() -> None:
+    grey = read("KITTI raw calib_cam_to_cam.txt")
+    assert grey.choices == (
+        Choice("cameras", ("grey", "colour"), "grey"),
+        Choice("size", ("1392x512", "1242x375"), "1392x512"),
+    )
+    assert grey.calibration.baseline == pytest.approx(0.5)
+    assert "cameras 0 and 1 (grey) are used" in grey.notes
+    raw = FORMATS["KITTI raw calib_cam_to_cam.txt"]
+    # Both P[3] count: 45 / 700 alone would be no baseline.
+    colour = read_any(raw, cameras="colour", size=(1242, 375)).calibration
+    assert colour.baseline == pytest.approx(380 / 700)
+    assert colour.is_rectified
+    assert read_any(raw, cameras="colour").calibration.baseline == pytest.approx(0.51)
+    only_colour = texts("".join(KITTI_ODOMETRY.splitlines(keepends=True)[2:]))
+    assert "cameras 2 and 3 (colour) are used" in read_any(only_colour, size=(1241, 376)).notes
+
+
+def test_a_size_that_no_file_tells_is_asked_for() -> None:
+    with pytest.raises(CalibrationError, match="does not tell the size of its images; give it"):
+        read_any(FORMATS["KITTI odometry calib.txt"])
+    whole = exported("opencv")[0].content.decode()
+    without = texts(re.sub(r"image_\w+: \d+\n", "", whole))
+    with pytest.raises(CalibrationError, match="image_width is missing; add image_width and image"):
+        read_any(without)
+    for told in ({"size": (640, 480)}, {"expected_size": (640, 480)}):
+        understood = read_any(without, **told)  # type: ignore[arg-type]
+        assert "the file does not tell the images' size, taken as 640x480" in understood.notes
+        assert understood.calibration.width == 640
+    with pytest.raises(
+        CalibrationError, match=r"K1 has its principal point at \(320, 240\), which"
+    ):
+        read_any(without, size=(1920, 1080))
+
+
+def millimetres(text: str) -> str:
+    changed = text.replace("[ -0.12, 0.001, 0.002 ]", "[ -120.0, 1.0, 2.0 ]")
+    assert changed != text
+    return changed
+
+
+def test_units_are_never_guessed() -> None:
+    whole = exported("opencv")[0].content.decode()
+    in_mm = texts(millimetres(whole))
+    with pytest.raises(CalibrationError, match=r"in millimetres it would fit .*divide T by 1000"):
+        read_any(in_mm)
+    understood = read_any(in_mm, unit="mm")
+    assert np.allclose(understood.calibration.T, [-0.12, 0.001, 0.002])
+    assert "T converted from millimetres: baseline 0.12002 m" in understood.notes
+    in_squares = texts(whole.replace("[ -0.12, 0.001, 0.002 ]", "[ -4.8, 0.0, 0.0 ]"))
+    with pytest.raises(CalibrationError, match="in squares of the board, multiply T by a square's"):
+        read_any(in_squares)
+    # Too small as millimetres: the metres of the file are taken, not the unit that was said.
+    with pytest.raises(
+        CalibrationError, match=r"0\.00012.* when read in millimetres, .*in metres it"
+    ):
+        read_any(exported("opencv"), unit="mm")
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_intrinsics_and_extrinsics_are_joined(shared: bool) -> None:
+    whole = exported("opencv")[0].content.decode()
+    head, rest = whole.split("R: !!opencv", 1)
+    extrinsics = "%YAML:1.0\n---\nR: !!opencv" + rest + "Q: [1, 2]\n"
+    # Keys that both have are no harm as long as they agree.
+    pair = texts(head, extrinsics + ("image_width: 640\n" if shared else ""))
+    for files in (pair, pair[::-1]):
+        understood = read_any(files)
+        assert understood.format == "OpenCV FileStorage in two files"
+        assert np.array_equal(understood.calibration.K1, RIG.K1)
+        assert np.array_equal(understood.calibration.R, RIG.R)
+    for name, files in (("R and T are", pair[:1]), ("K1, D1, K2 and D2 are", pair[1:])):
+        with pytest.raises(CalibrationError, match=f"{name} missing; OpenCV's stereo_calib keeps"):
+            read_any(files)
+    with pytest.raises(CalibrationError, match="image_width differs from image_width in file0"):
+        read_any(texts(head, extrinsics + "image_width: 320\n"))
+
+
+def test_other_spellings_of_opencvs_keys() -> None:
+    understood = read_any(texts(
+        "Size: [640, 480]\nK_LEFT: [500,0,320,0,501,240,0,0,1]\nD_LEFT_FE: [.1,.2,.3,.4]\n"
+        "K_RIGHT: [500,0,320,0,501,240,0,0,1]\nD_RIGHT_FE: [.1,.2,.3,.4]\n"
+        "R: [0.01, 0.02, 0.03]\nT: [-120.0, 0, 0]\n"
+    ), unit="mm")  # fmt: skip
+    made = understood.calibration
+    assert made.distortion_model == "equidistant"
+    assert np.allclose(made.R, cv2.Rodrigues(np.array([0.01, 0.02, 0.03]))[0])
+    assert "R holds three numbers, taken as a rotation vector" in understood.notes
+    assert "D_LEFT_FE and D_RIGHT_FE: fisheye lenses" in understood.notes
+
+
+WHOLE = exported("opencv")[0].content.decode()
+
+
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        ((), "no calibration file was given"),
+        (texts("a", "b", "c"), "3 files were given; a calibration is one file, or two"),
+        (texts(WHOLE, ZED), "file0 is an OpenCV calibration, but file1 is a ZED calibration"),
+        (texts(ZED, ZED), "a ZED calibration is one file for both cameras, but 2 were given"),
+        (texts("K: 1\nP: 2\n"), "no calibration was recognised (its keys: K, P); understood are"),
+        (texts(""), "the file is empty"),
+        (texts("just words"), "the file holds no keys"),
+        (texts("camera_matrix: [1]\ndistortion_coefficients: [0]\n"),
+         "camera_matrix is that of one camera only"),
+        ((NamedFile("a.zip", b"PK\x03\x04abc"),), "a.zip: this is a ZIP archive; unpack it"),
+        ((NamedFile("a", b"\xff\xfeK1"),), "a: the file must be UTF-8 text"),
+        ((NamedFile("a", b"#" * 1_000_001),), "larger than the 1000000 bytes"),
+        ((NamedFile("a.mat", b"MATLAB 5.0 MAT-file" + bytes(1_000_000)),), "larger than the 10"),
+        (texts("K1: &a [1, 2]\nK2: *a\n"), "line 1 uses a YAML alias"),
+        (texts(WHOLE.replace("[ -0.12, ", "[ 0.12, ")), "swap left and right"),
+        (texts(WHOLE.replace("[ -0.12, ", "[ .inf, ")), "T must hold finite numbers only"),
+        (texts(WHOLE.replace("[ -0.12, 0.001, 0.002 ]", "[0, 0, 0]")), "T must not be zero"),
+        (texts(re.sub(r"(D1.*?)dt: d\n.*?]", r"\1data: [0.1]", WHOLE, count=1, flags=re.DOTALL)),
+         "D1 must hold 1 x 4 numbers, but it holds 1"),
+        (texts(WHOLE.replace("[ 500.0, 0.0, 320.0, 0.0, 501.0, 240.0, 0.0, 0.0, 1.0 ]",
+                             "[ 500.0, 0, 0, 0, 501.0, 0, 320, 240, 1.0 ]")),
+         "K1 must hold fx, 0, cx; 0, fy, cy; 0, 0, 1 in its rows; it is transposed"),
+        (texts(WHOLE + "distortion_model: ds\n"), "distortion_model must be radtan or equidistant"),
+        (texts(WHOLE.replace("[ -0.1, 0.02, 0.0, 0.0 ]", "[0.1, 0, 0, 0, 0]")
+               .replace("cols: 4", "cols: 5", 1) + "distortion_model: equidistant\n"),
+         "D1 of an equidistant (fisheye) lens must hold 4 coefficients, not 5"),
+    ],
+)  # fmt: skip
+def test_refuses(files: tuple[NamedFile, ...], expected: str) -> None:
+    with pytest.raises(CalibrationError) as caught:
+        read_any(files)
+    message = str(caught.value)
+    assert expected in message
+    assert "\n" not in message
+    assert len(message) < 500
+
+
+def test_a_file_of_the_disk(tmp_path: Path) -> None:
+    (tmp_path / "c.yaml").write_text(WHOLE)
+    assert named_file(tmp_path / "c.yaml") == NamedFile("c.yaml", WHOLE.encode())
+    with pytest.raises(CalibrationError, match="cannot be read: No such file"):
+        named_file(tmp_path / "absent.yaml")
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@given(
+    format=st.sampled_from(sorted(FORMATS)),
+    part=st.floats(0, 1),
+    length=st.integers(0, 30),
+    put=st.binary(max_size=12) | st.sampled_from([b"1e308", b"-1e200 ", b"0", b"nan", b"\n", b":"]),
+)
+@settings(deadline=None, max_examples=250)
+def test_damage_anywhere_is_read_or_refused(
+    number: int, format: str, part: float, length: int, put: bytes
+) -> None:
+    files = list(FORMATS[format])
+    file = files[number % len(files)]
+    at = int(part * len(file.content))
+    damaged = file.content[:at] + put + file.content[at + length :]
+    files[number % len(files)] = NamedFile(file.name, damaged)
+    for size in (SIZES.get(format), None):
+        with contextlib.suppress(CalibrationError):
+            read_any(files, size=size)
+
+
+@given(content=st.binary(max_size=120), second=st.none() | st.binary(max_size=40))
+@settings(deadline=None, max_examples=250)
+def test_any_bytes_are_refused(content: bytes, second: bytes | None) -> None:
+    files = [NamedFile("a", content)] + ([] if second is None else [NamedFile("b", second)])
+    with pytest.raises(CalibrationError):
+        read_any(files)
+
+
+@given(
+    st.text("[]=;:_.-0123456789 \nPKSDRTcamLEFTRIGHT_CAM_HD STEREO", max_size=80).map(
+        lambda text: text.encode()
+    ),
+    st.sampled_from([b"[LEFT_CAM_HD]\n", b"cam0=[", b"S_00: 1\n", b"P0: 1\n", b"cam0: {a: 1}\n",
+                     b"T_BS: 1\n", b"camera_matrix: 1\nprojection_matrix: 2\n"]),
+)  # fmt: skip
+@settings(deadline=None, max_examples=200)
+def test_what_only_looks_like_a_format_is_refused(content: bytes, start: bytes) -> None:
+    for files in ([start + content], [start + content, start]):
+        with pytest.raises(CalibrationError):
+            read_any([NamedFile(f"file{i}", each) for i, each in enumerate(files)], size=(640, 480))
