@@ -32,6 +32,9 @@ _STEP_M = 0.002
 WHEEL_SCALE_SIGMA = 0.01
 # A scale as wrong as this is none of the wheels' usual errors: they slip, or a gear is set wrong.
 _STRANGE_SCALE = 0.05
+# No vergence makes ways differ by such a factor: the wheels spin, or their count began anew.
+_SAME_WAY = 2.5
+_CHECK_WHEELS = "check that they do not slip and what a turn of them is worth"
 # Points of one scene err together, beside edges and by interpolation, and do so again in every
 # pair: the variance is at least so many times that of independent errors, and a part of it is
 # the same for all, pixels. Both as simulated drives show.
@@ -48,6 +51,9 @@ _KNOWN_PX = 0.3
 # Depth errors are told for things at this distance.
 _AT_M = 3.0
 _HOW = "drive 2 m straight ahead with wheel odometry, past things near and far"
+_NO_WAY = f"vergence is unobserved: no way was driven yet; {_HOW}"
+# So many frames without matches are none of the first ones of a segment.
+_BLIND_FRAMES = 5
 
 
 @dataclass(frozen=True)
@@ -93,7 +99,8 @@ class VergenceWatch:
         self._fitted_s = -math.inf
         self._information, self._vector = np.zeros((2, 2)), np.zeros(2)
         self._square = self._pairs = self._way_m = 0.0
-        self._found = _unobserved(f"vergence is unobserved: no way was driven yet; {_HOW}")
+        self._blind = 0
+        self._found = _unobserved(_NO_WAY)
 
     def look(
         self,
@@ -112,17 +119,22 @@ class VergenceWatch:
             T_world_camera: by stereo; None while it is unknown.
             odometry: the wheels' at this frame; None unknown.
         """
-        key = self._key
-        if segment != self._segment or (key is not None and time_s < key.time_s):
-            key, self._segment, self._fitted_s = None, segment, -math.inf
-        if rows is None or odometry is None or T_world_camera is None:
-            # One frame whose pose is lost says nothing about the vergence.
-            if rows is None or odometry is None:
-                key = None
-            if self._pairs < _LEAST_PAIRS and T_world_camera is not None:
-                self._found = _unobserved(_missing(rows, odometry))
-            self._key = key
+        if segment != self._segment or (self._key is not None and time_s < self._key.time_s):
+            self._key, self._segment, self._fitted_s = None, segment, -math.inf
+        if rows is None or odometry is None:
+            self._key = None
+            self._blind += 1
+            # The first frame of a segment has no matches yet, whatever the method.
+            missing = odometry is None or self._blind > _BLIND_FRAMES
+            if missing and self._pairs < _LEAST_PAIRS:
+                self._found = _unobserved(_missing(odometry))
             return self._found
+        if self._blind and self._pairs < _LEAST_PAIRS:
+            self._found = _unobserved(_NO_WAY)
+        self._blind = 0
+        if T_world_camera is None:
+            return self._found
+        key = self._key
         seen = _Seen(rows, T_world_camera, odometry, time_s)
         way = None if key is None else driven_way(key.odometry, odometry)
         if key is None or way is None or _turn(key.odometry, odometry) > _MOST_TURN:
@@ -136,6 +148,14 @@ class VergenceWatch:
 
     def _fit(self, before: _Seen, now: _Seen) -> None:
         seen = _pair(before, now, self._mount)
+        by_stereo = float(np.linalg.norm(seen.T_now_before.translation))
+        if not seen.way_m / _SAME_WAY < by_stereo < seen.way_m * _SAME_WAY:
+            if self._pairs < _LEAST_PAIRS:
+                self._found = _unobserved(
+                    f"vergence is unobserved: the wheels tell {seen.way_m:.2f} m of way where "
+                    f"stereo saw {by_stereo:.2f} m; {_CHECK_WHEELS}"
+                )
+            return
         start = (self._found.vergence_rad or 0.0, 0.0)
         equation = way_equation(seen, self._camera, start, WHEEL_SCALE_SIGMA)
         if equation is None:
@@ -166,33 +186,39 @@ class VergenceWatch:
         covariance = np.linalg.inv(information)
         vergence = float(covariance[0] @ vector)
         std = math.hypot(math.sqrt(covariance[0, 0]), _BIAS_PX / self._camera.fx)
-        degrees = f"{math.degrees(vergence):+.2f} deg (+-{math.degrees(std):.2f})"
         if self._strange(float(own[1]), excess):
             scale = float(own[1])
             return _unobserved(
                 f"vergence is unobserved: over {way} the wheels tell {100 * abs(scale):.0f} % too "
                 f"{'little' if scale > 0 else 'much'} at all distances, which vergence does not "
-                f"explain; check that they do not slip and what a turn of them is worth"
+                f"explain; {_CHECK_WHEELS}"
             )
-        share = 100 * vergence * _AT_M / self._camera.baseline
-        share_std = 100 * std * _AT_M / self._camera.baseline
+        return self._judged(vergence, std)
+
+    def _judged(self, vergence: float, std: float) -> VergenceCheck:
+        """What a vergence and its standard deviation, rad, mean."""
+        way = f"{self._way_m:.1f} m of way"
+        sigma = f"+-{math.degrees(std):.2f}"
+        # Depth seems d / (d - f v) times as far as it is, which is 1 + v Z / B for small v.
+        share, share_std = (
+            100 * angle * _AT_M / self._camera.baseline for angle in (vergence, std)
+        )
         if abs(vergence) > _SURE_SIGMAS * std:
-            course = "more" if vergence > 0 else "less"
+            course, error = ("more", "far") if vergence > 0 else ("less", "near")
             sentence = (
-                f"the cameras converge {course} than calibrated by {degrees}, by {way} against "
-                f"the wheels: depth at {_AT_M:g} m seems about {abs(share):.0f} % too "
-                f"{'far' if share > 0 else 'near'}; calibrate anew with a board"
+                f"the cameras converge {course} than calibrated by "
+                f"{abs(math.degrees(vergence)):.2f} deg ({sigma}), by {way} against the wheels: "
+                f"depth at {_AT_M:g} m seems about {abs(share):.0f} % too {error}; calibrate anew "
+                f"with a board"
             )
             return VergenceCheck("drifted", vergence, std, sentence, self._way_m)
         if std * self._camera.fx > _KNOWN_PX:
-            sentence = (
-                f"vergence is unobserved: {way} tell it to {math.degrees(std):.2f} deg only; {_HOW}"
-            )
+            sentence = f"vergence is unobserved: {way} tell it to {sigma} deg only; {_HOW}"
             return VergenceCheck("unobserved", vergence, std, sentence, self._way_m)
         sentence = (
-            f"vergence agrees with the wheels over {way}: {degrees} beyond the calibration, "
-            f"{share:+.1f} % (+-{share_std:.1f}) of depth at {_AT_M:g} m, with "
-            f"{100 * WHEEL_SCALE_SIGMA:g} % allowed to the wheels"
+            f"vergence agrees with the wheels over {way}: {math.degrees(vergence):+.2f} deg "
+            f"({sigma}) beyond the calibration, {share:+.1f} % (+-{share_std:.1f}) of depth at "
+            f"{_AT_M:g} m, with {100 * WHEEL_SCALE_SIGMA:g} % allowed to the wheels"
         )
         return VergenceCheck("consistent", vergence, std, sentence, self._way_m)
 
@@ -219,10 +245,9 @@ def _unobserved(sentence: str) -> VergenceCheck:
     return VergenceCheck("unobserved", None, None, sentence)
 
 
-def _missing(rows: StereoRows | None, odometry: Odometry | None) -> str:
+def _missing(odometry: Odometry | None) -> str:
     if odometry is None:
         return f"vergence is unobserved: the source reports no wheel odometry; {_HOW}"
-    assert rows is None
     return (
         "vergence is unobserved: this method does not match points between left and right; "
         "set ego_motion.model to rigid"
@@ -230,7 +255,7 @@ def _missing(rows: StereoRows | None, odometry: Odometry | None) -> str:
 
 
 def _turn(before: Odometry, now: Odometry) -> float:
-    return abs(now.yaw - before.yaw)
+    return abs(math.remainder(now.yaw - before.yaw, 2 * math.pi))
 
 
 def _pair(before: _Seen, now: _Seen, mount: CameraMount) -> SeenTwice:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -137,7 +138,7 @@ def test_the_warning_does_not_flicker_about_its_limit() -> None:
     rows = Rows(noise_px=0.4)
     rows.seconds(900, pitch_px=lambda t: 0.5 + 0.05 * np.sin(t / 20))
     states = [each.warning is not None for each in rows.seen]
-    changes = sum(a != b for a, b in zip(states[:-1], states[1:], strict=True))
+    changes = sum(a != b for a, b in pairwise(states))
     assert changes <= 1
 
 

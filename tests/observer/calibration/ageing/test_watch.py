@@ -1,0 +1,52 @@
+"""The watches fed as a run does: by frames, observations and traces of the simulated lab."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from observer.calibration.ageing.row_refinement import RowRefinement, refine_from_scene
+from observer.calibration.ageing.watch import AgeingWatch
+from observer.observer import Observer
+from observer.parameters import Parameters
+from observer.simulation.scenarios import scenario_from_text
+from observer.simulation.world import World
+from observer.types import FullTrace
+
+
+def test_a_run_warns_of_its_rows_and_can_be_refined(clip: Callable[[str, int], Any]) -> None:
+    frames = clip("simulated:turning?seed=1", 90).frames
+    text = "based_on: turning\nfaults: {miscalibration: {pitch_deg: 0.1, roll_deg: -0.05}}"
+    world = World(scenario_from_text(text, "wrong"), 1)
+    observer = Observer(world.calibration)
+    watch = AgeingWatch(observer.camera)
+    for frame in frames:
+        trace = FullTrace()
+        age = watch.look(frame, observer.observe(frame, trace), trace)
+    assert age.rows.warning is not None
+    assert "pitch" in age.rows.warning
+    assert age.vergence.status in ("consistent", "unobserved")
+    assert len(watch.pairs) == 2
+    found = refine_from_scene(world.calibration, watch.pairs)
+    assert isinstance(found, RowRefinement)
+    turn = found.calibration.R @ world.true_calibration.R.T
+    pitch, yaw, roll = np.degrees([turn[2, 1], turn[0, 2], turn[1, 0]])
+    assert abs(pitch) < 0.012
+    assert abs(roll) < 0.02
+    assert abs(yaw) < 0.002
+
+
+def test_without_stereo_matches_nothing_is_claimed(clip: Callable[[str, int], Any]) -> None:
+    here = clip("simulated:turning?seed=1", 90)
+    parameters = Parameters().changed({"ego_motion.model": "affine"})
+    observer = Observer(here.calibration, parameters)
+    watch = AgeingWatch(observer.camera)
+    for frame in here.frames[:9]:
+        trace = FullTrace()
+        age = watch.look(frame, observer.observe(frame, trace), trace)
+    assert age.rows.now_px is None
+    assert age.rows.warning is None
+    assert age.vergence.status == "unobserved"
+    assert "ego_motion.model" in age.vergence.sentence
