@@ -25,8 +25,8 @@ from observer.rig.floor_planes import (
 _LIMITS = PlaneLimits(math.radians(45), math.radians(20), (0.05, 3.0))
 # Of the points below a plane's horizon; mismatches and reflections in the floor come so far.
 _MOST_BENEATH = 0.15
-# A second plane with this share of the first one's points, and nothing beneath it either.
-_RIVAL = 0.4
+# With these shares of another plane's points, a second one competes, or is the other's floor.
+_RIVAL, _FLOOR_OF_TABLE = 0.4, 0.1
 _SAME_HEIGHT, _SAME_HEIGHT_M, _SAME_ANGLE = 0.1, 0.03, math.radians(3)
 _MOST_POINTS = 20_000
 _FEWEST_POINTS = 500
@@ -85,10 +85,10 @@ def estimate_floor(
 ) -> FloorEstimate | Refused:
     """The floor below a camera from stereo clouds of one or more frames.
 
-    The floor is the largest level plane below the camera that has next to nothing beneath it,
-    which tells it from tables and boxes. The camera is taken to be mounted firmly: all views see
-    one plane, and their median counts. Walls are excluded by tilt (within 45 degrees) and roll
-    (within 20).
+    The floor is the largest level plane below the camera that has next to nothing beneath it, or
+    the level one below that: this tells it from tables and boxes. The camera is taken to be
+    mounted firmly: all views see one plane, and their median counts. Walls are excluded by tilt
+    (within 45 degrees) and roll (within 20).
 
     Standard deviations hold what one view leaves open (cells of the image err as a whole), how
     far views differ, and what a calibration leaves as a bias of disparity, which no number of
@@ -166,7 +166,10 @@ def _floor_of_view(
 
 
 def _lowest(planes: list[LevelPlane]) -> LevelPlane | Refused:
-    """The largest plane with next to nothing beneath it; refused where two compete."""
+    """The floor among planes by size, largest first; refused where two compete.
+
+    It is the largest plane with next to nothing beneath it, but for a level one that carries it.
+    """
     nothing_beneath = [plane for plane in planes if plane.beneath <= _MOST_BENEATH]
     if not nothing_beneath:
         return Refused(
@@ -174,8 +177,17 @@ def _lowest(planes: list[LevelPlane]) -> LevelPlane | Refused:
             f"seen there lies beneath it, so it is not the floor; turn the robot towards open floor"
         )
     floor = nothing_beneath[0]
-    for rival in nothing_beneath[1:]:
-        if rival.support >= _RIVAL * floor.support and not _same(floor, rival):
+    for lower in nothing_beneath[1:]:
+        if lower.support >= _FLOOR_OF_TABLE * floor.support and lower.carries(floor):
+            floor = lower
+    for rival in planes:
+        # What has only the floor beneath it may be a ramp, and the robot may stand on either.
+        if (
+            rival.support >= _RIVAL * floor.support
+            and rival.beneath_but_for(floor) <= _MOST_BENEATH
+            and not floor.carries(rival)
+            and not _same(floor, rival)
+        ):
             return Refused(
                 f"two planes could be the floor: one {floor.words}, one {rival.words}; turn the "
                 f"robot to where the floor is open and flat"

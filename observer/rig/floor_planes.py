@@ -12,6 +12,7 @@ stereovision on non flat road geometry, IV 2002).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,8 @@ _MOST_CANDIDATES = 5
 _REFINEMENTS = 8
 # Of a robust standard deviation: beyond it a point does not belong to the plane.
 _GATE = 3.0
+# Between planes that are level both.
+PARALLEL = math.radians(4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,19 +74,37 @@ class LevelPlane:
     Attributes:
         coefficients: (3,) fB n / h. fb: focal length times baseline, pixel metres.
         members: (N,) which points of the view belong to it. sigma: their noise, pixels.
-        beneath: share of the points seen below its horizon that lie beneath the plane. Nothing
-            lies beneath the floor.
+        judged: (N,) which points are seen where the plane would be, so that they can lie above or
+            beneath it. sunken: (N,) those that lie beneath it. Nothing lies beneath the floor.
     """
 
     coefficients: Float64Array
     fb: float
     members: Mask
     sigma: float
-    beneath: float
+    judged: Mask
+    sunken: Mask
 
     @property
     def support(self) -> int:
         return int(np.count_nonzero(self.members))
+
+    @property
+    def beneath(self) -> float:
+        """Share of what is seen at the plane that lies beneath it."""
+        return float(self.sunken.sum()) / max(1.0, float(self.judged.sum()))
+
+    def beneath_but_for(self, other: LevelPlane) -> float:
+        """``beneath``, were the other plane's members not there."""
+        rest = ~other.members
+        return float((self.sunken & rest).sum()) / max(1.0, float((self.judged & rest).sum()))
+
+    def carries(self, other: LevelPlane) -> bool:
+        """Whether the other plane lies level above this one, as a table above its floor."""
+        lower = float((self.members & other.sunken).sum())
+        a, b = self.coefficients, other.coefficients
+        cosine = float(a @ b) / float(np.linalg.norm(a) * np.linalg.norm(b))
+        return lower > 0.5 * self.support and cosine > math.cos(PARALLEL)
 
     @property
     def stand(self) -> Float64Array:
@@ -179,10 +200,9 @@ def _refined(
     # matched there is wrong.
     expected = points.ray @ coefficients
     searched = points.disparity.max(initial=0.0) - _GATE * noise_px
-    seen_below = (expected > _GATE * noise_px) & (expected < searched)
-    beneath = seen_below & (points.disparity < expected - 2 * _GATE * noise_px)
-    share = float(beneath.sum()) / max(1.0, float(seen_below.sum()))
-    return LevelPlane(np.asarray(coefficients, np.float64), fb, members, sigma, share)
+    judged = (expected > _GATE * noise_px) & (expected < searched)
+    sunken = judged & (points.disparity < expected - 2 * _GATE * noise_px)
+    return LevelPlane(np.asarray(coefficients, np.float64), fb, members, sigma, judged, sunken)
 
 
 def _near(points: DisparityPoints, coefficients: Float64Array, gate_px: float) -> Mask:
