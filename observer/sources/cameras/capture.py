@@ -90,10 +90,7 @@ class DeviceCapture:
         # A by-path name is a link; what it points to changes when the camera is plugged in anew.
         self._capture = cv2.VideoCapture(os.path.realpath(path), cv2.CAP_V4L2)
         if not self._capture.isOpened():
-            raise SourceError(
-                "cannot be used: another program has it open or it is no camera; close the other "
-                "program or name another device"
-            )
+            raise SourceError(_in_use_or_no_camera(path))
         # The format first: sizes and rates depend on it.
         if settings.pixel_format is not None:
             code = cv2.VideoWriter.fourcc(*settings.pixel_format)
@@ -114,9 +111,8 @@ class DeviceCapture:
 
     def stamp(self) -> float | None:
         stamp = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-        low, high = _PLAUSIBLE_AGE_S
         # Once on another clock, always: a stamp that changes its meaning would be worse.
-        self._stamped = self._stamped and low <= time.monotonic() - stamp <= high
+        self._stamped = self._stamped and is_monotonic_stamp(stamp, time.monotonic())
         return stamp if self._stamped else None
 
     def settle(self) -> AppliedSettings:
@@ -174,6 +170,15 @@ class NetworkCapture:
         return _retrieve(self._capture)
 
 
+def is_monotonic_stamp(stamp: float, now: float) -> bool:
+    """Whether a frame that was grabbed just now may have this stamp on the same clock, seconds.
+
+    Some drivers stamp with the wall clock or with a counter of their own.
+    """
+    youngest, oldest = _PLAUSIBLE_AGE_S
+    return youngest <= now - stamp <= oldest
+
+
 def check_device(path: str) -> None:
     """See that a device is there and may be opened.
 
@@ -182,12 +187,27 @@ def check_device(path: str) -> None:
     """
     if sys.platform != "linux":
         raise SourceError("cannot be opened by a device path on this system; use Linux")
-    if not Path(path).exists():
+    real = Path(path).resolve()
+    if not real.exists():
         raise SourceError("is not connected; plug it in or name another device")
-    if not os.access(path, os.R_OK | os.W_OK):
-        raise SourceError(
-            "may not be opened by this user; add the user to the group video and sign in again"
-        )
+    if not os.access(real, os.R_OK | os.W_OK):
+        from observer.sources.cameras.device_files import permission_advice
+
+        raise SourceError(f"cannot be opened: {permission_advice(real)}")
+
+
+def _in_use_or_no_camera(path: str) -> str:
+    from observer.sources.cameras.device_files import holders
+
+    who = ", ".join(
+        f"{each.name} (process {each.process})" for each in holders(Path(path).resolve())
+    )
+    if who:
+        return f"is in use by {who}; close it"
+    return (
+        "cannot be used: another program has it open or it is no camera; close the other program "
+        "or name another device"
+    )
 
 
 def _retrieve(capture: cv2.VideoCapture) -> Image | None:

@@ -46,6 +46,8 @@ from observer.types import Image
 
 _PR_SET_PDEATHSIG = 1
 _FIRST_IMAGE_S = 10.0
+# Longer than the source bears anything.
+_LONGEST_CALL_S = 15.0
 # A frame waits this part of a period for its decision, so that waiting never becomes a queue.
 _WAITING = 0.9
 # A camera that is gone answers at once, again and again; one that waited in vain takes its time.
@@ -168,7 +170,7 @@ class Grabber:
                 return None
             # While it delivers: many cameras forget what they were told before.
             if applied is None:
-                applied = self._capture.settle()
+                applied = self._settle()
             image = self._capture.retrieve()
             if image is not None:
                 return image, applied
@@ -176,10 +178,17 @@ class Grabber:
         self._notices.tell(Failed("sends nothing that is an image", alive=False))
         return None
 
+    def _settle(self) -> AppliedSettings:
+        try:
+            return self._capture.settle()
+        except SourceError as error:
+            return AppliedSettings({}, (f"nothing could be set: {error}",))
+
     def _next(self, period: Period | None) -> bool:
         """Wait for the next frame; False when the camera is done for, which was told."""
         while True:
             began = time.monotonic()
+            _be_ended_after(_LONGEST_CALL_S)
             if self._capture.grab():
                 self._in_vain = 0
                 return True
@@ -224,6 +233,16 @@ class Grabber:
         return np.frombuffer(mmap.mmap(self._memory_fd, size), np.uint8).reshape(shape)
 
 
+def _be_ended_after(seconds: float) -> None:
+    """Have the kernel end this process then; 0 for never.
+
+    The last resort for a native call that hangs and keeps the interpreter, so that the end of
+    the source cannot be noticed.
+    """
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+
+
 def load_opener(name: str) -> Opener:
     """The function that opens a camera, by ``module:function`` or ``file.py:function``."""
     place, _, function = name.rpartition(":")
@@ -243,9 +262,11 @@ def load_opener(name: str) -> Opener:
 def serve(commands: Commands, notices: Notices, memory_fd: int) -> None:
     """Open the camera when told, again and again where it cannot be opened; then deliver."""
     while True:
+        _be_ended_after(0.0)
         command = commands.wait(None)
         if not isinstance(command, Open):
             continue
+        _be_ended_after(_LONGEST_CALL_S)
         try:
             capture = load_opener(command.opener)(command.address, command.camera_settings())
         except SourceError as error:

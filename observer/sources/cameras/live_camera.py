@@ -33,6 +33,7 @@ _SILENCE_S = 0.16
 _SILENT_PERIODS = 2.5
 # A network's hiccup passes by itself sooner than a stream is opened anew.
 _REOPEN_AFTER_S = 1.0
+_REOPEN_AFTER_PERIODS = 5.0
 # Longer than a driver's and FFmpeg's own patience at opening, which tell a reason.
 _OPENING_S = 12.0
 _SHORTEST_PAUSE_S = 0.25
@@ -76,6 +77,7 @@ class LiveCamera:
         self._since = now
         self._pause = 0.0
         self._fault: str | None = None
+        self._told: str | None = None
         self._insists = False
         self._attended_since = now
         self._last_arrival = now
@@ -148,16 +150,17 @@ class LiveCamera:
 
     def recovered(self) -> None:
         """It delivered; its last fault is over."""
-        self._fault = None
+        self._fault = self._told = None
         self._insists = False
 
     def trouble(self, now: float) -> str | None:
         """What is wrong with it in one sentence; None where nothing is."""
         fault = self._present_fault(now)
-        return None if fault is None else f"{self} {fault}"
+        self._told = None if fault is None else f"{self} {fault}"
+        return self._told
 
-    def report(self, now: float) -> CameraReport:
-        """How it is; from any thread."""
+    def report(self) -> CameraReport:
+        """How it was when it was asked last; from any thread."""
         opened = self.opened
         settings = {} if opened is None else dict(opened.settings)
         if self.target.network and opened is not None and self.period.measured:
@@ -170,7 +173,7 @@ class LiveCamera:
                 if self._state == "delivering"
                 else "failed" if self._insists else "waiting"
             ),
-            trouble=self.trouble(now),
+            trouble=self._told,
             settings=settings,
             refused=() if opened is None else opened.refused,
         )  # fmt: skip
@@ -189,12 +192,18 @@ class LiveCamera:
     def _present_fault(self, now: float) -> str | None:
         if self._state != "delivering":
             return self._fault or "is being opened"
+        period = self.period.seconds
         silence = now - max(self._last_arrival, self._attended_since)
-        if silence > max(_SILENCE_S, _SILENT_PERIODS * self.period.seconds):
+        if silence > max(_SILENCE_S, _SILENT_PERIODS * period):
             return _SILENT if self._undecodable_since is None else _UNDECODABLE
+        if self.decoding is not None and not self.is_decoded:
+            # It came a period after the last one that was good.
+            waiting = now - max(self.decoding.arrival, self._attended_since)
+            if waiting > max(_SILENCE_S - period, (_SILENT_PERIODS - 1.0) * period):
+                return _SILENT
         if self._undecodable_since is not None:
             # It was good up to a period before.
-            if now - self._undecodable_since > _SILENCE_S - self.period.seconds:
+            if now - self._undecodable_since > _SILENCE_S - period:
                 return _UNDECODABLE
         elif self._frozen_since is not None:
             return _STAMPS_STAND if self._standing_stamps >= _FROZEN_REPEATS else _FROZEN
@@ -241,8 +250,9 @@ class LiveCamera:
             self._fail("does not answer; see that it is on and connected", now)
         elif self._state == "delivering":
             silent_since = max(self._last_arrival, self._attended_since)
+            borne_s = max(_REOPEN_AFTER_S, _REOPEN_AFTER_PERIODS * self.period.seconds)
             for since in (silent_since, self._undecodable_since, self._frozen_since):
-                if since is not None and now - max(since, self._since) > _REOPEN_AFTER_S:
+                if since is not None and now - max(since, self._since) > borne_s:
                     self._fail(self._present_fault(now) or _SILENT, now)
                     return
 

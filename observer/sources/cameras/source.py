@@ -137,10 +137,9 @@ class CameraSource:
 
     def report(self) -> LiveReport:
         """How the cameras are at this moment; from any thread."""
-        now = time.monotonic()
         median, p95 = self._skews.median_and_p95()
         return LiveReport(
-            cameras=tuple(camera.report(now) for camera in self._cameras),
+            cameras=tuple(camera.report() for camera in self._cameras),
             pairs=self._pairs,
             dropped=self._dropped,
             skew_median_s=median,

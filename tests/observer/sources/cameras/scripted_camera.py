@@ -39,6 +39,7 @@ class ScriptedCapture:
         self._file = Path(address)
         self._settings = settings
         self._stamp = 0.0
+        self._noise: Image | None = None
         if self._script()["mode"] == "busy":
             raise SourceError("is in use by another program; close it")
 
@@ -93,9 +94,12 @@ class ScriptedCapture:
             ctypes.PyDLL(None).sleep(3600)
         if mode == "black":
             return np.zeros((height, width, 3), np.uint8)
-        seed = 1 if mode == "frozen" else round(self._stamp * 1e6)
-        noise = np.random.default_rng(seed).integers(0, 200, (height, width, 3))
-        image = noise.astype(np.uint8)
+        # One noise, shifted from frame to frame: quick to make, and never the same twice.
+        if self._noise is None or self._noise.shape != (height, width, 3):
+            noise = np.random.default_rng(1).integers(0, 200, (height, width, 3))
+            self._noise = noise.astype(np.uint8)
+        shift = 0 if mode == "frozen" else round(self._stamp * script["rate"])
+        image = np.roll(self._noise, shift, axis=1)
         # The left half is even, the right half odd: tells the halves of a side-by-side image.
         image[:, : width // 2] &= 0xFE
         image[:, width // 2 :] |= 1

@@ -94,8 +94,10 @@ def soak(seconds: float, seed: int = 1, size: str = "320x240") -> bool:
         _write(f"received to read, median {np.median(latencies) * 1e3:.1f} ms, "
                f"p99 {np.quantile(latencies, 0.99) * 1e3:.1f} ms")  # fmt: skip
     if late:
-        _write(f"last received to trouble, median {np.median(late) * 1e3:.0f} ms, "
-               f"p95 {np.quantile(late, 0.95) * 1e3:.0f} ms, worst {max(late) * 1e3:.0f} ms")  # fmt: skip
+        _write(
+            f"last received to trouble, median {np.median(late) * 1e3:.0f} ms, "
+            f"p95 {np.quantile(late, 0.95) * 1e3:.0f} ms, worst {max(late) * 1e3:.0f} ms"
+        )
     _write(f"descriptors before {before[0]}, after {after[0]}")
     _write(f"threads before {before[1]}, after {after[1]}; camera processes left {processes}")
     _write(f"memory {sizes[0]:.1f} to {sizes[-1]:.1f} MB, slope {slope:+.1f} MB/h")

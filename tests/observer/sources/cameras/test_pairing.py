@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from observer.sources.cameras.bandwidth import bandwidth_hints
+from observer.sources.cameras.capture import is_monotonic_stamp
 from observer.sources.cameras.freshness import Backlog, Period, Repeats
 from observer.sources.cameras.messages import (
     Failed,
@@ -78,6 +79,14 @@ def test_a_stream_that_always_comes_in_bursts_is_believed_in_the_end() -> None:
     held = [backlog.holds(0.01 * index, T) for index in range(300)]
     assert all(held[:100])
     assert not held[-1]
+
+
+def test_only_stamps_of_the_hosts_clock_are_believed() -> None:
+    now = 46_000.0
+    assert is_monotonic_stamp(now - 0.03, now)
+    assert is_monotonic_stamp(now, now)
+    for other in (0.0, now - 3.0, now + 0.1, 1.7e9, -1.0):
+        assert not is_monotonic_stamp(other, now)
 
 
 def test_repeated_images_are_counted_but_not_dark_ones() -> None:
