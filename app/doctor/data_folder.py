@@ -11,8 +11,8 @@ from pathlib import Path
 
 from alembic.config import Config
 from alembic.script import ScriptDirectory
-from sqlalchemy import create_engine, make_url
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy import URL, create_engine, make_url
+from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from app.doctor.finding import Finding
 from app.settings import Settings
@@ -30,13 +30,34 @@ _WAIT_S = 2.0
 def examine_data(settings: Settings) -> Iterator[Finding]:
     """Folder, space, database."""
     folder = settings.data.expanduser().absolute()
-    yield from _folder(folder)
+    found = list(_folder(folder))
+    yield from found
     if settings.database is None:
-        yield _sqlite(folder / "observer.sqlite")
-    elif make_url(settings.database).get_backend_name() != "sqlite":
-        yield _server(settings.database)
+        if all(finding.level != "problem" for finding in found):
+            yield _sqlite(folder / "observer.sqlite")
+        return
+    url = _url(settings.database)
+    if url is None:
+        yield Finding(
+            _SECTION,
+            "problem",
+            "DYNAMIC_OBSERVER_DATABASE is not understood; it looks like "
+            "sqlite:////folder/file.sqlite",
+        )
+    elif url.get_backend_name() == "sqlite":
+        yield _sqlite(Path(url.database or "").absolute())
     else:
-        yield _sqlite(Path(make_url(settings.database).database or ""))
+        yield _server(url)
+
+
+def _url(text: str) -> URL | None:
+    """The database's URL; None where it cannot be one of ours."""
+    try:
+        url = make_url(text)
+    except ArgumentError:
+        return None
+    is_in_memory = url.get_backend_name() == "sqlite" and url.database in (None, "", ":memory:")
+    return None if is_in_memory else url
 
 
 def _folder(folder: Path) -> Iterator[Finding]:
@@ -45,18 +66,26 @@ def _folder(folder: Path) -> Iterator[Finding]:
         yield Finding(_SECTION, "problem", f"{present} is a file, not a folder; {_ELSEWHERE}")
         return
     if not os.access(present, os.W_OK | os.X_OK):
-        yield Finding(
-            _SECTION,
-            "problem",
-            f"the folder {present} may not be written by you; {_ELSEWHERE}, or become its owner: "
-            f"sudo chown -R $USER {present}",
-        )
+        yield Finding(_SECTION, "problem", _not_writable(folder, exists=present == folder))
         return
     if present == folder:
         yield Finding(_SECTION, "ok", f"runs and settings are kept in {folder}")
     else:
         yield Finding(_SECTION, "ok", f"runs and settings will be kept in {folder} (made at start)")
     yield _space(present, shutil.disk_usage(present).free)
+
+
+def _not_writable(folder: Path, *, exists: bool) -> str:
+    # Only ever this folder: the one above it may be the system's.
+    if exists:
+        return (
+            f"the folder {folder} may not be written by you; {_ELSEWHERE}, or become its owner: "
+            f"sudo chown $USER {folder}"
+        )
+    return (
+        f"the folder {folder} may not be made by you; {_ELSEWHERE}, or have it made: "
+        f"sudo install -d -o $USER {folder}"
+    )
 
 
 def _nearest(folder: Path) -> Path:
@@ -172,8 +201,8 @@ def _revision(file: Path, revision: str | None, has_tables: bool) -> Finding:
     return Finding(_SECTION, "ok", f"the database opens and is sound{later}")
 
 
-def _server(url: str) -> Finding:
-    shown = make_url(url).render_as_string(hide_password=True)
+def _server(url: URL) -> Finding:
+    shown = url.render_as_string(hide_password=True)
     try:
         engine = create_engine(url)
         try:

@@ -272,20 +272,23 @@ def test_a_locked_database_hinders(tmp_path: Path) -> None:
 
 def test_a_data_folder_that_is_a_file_hinders(tmp_path: Path) -> None:
     (tmp_path / "data").write_text("")
-    finding = data_findings(tmp_path / "data")[0]
+    (finding,) = data_findings(tmp_path / "data")
     assert finding.level == "problem"
     assert "is a file, not a folder" in finding.text
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason="root may write everywhere")
-def test_a_data_folder_without_permission_hinders(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "advice"), [("", "sudo chown $USER "), ("data", "sudo install -d -o $USER ")]
+)
+def test_a_data_folder_without_permission_hinders(tmp_path: Path, name: str, advice: str) -> None:
     tmp_path.chmod(0o500)
     try:
-        finding = data_findings(tmp_path / "data")[0]
+        (finding,) = data_findings(tmp_path / name)
     finally:
         tmp_path.chmod(0o700)
     assert finding.level == "problem"
-    assert "may not be written by you" in finding.text
+    assert finding.text.endswith(f"{advice}{tmp_path / name}")
 
 
 def test_a_database_server_that_cannot_be_reached_keeps_its_password(
@@ -295,6 +298,20 @@ def test_a_database_server_that_cannot_be_reached_keeps_its_password(
     finding = data_findings(tmp_path, database=url)[-1]
     assert finding.level == "problem"
     assert "secret" not in finding.text
+
+
+@pytest.mark.parametrize("url", ["my database", "sqlite://", "sqlite:///:memory:"])
+def test_a_database_url_that_is_none_is_told(tmp_path: Path, url: str) -> None:
+    finding = data_findings(tmp_path, database=url)[-1]
+    assert finding.level == "problem"
+    assert "looks like sqlite:////folder/file.sqlite" in finding.text
+
+
+def test_a_database_named_by_url_is_looked_at(tmp_path: Path) -> None:
+    (tmp_path / "other.sqlite").write_bytes(b"no database at all" * 100)
+    finding = data_findings(tmp_path, database=f"sqlite:///{tmp_path}/other.sqlite")[-1]
+    assert finding.level == "warning"
+    assert f"{tmp_path}/other.sqlite is damaged" in finding.text
 
 
 def test_a_port_in_use_hinders(free_port: int) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
+import termios
 from pathlib import Path
 
 import pytest
@@ -153,3 +155,27 @@ def test_the_real_kernel_refuses_what_is_no_video_device(node: Path) -> None:
         device.identity()
     assert caught.value.errno == errno.ENOTTY
     assert len(os.listdir("/proc/self/fd")) == before
+
+
+class WindowSize(ctypes.Structure):
+    """``struct winsize`` of ``<asm-generic/termios.h>``."""
+
+    _fields_ = [
+        ("rows", ctypes.c_ushort),
+        ("columns", ctypes.c_ushort),
+        ("width", ctypes.c_ushort),
+        ("height", ctypes.c_ushort),
+    ]
+
+
+def test_what_the_real_kernel_answers_arrives_in_the_structure() -> None:
+    # A terminal, for want of a camera: the way of an answer is the same.
+    ours, theirs = os.openpty()
+    try:
+        os.close(theirs)
+        termios.tcsetwinsize(ours, (37, 111))
+        size = WindowSize()
+        LinuxAccess().ioctl(ours, termios.TIOCGWINSZ, size)
+    finally:
+        os.close(ours)
+    assert (size.rows, size.columns) == (37, 111)
