@@ -1,0 +1,314 @@
+"""Collecting views of a board before two live cameras, with a word at every moment of what to do.
+
+No thread and no clock in here: whoever looks says when, so that a test can be any person.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.calibration.board import Board
+from observer.calibration.coverage import (
+    Coverage,
+    PairMeasures,
+    coverage,
+    is_new,
+    measure_view,
+)
+from observer.calibration.detection import same_numbering
+from observer.calibration.guidance import Guide, SeenPose, WantedPose
+from observer.calibration.views import FEWEST_CORNERS, BoardSighting, BoardView
+from observer.errors import CalibrationError
+from observer.geometry import Float64Array
+
+# A hand calms down for about as long before it moves on.
+_STILL_S = 0.3
+# Detection may miss the board for a moment without its having moved.
+_GAP_S = 0.25
+# At an image width of 640: more in 0.3 s and the image is smeared.
+_STILL_PX = 2.0
+# At an image width of 640: how far the board may move between both cameras' exposures, which a
+# calibration would take for a turned camera.
+_SKEW_PX = 0.1
+# Of cameras that run free at 30 Hz: the mean time between both exposures is half of half a frame.
+_USUAL_SKEW_S = 1 / 60
+# What is captured by hand must have been seen so lately.
+_FRESH_S = 0.5
+# A wanted pose that is not taken by then cannot be reached, or not understood; another is asked.
+_PATIENCE_S = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What one look at both images said.
+
+    Attributes:
+        view: the view captured now, None if none was.
+        words: one sentence of what to do or what happened.
+        coverage: of all views, a captured one included.
+        next_words: how to move the board to the next wanted pose; empty when none is wanted.
+        ghost: (4, 2) pixels of the left image: where the squares' outer edge should be, or None.
+        still: whether the board is at rest; None where it is not seen, or not yet for 0.3 s.
+        seen: whether the left and the right camera see the board.
+    """
+
+    view: BoardView | None
+    words: str
+    coverage: Coverage
+    next_words: str
+    ghost: Float64Array | None
+    still: bool | None
+    seen: tuple[bool, bool]
+
+    @property
+    def captured(self) -> bool:
+        return self.view is not None
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    view: BoardView
+    measures: PairMeasures | None
+    pose: SeenPose | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Moment:
+    time: float
+    left: BoardSighting
+    right: BoardSighting
+
+
+class ViewCollector:
+    """Takes a view whenever the board is still in a pose that is new to both cameras.
+
+    Args:
+        image_size: width and height of each camera's image, pixels.
+        views: taken before, as after a crash.
+
+    Attributes:
+        automatic: whether a new pose held still is captured by itself.
+    """
+
+    def __init__(
+        self, board: Board, image_size: tuple[int, int], views: Iterable[BoardView] = ()
+    ) -> None:
+        self._board = board
+        self._image_size = image_size
+        self.automatic = True
+        self._guide = Guide(board, image_size)
+        self._kept = [self._keep(view) for view in views]
+        self._recent: deque[_Moment] = deque()
+        # The pose whose view was taken back: not to be taken again at once.
+        self._taken_back: PairMeasures | None = None
+        self._skipped: set[int] = set()
+        self._shifts: deque[tuple[float, float, float]] = deque(maxlen=50)
+        for kept in self._kept:
+            if kept.pose is not None and kept.view.left is not None and kept.view.right is not None:
+                self._learn_shift(kept.pose, kept.view.left, kept.view.right)
+        self._wanted: WantedPose | None = None
+        self._wanted_since: float | None = None
+        self._plan_is_due = True
+
+    @property
+    def views(self) -> tuple[BoardView, ...]:
+        """All that were captured and not removed, oldest first."""
+        return tuple(kept.view for kept in self._kept)
+
+    @property
+    def coverage(self) -> Coverage:
+        return coverage(self._measures())
+
+    def look(
+        self,
+        left: BoardSighting | None,
+        right: BoardSighting | None,
+        time: float,
+        *,
+        skew_s: float | None = None,
+    ) -> Look:
+        """Judge what both cameras see, and capture it if it is worth it.
+
+        Args:
+            time: seconds on any clock that never goes back.
+            skew_s: time between the exposures of both images, if it is known.
+        """
+        if left is not None and right is not None:
+            right = same_numbering(left, right, self._board)
+        now = _Moment(time, left, right) if left is not None and right is not None else None
+        measures = self._measure(now)
+        still = self._rest(now, time, _USUAL_SKEW_S if skew_s is None else skew_s)
+        pose = self._guide.seen(left) if left is not None else None
+        if now is not None and pose is not None and still and not self._kept:
+            self._learn_shift(pose, now.left, now.right)
+        if self._taken_back is not None and (
+            still is False or (measures and is_new(measures, [self._taken_back]))
+        ):
+            self._taken_back = None
+        view = None
+        if (
+            now is not None
+            and measures is not None
+            and self.automatic
+            and still
+            and self._taken_back is None
+            and is_new(measures, self._measures())
+        ):
+            view = self._capture(now)
+        self._follow(time, left is not None or right is not None)
+        covered = self.coverage
+        next_words = self._guide.words(self._wanted, pose) if self._wanted else ""
+        if not next_words and not covered.enough:
+            next_words = "Move it to where it was not yet"
+        if view is not None:
+            words = f"Captured {view.name}" + ("; that is enough" if covered.enough else "")
+        elif measures is None:
+            words = self._unseen(left, right)
+        elif not still:
+            words = "Hold it still"
+        elif self._taken_back is not None:
+            words = "Taken back: move it before the next view"
+        elif covered.enough:
+            words = "Enough views: compute the calibration, or go on for " + (
+                ", ".join(covered.missing[:2]) if covered.missing else "good measure"
+            )
+        else:
+            words = f"Seen already: {next_words[0].lower()}{next_words[1:]}"
+        ghost = self._wanted.outline if self._wanted else None
+        seen = left is not None, right is not None
+        return Look(view, words, covered, next_words, ghost, still, seen)
+
+    def capture(self, time: float) -> BoardView:
+        """Keep what was seen last, new or not, still or not.
+
+        Raises:
+            CalibrationError: the board is not in both views at this time.
+        """
+        last = self._recent[-1] if self._recent else None
+        if last is None or time - last.time > _FRESH_S or self._measure(last) is None:
+            raise CalibrationError(
+                "the board is not in both views now; show it to both cameras and capture again"
+            )
+        return self._capture(last)
+
+    def undo(self) -> BoardView | None:
+        """Take back the newest view; None if there is none."""
+        return self._take_back(len(self._kept) - 1) if self._kept else None
+
+    def remove(self, name: str) -> BoardView:
+        """Take back the view of this name.
+
+        Raises:
+            CalibrationError: there is no view of this name.
+        """
+        names = [kept.view.name for kept in self._kept]
+        if name not in names:
+            raise CalibrationError(
+                f"there is no view {name!r}; there are {', '.join(names) or 'none yet'}"
+            )
+        return self._take_back(names.index(name))
+
+    def _measures(self) -> list[PairMeasures]:
+        return [kept.measures for kept in self._kept if kept.measures is not None]
+
+    def _measure(self, now: _Moment | None) -> PairMeasures | None:
+        if now is None or len(np.intersect1d(now.left.ids, now.right.ids)) < FEWEST_CORNERS:
+            return None
+        left = measure_view(now.left, self._board, self._image_size)
+        right = measure_view(now.right, self._board, self._image_size)
+        return None if left is None or right is None else PairMeasures(left, right)
+
+    def _keep(self, view: BoardView) -> _Kept:
+        measures = None
+        if view.left is not None and view.right is not None:
+            measures = self._measure(_Moment(0.0, view.left, view.right))
+        pose = self._guide.seen(view.left) if view.left is not None else None
+        return _Kept(view, measures, pose)
+
+    def _capture(self, now: _Moment) -> BoardView:
+        used = [int(k.view.name) for k in self._kept if k.view.name.isdecimal()]
+        kept = self._keep(BoardView(str(max(used, default=0) + 1), now.left, now.right))
+        self._kept.append(kept)
+        if kept.pose is not None:
+            self._learn_shift(kept.pose, now.left, now.right)
+        self._plan_is_due = True
+        return kept.view
+
+    def _take_back(self, index: int) -> BoardView:
+        kept = self._kept.pop(index)
+        self._taken_back = kept.measures
+        self._plan_is_due = True
+        return kept.view
+
+    def _learn_shift(self, pose: SeenPose, left: BoardSighting, right: BoardSighting) -> None:
+        _, a, b = np.intersect1d(left.ids, right.ids, return_indices=True)
+        if len(a):
+            du, dv = (right.px[b] - left.px[a]).mean(axis=0).tolist()
+            self._shifts.append((pose.depth, du, dv))
+
+    def _rest(self, now: _Moment | None, time: float, skew_s: float) -> bool | None:
+        """Whether both images of the board stood still for long enough."""
+        recent = self._recent
+        if recent and time - recent[-1].time > _GAP_S:
+            recent.clear()
+        if now is None:
+            return None
+        recent.append(now)
+        # One moment before the span stays, so that the span is covered whole.
+        while len(recent) > 2 and time - recent[1].time >= _STILL_S:
+            recent.popleft()
+        since = time - recent[0].time
+        scale = self._image_size[0] / 640
+        moved = [_moved(then, now) for then in recent]
+        limit = _STILL_PX * scale
+        if since > 0:
+            limit = min(limit, max(0.5, _SKEW_PX * scale * since / max(skew_s, 1e-6)))
+        if max(moved) > limit:
+            return False
+        return True if since >= _STILL_S else None
+
+    def _follow(self, time: float, seen: bool) -> None:
+        """Keep the wanted pose until a view came or it is given up."""
+        if not seen:
+            # Nobody is trying just now.
+            self._wanted_since = None
+        elif self._wanted_since is None:
+            self._wanted_since = time
+        elif time - self._wanted_since > _PATIENCE_S and self._wanted is not None:
+            self._skipped.add(self._wanted.number)
+            self._plan_is_due = True
+        if self._plan_is_due:
+            self._plan()
+            self._wanted_since = time if seen else None
+
+    def _plan(self) -> None:
+        poses = [kept.pose for kept in self._kept if kept.pose is not None]
+        shifts = tuple(self._shifts)
+        self._wanted = self._guide.next_pose(self._measures(), poses, shifts, self._skipped)
+        if self._wanted is None and self._skipped:
+            self._skipped.clear()
+            self._wanted = self._guide.next_pose(self._measures(), poses, shifts)
+        self._plan_is_due = False
+
+    def _unseen(self, left: BoardSighting | None, right: BoardSighting | None) -> str:
+        if left is None and right is None:
+            return f"Show the {self._board.words} to both cameras"
+        if left is None or right is None:
+            which = "left" if left is None else "right"
+            return f"Show it to both cameras: the {which} one does not see it"
+        return "Show more of it: both cameras must see the same part"
+
+
+def _moved(then: _Moment, now: _Moment) -> float:
+    """Mean motion of the corners, pixels, in the camera where it is larger."""
+    largest = 0.0
+    for a, b in ((then.left, now.left), (then.right, now.right)):
+        _, i, j = np.intersect1d(a.ids, b.ids, return_indices=True)
+        if len(i) < FEWEST_CORNERS // 2:
+            return np.inf
+        largest = max(largest, float(np.linalg.norm(a.px[i] - b.px[j], axis=1).mean()))
+    return largest
