@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import socket
-import sqlite3
 import sys
 from collections.abc import Mapping
-from contextlib import closing
 from io import StringIO
 from pathlib import Path
 
@@ -19,7 +16,6 @@ from rich.console import Console
 from app.commands.doctor import doctor
 from app.doctor.address import examine_address
 from app.doctor.cameras import examine_cameras
-from app.doctor.data_folder import examine_data
 from app.doctor.examination import Examination, examine
 from app.doctor.finding import Finding
 from app.doctor.machine import Machine
@@ -27,7 +23,6 @@ from app.doctor.serial_ports import examine_serial_ports
 from app.doctor.software import _packages, _video_support, examine_software
 from app.doctor.telling import tell
 from app.settings import Settings
-from app.storage.storage import Storage
 from observer.sources.cameras.device_files import User
 from observer.sources.cameras.spec import parse_devices
 
@@ -207,111 +202,6 @@ def test_an_opencv_without_video_is_told() -> None:
     findings = list(_video_support({"V4L2", "CV_IMAGES"}))
     assert levels(findings) == ["ok", "warning"]
     assert "network cameras (no FFMPEG)" in findings[1].text
-
-
-def data_findings(folder: Path, **settings: object) -> list[Finding]:
-    return list(examine_data(Settings(data=folder, **settings)))  # type: ignore[arg-type]
-
-
-def test_a_folder_that_is_not_there_yet_is_not_made(tmp_path: Path) -> None:
-    findings = data_findings(tmp_path / "new" / "folder")
-    assert levels(findings) == ["ok", "ok", "ok"]
-    assert "will be kept in" in findings[0].text
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_sound_database_is_only_looked_at(tmp_path: Path) -> None:
-    with Storage(tmp_path / "observer.sqlite"):
-        pass
-    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-    assert data_findings(tmp_path)[-1].text == "the database opens and is sound"
-    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
-
-
-def test_a_database_that_the_server_has_open_is_sound(tmp_path: Path) -> None:
-    with Storage(tmp_path / "observer.sqlite"):
-        assert data_findings(tmp_path)[-1].level == "ok"
-
-
-def test_a_damaged_database_stays_where_it_is_and_is_told(tmp_path: Path) -> None:
-    (tmp_path / "observer.sqlite").write_bytes(b"no database at all" * 100)
-    finding = data_findings(tmp_path)[-1]
-    assert finding.level == "warning"
-    assert "restore your copy before that" in finding.text
-    assert [file.name for file in tmp_path.iterdir()] == ["observer.sqlite"]
-
-
-@pytest.mark.parametrize(
-    ("script", "part"),
-    [
-        ("CREATE TABLE recipes (name TEXT)", "belongs to another program"),
-        (
-            "CREATE TABLE alembic_version (version_num TEXT); "
-            "INSERT INTO alembic_version VALUES ('from the future')",
-            "was written by a newer version",
-        ),
-    ],
-)
-def test_a_database_that_is_not_ours_to_use_hinders(tmp_path: Path, script: str, part: str) -> None:
-    with closing(sqlite3.connect(tmp_path / "observer.sqlite")) as connection:
-        connection.executescript(script)
-    finding = data_findings(tmp_path)[-1]
-    assert finding.level == "problem"
-    assert part in finding.text
-
-
-def test_a_locked_database_hinders(tmp_path: Path) -> None:
-    file = tmp_path / "observer.sqlite"
-    with closing(sqlite3.connect(file, isolation_level=None)) as connection:
-        connection.execute("CREATE TABLE some (thing TEXT)")
-        connection.execute("BEGIN EXCLUSIVE")
-        finding = data_findings(tmp_path)[-1]
-    assert finding.level == "problem"
-    assert "is locked by another program" in finding.text
-
-
-def test_a_data_folder_that_is_a_file_hinders(tmp_path: Path) -> None:
-    (tmp_path / "data").write_text("")
-    (finding,) = data_findings(tmp_path / "data")
-    assert finding.level == "problem"
-    assert "is a file, not a folder" in finding.text
-
-
-@pytest.mark.skipif(os.getuid() == 0, reason="root may write everywhere")
-@pytest.mark.parametrize(
-    ("name", "advice"), [("", "sudo chown $USER "), ("data", "sudo install -d -o $USER ")]
-)
-def test_a_data_folder_without_permission_hinders(tmp_path: Path, name: str, advice: str) -> None:
-    tmp_path.chmod(0o500)
-    try:
-        (finding,) = data_findings(tmp_path / name)
-    finally:
-        tmp_path.chmod(0o700)
-    assert finding.level == "problem"
-    assert finding.text.endswith(f"{advice}{tmp_path / name}")
-
-
-def test_a_database_server_that_cannot_be_reached_keeps_its_password(
-    tmp_path: Path, free_port: int
-) -> None:
-    url = f"postgresql+nothing://me:secret@127.0.0.1:{free_port}/runs"
-    finding = data_findings(tmp_path, database=url)[-1]
-    assert finding.level == "problem"
-    assert "secret" not in finding.text
-
-
-@pytest.mark.parametrize("url", ["my database", "sqlite://", "sqlite:///:memory:"])
-def test_a_database_url_that_is_none_is_told(tmp_path: Path, url: str) -> None:
-    finding = data_findings(tmp_path, database=url)[-1]
-    assert finding.level == "problem"
-    assert "looks like sqlite:////folder/file.sqlite" in finding.text
-
-
-def test_a_database_named_by_url_is_looked_at(tmp_path: Path) -> None:
-    (tmp_path / "other.sqlite").write_bytes(b"no database at all" * 100)
-    finding = data_findings(tmp_path, database=f"sqlite:///{tmp_path}/other.sqlite")[-1]
-    assert finding.level == "warning"
-    assert f"{tmp_path}/other.sqlite is damaged" in finding.text
 
 
 def test_a_port_in_use_hinders(free_port: int) -> None:

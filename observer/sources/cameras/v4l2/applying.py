@@ -173,7 +173,9 @@ def _set(device: V4l2Device, control: Control, value: int, asking: str) -> str |
     if control.inactive:
         return f"{asking}: an automatic of this camera governs it and cannot be switched off"
     if control.grabbed:
-        return f"{asking}: another program has locked it; close that program"
+        return (
+            f"{asking}: it is locked at present, by another program or by an open stream; close it"
+        )
     try:
         device.set_value(control.id, value)
     except OSError as error:

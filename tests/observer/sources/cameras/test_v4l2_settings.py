@@ -177,7 +177,7 @@ def test_an_automatic_that_cannot_be_switched_off_is_told(bench: Bench) -> None:
     ("flag", "part"),
     [
         (READ_ONLY, "only tells it"),
-        (GRABBED, "another program has locked it"),
+        (GRABBED, "it is locked at present"),
         (INACTIVE, "governs it and cannot be switched off"),
     ],
 )
