@@ -25,6 +25,7 @@ def build() -> typer.Typer:
     """The command line with all its commands."""
     # Imported here, because they bring numpy and OpenCV, which read the environment when imported.
     from app.commands.benchmark import benchmark
+    from app.commands.calibrate import calibrate
     from app.commands.doctor import doctor
     from app.commands.evaluate import evaluate
     from app.commands.observe import observe
@@ -44,6 +45,7 @@ def build() -> typer.Typer:
     cli.command("observe")(observe)
     cli.command("evaluate")(evaluate)
     cli.command("simulate")(simulate)
+    cli.command("calibrate")(calibrate)
     cli.command("parameters")(parameters)
     cli.command("benchmark")(benchmark)
     cli.command("doctor")(doctor)

@@ -1,0 +1,273 @@
+"""Pairs of images of a board: which files belong together, and where the board is in them."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from observer.calibration.board import Board
+from observer.calibration.detection import detect_board, same_numbering, size_shown
+from observer.calibration.views import BoardSighting, BoardView
+from observer.camera import as_gray
+from observer.errors import CalibrationError, InputError
+from observer.sources.image_files import IMAGE_SUFFIXES, damage
+from observer.sources.listing import natural_order
+from observer.types import Image
+
+# More than any calibration needs, and a sign that the pattern is wrong.
+MAX_PAIRS = 500
+# So few pairs in which a board was found, of all, are of another board that looks like it.
+_CHANCE = 0.1
+# An image as it came: the content of a file, or decoded already.
+RawImage = bytes | Image
+
+
+@dataclass(frozen=True)
+class BoardPair:
+    """Two images that were taken at one time.
+
+    Attributes:
+        name: what people find it by. left_name, right_name: of the two files.
+        left, right: give the image; called once or twice, on any thread.
+    """
+
+    name: str
+    left_name: str
+    right_name: str
+    left: Callable[[], RawImage]
+    right: Callable[[], RawImage]
+
+
+@dataclass(frozen=True)
+class RefusedImage:
+    """An image or a pair that was not looked at, and why."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class FoundBoards:
+    """What a row of pairs shows.
+
+    Attributes:
+        views: of all pairs that could be read, in their order, also where no board was found.
+        width, height: of the images, pixels.
+        refused: those that could not be used.
+    """
+
+    views: tuple[BoardView, ...]
+    width: int
+    height: int
+    refused: tuple[RefusedImage, ...]
+
+
+def read_board_pairs(
+    left_glob: str, right_glob: str
+) -> tuple[tuple[BoardPair, ...], tuple[RefusedImage, ...]]:
+    """Left and right files, paired by equal names, else by the last number in their names.
+
+    Where names tell nothing and there are as many left as right, they are paired in order.
+
+    Returns:
+        The pairs in natural order, and the files that have no partner.
+
+    Raises:
+        InputError: a pattern fits no image, or nothing can be paired.
+    """
+    left, right = _files(left_glob), _files(right_glob)
+    if set(left) & set(right):
+        raise InputError(
+            f"{left_glob} and {right_glob} share files such as {min(set(left) & set(right))}; "
+            f"give one pattern for the left and another for the right images"
+        )
+    keys = _keys(left, right)
+    if keys is None:
+        raise InputError(
+            f"{len(left)} left and {len(right)} right images cannot be paired: give both of a "
+            f"pair the same name in two folders, or the same number, as left07.jpg and right07.jpg"
+        )
+    by_left, by_right = keys
+    pairs = [
+        _file_pair(path, by_right[key], key) for key, path in by_left.items() if key in by_right
+    ]
+    alone = [(path, "right") for key, path in by_left.items() if key not in by_right]
+    alone += [(path, "left") for key, path in by_right.items() if key not in by_left]
+    if not pairs:
+        raise InputError(
+            f"no left image has the number or name of a right one ({left[0].name}, "
+            f"{right[0].name}); left07.jpg and right07.jpg would make a pair"
+        )
+    if len(pairs) > MAX_PAIRS:
+        raise InputError(
+            f"{len(pairs)} pairs are more than {MAX_PAIRS}; 15 to 40 different poses of the board "
+            f"are enough"
+        )
+    return tuple(pairs), tuple(
+        RefusedImage(path.name, f"it has no {side} image of the same name or number")
+        for path, side in alone
+    )
+
+
+def pair_of(name: str, left: RawImage, right: RawImage) -> BoardPair:
+    """A pair of images that are in memory: files' contents, or arrays (H, W) or (H, W, 3)."""
+    return BoardPair(name, f"{name} left", f"{name} right", lambda: left, lambda: right)
+
+
+def find_boards(
+    pairs: Sequence[BoardPair],
+    board: Board,
+    *,
+    workers: int = 2,
+    progress: Callable[[str, float], None] | None = None,
+) -> FoundBoards:
+    """Look for the board in all pairs, on several cores.
+
+    Images of another size than most are refused, as are those that cannot be read.
+
+    Args:
+        progress: called with words and the share done, from 0 to 1.
+
+    Raises:
+        CalibrationError: no image can be read, left and right differ in size, or no image shows
+            the board; the sentence says what they show instead where that can be told.
+    """
+    report = progress or (lambda _words, _share: None)
+    looked: list[_Looked | RefusedImage] = []
+    with ThreadPoolExecutor(max(1, workers)) as pool:
+        for number, each in enumerate(pool.map(lambda pair: _look(pair, board), pairs)):
+            looked.append(each)
+            report(f"looking for the board in {pairs[number].name}", (number + 1) / len(pairs))
+    refused = [each for each in looked if isinstance(each, RefusedImage)]
+    seen = [each for each in looked if isinstance(each, _Looked)]
+    if not seen:
+        why = f": {refused[0].name} {refused[0].reason}" if refused else ""
+        raise CalibrationError(f"there is no pair of images that can be read{why}")
+    size, _ = Counter(each.size for each in seen).most_common(1)[0]
+    refused += [
+        RefusedImage(
+            each.view.name,
+            f"its images have {each.size[0]}x{each.size[1]} pixels, the others {size[0]}x{size[1]}",
+        )
+        for each in seen
+        if each.size != size
+    ]
+    views = tuple(each.view for each in seen if each.size == size)
+    found = sum(view.left is not None or view.right is not None for view in views)
+    if found == 0 or found < _CHANCE * len(views):
+        raise CalibrationError(_nothing_found(pairs, board, found, len(views)))
+    return FoundBoards(views, size[0], size[1], tuple(refused))
+
+
+@dataclass(frozen=True)
+class _Looked:
+    view: BoardView
+    size: tuple[int, int]
+
+
+def _look(pair: BoardPair, board: Board) -> _Looked | RefusedImage:
+    found: list[BoardSighting | None] = []
+    sizes = []
+    for name, read in ((pair.left_name, pair.left), (pair.right_name, pair.right)):
+        try:
+            image = _gray(name, read())
+        except InputError as error:
+            return RefusedImage(pair.name, str(error))
+        except OSError as error:
+            return RefusedImage(pair.name, f"{name} cannot be read: {error.strerror}")
+        sizes.append((image.shape[1], image.shape[0]))
+        found.append(detect_board(image, board))
+    if sizes[0] != sizes[1]:
+        (a, b), (c, d) = sizes
+        return RefusedImage(
+            pair.name,
+            f"its left image has {a}x{b} pixels and the right one {c}x{d}; both cameras must be "
+            f"set to the same size",
+        )
+    left, right = found
+    if left is not None and right is not None:
+        right = same_numbering(left, right, board)
+    return _Looked(BoardView(pair.name, left, right), sizes[0])
+
+
+def _gray(name: str, raw: RawImage) -> Image:
+    if not isinstance(raw, bytes):
+        return as_gray(raw)
+    problem = damage(raw)
+    if problem:
+        raise InputError(f"{name} {problem}")
+    try:
+        image = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_GRAYSCALE)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise InputError(f"{name} is damaged or no image that OpenCV can decode")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _nothing_found(pairs: Sequence[BoardPair], board: Board, found: int, count: int) -> str:
+    begin = (
+        f"{f'only {found}' if found else 'none'} of {count} pairs shows a {board.words} (columns "
+        f"and rows of inner corners)"
+    )
+    if board.kind == "chessboard" and pairs:
+        shown = size_shown(_gray(pairs[0].left_name, pairs[0].left()))
+        if shown is not None and shown != (board.columns, board.rows):
+            return (
+                f"{begin}, but {pairs[0].left_name} shows one of {shown[0]}x{shown[1]}: give this "
+                f"size"
+            )
+    return f"{begin}; it must be sharp, evenly lit and whole in the image, with a white margin"
+
+
+def _files(pattern: str) -> list[Path]:
+    found = [Path(name) for name in glob.glob(pattern, recursive=True)]
+    images = [path for path in found if path.suffix.lower() in IMAGE_SUFFIXES and path.is_file()]
+    if not images:
+        raise InputError(
+            f"no image fits {pattern!r}; give a quoted pattern such as 'left/*.png' (PNG, JPEG, "
+            f"BMP, PGM, TIFF or WebP)"
+        )
+    return sorted(images, key=lambda path: natural_order(path.name))
+
+
+def _keys(
+    left: Sequence[Path], right: Sequence[Path]
+) -> tuple[dict[str, Path], dict[str, Path]] | None:
+    """Both lists by what pairs them; None where nothing does."""
+    ways: tuple[Callable[[Path], str], ...] = (_name, _stem, _last_number)
+    for key in ways:
+        a, b = {key(path): path for path in left}, {key(path): path for path in right}
+        unique = len(a) == len(left) and len(b) == len(right) and "" not in (a.keys() | b.keys())
+        if unique and a.keys() & b.keys():
+            return a, b
+    if len(left) != len(right):
+        return None
+    names = [str(number) for number in range(1, len(left) + 1)]
+    return dict(zip(names, left, strict=True)), dict(zip(names, right, strict=True))
+
+
+def _name(path: Path) -> str:
+    return path.name
+
+
+def _stem(path: Path) -> str:
+    return path.stem
+
+
+def _last_number(path: Path) -> str:
+    numbers = re.findall(r"\d+", path.stem, re.ASCII)
+    return numbers[-1].lstrip("0") or "0" if numbers else ""
+
+
+def _file_pair(left: Path, right: Path, key: str) -> BoardPair:
+    name = Path(key).stem if left.name == right.name else f"{left.stem}, {right.stem}"
+    return BoardPair(name, left.name, right.name, left.read_bytes, right.read_bytes)

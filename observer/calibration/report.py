@@ -1,0 +1,60 @@
+"""A fit and its verdict as plain data, for files, the database and the page."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from observer.calibration.stereo_fit import DepthBias, StereoFit
+from observer.calibration.verdict import Verdict
+
+
+def fit_report(fit: StereoFit, verdict: Verdict | None = None) -> dict[str, Any]:
+    """Everything that people are told of a fit; finite numbers or None, lists and text only."""
+    c, width, height = fit.calibration, fit.calibration.width, fit.calibration.height
+    across, down = fit.field_of_view_deg
+    rotation = np.degrees(Rotation.from_matrix(c.R).as_rotvec())
+    report = {
+        "image_width": width,
+        "image_height": height,
+        "distortion_model": c.distortion_model,
+        "board": {**asdict(fit.board), "words": fit.board.words},
+        "rms_left_px": fit.rms_left,
+        "rms_right_px": fit.rms_right,
+        "rms_stereo_px": fit.rms_stereo,
+        "pairs": fit.pairs,
+        "views": [asdict(view) for view in fit.views],
+        "held_out": None if fit.held_out is None else asdict(fit.held_out),
+        "baseline_m": c.baseline,
+        "focal_px": [float(c.K1[0, 0]), float(c.K2[0, 0])],
+        "field_of_view_deg": [across, down],
+        "rotation_deg": rotation.tolist(),
+        "uncertainty": asdict(fit.uncertainty),
+        "depth_bias": [list(row) for row in fit.depth_bias.covariances],
+        "coverage": list(fit.coverage),
+        "verdict": None if verdict is None else asdict(verdict),
+    }
+    return _plain(report)  # type: ignore[no-any-return]
+
+
+def depth_bias_of(report: dict[str, Any]) -> tuple[DepthBias | None, float]:
+    """What ``tape_check`` wants of a fit, out of its report: ``bias`` and ``lasting_px``."""
+    rows = [tuple(float(v) for v in row) for row in report.get("depth_bias") or []]
+    full = [(row[0], row[1], row[2], row[3]) for row in rows if len(row) == 4]
+    held_out = report.get("held_out")
+    lasting = float(held_out["lasting_px"]) if held_out else 0.0
+    return (DepthBias(tuple(full)) if full else None), lasting
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value

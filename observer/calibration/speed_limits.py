@@ -1,0 +1,217 @@
+"""Which speeds a rig can tell from standing still, and how soon: by the method's own statistics.
+
+A thing that stood still begins to move. What each frame then tells of it goes, without noise but
+with the variances that noise has, into the very sums and the filter that motion in space uses
+(``observer.motion_sums``, ``observer.obstacles``), and the moment is taken at which all of its
+conditions are met:
+
+1. The evidence of m neighbours is pooled: the variance of one point's velocity, made larger for
+   the bend between rest and motion, times (1 + s (m - 1)) / m with the shared error s, plus what
+   the camera's own motion adds. v^2 / variance + 3 (what noise adds on average) must exceed the
+   quantile of chi-squared at the declared rate of false alarms.
+2. All n points together begin a track. Its velocity must stay significant, faster than what
+   counts as stopped, and seen by enough points for some frames (``observer.obstacles.life``).
+
+The deviations of one point are Z sigma / f across and Z^2 sigma / (f B) along the line of sight.
+``Thing`` says what is assumed of the thing and of the background; the camera stands still.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array
+from observer.motion_sums import MotionSums
+from observer.obstacles.body import BodyTrack
+from observer.obstacles.life import judge
+from observer.obstacles.motion_filter import ObstacleMotion
+from observer.obstacles.shape import ObstacleShape
+from observer.parameters import Parameters
+from observer.stages.obstacle_tracking import BodyTracker
+from observer.types import TrackState
+
+# Seconds of rest before it moves: several memories.
+_REST_S = 2.0
+# As the method: a regression over a random walk knows its slope so much worse (stages.evidence);
+# and a body that was just found may turn so fast, rad/s.
+_RANDOM_WALK = 1.2
+_YAW_RATE_SIGMA = 0.6
+_LEAST_VELOCITY_VARIANCE = 1e-6
+# m/s: the speeds that are tried.
+_SPEEDS = (0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0)
+
+
+@dataclass(frozen=True)
+class Thing:
+    """What is assumed of a thing that moves, and of the image.
+
+    Attributes:
+        width_m, height_m: of a person, as far as it is in view.
+        followed_share: of the squares (``following.spacing_px``) that it covers, those with a
+            point that can be followed. most_points: of these; near a camera clothes are plain.
+        sigma_px: noise of one followed point and of its disparity, pixels.
+    """
+
+    width_m: float = 0.5
+    height_m: float = 1.7
+    followed_share: float = 0.5
+    most_points: int = 20
+    sigma_px: float = 0.1
+
+    def points(self, camera: StereoCamera, depth: float, spacing_px: float) -> int:
+        """How many points of it are followed at this depth, metres."""
+        across = min(camera.fx * self.width_m / depth, camera.width)
+        down = min(camera.fy * self.height_m / depth, camera.height)
+        return min(self.most_points, int(self.followed_share * across * down / spacing_px**2))
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """A speed, and how long after it began it is reported, seconds."""
+
+    speed_mps: float
+    delay_s: float
+
+
+def slowest_reported(
+    camera: StereoCamera,
+    depth: float,
+    direction: tuple[float, float, float],
+    frame_rate: float,
+    within_s: float,
+    thing: Thing,
+    parameters: Parameters,
+) -> Detectable | None:
+    """The slowest of a row of speeds that is reported within this time; None if none is.
+
+    Args:
+        depth: metres. direction: unit vector, camera axes: (1, 0, 0) across, (0, 0, -1) towards.
+    """
+    count = thing.points(camera, depth, parameters.following.spacing_px)
+    for speed in _SPEEDS:
+        velocity = speed * np.array(direction)
+        delay = report_delay(
+            camera, depth, velocity, count, frame_rate, within_s, thing.sigma_px, parameters
+        )
+        if delay is not None:
+            return Detectable(speed, delay)
+    return None
+
+
+def report_delay(
+    camera: StereoCamera,
+    depth: float,
+    velocity: Float64Array,
+    count: int,
+    frame_rate: float,
+    within_s: float,
+    sigma_px: float,
+    parameters: Parameters,
+) -> float | None:
+    """Seconds from its first motion until a thing is reported; None if not ``within_s``.
+
+    Args:
+        depth: metres. velocity: (3,) m/s, camera axes. count: points that are followed on it.
+        sigma_px: noise of each and of its disparity.
+    """
+    p, dt = parameters, 1 / frame_rate
+    if count < max(p.evidence.min_points, p.obstacles.min_points):
+        return None
+    deviations = point_deviations(camera, depth, sigma_px)
+    # What all points share: the camera's own motion, by a background that fills the image.
+    step_cov = np.diag(deviations**2) * p.ego_motion.shared_error
+    information = np.diag(1 / deviations**2)
+    start = np.array([0.0, 0.0, depth])
+    sums = MotionSums.begin(start[None], information[None])
+    for _ in range(round(_REST_S * frame_rate)):
+        sums = sums.advanced(dt, p.evidence.memory_s).with_sightings(start[None], information[None])
+    neighbours = _neighbours(count, p)
+    threshold = _threshold(camera, neighbours, p)
+    tracker = BodyTracker()
+    for frame in range(1, int(within_s * frame_rate + 1e-6) + 1):
+        place = start + velocity * frame * dt
+        sums = sums.advanced(dt, p.evidence.memory_s).with_sightings(place[None], information[None])
+        if not tracker.tracks:
+            own, own_cov = _own_velocity(sums)
+            shared = (1 + p.evidence.shared_error * (neighbours - 1)) / neighbours
+            window = max(dt, float(sums.window_s()[0]))
+            cov = own_cov * shared + step_cov * _RANDOM_WALK / (dt * window)
+            if own @ np.linalg.solve(cov, own) + 3 < threshold:
+                continue
+            if np.linalg.norm(own) < 0.5 * p.obstacles.stopped_below_mps:
+                continue
+            cov = own_cov * (1 + p.obstacles.shared_error * count) / count
+            tracker.tracks.append(_begun(place, own, cov, count))
+            continue
+        tracker.predict(dt, np.zeros(3), camera, p.obstacles)
+        track = tracker.tracks[0]
+        noise = _measured_noise(deviations, count, Thing(), p)
+        noise[:3, :3] += step_cov
+        track.filter = track.filter.updated(np.append(place, track.yaw), noise)
+        judge(track, p.obstacles)
+        if track.state is TrackState.CONFIRMED:
+            return frame * dt
+    return None
+
+
+def point_deviations(camera: StereoCamera, depth: float, sigma_px: float) -> Float64Array:
+    """(3,) metres, x y z: one standard deviation of where one sighting places a point."""
+    across, down = depth * sigma_px / camera.fx, depth * sigma_px / camera.fy
+    return np.array([across, down, depth**2 * sigma_px / (camera.fx * camera.baseline)])
+
+
+def _own_velocity(sums: MotionSums) -> tuple[Float64Array, Float64Array]:
+    """(3,) m/s and (3, 3): of one point, as it seems, for part of what is remembered is rest."""
+    information, vector = sums.velocity_information()
+    cov = np.linalg.inv(information[0])
+    velocity = cov @ vector[0]
+    # By how much a straight course misses the bend, beyond the noise (MotionSums.excess, which
+    # expects sightings that have noise).
+    position, _ = sums.moving_position(velocity[None])
+    explained = (position - sums.origin)[0] @ sums.b0[0] + velocity @ sums.b1[0]
+    freedom = max(3 * float(sums.count[0]) - 6, 1.0)
+    return velocity, cov * (1 + max(0.0, float(sums.c0[0] - explained)) / freedom)
+
+
+def _neighbours(count: int, p: Parameters) -> float:
+    """How many points of the thing are judged together, the point itself included."""
+    around = math.pi * (p.evidence.radius_px / p.following.spacing_px) ** 2
+    return max(1.0, min(float(count), Thing().followed_share * around, around))
+
+
+def _threshold(camera: StereoCamera, neighbours: float, p: Parameters) -> float:
+    """Squared significance that evidence must exceed."""
+    squares = camera.width * camera.height / p.following.spacing_px**2
+    tests = max(1.0, Thing().followed_share * squares / neighbours)
+    return float(chi2.isf(p.evidence.false_alarms_per_frame / tests, df=3))
+
+
+def _begun(place: Float64Array, velocity: Float64Array, cov: Float64Array, count: int) -> BodyTrack:
+    """A track as the method begins it."""
+    motion = ObstacleMotion.begin(
+        place,
+        velocity,
+        np.eye(3) * 1e-6,
+        cov + np.eye(3) * _LEAST_VELOCITY_VARIANCE,
+        _YAW_RATE_SIGMA,
+    )
+    track = BodyTrack(id=-1, filter=motion, shape=ObstacleShape())
+    track.points = count
+    return track
+
+
+def _measured_noise(
+    deviations: Float64Array, count: int, thing: Thing, p: Parameters
+) -> Float64Array:
+    """(4, 4) of position and yaw of a body by ``count`` points spread over its width."""
+    variance = np.diag(deviations**2)
+    turn = deviations[2] ** 2 / (thing.width_m**2 / 12)
+    shared = (1 + p.obstacles.shared_error * count) / count
+    out = np.zeros((4, 4))
+    out[:3, :3], out[3, 3] = variance * shared, turn * shared
+    return out

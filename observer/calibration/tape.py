@@ -1,0 +1,138 @@
+"""A tape measure against a calibrated rig: does depth agree, and what would explain it if not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from observer.calibration.stereo_fit import DepthBias
+from observer.calibration.verdict import depth_bias_share, length_words
+from observer.camera import StereoCalibration
+from observer.errors import InputError
+
+# One standard deviation of a person with a tape, who does not know where inside the lens depth
+# begins: metres, and a share of the length.
+_TAPE_M, _TAPE_SHARE = 0.01, 0.002
+# Of a disparity that is the median over a spot, pixels.
+_SPOT_PX = 0.05
+_RANGE_M = (0.05, 200.0)
+# Within this share of what a scaled print would do it is worth to say so.
+_SIGMAS = 2.0
+
+
+@dataclass(frozen=True)
+class TapeCheck:
+    """What one measurement says.
+
+    Attributes:
+        rig_m, tape_m: depth as the rig and as the tape has it.
+        difference_m, share: rig minus tape, and that as a share of the tape's.
+        expected_m: two standard deviations of the difference. agrees: whether it lies within.
+        square_m: side of the squares on the board that would explain it all, metres; None where
+            the board is unknown. baseline_m: the baseline, in the same way.
+        vergence_deg: turn of the right camera that would explain it instead; positive inwards.
+        sentence: the same in words.
+    """
+
+    rig_m: float
+    tape_m: float
+    difference_m: float
+    share: float
+    expected_m: float
+    agrees: bool
+    square_m: float | None
+    baseline_m: float
+    vergence_deg: float
+    sentence: str
+
+
+def tape_check(
+    calibration: StereoCalibration,
+    rig_m: float,
+    tape_m: float,
+    *,
+    square_m: float | None = None,
+    bias: DepthBias | None = None,
+    lasting_px: float = 0.0,
+) -> TapeCheck:
+    """Compare the depth that the rig measured with a tape's.
+
+    Depth is proportional to the baseline, and that to the side of the squares as it was typed in:
+    a print whose squares are 97 % of that makes all depths 1 / 0.97 times too large.
+
+    Args:
+        rig_m, tape_m: metres along the camera's axis.
+        square_m: side of the board's squares as typed in. bias, lasting_px: of the fit.
+
+    Raises:
+        InputError: a distance is no distance.
+    """
+    low, high = _RANGE_M
+    for name, value in (("rig", rig_m), ("tape", tape_m)):
+        if not low <= value <= high:
+            raise InputError(
+                f"a tape check needs distances of {low:g} to {high:g} m, not {value:g} m by the "
+                f"{name}"
+            )
+    focal = float(calibration.K1[0, 0])
+    per_disparity = tape_m / (focal * calibration.baseline)
+    sigma = math.hypot(
+        tape_m * depth_bias_share(calibration, tape_m, bias, lasting_px),
+        tape_m * per_disparity * _SPOT_PX,
+        _TAPE_M + _TAPE_SHARE * tape_m,
+    )
+    difference = rig_m - tape_m
+    share, expected = difference / tape_m, _SIGMAS * sigma
+    scale = tape_m / rig_m
+    # d = f B / Z; the disparity that was measured belongs to rig_m.
+    offset_px = focal * calibration.baseline * (1 / tape_m - 1 / rig_m)
+    vergence = math.degrees(offset_px / focal)
+    agrees = abs(difference) <= expected
+    square = None if square_m is None else square_m * scale
+    return TapeCheck(
+        rig_m=rig_m,
+        tape_m=tape_m,
+        difference_m=difference,
+        share=share,
+        expected_m=expected,
+        agrees=agrees,
+        square_m=square,
+        baseline_m=calibration.baseline * scale,
+        vergence_deg=vergence,
+        sentence=_sentence(
+            rig_m, tape_m, difference, share, expected, agrees, square_m, square, vergence
+        ),
+    )
+
+
+def _sentence(
+    rig_m: float,
+    tape_m: float,
+    difference: float,
+    share: float,
+    expected: float,
+    agrees: bool,
+    typed_m: float | None,
+    square_m: float | None,
+    vergence_deg: float,
+) -> str:
+    way = "too far" if difference > 0 else "too near"
+    begin = (
+        f"The rig says {rig_m:.3g} m where the tape says {tape_m:.3g} m: "
+        f"{length_words(abs(difference))} ({100 * abs(share):.1f} %) {way}, "
+    )
+    if agrees:
+        return begin + f"within the {length_words(expected)} to be expected."
+    if typed_m is None or square_m is None:
+        cause = "a wrong scale of the board"
+    else:
+        cause = (
+            f"squares of {1e3 * square_m:.1f} mm instead of {1e3 * typed_m:g} mm (measure them on "
+            f"the print)"
+        )
+    return begin + (
+        f"more than the {length_words(expected)} to be expected. It would be explained by {cause}, "
+        f"or by cameras turned against each other by {abs(vergence_deg):.2f} degrees since; a "
+        f"second check at another distance tells which, for the first is the same share "
+        f"everywhere."
+    )

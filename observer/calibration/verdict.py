@@ -1,0 +1,270 @@
+"""What a calibrated rig can do, in metres: how right depth is, and what motion it reports when."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from observer.calibration.speed_limits import (
+    Detectable,
+    Thing,
+    point_deviations,
+    slowest_reported,
+)
+from observer.calibration.stereo_fit import DepthBias, StereoFit
+from observer.camera import StereoCalibration, StereoCamera
+from observer.errors import CalibrationError
+from observer.parameters import Parameters
+from observer.stages.rectification import Rectification
+
+DISTANCES_M = (1.0, 3.0, 5.0)
+# A thing is of use if it is reported within this time, seconds.
+WITHIN_S = 1.0
+_SENTENCE_M = 3.0
+ACROSS, TOWARDS = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
+
+# Where warnings begin.
+_POOR_DEPTH = 0.1
+_POOR_RMS = 0.8 / 640  # of the image's width
+_POOR_ROWS_PX = 1.0
+_POOR_COVERAGE = 0.6
+_FEW_PAIRS = 10
+_POOR_FOCAL = 0.01
+_LENSES_DIFFER = 0.1
+
+
+@dataclass(frozen=True)
+class VerdictRow:
+    """What to expect at one distance.
+
+    Attributes:
+        distance_m: depth.
+        noise_m: one standard deviation of the depth of one point in one frame, which averages out.
+        bias_m: one standard deviation of what does not: the calibration's own uncertainty, and the
+            part of the rows' disagreement that lasts.
+        depth_m: of both together. depth_share: the same, as a share of the distance.
+        points: that are assumed to be followed on a person-sized thing there.
+        across, towards: the slowest motion that is reported within ``WITHIN_S``; None if none is.
+    """
+
+    distance_m: float
+    noise_m: float
+    bias_m: float
+    depth_m: float
+    depth_share: float
+    points: int
+    across: Detectable | None
+    towards: Detectable | None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """All of it.
+
+    Attributes:
+        rows: at ``DISTANCES_M``. sentence: the middle one in words.
+        warnings: one sentence each where the rig is poor, and what to do.
+        frame_rate: 1/s, that the delays hold for.
+    """
+
+    rows: tuple[VerdictRow, ...]
+    sentence: str
+    warnings: tuple[str, ...]
+    frame_rate: float
+
+
+def judge(
+    fit: StereoFit,
+    frame_rate: float,
+    *,
+    thing: Thing | None = None,
+    parameters: Parameters | None = None,
+) -> Verdict:
+    """What a pair that was just calibrated can do.
+
+    Args:
+        frame_rate: of the cameras, 1/s.
+        thing: that moves; a person, if left out. parameters: of the method, as they are used.
+    """
+    lasting_px = 0.0 if fit.held_out is None else fit.held_out.lasting_px
+    rows, problem = _rows(
+        fit.calibration, frame_rate, fit.depth_bias, lasting_px, thing or Thing(),
+        parameters or Parameters(),
+    )  # fmt: skip
+    warnings = [*problem, *_fit_warnings(fit), *_rig_warnings(fit.calibration, rows)]
+    return Verdict(rows, _sentence(rows), tuple(warnings), frame_rate)
+
+
+def judge_calibration(
+    calibration: StereoCalibration,
+    frame_rate: float,
+    *,
+    thing: Thing | None = None,
+    parameters: Parameters | None = None,
+) -> Verdict:
+    """What a pair can do of which only the calibration is known: as if it were exact."""
+    rows, problem = _rows(
+        calibration, frame_rate, None, 0.0, thing or Thing(), parameters or Parameters()
+    )
+    warnings = [
+        *problem,
+        *_rig_warnings(calibration, rows),
+        "how exact this calibration is was not measured here; the errors of depth are those of "
+        "noise alone",
+    ]
+    return Verdict(rows, _sentence(rows), tuple(warnings), frame_rate)
+
+
+def depth_bias_share(
+    calibration: StereoCalibration,
+    distance_m: float,
+    bias: DepthBias | None,
+    lasting_px: float = 0.0,
+) -> float:
+    """One standard deviation of depth's lasting error at a distance, as a share of it.
+
+    Args:
+        bias: of the fit. lasting_px: of ``HeldOut``: rows that disagree for good tell that columns
+            do so as much, by distortion that the lens model does not hold.
+    """
+    per_disparity = distance_m / (float(calibration.K1[0, 0]) * calibration.baseline)
+    known = 0.0 if bias is None else bias.relative_sigma(per_disparity)
+    return math.hypot(known, lasting_px * per_disparity)
+
+
+def _rows(
+    calibration: StereoCalibration,
+    frame_rate: float,
+    bias: DepthBias | None,
+    lasting_px: float,
+    thing: Thing,
+    parameters: Parameters,
+) -> tuple[tuple[VerdictRow, ...], list[str]]:
+    camera, problem = _camera(calibration)
+    rows = []
+    for distance in DISTANCES_M:
+        noise = float(point_deviations(camera, distance, thing.sigma_px)[2])
+        lasting = distance * depth_bias_share(calibration, distance, bias, lasting_px)
+        across, towards = (
+            slowest_reported(camera, distance, way, frame_rate, WITHIN_S, thing, parameters)
+            for way in (ACROSS, TOWARDS)
+        )
+        whole = math.hypot(noise, lasting)
+        rows.append(
+            VerdictRow(
+                distance_m=distance,
+                noise_m=noise,
+                bias_m=lasting,
+                depth_m=whole,
+                depth_share=whole / distance,
+                points=thing.points(camera, distance, parameters.following.spacing_px),
+                across=across,
+                towards=towards,
+            )
+        )
+    return tuple(rows), problem
+
+
+def _camera(calibration: StereoCalibration) -> tuple[StereoCamera, list[str]]:
+    """The rectified pair, or a likely one and why it is none."""
+    try:
+        return Rectification(calibration).camera, []
+    except CalibrationError as error:
+        c = calibration
+        f, cx, cy = float(c.K1[0, 0]), c.width / 2, c.height / 2
+        return StereoCamera(c.width, c.height, f, f, cx, cy, c.baseline), [str(error)]
+
+
+def _sentence(rows: tuple[VerdictRow, ...]) -> str:
+    row = next(r for r in rows if r.distance_m == _SENTENCE_M)
+    begin = (
+        f"At {row.distance_m:g} m depth is right to {length_words(row.depth_m)} "
+        f"({100 * row.depth_share:.1f} %); "
+    )
+    if row.across is None and row.towards is None:
+        return begin + f"motion of a person-sized thing is not reported within {WITHIN_S:g} s."
+    if row.across is None or row.towards is None:
+        one = row.across or row.towards
+        assert one is not None
+        way, other = ("sideways", "towards you") if row.across else ("towards you", "sideways")
+        return begin + (
+            f"a person-sized thing moving at {one.speed_mps:g} m/s {way} is reported within "
+            f"{one.delay_s:.1f} s, one moving {other} is not."
+        )
+    delay = max(row.across.delay_s, row.towards.delay_s)
+    return begin + (
+        f"a person-sized thing moving at {row.across.speed_mps:g} m/s sideways or "
+        f"{row.towards.speed_mps:g} m/s towards you is reported within {delay:.1f} s."
+    )
+
+
+def length_words(metres: float) -> str:
+    """As people say it: mm below a centimetre, cm below a metre."""
+    if metres < 0.01:
+        return f"{1e3 * metres:.0f} mm" if metres >= 0.001 else "1 mm"
+    if metres < 1:
+        return f"{1e2 * metres:.1f} cm" if metres < 0.1 else f"{1e2 * metres:.0f} cm"
+    return f"{metres:.1f} m"
+
+
+def _rig_warnings(calibration: StereoCalibration, rows: tuple[VerdictRow, ...]) -> list[str]:
+    c, out = calibration, []
+    row = next(r for r in rows if r.distance_m == _SENTENCE_M)
+    noise = row.noise_m / row.distance_m
+    if noise > _POOR_DEPTH / 2:
+        better = 1.1 * c.baseline * noise / (_POOR_DEPTH / 5)
+        out.append(
+            f"the cameras stand {1e3 * c.baseline:.0f} mm apart, too near each other for this "
+            f"lens: at {row.distance_m:g} m noise alone is {100 * noise:.0f} % of the depth; "
+            f"{1e2 * better:.0f} cm would make it 2 %"
+        )
+    left, right = float(c.K1[0, 0]), float(c.K2[0, 0])
+    if abs(left / right - 1) > _LENSES_DIFFER:
+        out.append(
+            f"the lenses differ ({left:.0f} and {right:.0f} px of focal length); two of the same "
+            f"kind at the same zoom and focus see more in common"
+        )
+    return out
+
+
+def _fit_warnings(fit: StereoFit) -> list[str]:
+    c, out = fit.calibration, []
+    if fit.rms_stereo > _POOR_RMS * c.width:
+        out.append(
+            f"the corners fit to {fit.rms_stereo:.1f} px only, where {0.3 * c.width / 640:.1f} px "
+            f"are usual; the board may be bent, or was moved while it was taken"
+        )
+    if fit.held_out is None:
+        out.append(
+            f"with {fit.pairs} pairs nothing could be left out to measure on; take 15 or more"
+        )
+    elif fit.held_out.p95_px > _POOR_ROWS_PX:
+        out.append(
+            f"on views that were left out rows disagree by up to {fit.held_out.p95_px:.1f} px, "
+            f"where 0.5 px are usual; take more views, with the board in the corners of the image"
+        )
+    if fit.held_out is not None and fit.pairs < _FEW_PAIRS:
+        out.append(f"only {fit.pairs} pairs were used; 15 or more make it surer")
+    share = 0.3 if len(fit.views) > 3 else 1.0
+    refused = sum(not view.used for view in fit.views)
+    if refused > share * len(fit.views):
+        out.append(
+            f"{refused} of {len(fit.views)} views were refused; see their reasons before trusting "
+            f"the rest"
+        )
+    for name, covered in zip(("left", "right"), fit.coverage, strict=True):
+        if covered < _POOR_COVERAGE:
+            out.append(
+                f"the board was shown in {100 * covered:.0f} % of the {name} image only; what lies "
+                f"outside is a guess, so hold it into the corners too"
+            )
+    sure = max(
+        fit.uncertainty.focal_left_px / float(c.K1[0, 0]),
+        fit.uncertainty.focal_right_px / float(c.K2[0, 0]),
+    )
+    if sure > _POOR_FOCAL:
+        out.append(
+            f"the focal length is known to {100 * sure:.1f} % only; tilt the board more, by 20 to "
+            f"40 degrees to each side"
+        )
+    return out
