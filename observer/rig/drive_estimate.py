@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 
 from observer.geometry import Float64Array, rotation_matrix
 from observer.mount import CameraMount
-from observer.rig.drive_stretches import DriveSample, Stretch, drive_stretches
+from observer.rig.drive_stretches import DriveSample, Stretch, WheelPaths, drive_stretches
 from observer.rig.estimates import Estimated, Refused
 
 # Noise of a stretch to begin with, metres and radians; then the residuals tell the real one,
@@ -115,7 +115,12 @@ def estimate_drive(
             f"and positive to the left"
         )
     went_straight = sum(stretch.driven_m for stretch in straight) >= _LEAST_WAY_M
-    shown = (went_straight, *(turned >= _LEAST_TURN,) * 4, went_straight)
+    turned_enough = turned >= _LEAST_TURN
+    # Where ahead is, and with it the offset's direction, only a straight way shows.
+    offset_shown = turned_enough and went_straight
+    shown = (
+        went_straight, turned_enough, turned_enough, offset_shown, offset_shown, went_straight
+    )  # fmt: skip
     pan, tilt, roll, forward, left, scale = (
         Estimated(value, sigma) if may and sigma <= useful else None
         for value, sigma, useful, may in zip(
@@ -123,7 +128,8 @@ def estimate_drive(
         )
     )
     needed = []
-    if forward is None or left is None or tilt is None or roll is None:
+    offset_missing = went_straight and (forward is None or left is None)
+    if offset_missing or tilt is None or roll is None:
         needed.append(TURN_ON_THE_SPOT)
     if pan is None or scale is None:
         needed.append(DRIVE_STRAIGHT)
@@ -146,7 +152,7 @@ class _Model:
     """What is observed of the stretches less what a place of the camera predicts."""
 
     def __init__(self, stretches: Sequence[Stretch]) -> None:
-        self._stretches = stretches
+        self._wheels = WheelPaths(stretches)
         self._turn = np.array([stretch.turn for stretch in stretches])
         self._way = np.array([stretch.way for stretch in stretches])
 
@@ -164,9 +170,8 @@ class _Model:
         c, s = np.cos(turn) - 1, np.sin(turn)
         forward, left, scale = values[3:]
         swing = np.stack([c * forward - s * left, s * forward + c * left, np.zeros_like(c)], axis=1)
-        driven = [one.driven(psi) for one, psi in zip(self._stretches, turn, strict=True)]
         seen = self._way @ _rotation(values[:3]).T
-        return np.asarray(seen - swing - scale * np.array(driven))
+        return np.asarray(seen - swing - scale * self._wheels.driven(turn))
 
 
 def _fitted(

@@ -68,19 +68,34 @@ class Stretch:
     def wheel_turn(self) -> float:
         return float(self.wheel_turns.sum())
 
-    def driven(self, turn: float) -> Float64Array:
-        """(3,) metres from begin to end by the wheels, in the base's axes at the beginning.
+
+class WheelPaths:
+    """The wheels' part of stretches, ready to be bent to the turns that the camera saw."""
+
+    def __init__(self, stretches: Sequence[Stretch]) -> None:
+        count = max((len(one.steps) for one in stretches), default=0)
+        # Ways as complex numbers: ahead and to the left; beyond a stretch's steps they are 0.
+        self._steps = np.zeros((len(stretches), count), np.complex128)
+        self._heading = np.zeros((len(stretches), count))
+        # Share of a stretch's steps that lie before the middle of each.
+        self._share = np.zeros((len(stretches), count))
+        self._turn = np.array([one.wheel_turn for one in stretches])
+        for row, one in enumerate(stretches):
+            k = len(one.steps)
+            self._steps[row, :k] = one.steps[:, 0] + 1j * one.steps[:, 1]
+            self._heading[row, :k] = np.cumsum(one.wheel_turns) - one.wheel_turns / 2
+            self._share[row, :k] = (np.arange(k) + 0.5) / k
+
+    def driven(self, turn: Float64Array) -> Float64Array:
+        """(N, 3) metres from begin to end by the wheels, in the base's axes at the beginning.
 
         Args:
-            turn: of the whole stretch, radians, as the camera saw it: wheels tell ways well and
-                turns badly. It is spread over the steps as the wheels' turns are.
+            turn: (N,) radians of each whole stretch, as the camera saw it: wheels tell ways well
+                and turns badly. What the wheels' differ by is spread evenly over the steps.
         """
-        correction = (turn - self.wheel_turn) / len(self.steps)
-        turns = self.wheel_turns + correction
-        heading = np.cumsum(turns) - turns / 2
-        c, s = np.cos(heading), np.sin(heading)
-        x, y = self.steps.T
-        return np.array([(c * x - s * y).sum(), (s * x + c * y).sum(), 0.0])
+        heading = self._heading + (turn - self._turn)[:, None] * self._share
+        way = (self._steps * np.exp(1j * heading)).sum(axis=1)
+        return np.stack([way.real, way.imag, np.zeros(len(way))], axis=1)
 
 
 def drive_stretches(samples: Sequence[DriveSample]) -> list[Stretch] | Refused:
