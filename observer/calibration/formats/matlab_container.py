@@ -7,6 +7,7 @@ Format: MathWorks, "MAT-File Format".
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Iterator
@@ -19,7 +20,7 @@ from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
 # What a session of a calibration app holds beside the calibration (corners, errors) is a few MB.
-_MAX_EXPANDED_BYTES = 32_000_000
+_MAX_EXPANDED_BYTES = 16_000_000
 _MAX_DEPTH = 16
 _HEADER_BYTES = 128
 
@@ -49,7 +50,8 @@ def read_matlab_variables(content: bytes, *, name: str) -> dict[str, MatlabValue
     """The variables of a MAT-file of level 5.
 
     Numbers become float64 arrays in MATLAB's shape, text becomes str, a struct a dict, a cell
-    array or a struct array a list.
+    array or a struct array a list. Under the empty name stands what objects of classes keep their
+    properties in, where there are any.
 
     Raises:
         CalibrationError: the file is cut off, damaged, too large once expanded or too deep.
@@ -68,10 +70,26 @@ def read_matlab_variables(content: bytes, *, name: str) -> dict[str, MatlabValue
         if kind != _MATRIX:
             raise reader.damaged("it holds something else than variables")
         title, value = reader.matrix(data, 0)
-        # Without a name: where objects of classes have their properties.
-        if title:
-            variables[title] = value
+        variables[title] = value
     return variables
+
+
+def check_object_data(variables: dict[str, MatlabValue], *, name: str) -> None:
+    """Hold what objects keep their properties in to the same rules as the file.
+
+    It is a MAT-file within the file, without the text at its beginning.
+
+    Raises:
+        CalibrationError: as ``read_matlab_variables``.
+    """
+    inner = variables.get("")
+    if not isinstance(inner, np.ndarray) or not ((inner >= 0) & (inner <= 255)).all():
+        raise CalibrationError(f"{name}: the MAT-file has no properties of its objects")
+    content = inner.reshape(-1, order="F").astype(np.uint8).tobytes()
+    reader = _Reader(name, "<" if content[2:4] == b"IM" else ">")
+    for kind, data in reader.elements(content[8:]):
+        if kind == _MATRIX:
+            reader.matrix(data, 0)
 
 
 class _Reader:
@@ -132,6 +150,8 @@ class _Reader:
         kind = flags[0] & 0xFF
         if kind == _OPAQUE:
             title, _, class_name = (self._text(self._next(parts)) for _ in range(3))
+            for each in parts:
+                self._value(each, depth)
             return title, MatlabObject(class_name)
         shape = tuple(self._whole_numbers(self._next(parts)))
         title = self._text(self._next(parts))
@@ -142,7 +162,9 @@ class _Reader:
         if kind == _STRUCT:
             return title, self._struct(shape, parts, depth)
         if kind == _CELL:
-            return title, [self._value(each, depth) for each in parts]
+            values = [self._value(each, depth) for each in parts]
+            self._check_count(shape, len(values))
+            return title, values
         return title, None
 
     def _struct(
@@ -158,13 +180,16 @@ class _Reader:
             for at in range(0, len(names), length)
         ]
         values = [self._value(each, depth) for each in parts]
+        if not fields and not values:
+            return {}
         if not fields or len(values) % len(fields):
             raise self.damaged("a struct has not as many values as fields")
         structs: list[MatlabValue] = [
             dict(zip(fields, values[at : at + len(fields)], strict=True))
             for at in range(0, len(values), len(fields))
         ]
-        return structs[0] if len(structs) == 1 and set(shape) == {1} else structs
+        self._check_count(shape, len(structs))
+        return structs[0] if len(structs) == 1 else structs
 
     def _value(self, part: tuple[int, memoryview], depth: int) -> MatlabValue:
         kind, data = part
@@ -195,12 +220,13 @@ class _Reader:
         return [int(number) for number in numbers]
 
     def _array(self, shape: tuple[int, ...], numbers: Float64Array) -> Float64Array:
-        count = 1
-        for length in shape:
-            count *= length
-        if count != len(numbers) or min(shape, default=0) < 0 or len(shape) > 32:
-            raise self.damaged("an array has not as many numbers as its shape says")
+        self._check_count(shape, len(numbers))
         return numbers.reshape(shape, order="F")
+
+    def _check_count(self, shape: tuple[int, ...], count: int) -> None:
+        """Refuse arrays that claim to be larger than the file, which a reader might believe."""
+        if not 1 <= len(shape) <= 32 or min(shape) < 0 or math.prod(shape) != count:
+            raise self.damaged("an array has not as many elements as its shape says")
 
     def _text(self, part: tuple[int, memoryview]) -> str:
         kind, data = part

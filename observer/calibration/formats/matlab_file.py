@@ -6,22 +6,19 @@ from one; ImageSize is [height, width]; lengths are in the units of the board.
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-import tempfile
-import warnings
 from collections.abc import Mapping
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from observer.calibration.formats.matlab_container import (
     MatlabObject,
     MatlabValue,
+    check_object_data,
     read_matlab_variables,
 )
+from observer.calibration.formats.matlab_objects import is_mat_io_installed, object_properties
 from observer.calibration.formats.understanding import Draft, Size, Unit, Wanted, size_words
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -42,7 +39,6 @@ _AS_STRUCT = (
     "in MATLAB: stereoParams = toStruct(stereoParams); "
     "save('stereoParams.mat', 'stereoParams', '-v7')"
 )
-_MAX_DEPTH = 8
 # What files of version 7.3 hold, behind 512 bytes of MATLAB's own.
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
@@ -101,7 +97,7 @@ def _stereo_parameters(name: str, content: bytes) -> tuple[str, _Fields]:
         or (isinstance(value, MatlabObject) and value.class_name == _CLASS)
     }
     if len(found) != 1:
-        listed = ", ".join(sorted(found or variables)[:5])[:100] or "nothing"
+        listed = ", ".join(sorted(filter(None, found or variables))[:5])[:100] or "nothing"
         wrong = "more than one stereoParameters" if found else "no stereoParameters"
         raise CalibrationError(
             f"{name}: the MAT-file holds {wrong} (it has {listed}); save one alone, {_AS_STRUCT}"
@@ -109,63 +105,23 @@ def _stereo_parameters(name: str, content: bytes) -> tuple[str, _Fields]:
     title, value = found.popitem()
     if isinstance(value, dict):
         return title, value
-    return title, _object_properties(name, content, title)
-
-
-def _object_properties(name: str, content: bytes, title: str) -> _Fields:
-    """The properties of an object, which MATLAB does not document; mat-io knows how they lie."""
-    if importlib.util.find_spec("matio") is None:
+    if not is_mat_io_installed():
         raise CalibrationError(
             f"{name}: {title} is a MATLAB object, which needs the package mat-io to be read; "
             f"install it by: pip install 'dynamic-observer[matlab]' -- or save it as a struct, "
             f"{_AS_STRUCT}"
         )
-    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
-        # It sets an option of pandas that is deprecated, and warns of types it does not know.
-        warnings.simplefilter("ignore")
-        path = Path(folder) / "calibration.mat"
-        path.write_bytes(content)
-        try:
-            matio = importlib.import_module("matio")
-            value = matio.load_from_mat(str(path), variable_names=[title])[title]
-            properties = _plain(value, 0)
-        except Exception as error:  # noqa: BLE001 - whatever damaged bytes make of mat-io
-            raise CalibrationError(
-                f"{name}: the object {title} cannot be read ({type(error).__name__}); save it as "
-                f"a struct, {_AS_STRUCT}"
-            ) from None
-    if not isinstance(properties, dict) or "CameraParameters1" not in properties:
+    try:
+        check_object_data(variables, name=name)
+        properties = object_properties(content, _CLASS, name=name)
+    except CalibrationError as error:
+        raise CalibrationError(f"{error}; save {title} as a struct, {_AS_STRUCT}") from None
+    if "CameraParameters1" not in properties:
         raise CalibrationError(
             f"{name}: the object {title} has no CameraParameters1; save it as a struct, "
             f"{_AS_STRUCT}"
         )
-    return properties
-
-
-def _plain(value: Any, depth: int) -> MatlabValue:
-    """What mat-io returns, in the words of ``matlab_container``."""
-    if depth > _MAX_DEPTH:
-        return None
-    value = getattr(value, "properties", value)
-    if isinstance(value, np.ndarray):
-        if value.dtype.names is None and value.dtype.kind in "biuf":
-            return value.astype(np.float64)
-        if value.size != 1:
-            return None
-        value = value.item() if value.dtype.names is None else value.reshape(-1)[0]
-        value = getattr(value, "properties", value)
-    if isinstance(value, np.void) and value.dtype.names is not None:
-        value = {key: value[key] for key in value.dtype.names}
-    if isinstance(value, dict):
-        # How classes that save themselves in a form of their own are kept.
-        if set(value) == {"any"}:
-            return _plain(value["any"], depth + 1)
-        return {str(key): _plain(each, depth + 1) for key, each in value.items()}
-    if isinstance(value, str):
-        return str(value)
-    if isinstance(value, int | float):
-        return np.full((1, 1), float(value))
-    return None
+    return title, properties
 
 
 class _Camera:
