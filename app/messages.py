@@ -10,13 +10,25 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Literal
 
+from observer.calibration.board import Board
+from observer.calibration.views import BoardView
+
 # Views that a person can watch; each is one slot of JPEG bytes.
 #   left      rectified left image, green star features, flow vectors, yellow obstacle rectangles
 #   warped    the image of t+dt transformed into the frame of t
 #   disparity disparity as colours, nothing where it is unknown
 #   residual  residual flow as arrows and colours over the darkened image
 #   plain     the rectified left image as it is (camera frustum in the 3D scene)
-VIEW_NAMES: tuple[str, ...] = ("left", "warped", "disparity", "residual", "plain")
+#   camera_left, camera_right  each image as taken; while calibrating with the board in it
+CAMERA_NAMES: tuple[str, str] = ("camera_left", "camera_right")
+VIEW_NAMES: tuple[str, ...] = (
+    "left",
+    "warped",
+    "disparity",
+    "residual",
+    "plain",
+    *CAMERA_NAMES,
+)
 # The view that needs dense stereo, like the cloud.
 DISPARITY_NAME = "disparity"
 # The slot of the dense cloud; watched like a view.
@@ -29,6 +41,7 @@ class EngineState(StrEnum):
     IDLE = "idle"
     PREVIEW = "preview"
     RUNNING = "running"
+    CALIBRATING = "calibrating"
     FAILED = "failed"
 
 
@@ -42,6 +55,7 @@ class OpenSource:
     With ``run_id`` what is observed belongs to that run: the state becomes ``running``.
     ``segment`` is the number of the first segment, above 0 when a run goes on after a restart.
     ``calibration_yaml`` (OpenCV FileStorage text) replaces the source's own calibration.
+    ``rig_yaml`` tells how the cameras are mounted where the source does not.
     The reply's value has the fields of the ``StateEvent`` that goes before it, and
     ``calibration_yaml``: the calibration that is used, also where it is the source's own.
     Refused, what was open before stays open.
@@ -56,6 +70,38 @@ class OpenSource:
     rate: float = 1.0
     run_id: str | None = None
     segment: int = 0
+    rig_yaml: str | None = None
+
+
+@dataclass(frozen=True)
+class BeginCalibration:
+    """Open a source, show its images as taken and look for a board; ends in ``calibrating``.
+
+    ``views`` were captured before and go on counting. The reply's value has the fields of the
+    ``StateEvent`` that goes before it. Refused, what was open before stays open.
+    """
+
+    source: str
+    board: Board
+    views: tuple[BoardView, ...] = ()
+    automatic: bool = True
+
+
+@dataclass(frozen=True)
+class ChangeCalibration:
+    """Change what is given, while calibrating.
+
+    ``capture`` keeps the board as it is seen at this moment, ``undo`` forgets the last view,
+    ``remove`` one by its name. ``automatic``: whether a new pose is captured by itself.
+    ``cover_check`` begins (True) or ends the question which camera is the left one. The reply's
+    value is ``{"views": [names]}``.
+    """
+
+    capture: bool = False
+    undo: bool = False
+    remove: str | None = None
+    automatic: bool | None = None
+    cover_check: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -109,6 +155,35 @@ class PreviewCalibration:
 
 
 @dataclass(frozen=True)
+class MeasureDepth:
+    """How far away a pixel of the newest pair is, rectified with this calibration.
+
+    The reply's value is that of ``app.engine.depth_measuring.measure_depth``.
+    """
+
+    calibration_yaml: str
+    u: float
+    v: float
+
+
+@dataclass(frozen=True)
+class LookAtFloor:
+    """The newest pair's points by which the floor is found.
+
+    The reply's value is that of ``app.engine.floor_looking.look_at_floor``.
+    """
+
+
+@dataclass(frozen=True)
+class TakeScenePairs:
+    """Pairs of the last half minute, by which the rows can be set straight.
+
+    The reply's value is ``{"pairs": ((left, right), ...), "calibration_yaml": str}``: images as
+    taken, (H, W) grey, and the calibration in use.
+    """
+
+
+@dataclass(frozen=True)
 class ExplainPixel:
     """Say why a pixel of the newest observed frame counts as moving, standing or neither.
 
@@ -129,12 +204,17 @@ class Shutdown:
 
 Command = (
     OpenSource
+    | BeginCalibration
+    | ChangeCalibration
     | StopRun
     | CloseSource
     | SetParameters
     | SetPlayback
     | WatchViews
     | PreviewCalibration
+    | MeasureDepth
+    | LookAtFloor
+    | TakeScenePairs
     | ExplainPixel
     | Shutdown
 )
@@ -181,6 +261,7 @@ class ObservationEvent:
             (``translation_px, rotation_rad, shear, scale``) or None, and ``motion`` of the camera
             in its own axes (``rotation_rad, translation_m``, 3 each) or None. None for a frame
             that was compared with none.
+        odometry: ``x, y, yaw`` by the robot's wheels (see ``observer.types.Odometry``), or None.
     """
 
     sequence: int
@@ -191,6 +272,7 @@ class ObservationEvent:
     frame_skips: int
     run_id: str | None
     ego_motion: dict[str, Any] | None = None
+    odometry: dict[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -204,6 +286,11 @@ class StateEvent:
     before the first one; ``achieved_rate``: source seconds per second really played, below
     ``rate`` where observing cannot keep up, None while unknown); ``camera`` the rectified
     ``width, height, fx, fy, cx, cy, baseline``. In ``failed`` they tell of what failed.
+    ``live`` holds the fields of ``LiveReport`` and ``trouble``, what keeps the source from
+    delivering at this moment; None for what is not live. ``mount`` holds the fields of
+    ``CameraMount`` as the observer uses it, None where it is not known. ``ageing`` holds
+    ``rows`` and ``vergence``, the fields of ``RowDrift`` and ``VergenceCheck``; None before the
+    first frame.
     """
 
     state: EngineState
@@ -214,6 +301,38 @@ class StateEvent:
     run_id: str | None = None
     segment: int = 0
     has_truth: bool = False
+    live: dict[str, Any] | None = None
+    mount: dict[str, Any] | None = None
+    ageing: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class BoardLookEvent:
+    """While calibrating: what was made of one pair; sent about ten times a second.
+
+    Attributes:
+        look: plain values: ``frame``, ``words``, ``next``, ``coverage`` by name (0 to 1), ``seen``
+            (corners left and right), ``views`` (how many), ``enough``, ``automatic`` and
+            ``covered`` (the side whose lens was covered since it was asked, or None).
+        received: the pair, on the host's monotonic clock.
+    """
+
+    look: dict[str, Any]
+    received: float
+
+
+@dataclass(frozen=True)
+class BoardViewsEvent:
+    """While calibrating: the captured views are others.
+
+    Attributes:
+        names: of all views, in order.
+        added: the new one, with a small JPEG of each image; None where one was taken away.
+    """
+
+    names: tuple[str, ...]
+    added: BoardView | None = None
+    pictures: tuple[bytes, bytes] | None = None
 
 
 @dataclass(frozen=True)
@@ -272,6 +391,8 @@ class EngineLostEvent:
 Event = (
     ObservationEvent
     | StateEvent
+    | BoardLookEvent
+    | BoardViewsEvent
     | SkippedFrameEvent
     | DenseStereoEvent
     | HeartbeatEvent

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from pathlib import Path
 
 # What the person who starts us chose in the environment goes first.
 NATIVE_ENVIRONMENT: Mapping[str, str] = {
@@ -13,3 +15,14 @@ NATIVE_ENVIRONMENT: Mapping[str, str] = {
     "OPENCV_LOG_LEVEL": "SILENT",
     "OPENCV_FFMPEG_LOGLEVEL": "-8",
 }
+
+
+def program_environment() -> dict[str, str]:
+    """The environment of every process that we start: our packages, and calm libraries."""
+    packages = str(Path(__file__).resolve().parents[1])
+    paths = [packages, os.environ.get("PYTHONPATH", "")]
+    return {
+        **NATIVE_ENVIRONMENT,
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+    }

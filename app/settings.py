@@ -38,7 +38,8 @@ class Settings(BaseSettings):
             port is allowed with this port only.
         tls_cert, tls_key: PEM files; both or neither.
         viewer_points, viewer_rate_hz: the 3D scene's cloud: points drawn, updates per second.
-        calibration_max_bytes: largest calibration file. body_max_bytes: largest other request.
+        calibration_max_bytes: largest calibration file. images_max_bytes: largest archive of
+            images to calibrate with. body_max_bytes: largest other request.
     """
 
     model_config = SettingsConfigDict(
@@ -57,6 +58,7 @@ class Settings(BaseSettings):
     viewer_points: int = Field(12_000, ge=500, le=20_000)
     viewer_rate_hz: float = Field(10.0, ge=0.5, le=30.0, allow_inf_nan=False)
     calibration_max_bytes: int = Field(_MEGABYTE, ge=1024, le=64 * _MEGABYTE)
+    images_max_bytes: int = Field(256 * _MEGABYTE, ge=1024, le=2048 * _MEGABYTE)
     body_max_bytes: int = Field(256 * 1024, ge=1024, le=64 * _MEGABYTE)
     log_level: Literal["debug", "info", "warning", "error"] = "warning"
 

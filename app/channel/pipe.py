@@ -16,6 +16,7 @@ from typing import Any
 
 from app.channel.errors import ChannelError
 from app.messages import (
+    BoardLookEvent,
     DenseStereoEvent,
     HeartbeatEvent,
     ObservationEvent,
@@ -95,8 +96,8 @@ class MessageSender:
     """Sends messages from a thread of its own, so that a slow reader never delays the caller.
 
     The queue is bounded: of observations and skipped frames the oldest are dropped and counted,
-    of heartbeats and of news of dense stereo only the newest waits. Replies and states are never
-    dropped; there are only as many of them as there were requests.
+    of heartbeats, of news of dense stereo and of looks at a board only the newest waits. Replies
+    and states are never dropped; there are only as many of them as there were requests.
     """
 
     def __init__(self, sock: socket.socket, *, backlog: int = DEFAULT_BACKLOG) -> None:
@@ -126,7 +127,7 @@ class MessageSender:
         with self._changed:
             if self._closing or self._broken:
                 return
-            if isinstance(message, HeartbeatEvent | DenseStereoEvent):
+            if isinstance(message, HeartbeatEvent | DenseStereoEvent | BoardLookEvent):
                 self._drop_first(type(message))
             elif isinstance(message, ObservationEvent | SkippedFrameEvent):
                 if self._waiting_observations >= self._backlog:

@@ -8,14 +8,20 @@ from typing import Any
 
 from app.engine.calibration_preview import preview_calibration
 from app.engine.current_source import CurrentSource
+from app.engine.depth_measuring import measure_depth
 from app.engine.errors import NotNow
 from app.engine.explaining import Explainer
+from app.engine.floor_looking import look_at_floor
 from app.engine.publishing import Publisher
 from app.engine.replies import refusal, unexpected
 from app.engine.session import parse_parameters
 from app.messages import (
+    BeginCalibration,
+    ChangeCalibration,
     CloseSource,
     ExplainPixel,
+    LookAtFloor,
+    MeasureDepth,
     OpenSource,
     PreviewCalibration,
     Reply,
@@ -24,9 +30,11 @@ from app.messages import (
     SetPlayback,
     Shutdown,
     StopRun,
+    TakeScenePairs,
     WatchViews,
 )
 from observer.errors import DynamicObserverError, InputError
+from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
 
@@ -66,7 +74,7 @@ class CommandDesk:
         """Carry it out; None where the answer comes later, once a source is open."""
         command = request.command
         try:
-            if isinstance(command, OpenSource):
+            if isinstance(command, OpenSource | BeginCalibration):
                 self._current.begin(request, command)
                 return None
             return Reply(request.number, value=self._handle(command))
@@ -84,6 +92,8 @@ class CommandDesk:
                 return self._stop_run()
             case CloseSource():
                 return self._close_source()
+            case ChangeCalibration():
+                return self._change_calibration(command)
             case SetParameters():
                 return self._set_parameters(command)
             case SetPlayback():
@@ -93,6 +103,12 @@ class CommandDesk:
                 return {}
             case PreviewCalibration():
                 return self._preview(command.calibration_yaml)
+            case MeasureDepth():
+                return self._measure(command)
+            case LookAtFloor():
+                return look_at_floor(self._publisher.newest)
+            case TakeScenePairs():
+                return self._take_scene_pairs()
             case ExplainPixel():
                 return self._explainer.explain(command.u, command.v)
             case Shutdown():
@@ -114,9 +130,15 @@ class CommandDesk:
         self._current.close()
         return {}
 
+    def _change_calibration(self, command: ChangeCalibration) -> dict[str, Any]:
+        session = self._current.calibrating
+        if session is None:
+            raise NotNow("nothing is being calibrated; begin a calibration first")
+        return session.watch.change(command)
+
     def _set_parameters(self, command: SetParameters) -> dict[str, Any]:
         parameters = parse_parameters(command.parameters)
-        opening, session = self._current.opening, self._current.session
+        opening, session = self._current.opening, self._current.observing
         if opening is not None:
             opening.parameters = (parameters, command.revision)
         if session is None:
@@ -137,10 +159,23 @@ class CommandDesk:
         )
         return session.playback_facts(self._clock())
 
+    def _take_scene_pairs(self) -> dict[str, Any]:
+        session = self._current.observing
+        if session is None:
+            raise NotNow("nothing is observed whose calibration could be refined; open a source")
+        return {"pairs": session.ageing.pairs, "calibration_yaml": session.calibration_yaml}
+
+    def _measure(self, command: MeasureDepth) -> dict[str, Any]:
+        pair = self._newest_pair()
+        return measure_depth(pair, command.calibration_yaml, command.u, command.v, self._beat)
+
     def _preview(self, calibration_yaml: str) -> dict[str, Any]:
+        return preview_calibration(self._newest_pair(), calibration_yaml, self._beat).reply()
+
+    def _newest_pair(self) -> StereoFrame:
         session, pair = self._current.session, self._current.raw_pair
         if session is not None and session.player.position is None:
             pair = session.player.held or pair
         if pair is None:
             raise NotNow("there is no image to try the calibration on; open a source first")
-        return preview_calibration(pair, calibration_yaml, self._beat).reply()
+        return pair

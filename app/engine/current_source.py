@@ -6,17 +6,26 @@ import logging
 from collections.abc import Callable
 from dataclasses import asdict, replace
 
+from app.engine.calibrating import BoardPublisher, CalibrationSession, open_calibration
 from app.engine.errors import NotNow
 from app.engine.opening import Opening
 from app.engine.replies import refusal, unexpected
 from app.engine.session import (
     NotCalibrated,
     ObserverFactory,
+    PlayedSource,
     Session,
     SourceOpener,
     open_session,
 )
-from app.messages import EngineState, OpenSource, Reply, Request, StateEvent
+from app.messages import (
+    BeginCalibration,
+    EngineState,
+    OpenSource,
+    Reply,
+    Request,
+    StateEvent,
+)
 from observer.errors import DynamicObserverError
 from observer.types import StereoFrame
 
@@ -27,7 +36,7 @@ class CurrentSource:
     """At most one open session and at most one source that is being opened.
 
     Attributes:
-        session: what is observed. opening: what is on its way.
+        session: what is played. opening: what is on its way.
         raw_pair: the newest pair as it came, with which a calibration can be tried.
     """
 
@@ -38,6 +47,7 @@ class CurrentSource:
         make_observer: ObserverFactory,
         opened: Callable[[Opening], None],
         closed: Callable[[], None],
+        boards: BoardPublisher,
         stage_clock: Callable[[], float],
         clock: Callable[[], float],
     ) -> None:
@@ -45,20 +55,32 @@ class CurrentSource:
         Args:
             opened: called in another thread when ``opening`` is done; ``finish`` comes next.
             closed: called when a session is closed, before its source is.
+            boards: told and shown what is seen of a board while calibrating.
             stage_clock: serves the observer's timings. clock: the host's monotonic clock.
         """
         self._open_source = open_source
         self._make_observer = make_observer
         self._opened = opened
         self._closed = closed
+        self._boards = boards
         self._stage_clock = stage_clock
         self._clock = clock
-        self.session: Session | None = None
+        self.session: PlayedSource | None = None
         self.opening: Opening | None = None
         self.raw_pair: StereoFrame | None = None
         self._failed: StateEvent | None = None
 
-    def begin(self, request: Request, command: OpenSource) -> None:
+    @property
+    def observing(self) -> Session | None:
+        """The session that is observed, where one is."""
+        return self.session if isinstance(self.session, Session) else None
+
+    @property
+    def calibrating(self) -> CalibrationSession | None:
+        """The session that looks for a board, where one is."""
+        return self.session if isinstance(self.session, CalibrationSession) else None
+
+    def begin(self, request: Request, command: OpenSource | BeginCalibration) -> None:
         """Open in a thread of its own; the request is answered by what ``finish`` returns.
 
         Raises:
@@ -71,12 +93,12 @@ class CurrentSource:
         if self.session is not None and self.session.run_id is not None:
             raise NotNow("a run is going; stop it before another source is opened")
         self.opening = Opening(request, command)
-        self.opening.start(
-            lambda: open_session(
-                command, self._open_source, self._make_observer, self._stage_clock
-            ),
-            self._opened,
-        )
+        self.opening.start(lambda: self._open(command), self._opened)
+
+    def _open(self, command: OpenSource | BeginCalibration) -> PlayedSource:
+        if isinstance(command, BeginCalibration):
+            return open_calibration(command, self._open_source, self._boards)
+        return open_session(command, self._open_source, self._make_observer, self._stage_clock)
 
     def finish(self, opening: Opening) -> Reply | None:
         """Observe from now on what was opened, or say why it was not; None if it was given up."""
@@ -90,9 +112,11 @@ class CurrentSource:
             return self._not_opened(opening)
         self.close()
         self.session = session
-        if opening.parameters is not None:
-            session.use(*opening.parameters)
-        facts = asdict(self.state()) | {"calibration_yaml": session.calibration_yaml}
+        facts = asdict(self.state())
+        if isinstance(session, Session):
+            if opening.parameters is not None:
+                session.use(*opening.parameters)
+            facts["calibration_yaml"] = session.calibration_yaml
         return Reply(opening.request.number, value=facts)
 
     def _not_opened(self, opening: Opening) -> Reply:
@@ -106,9 +130,11 @@ class CurrentSource:
             what = f"opening {command.source} failed: {unexpected(error)}"
             reply = Reply(number, error=what, refusal="failure")
         if self.session is None:
-            self._failed = StateEvent(
-                EngineState.FAILED, reply.error, run_id=command.run_id, segment=command.segment
-            )
+            self._failed = StateEvent(EngineState.FAILED, reply.error)
+            if isinstance(command, OpenSource):
+                self._failed = replace(
+                    self._failed, run_id=command.run_id, segment=command.segment
+                )
         return reply
 
     def give_up_opening(self) -> Reply | None:
@@ -144,14 +170,16 @@ class CurrentSource:
         session = self.session
         if session is None:
             return self._failed or StateEvent(EngineState.IDLE, None)
-        running = session.run_id is not None
         return StateEvent(
-            state=EngineState.RUNNING if running else EngineState.PREVIEW,
+            state=session.state,
             reason=None,
             source=asdict(session.source.info),
             playback=session.playback_facts(self._clock()),
             camera=session.camera_facts(),
             run_id=session.run_id,
             segment=session.segment,
-            has_truth=session.truth is not None,
+            has_truth=session.has_truth,
+            live=session.live_facts(),
+            mount=session.mount_facts(),
+            ageing=session.ageing_facts(),
         )

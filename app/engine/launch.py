@@ -13,17 +13,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from app.channel.pipe import encode, read_message
 from app.engine.arguments import EngineArguments
 from app.messages import Command, HeartbeatEvent, Reply, Request, StateEvent
-from app.native_environment import NATIVE_ENVIRONMENT
+from app.native_environment import program_environment
 
 # -P: the folder somebody starts the server in must not supply the modules.
 ENGINE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.engine")
-_PACKAGES = Path(__file__).resolve().parents[2]
 # How long a process that closed its channel, or was killed, is given to be gone.
 _GRACE_S = 0.3
 
@@ -82,7 +80,7 @@ class EngineProcess:
                     [*command, *arguments],
                     stdin=subprocess.DEVNULL,
                     pass_fds=[there.fileno(), *slots.values()],
-                    env=_environment(),
+                    env=program_environment(),
                     # A terminal's Ctrl-C and a kill of the whole group are the parent's to
                     # answer; it ends the engine in good order.
                     start_new_session=True,
@@ -184,15 +182,6 @@ class EngineProcess:
         if self._writer is not None:
             self._writer.transport.abort()
         return _ending(self._process.returncode)
-
-
-def _environment() -> dict[str, str]:
-    paths = [str(_PACKAGES), os.environ.get("PYTHONPATH", "")]
-    return {
-        **NATIVE_ENVIRONMENT,
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(filter(None, paths)),
-    }
 
 
 def _ending(code: int | None) -> str:

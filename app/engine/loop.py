@@ -10,14 +10,17 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
+from typing import Any
 
+from app.engine.calibrating import BoardPublisher, CalibrationSession
 from app.engine.commands import CommandDesk
 from app.engine.current_source import CurrentSource
 from app.engine.explaining import Explainer, ego_motion_facts
 from app.engine.opening import Opening
+from app.engine.playback import PlayedFrame
 from app.engine.publishing import Publisher
-from app.engine.session import ObserverFactory, Session, SourceOpener
+from app.engine.session import ObserverFactory, PlayedSource, Session, SourceOpener
 from app.engine.watched import Observed
 from app.messages import (
     HeartbeatEvent,
@@ -31,7 +34,7 @@ from observer.types import FullTrace
 
 # Twice as often as promised, so that a little lateness keeps the promise.
 BEAT_INTERVAL_S = 0.05
-# How often the page hears of the playback's position alone.
+# How often the page hears of the playback's position or of a live source's figures alone.
 _POSITION_INTERVAL_S = 0.5
 
 
@@ -73,6 +76,7 @@ class Engine:
             make_observer=make_observer,
             opened=inbox.put,
             closed=self._forget,
+            boards=BoardPublisher(send, publisher.show_cameras),
             stage_clock=self._beating_clock,
             clock=clock,
         )
@@ -189,15 +193,21 @@ class Engine:
         if session.player.wait_s(self._clock()) != 0.0:
             return
         try:
-            self._observe(session)
+            self._use_frame(session)
         except Exception as error:  # noqa: BLE001
             # As above: a stage that breaks on this frame ends the session, not the engine.
             self._current.fail(f"observing a frame of {source}", error)
 
-    def _observe(self, session: Session) -> None:
-        now = self._clock()
-        played = session.player.take(now)
-        frame = self._current.raw_pair = played.frame
+    def _use_frame(self, session: PlayedSource) -> None:
+        played = session.player.take(self._clock())
+        self._current.raw_pair = played.frame
+        if isinstance(session, Session):
+            self._observe(session, played)
+        elif isinstance(session, CalibrationSession):
+            session.watch.give(played.frame)
+
+    def _observe(self, session: Session, played: PlayedFrame) -> None:
+        frame = played.frame
         observer = session.observer
         if played.new_segment:
             observer.begin_segment()
@@ -218,11 +228,13 @@ class Engine:
                 frame_skips=session.player.skipped,
                 run_id=session.run_id,
                 ego_motion=ego_motion_facts(trace, observer.parameters),
+                odometry=None if frame.odometry is None else asdict(frame.odometry),
             )
         )
         self._sequence += 1
         self.beat()
         observed = Observed(frame, observation, trace, observer.camera, observer.parameters)
+        session.ageing.look(observed)
         self._explainer.remember(observed, session.segment)
         self._publisher.publish(observed)
 
@@ -242,7 +254,14 @@ class Engine:
 
 
 def _without_position(state: StateEvent) -> StateEvent:
-    if state.playback is None:
-        return state
-    moving = ("frame", "achieved_rate")
-    return replace(state, playback={k: v for k, v in state.playback.items() if k not in moving})
+    """The state without what changes with every frame."""
+    return replace(
+        state,
+        playback=_without(state.playback, "frame", "achieved_rate"),
+        live=_without(state.live, "pairs", "dropped", "skew_median_s", "skew_p95_s"),
+        ageing=None,
+    )
+
+
+def _without(facts: dict[str, Any] | None, *names: str) -> dict[str, Any] | None:
+    return None if facts is None else {k: v for k, v in facts.items() if k not in names}

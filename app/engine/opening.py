@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from app.engine.session import Session
-from app.messages import OpenSource, Request
+from app.engine.session import PlayedSource
+from app.messages import BeginCalibration, OpenSource, Request
 from observer.parameters import Parameters
 
 
@@ -20,15 +20,15 @@ class Opening:
         parameters: with their revision, where they were set meanwhile.
     """
 
-    def __init__(self, request: Request, command: OpenSource) -> None:
+    def __init__(self, request: Request, command: OpenSource | BeginCalibration) -> None:
         self.request = request
         self.command = command
-        self.session: Session | None = None
+        self.session: PlayedSource | None = None
         self.error: Exception | None = None
         self.abandoned = False
         self.parameters: tuple[Parameters, int] | None = None
 
-    def start(self, work: Callable[[], Session], done: Callable[[Opening], None]) -> None:
+    def start(self, work: Callable[[], PlayedSource], done: Callable[[Opening], None]) -> None:
         """Begin; ``done`` is called in the other thread when there is a result."""
 
         def run() -> None:

@@ -5,14 +5,22 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from app.channel.latest import LatestWriter
 from app.engine.dense_stereo import DensePair, DenseStereo, PairKeeper, cloud_value, dense_stereo
 from app.engine.latest_worker import LatestWorker
-from app.engine.views import draw_disparity, draw_view, jpeg_size
+from app.engine.views import draw_disparity, draw_view, encode_jpeg, jpeg_size
 from app.engine.watched import Observed
-from app.messages import CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES, DenseStereoEvent
+from app.messages import (
+    CAMERA_NAMES,
+    CLOUD_NAME,
+    DISPARITY_NAME,
+    VIEW_NAMES,
+    DenseStereoEvent,
+)
 from observer.errors import InputError
+from observer.types import Image
 
 # The scene is drawn ten times a second; a little more, so that a busy machine keeps the ten.
 DENSE_RATE_HZ = 12.0
@@ -73,11 +81,29 @@ class Publisher:
         if self._newest is not None:
             self._draw(self._newest, new)
 
+    @property
+    def newest(self) -> Observed | None:
+        """What was observed last of the open source."""
+        return self._newest
+
     def publish(self, observed: Observed) -> None:
         """Draw the watched views of the newest frame."""
         self._newest = observed
         self._pairs.remember(observed)
         self._draw(observed, self._watched)
+
+    def show_cameras(self, facts: dict[str, Any], draw: Callable[[str], Image]) -> None:
+        """Show the cameras' images as somebody else draws them; from any thread.
+
+        Args:
+            facts: frame, time and received of the pair. draw: makes the image of a name.
+        """
+        for name in sorted(self._watched.intersection(CAMERA_NAMES)):
+            image = draw(name)
+            width, height = jpeg_size(*image.shape[1::-1])
+            jpeg = encode_jpeg(image)
+            with self._writing:
+                self._slots[name].write({**facts, "width": width, "height": height}, jpeg)
 
     def forget(self) -> None:
         """The source is closed: what was observed of it is not shown again."""
@@ -97,7 +123,10 @@ class Publisher:
             self._dense.give(_DenseJob(self._pairs.pair(observed), self._epoch))
         frame = observed.frame
         facts = {"frame": frame.index, "time": frame.time, "received": frame.received}
-        for name in names - _DENSE:
+        if names.intersection(CAMERA_NAMES):
+            images = dict(zip(CAMERA_NAMES, (frame.left, frame.right), strict=True))
+            self.show_cameras(facts, images.__getitem__)
+        for name in names - _DENSE - set(CAMERA_NAMES):
             width, height = jpeg_size(*frame.left.shape[1::-1])
             header = {**facts, "width": width, "height": height}
             self._slots[name].write(header, draw_view(name, observed))

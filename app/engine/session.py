@@ -1,25 +1,35 @@
-"""One open source with its player, observer and truth."""
+"""One open source: played, and observed with its observer and truth."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any, Protocol
 
+from app.engine.ageing import CalibrationAgeing
 from app.engine.playback import Player
 from app.engine.truth_matching import TruthMatcher
-from app.messages import OpenSource
-from observer.calibration.formats.opencv_file import calibration_text, read_calibration
+from app.messages import EngineState, OpenSource
+from observer.calibration.formats.opencv_file import (
+    calibration_id,
+    calibration_text,
+    read_calibration,
+)
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
 from observer.mount import CameraMount
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
-from observer.sources.contract import SkippedFrame, Source
+from observer.rig.applied import mount_for
+from observer.rig.rig_file import read_rig
+from observer.sources.contract import LiveSource, SkippedFrame, Source
 from observer.types import Observation, StereoFrame, Trace
 
 # How many unreadable frames are passed over while opening to find the first readable one.
 _TRIES_FOR_A_PAIR = 20
+# A live source has delivered before it counts as open; the next pair is not far.
+_FIRST_PAIR_S = 2.0
 
 
 class FrameObserver(Protocol):
@@ -68,42 +78,39 @@ class NotCalibrated(CalibrationError):
         super().__init__(message)
 
 
-class Session:
-    """What belongs to one open source. Used by one thread at a time."""
+class PlayedSource:
+    """A source and its player. Used by one thread at a time.
 
-    def __init__(
-        self,
-        command: OpenSource,
-        opened: OpenedSource,
-        observer: FrameObserver,
-        player: Player,
-        skipped: tuple[SkippedFrame, ...],
-        calibration_yaml: str,
-    ) -> None:
-        """
-        Args:
-            calibration_yaml: what the observer was made with, as text.
-            skipped: frames that could not be read while opening, before the first one.
-        """
-        self.skipped = skipped
-        self.calibration_yaml = calibration_yaml
-        self.source = opened.source
-        self.observer = observer
+    Attributes:
+        skipped: frames that could not be read while opening, before the first one.
+        run_id, segment: of what is kept; None and 0 where nothing is.
+        has_truth: whether truth belongs to the source.
+    """
+
+    def __init__(self, source: Source, player: Player, skipped: tuple[SkippedFrame, ...]) -> None:
+        self.source = source
         self.player = player
-        self.run_id = command.run_id
-        self.first_segment = command.segment
-        self.parameters_revision = command.parameters_revision
-        self.truth = None if opened.truth is None else TruthMatcher(opened.truth)
-        self.segment = command.segment
+        self.skipped = skipped
+        self.run_id: str | None = None
+        self.segment = 0
+        self.has_truth = False
 
-    def use(self, parameters: Parameters, revision: int) -> None:
-        """Observe with these parameters from the next frame on."""
-        self.observer.use(parameters, revision)
-        self.parameters_revision = revision
+    @property
+    def state(self) -> EngineState:
+        """What the engine does with this source."""
+        return EngineState.PREVIEW
 
-    def camera_facts(self) -> dict[str, Any]:
+    def camera_facts(self) -> dict[str, Any] | None:
         """The rectified camera as ``StateEvent.camera`` holds it."""
-        return asdict(self.observer.camera)
+        return None
+
+    def mount_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.mount`` holds it."""
+        return None
+
+    def ageing_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.ageing`` holds it."""
+        return None
 
     def playback_facts(self, now: float) -> dict[str, Any]:
         """As ``StateEvent.playback`` holds it."""
@@ -119,8 +126,65 @@ class Session:
             "achieved_rate": None if achieved is None else round(achieved, 2),
         }
 
+    def live_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.live`` holds it."""
+        if not isinstance(self.source, LiveSource):
+            return None
+        return {**asdict(self.source.report()), "trouble": self.player.trouble}
+
     def close(self) -> None:
         self.source.close()
+
+
+class Session(PlayedSource):
+    """What belongs to one source that is observed."""
+
+    def __init__(
+        self,
+        command: OpenSource,
+        opened: OpenedSource,
+        observer: FrameObserver,
+        player: Player,
+        skipped: tuple[SkippedFrame, ...],
+        calibration_yaml: str,
+        mount: CameraMount | None,
+    ) -> None:
+        """
+        Args:
+            calibration_yaml, mount: what the observer was made with.
+        """
+        super().__init__(opened.source, player, skipped)
+        self.calibration_yaml = calibration_yaml
+        self._mount = mount
+        self.ageing = CalibrationAgeing(observer.camera, mount)
+        self.observer = observer
+        self.run_id = command.run_id
+        self.first_segment = command.segment
+        self.parameters_revision = command.parameters_revision
+        self.truth = None if opened.truth is None else TruthMatcher(opened.truth)
+        self.has_truth = self.truth is not None
+        self.segment = command.segment
+
+    @property
+    def state(self) -> EngineState:
+        return EngineState.PREVIEW if self.run_id is None else EngineState.RUNNING
+
+    def use(self, parameters: Parameters, revision: int) -> None:
+        """Observe with these parameters from the next frame on."""
+        self.observer.use(parameters, revision)
+        self.parameters_revision = revision
+
+    def camera_facts(self) -> dict[str, Any]:
+        """The rectified camera as ``StateEvent.camera`` holds it."""
+        return asdict(self.observer.camera)
+
+    def mount_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.mount`` holds it."""
+        return None if self._mount is None else asdict(self._mount)
+
+    def ageing_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.ageing`` holds it."""
+        return self.ageing.facts()
 
 
 def open_session(
@@ -141,28 +205,31 @@ def open_session(
         if command.calibration_yaml is None
         else read_calibration(command.calibration_yaml, name="the given calibration")
     )
+    rig = None if command.rig_yaml is None else read_rig(command.rig_yaml, "the rig")
     opened = open_source(command.source)
     try:
         calibration = calibration or opened.source.calibration
         if calibration is None:
             raise NotCalibrated(
-                f"{command.source} brings no calibration.yaml of its own; choose a calibration "
-                f"for it, or put calibration.yaml into its folder",
+                f"{opened.source.info.spec} brings no calibration; calibrate it under "
+                f"Calibration, choose a calibration for it, or put a calibration.yaml into its "
+                f"folder",
                 _first_pair(opened.source),
             )
         _check_size(calibration, opened.source)
+        # A given text is handed back as it was given, so that it keeps its content hash.
+        text = command.calibration_yaml or calibration_text(calibration)
+        mount = mount_for(opened.source.info, rig, calibration_id(text))
         observer = make_observer(
             calibration,
             parameters,
             parameters_revision=command.parameters_revision,
-            mount=opened.source.info.mount,
+            mount=mount,
             clock=clock,
         )
         player = Player(opened.source, paused=command.paused, rate=command.rate, loop=command.loop)
-        skipped = _read_first(player)
-        # A given text is handed back as it was given, so that it keeps its content hash.
-        text = command.calibration_yaml or calibration_text(calibration)
-        return Session(command, opened, observer, player, skipped, text)
+        skipped = read_first(player)
+        return Session(command, opened, observer, player, skipped, text, mount)
     except BaseException:
         opened.source.close()
         raise
@@ -177,10 +244,16 @@ def parse_parameters(values: Mapping[str, Any]) -> Parameters:
     return Parameters().changed(values)
 
 
-def _read_first(player: Player) -> tuple[SkippedFrame, ...]:
-    # Some sources do their heavy work at the first frame, which would stop the engine's heart.
+def read_first(player: Player) -> tuple[SkippedFrame, ...]:
+    """Have the first frame at hand: some sources do their heavy work at it, which would stop the
+    engine's heart.
+
+    Returns:
+        The frames that could not be read before it.
+    """
     skipped: list[SkippedFrame] = []
-    while player.wants_reading and len(skipped) < _TRIES_FOR_A_PAIR:
+    until = time.monotonic() + _FIRST_PAIR_S
+    while player.wants_reading and len(skipped) < _TRIES_FOR_A_PAIR and time.monotonic() < until:
         frame = player.read_ahead()
         if frame is not None:
             skipped.append(frame)
@@ -198,10 +271,13 @@ def _check_size(calibration: StereoCalibration, source: Source) -> None:
 
 
 def _first_pair(source: Source) -> StereoFrame | None:
-    for _ in range(_TRIES_FOR_A_PAIR):
+    until = time.monotonic() + _FIRST_PAIR_S
+    skipped = 0
+    while skipped < _TRIES_FOR_A_PAIR and time.monotonic() < until:
         item = source.read()
         if isinstance(item, StereoFrame):
             return item
-        if not isinstance(item, SkippedFrame):
+        if item is None:
             return None
+        skipped += isinstance(item, SkippedFrame)
     return None

@@ -11,11 +11,15 @@ import time
 from collections.abc import Callable, Coroutine
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import structlog
 
 from app.messages import (
+    BoardLookEvent,
+    BoardViewsEvent,
+    CloseSource,
     DenseStereoEvent,
     EngineLostEvent,
     EngineStartedEvent,
@@ -30,12 +34,14 @@ from app.messages import (
 from app.parameter_store import ParametersInForce
 from app.station.archive import RunArchive
 from app.station.asking import ask
+from app.station.calibration_desk import CalibrationDesk
 from app.station.contracts import Engine
 from app.station.current_run import CurrentRun
 from app.station.errors import Conflict, FieldError, NotAvailable
 from app.station.followers import Followers
 from app.station.opening import Opening
 from app.station.parameter_desk import ParameterDesk
+from app.station.rig_desk import RigDesk
 from app.station.telemetry import Telemetry
 from app.station.watching import Watching
 from app.station.writer import Writer
@@ -56,6 +62,7 @@ class StationCore:
         parameters: parameters and presets. runs: those that were kept.
         followers: who is told of everything. watching: which views are looked at.
         telemetry: figures of the running loop. writer: the way into the database.
+        calibrating: what is being calibrated. rig: how the cameras stand on their robot.
         state: the engine's last word on itself. latest: the newest observation.
         viewers: open live pages. warnings: sentences for the person at the page.
     """
@@ -66,6 +73,7 @@ class StationCore:
         storage: Storage,
         *,
         source: str,
+        rig_file: Path | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.engine = engine
@@ -75,7 +83,9 @@ class StationCore:
         self.telemetry = Telemetry()
         self.followers = Followers()
         self.watching = Watching(engine)
+        self.calibrating = CalibrationDesk(engine, self.followers.status_changed)
         self.parameters = ParameterDesk(engine, storage, self.writer)
+        self.rig = RigDesk(rig_file)
         self.runs = RunArchive(storage, lambda: self.run)
         self.state = StateEvent(EngineState.IDLE, None)
         self.latest: ObservationEvent | None = None
@@ -116,6 +126,7 @@ class StationCore:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self.calibrating.cancel()
         if self._run is not None:
             await self._close_run(RunState.INTERRUPTED, "the server was stopped during the run")
         await self.engine.stop()
@@ -128,6 +139,9 @@ class StationCore:
         self.warnings.extend(self.storage.warnings)
         self.storage.mark_interrupted_runs()
         warning = self.parameters.load()
+        if warning is not None:
+            self.warnings.append(warning)
+        warning = self.rig.load()
         if warning is not None:
             self.warnings.append(warning)
         self._wanted = replace(self._wanted, calibration=self.storage.active_calibration())
@@ -150,6 +164,10 @@ class StationCore:
                 self._observed(event)
             case StateEvent():
                 self._state_changed(event)
+            case BoardLookEvent():
+                self.calibrating.looked(event)
+            case BoardViewsEvent():
+                self.calibrating.views_changed(event)
             case SkippedFrameEvent():
                 self.telemetry.frame_skipped(event)
             case DenseStereoEvent():
@@ -231,6 +249,7 @@ class StationCore:
             playback=self.state.playback if same else None,
             run_id=None if run is None else run.id,
             segment=segment,
+            rig_yaml=self.rig.text,
         )
         reply = await ask(self.engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
         self.telemetry.new_source()
@@ -247,7 +266,9 @@ class StationCore:
                         f"the engine ended {self._fruitless_losses} times in a row over "
                         f"{self._wanted.source}; choose another source"
                     )
-                if run is None:
+                if self.calibrating.source is not None:
+                    await self.calibrating.resume()
+                elif run is None:
                     await self._restore_preview()
                 else:
                     segment = run.segments
@@ -276,6 +297,22 @@ class StationCore:
                 f"the calibration {self._wanted.calibration.name} is not used any more: {error}"
             )
             await self._use(replace(self._wanted, calibration=None))
+
+    async def _reopen(self) -> None:
+        """Observe again what was open before something was calibrated."""
+        try:
+            await self._restore_preview()
+        except (FieldError, Conflict) as error:
+            # Nothing of what was calibrated stays open behind it.
+            await ask(self.engine, CloseSource())
+            self.state = replace(self.state, state=EngineState.FAILED, reason=str(error))
+        self.followers.status_changed()
+
+    def _refuse_calibrating(self) -> None:
+        if self.calibrating.source is not None:
+            raise Conflict(
+                "a calibration is being made; save it or leave it under Calibration first"
+            )
 
     def _refuse_in_run(self, remedy: str) -> None:
         if self._run is not None:

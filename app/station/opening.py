@@ -33,6 +33,7 @@ class Opening:
         playback: dict[str, Any] | None,
         run_id: str | None = None,
         segment: int = 0,
+        rig_yaml: str | None = None,
     ) -> OpenSource:
         """Open it from its beginning.
 
@@ -48,6 +49,7 @@ class Opening:
             rate=float((playback or {}).get("rate", 1.0)),
             run_id=run_id,
             segment=segment,
+            rig_yaml=rig_yaml,
         )
 
 

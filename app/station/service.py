@@ -12,16 +12,19 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from app.messages import EngineState, SetPlayback
+from app.calibration_worker.messages import FindBoards
+from app.messages import ChangeCalibration, EngineState, SetPlayback
 from app.parameter_store import ParametersInForce
 from app.station.archive import no_such_run
 from app.station.asking import ask
-from app.station.calibrations import find_calibration, keep_own_calibration
+from app.station.calibrations import find_calibration, keep_made, keep_own_calibration
 from app.station.core import StationCore
 from app.station.current_run import CurrentRun, versions
 from app.station.errors import Conflict, NotAvailable
-from app.station.opening import make_opening
-from app.storage import RunRecord, RunState, StorageError
+from app.station.opening import Opening, make_opening
+from app.storage import CalibrationRecord, RunRecord, RunState, StorageError
+from observer.calibration.board import Board
+from observer.rig.rig import Rig
 
 
 class Station(StationCore):
@@ -38,6 +41,7 @@ class Station(StationCore):
         """
         async with self._lock:
             self._refuse_in_run("stop it before you open another source")
+            self._refuse_calibrating()
             opening = await asyncio.to_thread(make_opening, self.storage, source, calibration_id)
             await self._use(opening)
 
@@ -68,6 +72,7 @@ class Station(StationCore):
         """
         async with self._lock:
             self._refuse_in_run("stop it first")
+            self._refuse_calibrating()
             revision = self.parameters.plan(preset, parameters)
             opening = self._wanted
             if source is not None or calibration_id is not None:
@@ -141,6 +146,77 @@ class Station(StationCore):
         self.followers.status_changed()
         return result
 
+    # --- calibrating -----------------------------------------------------------------------
+
+    async def begin_calibration(self, source: str | None, board: Board) -> None:
+        """Look for a board in the images of a source; None is what is open.
+
+        Raises:
+            Conflict: a run is going. FieldError: the source cannot be opened; what was open
+                stays open. NotAvailable: there is no engine at the moment.
+        """
+        async with self._lock:
+            self._refuse_in_run("stop it before you calibrate")
+            await self.calibrating.begin(source or self._wanted.source, board)
+
+    async def end_calibration(self) -> None:
+        """Forget what was captured and observe again what was open before."""
+        async with self._lock:
+            live = self.calibrating.source is not None
+            await self.calibrating.end()
+            if live:
+                await self._reopen()
+
+    async def change_calibration(self, command: ChangeCalibration) -> None:
+        """Capture, undo, remove; see ``CalibrationDesk.change``."""
+        async with self._lock:
+            await self.calibrating.change(command)
+
+    async def calibrate_images(self, job: FindBoards) -> None:
+        """Find the board in images that were sent in; see ``CalibrationDesk.take_images``."""
+        async with self._lock:
+            live = self.calibrating.source is not None
+            await self.calibrating.take_images(job)
+            if live:
+                await self._reopen()
+
+    async def save_calibration(self, name: str, *, activate: bool) -> CalibrationRecord:
+        """Keep the computed calibration; ``activate`` observes its cameras with it from now on.
+
+        Raises:
+            Conflict: nothing has been computed. StorageError: it could not be kept; what was
+                captured and computed stays.
+        """
+        async with self._lock:
+            desk = self.calibrating
+            record = await asyncio.to_thread(keep_made, self.storage, desk, name)
+            if not activate:
+                return record
+            source = desk.source
+            await desk.end()
+            if source is None:
+                opening = replace(self._wanted, calibration=record)
+            else:
+                opening = Opening(source, record)
+            await self._use(opening)
+            return record
+
+    # --- rig -------------------------------------------------------------------------------
+
+    async def keep_rig(self, rig: Rig) -> None:
+        """Put a rig into force; the open source begins again with it.
+
+        Raises:
+            Conflict: a run or a calibration is going. FieldError: it cannot be written.
+        """
+        async with self._lock:
+            self._refuse_in_run("stop it before you change the rig")
+            self._refuse_calibrating()
+            await asyncio.to_thread(self.rig.keep, rig)
+            if self.state.state is EngineState.PREVIEW:
+                await self._restore_preview()
+        self.followers.status_changed()
+
     # --- calibrations ----------------------------------------------------------------------
 
     async def activate_calibration(self, id: str | None) -> None:
@@ -151,6 +227,7 @@ class Station(StationCore):
         """
         async with self._lock:
             self._refuse_in_run("stop it before you change the calibration")
+            self._refuse_calibrating()
             record = None
             if id is not None:
                 record = await asyncio.to_thread(find_calibration, self.storage, id)

@@ -8,6 +8,17 @@ from observer.simulation.scenarios import load_scenario, scenario_names
 
 _HINTS = (
     (
+        "camera:LEFT,RIGHT",
+        "Two webcams",
+        "Numbers as in camera:0,1 or paths below /dev/v4l/by-path; camera:sbs:0 for one camera "
+        "that shows both images side by side. Below is what is plugged in.",
+    ),
+    (
+        "rtsp://LEFT,rtsp://RIGHT",
+        "Two network cameras",
+        "Two rtsp:// or http:// addresses with a comma between them, or sbs: before one address.",
+    ),
+    (
         "FOLDER",
         "Recorded images",
         "The path of a folder on the server: left/ right/ times.txt calibration.yaml, KITTI "

@@ -32,6 +32,10 @@ def status(station: Station) -> dict[str, Any]:
         "run": None
         if run is None
         else {"id": run.id, "name": run.name, "started_at": run.started_at},
+        "live": state.live,
+        "mount": state.mount,
+        "ageing": state.ageing,
+        "calibrating": station.calibrating.facts(),
         "calibration": None
         if calibration is None
         else {"id": calibration.id, "name": calibration.name},
@@ -63,7 +67,14 @@ def observation_age_s(station: Station) -> float | None:
 
 
 def _trouble(station: Station) -> list[str]:
-    troubles = (station.writer.trouble, station.telemetry.dense_trouble)
+    ageing = station.state.ageing or {}
+    drift, vergence = ageing.get("rows") or {}, ageing.get("vergence") or {}
+    troubles = (
+        station.writer.trouble,
+        station.telemetry.dense_trouble,
+        drift.get("warning"),
+        vergence.get("sentence") if vergence.get("status") == "drifted" else None,
+    )
     return [trouble for trouble in troubles if trouble is not None]
 
 

@@ -22,7 +22,6 @@ from app.storage.records import (
     RunState,
     SavedParameters,
     SpeedRow,
-    calibration_id,
     utc_now,
 )
 from app.storage.storage import Storage
@@ -42,6 +41,5 @@ __all__ = [
     "StorageExists",
     "StorageFull",
     "StorageMissing",
-    "calibration_id",
     "utc_now",
 ]

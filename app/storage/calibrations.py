@@ -9,8 +9,9 @@ from sqlalchemy import func, select
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
 from app.storage.models import Calibration, Run
-from app.storage.records import CalibrationRecord, calibration_id, utc_now
+from app.storage.records import CalibrationRecord, utc_now
 from app.storage.settings import read_setting, write_setting
+from observer.calibration.formats.opencv_file import calibration_id
 
 _ACTIVE = "calibrations.active"
 
@@ -56,6 +57,24 @@ class CalibrationTables(Database):
         )
         with self._reading() as session:
             return [_calibration(row) for row in session.scalars(query)]
+
+    def change_calibration(
+        self, id: str, *, name: str | None = None, info: dict[str, Any] | None = None
+    ) -> CalibrationRecord:
+        """Rename a calibration or add to what is known of it; keys of ``info`` are replaced.
+
+        Raises:
+            StorageMissing: there is no such calibration.
+        """
+        with self._writing() as session:
+            row = session.get(Calibration, id)
+            if row is None:
+                raise StorageMissing(f"there is no calibration {id}; upload it first")
+            if name is not None:
+                row.name = name
+            if info is not None:
+                row.info = {**row.info, **info}
+            return _calibration(row)
 
     def delete_calibration(self, id: str) -> bool:
         """Take it off the list (False: it is not there); the active one is deactivated.

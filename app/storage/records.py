@@ -6,7 +6,6 @@ Wall-clock times are ISO 8601 text in UTC with microseconds, e.g.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -19,11 +18,6 @@ SpeedSource = Literal["estimate", "truth", "commanded"]
 def utc_now() -> str:
     """The present moment as stored text."""
     return datetime.now(UTC).isoformat(timespec="microseconds")
-
-
-def calibration_id(text: str) -> str:
-    """A calibration's id: SHA-256 of its UTF-8 text, 64 hexadecimal digits."""
-    return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
 class RunState(StrEnum):

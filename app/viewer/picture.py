@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from app.channel.latest import Latest
 from app.messages import EngineState, ObservationEvent, StateEvent
-from app.viewer.shapes import box_edges, display_from_world, upright_rotation
+from app.viewer.shapes import box_edges, display_from_world, rig_edges, upright_rotation
 from observer.geometry import Float64Array, Pose
+from observer.mount import CameraMount
 
 STALE_AFTER_S = 1.0
 # An arrow shows where the obstacle will be after this time.
@@ -45,6 +46,7 @@ class Picture:
     Attributes:
         segment: (engine's generation, segment): another one is another world.
         boxes, truth: (N, 12, 2, 3) edges. arrows: (N, 2, 3) start and end.
+        rig: (N, 2, 3) how the camera stands on its robot.
         tags: one per obstacle. positions: of the obstacles by id.
         notice: why what is shown is not fresh; None while it is. stale: whether it is old
             without having been asked to stand still.
@@ -54,6 +56,7 @@ class Picture:
     T_display_world: Pose
     floor_known: bool
     T_world_camera: Pose | None
+    rig: Float64Array
     fov_rad: float | None
     aspect: float | None
     boxes: Float64Array
@@ -69,20 +72,21 @@ def make_picture(
     event: ObservationEvent | None, state: StateEvent, generation: int, now: float
 ) -> Picture:
     """The picture of the newest observation, and how fresh it is at ``now``."""
-    source = state.source or {}
-    height = source.get("mount_height_m")
-    T_display_world = display_from_world(height, source.get("mount_tilt_rad"))
+    mount = None if state.mount is None else CameraMount(**state.mount)
+    T_display_world = display_from_world(mount)
     line: Mapping[str, Any] = event.line if event is not None else {"segment": 0, "obstacles": []}
     placed = [o for o in line["obstacles"] if o["position"] is not None]
     pose = line.get("pose")
+    T_world_camera = None if pose is None else _pose(pose)
     notice, stale = _freshness(event, state, now)
     fov, aspect = _optics(state.camera)
     up = T_display_world.rotation.T @ np.array([0.0, 0.0, 1.0])
     return Picture(
         segment=(generation, int(line["segment"])),
         T_display_world=T_display_world,
-        floor_known=height is not None,
-        T_world_camera=None if pose is None else _pose(pose),
+        floor_known=mount is not None,
+        T_world_camera=T_world_camera,
+        rig=rig_edges(mount, T_world_camera),
         fov_rad=fov,
         aspect=aspect,
         boxes=_stacked([_obstacle_edges(o) for o in placed], 12),

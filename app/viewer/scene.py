@@ -19,6 +19,7 @@ from observer.geometry import Float64Array, Pose
 
 _MOST_OBSTACLES = 16
 _MOST_BODIES = 16
+_MOST_RIG_LINES = 4
 _TRAIL_LINES = MOST_CAMERA_POINTS - 1
 _OBSTACLE_TRAIL_LINES = 200
 _FLOOR_HALF_WIDTH_M = 8
@@ -82,6 +83,7 @@ class Scene:
         )
         self._boxes = self._lines("boxes", _MOST_OBSTACLES * EDGES_OF_A_BOX, _RED, 3.0)
         self._truth = self._lines("truth", _MOST_BODIES * EDGES_OF_A_BOX, _TRUTH, 1.5)
+        self._rig = self._lines("rig", _MOST_RIG_LINES, _BLUE, 2.0)
         self._trail = self._lines("trail", _TRAIL_LINES, _BLUE, 2.0)
         self._obstacle_trails = self._lines("trails", _OBSTACLE_TRAIL_LINES, _ROSE, 2.0)
         self._arrows = scene.add_arrows(
@@ -143,6 +145,7 @@ class Scene:
             _show_lines(self._boxes, picture.boxes.reshape(-1, 2, 3))
             _show_lines(self._truth, picture.truth.reshape(-1, 2, 3))
             _show_lines(self._arrows, picture.arrows)
+            _show_lines(self._rig, picture.rig)
             _show_lines(self._trail, self._trails.camera)
             _show_lines(self._obstacle_trails, self._trails.obstacles)
             self._label(picture.tags)
@@ -206,6 +209,7 @@ class Scene:
             (self._boxes, _RED),
             (self._arrows, _ORANGE),
             (self._trail, _BLUE),
+            (self._rig, _BLUE),
             (self._obstacle_trails, _ROSE),
             (self._truth, _TRUTH),
         ):

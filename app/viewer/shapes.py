@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from observer.geometry import Float64Array, Pose
+from observer.mount import CameraMount
 
 Float32Array = NDArray[np.float32]
 Colors = NDArray[np.uint8]
@@ -33,19 +34,37 @@ _EDGES = np.array(
     ]
 )
 EDGES_OF_A_BOX = len(_EDGES)
+# A small robot, about as large as those that such cameras ride on.
+_HALF_AXLE_M, _AHEAD_M = 0.17, 0.3
 
 
-def display_from_world(mount_height_m: float | None, mount_tilt_rad: float | None) -> Pose:
+def display_from_world(mount: CameraMount | None) -> Pose:
     """``T_display_world``: z up, x ahead of the first frame's camera, the floor at z = 0.
 
     Args:
-        mount_height_m: of the left camera above the floor; where unknown it is put at z = 0.
-        mount_tilt_rad: by which it looks down from the horizontal; level where unknown.
+        mount: where unknown, the camera is taken to be level and put at z = 0.
     """
-    tilt = mount_tilt_rad or 0.0
-    cos, sin = np.cos(tilt), np.sin(tilt)
-    about_left = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
-    return Pose(about_left @ _LEVEL, np.array([0.0, 0.0, mount_height_m or 0.0]))
+    return Pose(_LEVEL, np.zeros(3)) if mount is None else mount.T_level_camera
+
+
+def rig_edges(mount: CameraMount | None, T_world_camera: Pose | None) -> Float64Array:
+    """Lines (N, 2, 3) in the world that show how the camera stands on its robot.
+
+    From the camera down to the floor, from there to the middle of the axle, the axle, and the way
+    the robot drives; without the offset from the axle only the first. None where nothing is known.
+    """
+    if mount is None or T_world_camera is None:
+        return np.zeros((0, 2, 3))
+    T_base_camera = mount.T_base_camera
+    camera = T_base_camera.translation
+    foot = camera * (1, 1, 0)
+    lines = [(camera, foot)]
+    if mount.forward_m is not None and mount.left_m is not None:
+        axle = np.array([0.0, _HALF_AXLE_M, 0.0])
+        ahead = np.array([_AHEAD_M, 0.0, 0.0])
+        lines += [(foot, np.zeros(3)), (axle, -axle), (np.zeros(3), ahead)]
+    T_world_base = T_world_camera @ T_base_camera.inverse()
+    return T_world_base.apply(np.array(lines).reshape(-1, 3)).reshape(-1, 2, 3)
 
 
 def box_edges(center: ArrayLike, size: ArrayLike, rotation: ArrayLike) -> Float64Array:

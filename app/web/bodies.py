@@ -10,7 +10,11 @@ UPLOAD_KIND = "multipart/form-data"
 
 # A cross-site page can send forms and plain text without asking first, so no route takes these
 # unless it is named here.
-_FURTHER_KINDS = {"/sign-in": FORM_KIND, "/api/calibrations": UPLOAD_KIND}
+_FURTHER_KINDS = {
+    "/sign-in": FORM_KIND,
+    "/api/calibrations": UPLOAD_KIND,
+    "/api/calibrating/images": UPLOAD_KIND,
+}
 
 
 def accepts_kind(path: str, content_type: str | None, has_body: bool) -> bool:

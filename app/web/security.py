@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from urllib.parse import parse_qsl
 
@@ -21,7 +21,6 @@ from app.web.origins import Names, NetworkName, parse_host
 from app.web.token import COOKIE_NAME, TokenGuard, Verdict
 
 PUBLIC_PATHS = frozenset({"/healthz", "/readyz", "/sign-in"})
-_UPLOAD_PATHS = frozenset({"/api/calibrations"})
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 # A multipart body has boundaries and headers around the file.
 _UPLOAD_OVERHEAD = 16 * 1024
@@ -49,7 +48,7 @@ class Policy:
         names: the names the server answers to.
         guard: knows the token.
         token: put into the cookie of a browser that showed it.
-        body_max_bytes, upload_max_bytes: largest body, and largest file where files are taken.
+        body_max_bytes: largest body. uploads: largest file of each path that takes files.
         sign_in_page: shown to a browser that comes without a token.
     """
 
@@ -57,7 +56,7 @@ class Policy:
     guard: TokenGuard
     token: str
     body_max_bytes: int
-    upload_max_bytes: int
+    uploads: Mapping[str, int]
     sign_in_page: str
 
     def cookie(self) -> str:
@@ -198,9 +197,10 @@ class Gate:
         return _too_large(most_bytes) if _announced_bytes(scope) > most_bytes else None
 
     def _most_bytes(self, path: str) -> int:
-        if path in _UPLOAD_PATHS:
-            return self._policy.upload_max_bytes + _UPLOAD_OVERHEAD
-        return self._policy.body_max_bytes
+        file_bytes = self._policy.uploads.get(path)
+        if file_bytes is None:
+            return self._policy.body_max_bytes
+        return file_bytes + _UPLOAD_OVERHEAD
 
 
 def _too_large(most_bytes: int) -> Refusal:

@@ -14,10 +14,23 @@ from app.messages import VIEW_NAMES
 from app.settings import Settings
 from app.station import Engine, Station
 from app.station.current_run import app_version
+from app.station.rig_desk import FILE_NAME
 from app.storage import Storage
 from app.viewer import Viewer, start_viewer
 from app.web import metrics, viewer_proxy
-from app.web.api import calibrations, parameters, pixels, runs, sources, status, views
+from app.web.api import (
+    boards,
+    calibrating,
+    calibrations,
+    devices,
+    parameters,
+    pixels,
+    rig,
+    runs,
+    sources,
+    status,
+    views,
+)
 from app.web.api.common import GATE_RESPONSES
 from app.web.errors import install_error_handlers
 from app.web.live import LiveHub
@@ -48,6 +61,8 @@ _TAGS = [
     {"name": "runs", "description": "Observations that are kept."},
     {"name": "parameters", "description": "Parameters of the method, and presets."},
     {"name": "calibrations", "description": "Calibrations of stereo cameras."},
+    {"name": "calibrating", "description": "Making a calibration with a printed board."},
+    {"name": "rig", "description": "How the cameras stand on their robot."},
     {"name": "views", "description": "Live images."},
     {"name": "pixels", "description": "Why a place in the image counts as moving or standing."},
 ]
@@ -74,7 +89,10 @@ def create_app(
 
         engine = Supervisor()
     station = Station(
-        engine, storage or Storage(settings.database_location), source=settings.source
+        engine,
+        storage or Storage(settings.database_location),
+        source=settings.source,
+        rig_file=settings.data / FILE_NAME,
     )
     folder = static_folder()
     policy = Policy(
@@ -82,7 +100,10 @@ def create_app(
         guard=TokenGuard(token, time.monotonic),
         token=token,
         body_max_bytes=settings.body_max_bytes,
-        upload_max_bytes=settings.calibration_max_bytes,
+        uploads={
+            "/api/calibrations": settings.calibration_max_bytes,
+            "/api/calibrating/images": settings.images_max_bytes,
+        },
         sign_in_page=sign_in_page(folder),
     )
     door = ViewerDoor()
@@ -132,7 +153,19 @@ def create_app(
 
 def _add_rest(app: FastAPI, live: LiveHub) -> None:
     api = APIRouter(prefix="/api", responses=GATE_RESPONSES)
-    for part in (status, sources, runs, parameters, calibrations, views, pixels):
+    for part in (
+        status,
+        sources,
+        devices,
+        runs,
+        parameters,
+        calibrations,
+        calibrating,
+        boards,
+        rig,
+        views,
+        pixels,
+    ):
         api.include_router(part.router)
 
     @api.websocket("/live")

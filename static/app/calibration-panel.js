@@ -30,7 +30,11 @@ class CalibrationPanel extends Part {
     this.#file.addEventListener("change", () => void this.#send(this.#file.files?.[0]));
     this.#own.addEventListener("click", () => void this.#deactivate());
     this.#listenForDrop();
-    this.append(h("h2", {}, "Calibration"), this.#drop, h("h3", {}, "Kept calibrations"), this.#empty, this.#list, this.#own);
+    const make = h("button", { class: "button primary", type: "button" }, "Calibrate cameras");
+    make.addEventListener("click", () => this.hub.tell("calibrate"));
+    this.append(h("h2", {}, "Calibration"),
+      h("p", { class: "hint" }, "With a printed board it takes about five minutes."), h("div", { class: "row" }, make),
+      h("h3", {}, "Bring your own"), this.#drop, h("h3", {}, "Kept calibrations"), this.#empty, this.#list, this.#own);
     this.hear("reconnected", () => void this.#load());
     this.hear("calibrations", () => void this.#load());
     this.hear("status", () => {

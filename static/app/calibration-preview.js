@@ -14,9 +14,10 @@ const POOR_PX = 1.5;
  *
  * @param {Calibration} calibration
  * @param {boolean} active whether it is in use already
+ * @param {string} [words] what is to be known of it beside its figures
  * @returns {Promise<boolean>} whether to use it
  */
-export function previewed(calibration, active) {
+export function previewed(calibration, active, words = "") {
   const canvas = h("canvas", { width: 4, height: 1, role: "img", "aria-label": "The rectified pair, left and right, with level lines across both" });
   const verdict = h("p", { class: "verdict", role: "status" }, "Rectifying the newest pair…");
   const use = h("button", { value: "use", class: "button primary", disabled: active }, active ? "In use" : "Use this calibration");
@@ -27,6 +28,7 @@ export function previewed(calibration, active) {
       "form",
       { method: "dialog" },
       h("h2", { id: "preview-title" }, calibration.name),
+      words ? h("p", {}, words) : null,
       h("dl", { class: "figures" }, ...understood(calibration)),
       canvas,
       h("p", { class: "hint" }, "A point of the left image must lie on the same level line in the right one."),
@@ -36,7 +38,7 @@ export function previewed(calibration, active) {
   );
   document.body.append(dialog);
   dialog.showModal();
-  void paint(calibration, canvas, verdict);
+  void paintPreview(`/calibrations/${encodeURIComponent(calibration.id)}/preview`, canvas, verdict);
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {
       dialog.remove();
@@ -51,19 +53,21 @@ export function describe(c) {
 }
 
 /**
- * @param {Calibration} calibration
+ * Draw a rectified pair and judge its rows.
+ *
+ * @param {string} path below /api
  * @param {HTMLCanvasElement} canvas
  * @param {HTMLElement} verdict
  */
-async function paint(calibration, canvas, verdict) {
+export async function paintPreview(path, canvas, verdict) {
   try {
-    const path = `/calibrations/${encodeURIComponent(calibration.id)}/preview`;
     const { blob, headers } = await requestImage(path);
     const bitmap = await createImageBitmap(blob);
     canvas.width = bitmap.width;
     canvas.height = bitmap.height;
     canvas.getContext("2d")?.drawImage(bitmap, 0, 0);
     bitmap.close();
+    canvas.hidden = false;
     const text = headers.get("x-vertical-error-px");
     judge(verdict, text === null ? null : Number(text));
   } catch (error) {

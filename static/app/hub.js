@@ -13,13 +13,16 @@ const JUDGE_EVERY_MS = 200;
  * Events, all without detail (read the property of the same name):
  * `status`, `observation` (inside an animation frame), `painted` (right after that frame),
  * `connection`, `freshness`, `reconnected` (the socket is back after a loss), `runs`, `calibrations`, `parameters`
- * (somebody changed what that list shows: read it again).
+ * (somebody changed what that list shows: read it again), `calibrate` (somebody wants to make a
+ * calibration).
  */
 export class Hub extends EventTarget {
   /** @type {Status | null} */
   status = null;
   /** @type {ObservationMessage | null} */
   observation = null;
+  /** A source that could not be opened for want of a calibration. */
+  uncalibrated = "";
   /** @type {import("./types.js").Connection} */
   connection = "connecting";
   /** @type {Freshness} */
@@ -144,10 +147,11 @@ export function judge(connection, status, beat, now) {
     return { state: "stale", age_s, reason: "The server has gone silent, waiting for it." };
   }
   const { engine, playback } = status;
-  if (!["idle", "preview", "running"].includes(engine.state)) {
+  if (!["idle", "preview", "running", "calibrating"].includes(engine.state)) {
     return { state: "stale", age_s, reason: sentence(engine.reason ?? "the engine has failed") };
   }
   if (!status.source) return { state: "none", age_s, reason: "No source is open." };
+  if (engine.state === "calibrating") return { state: "held", age_s, reason: "The cameras are being calibrated." };
   const seen = beat !== null && beat.age_s !== null;
   if (seen && age_s <= STALE_AFTER_S) return { state: "fresh", age_s, reason: "" };
   if (playback?.ended) return { state: "held", age_s, reason: "The source has ended." };

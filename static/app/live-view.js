@@ -31,6 +31,8 @@ export const VIEWS = {
       "Motion that is left after the camera's own is taken away, drawn four times as long; red " +
       "counts as dynamic.",
   },
+  camera_left: { title: "Left camera", help: "As taken." },
+  camera_right: { title: "Right camera", help: "As taken." },
   plain: { title: "Plain left", help: "The rectified left image with nothing drawn on it." },
 };
 

@@ -1,5 +1,7 @@
 /** The page's start: one hub, and every part attached to it. */
 
+import "./calibrating/wizard.js";
+import "./calibration-health.js";
 import "./calibration-panel.js";
 import "./ego-motion.js";
 import "./first-line.js";
@@ -8,6 +10,7 @@ import "./live-views.js";
 import "./obstacle-table.js";
 import "./parameter-form.js";
 import "./playback-bar.js";
+import "./rig-panel.js";
 import "./run-bar.js";
 import "./run-list.js";
 import "./scene.js";

@@ -11,6 +11,7 @@ const STATES = {
   idle: "Idle",
   preview: "Preview",
   running: "Running",
+  calibrating: "Calibrating",
   failed: "Failed",
 };
 
@@ -60,7 +61,7 @@ class RunBar extends Part {
     this.#running.hidden = run === null;
     if (run) setText(this.#running, `${run.name} · ${duration(run.started_at, null)}`);
     const ready = connection === "open" && !this.#busy;
-    this.#start.disabled = !ready || !status?.source;
+    this.#start.disabled = !ready || !status?.source || status.engine.state === "calibrating";
     this.#stop.disabled = !ready;
   }
 

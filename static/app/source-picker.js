@@ -1,6 +1,7 @@
 /** What frames come from: the sources the server offers, and any other by its spec. */
 
 import { ApiError, request } from "./api.js";
+import { CameraPicker } from "./camera-picker.js";
 import { h, setAttribute, setText } from "./dom.js";
 import { notify } from "./notice.js";
 import { Part } from "./part.js";
@@ -13,6 +14,7 @@ class SourcePicker extends Part {
   #calibration = h("select", { id: "source-calibration" });
   #open = h("button", { class: "button primary", type: "submit" }, "Open source");
   #error = h("p", { class: "field-error", id: "source-error", role: "alert" });
+  #calibrate = h("button", { class: "button", type: "button", hidden: true }, "Calibrate these cameras");
   #inRun = h("p", { class: "hint", hidden: true }, "Stop the run to open another source.");
   #busy = false;
   #followed = "";
@@ -23,15 +25,22 @@ class SourcePicker extends Part {
       { class: "stack", novalidate: true },
       h("div", { class: "field" }, h("label", { for: "source-spec" }, "Source"), this.#spec, this.#error,
         h("p", { class: "hint", id: "source-help" },
-          "simulated:SCENARIO, video:LEFT,RIGHT, or the path of a folder with stereo images on the server.")),
+          "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, or the path of a folder with stereo images on the server.")),
       h("div", { class: "field" }, h("label", { for: "source-calibration" }, "Calibration"), this.#calibration),
-      h("div", { class: "row" }, this.#open, this.#inRun),
+      h("div", { class: "row" }, this.#open, this.#calibrate, this.#inRun),
     );
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       void this.#openSource();
     });
-    this.append(h("h2", {}, "Source"), this.#list, form);
+    this.#calibrate.addEventListener("click", () => this.hub.tell("calibrate"));
+    const cameras = new CameraPicker();
+    cameras.chosen = (spec) => {
+      this.#spec.value = spec;
+      void this.#openSource();
+    };
+    cameras.attach(this.hub);
+    this.append(h("h2", {}, "Source"), this.#list, form, cameras);
     this.hear("status", () => this.#render());
     this.hear("calibrations", () => void this.#loadCalibrations());
     this.hear("reconnected", () => void this.#load());
@@ -89,6 +98,7 @@ class SourcePicker extends Part {
   async #openSource() {
     this.#busy = true;
     this.#fail("");
+    this.#offerCalibration(false);
     setText(this.#open, "Opening…");
     this.#render();
     try {
@@ -101,11 +111,18 @@ class SourcePicker extends Part {
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       this.#fail(error.message);
+      this.#offerCalibration(error.message.includes("brings no calibration"));
     } finally {
       this.#busy = false;
       setText(this.#open, "Open source");
       this.#render();
     }
+  }
+
+  /** @param {boolean} offered */
+  #offerCalibration(offered) {
+    this.hub.uncalibrated = offered ? this.#spec.value.trim() : "";
+    this.#calibrate.hidden = !offered;
   }
 
   /** @param {string} message empty takes the error away */

@@ -114,6 +114,63 @@
  * @property {string} would_change
  * @property {{id: number, reported: boolean, why: string} | null} obstacle
  *
+ * @typedef {object} CapturedView
+ * @property {string} name
+ * @property {number} left corners seen
+ * @property {number} right
+ * @property {boolean} picture whether there is a small image of it
+ *
+ * @typedef {object} BoardLook what was made of the newest pair
+ * @property {string} words
+ * @property {string | null} [next] where to hold the board next
+ * @property {Record<string, number>} [coverage] 0 to 1
+ * @property {boolean} [enough]
+ * @property {boolean} [cover_asked]
+ * @property {string | null} [covered] the side whose lens was covered
+ *
+ * @typedef {object} Calibrating what is being calibrated
+ * @property {string | null} source null: images were sent in
+ * @property {{kind: string, columns: number, rows: number, square_mm: number, words: string}} board
+ * @property {boolean} automatic
+ * @property {BoardLook | null} look
+ * @property {CapturedView[]} views
+ * @property {string[]} refused images that could not be used, one sentence each
+ * @property {{words: string, share: number} | null} computing
+ * @property {string | null} trouble why the last computation failed
+ * @property {string[] | null} result names of the views that the result rests on
+ *
+ * @typedef {object} RowDrift how far the rows of left and right are apart
+ * @property {number | null} now_px
+ * @property {number | null} trend_px_per_min
+ * @property {string | null} warning
+ * @property {[number, number][]} history seconds and pixels
+ *
+ * @typedef {object} TapeCheck a place whose distance was measured by a tape
+ * @property {number} measured_m
+ * @property {number} stated_m
+ * @property {number} expected_m two standard deviations of the difference
+ * @property {boolean} agrees
+ * @property {string} sentence
+ * @property {string} at ISO 8601
+ *
+ * @typedef {object} LiveCamera
+ * @property {"left" | "right" | "both"} side
+ * @property {string} device
+ * @property {"open" | "waiting" | "failed"} state
+ * @property {string | null} trouble
+ * @property {Record<string, string>} settings what it accepted
+ * @property {string[]} refused what it did not
+ *
+ * @typedef {object} Live how a live source is
+ * @property {LiveCamera[]} cameras
+ * @property {number} pairs
+ * @property {number} dropped
+ * @property {number | null} skew_median_s
+ * @property {number | null} skew_p95_s
+ * @property {number} reopened
+ * @property {string[]} hints
+ * @property {string | null} trouble
+ *
  * @typedef {object} Status
  * @property {{state: string, reason: string | null, pid: number | null, generation: number,
  *   restarts: number, heartbeat_age_s: number | null}} engine
@@ -121,6 +178,10 @@
  * @property {Playback | null} playback
  * @property {{width: number, height: number} | null} camera the rectified pair
  * @property {{id: string, name: string, started_at: string} | null} run
+ * @property {{height_m: number, tilt_rad: number, roll_rad: number} | null} mount of the left camera
+ * @property {{rows: RowDrift, vergence: {status: string, sentence: string}} | null} ageing
+ * @property {Live | null} live
+ * @property {Calibrating | null} calibrating
  * @property {{id: string, name: string} | null} calibration
  * @property {number} parameters_revision
  * @property {{unique_frames_per_s: number | null}} rates
@@ -163,6 +224,11 @@
  * @property {boolean} rectified
  * @property {string} created_at ISO 8601
  * @property {boolean} active
+ * @property {string | null} origin where it came from
+ * @property {string[]} notes what was decided while its file was understood
+ * @property {string[]} devices the cameras it belongs to
+ * @property {Record<string, any> | null} report how good it is
+ * @property {TapeCheck[]} tape_checks
  *
  * @typedef {"connecting" | "open" | "closed"} Connection
  *

@@ -35,6 +35,7 @@ from app.storage import Storage
 from app.supervisor import EngineHealth, EngineRefused, EngineUnavailable
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
+from observer.mount import CameraMount
 from observer.parameters import Parameters
 
 # The smallest JPEG there is would do; the bytes are only carried.
@@ -196,6 +197,7 @@ class PeerEngine:
             "live": False,
             "mount_height_m": 0.4,
             "mount_tilt_rad": 0.1,
+            "devices": (),
         }
         camera = {
             "width": 512,
@@ -216,6 +218,7 @@ class PeerEngine:
                 run_id=opened.run_id,
                 segment=opened.segment,
                 has_truth=True,
+                mount=asdict(CameraMount(0.4, 0.1)),
             )
             if not more
             else replace(self.state(), **more)

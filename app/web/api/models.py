@@ -4,25 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr
+from pydantic import BaseModel, Field, StrictBool, StrictInt
 
-# JSON has no NaN, but Python's reader takes it; strict types refuse it, and true as a number.
-Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Value = StrictBool | StrictInt | StrictFloat | StrictStr
-# What a person calls something: one line, no control characters.
-Name = Annotated[
-    str, Field(strict=True, min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f]+$")
-]
-# Generous to callers who send no body at all.
-Identifier = Annotated[str, Field(strict=True, min_length=1, max_length=100)]
-Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
-Changes = dict[Annotated[str, Field(max_length=100)], Value]
-
-
-class In(BaseModel):
-    """Something a client sends: unknown fields are refused."""
-
-    model_config = ConfigDict(extra="forbid")
+from app.web.api.calibration_models import CalibratingFacts
+from app.web.api.values import Changes, Finite, Identifier, In, Name, Spec
 
 
 class Problem(BaseModel):
@@ -47,7 +32,7 @@ class Refused(BaseModel):
 
 
 class EngineStatus(BaseModel):
-    state: Literal["idle", "preview", "running", "failed"]
+    state: Literal["idle", "preview", "running", "calibrating", "failed"]
     reason: str | None = Field(description="Why it failed, one sentence.")
     pid: int | None
     generation: int = Field(description="Engine processes so far.")
@@ -65,6 +50,7 @@ class SourceStatus(BaseModel):
     live: bool
     mount_height_m: float | None
     mount_tilt_rad: float | None
+    devices: list[str] = Field(description="Names by which live cameras are found again.")
 
 
 class PlaybackStatus(BaseModel):
@@ -75,6 +61,64 @@ class PlaybackStatus(BaseModel):
     frame_count: int | None
     ended: bool
     achieved_rate: float | None = Field(None, description="Source seconds per second, measured.")
+
+
+class LiveCamera(BaseModel):
+    side: Literal["left", "right", "both"]
+    device: str
+    state: Literal["open", "waiting", "failed"]
+    trouble: str | None
+    settings: dict[str, str] = Field(description="What the camera really accepted.")
+    refused: list[str] = Field(description="Settings that it did not accept.")
+
+
+class LiveStatus(BaseModel):
+    """How a live source is."""
+
+    cameras: list[LiveCamera]
+    pairs: int
+    dropped: int = Field(description="Pairs whose images were too far apart in time.")
+    skew_median_s: float | None
+    skew_p95_s: float | None
+    reopened: int
+    hints: list[str]
+    trouble: str | None = Field(description="What keeps it from delivering at this moment.")
+
+
+class MountStatus(BaseModel):
+    """How the left camera is mounted, as the method uses it."""
+
+    height_m: float
+    tilt_rad: float
+    forward_m: float | None
+    left_m: float | None
+    roll_rad: float
+    pan_rad: float
+
+
+class RowDriftStatus(BaseModel):
+    """How far the rows of left and right are apart."""
+
+    now_px: float | None
+    median_px: float | None
+    roll_rad: float | None
+    since_s: float | None
+    trend_px_per_min: float | None
+    warning: str | None
+    history: list[tuple[float, float]] = Field(description="Seconds watched, pixels.")
+
+
+class VergenceStatus(BaseModel):
+    status: Literal["unobserved", "consistent", "drifted"]
+    vergence_rad: float | None
+    std_rad: float | None
+    sentence: str
+    way_m: float
+
+
+class AgeingStatus(BaseModel):
+    rows: RowDriftStatus
+    vergence: VergenceStatus
 
 
 class CameraStatus(BaseModel):
@@ -169,6 +213,10 @@ class Status(BaseModel):
     playback: PlaybackStatus | None
     camera: CameraStatus | None
     run: RunReference | None
+    mount: MountStatus | None = Field(description="None: it is not known.")
+    ageing: AgeingStatus | None = Field(description="How the calibration in use holds.")
+    live: LiveStatus | None = Field(description="None for what is not live.")
+    calibrating: CalibratingFacts | None = Field(description="None: nothing is calibrated.")
     calibration: CalibrationReference | None = Field(description="None: the source's own.")
     parameters_revision: int
     rates: Rates
@@ -314,18 +362,3 @@ class Preset(BaseModel):
 class PresetName(In):
     name: Name
     help: Annotated[str, Field(strict=True, max_length=300)] = ""
-
-
-# --- calibrations ---------------------------------------------------------------------------
-
-
-class Calibration(BaseModel):
-    id: str = Field(description="SHA-256 of the file's content.")
-    name: str
-    width: int
-    height: int
-    baseline_m: float
-    hfov_deg: float
-    rectified: bool
-    created_at: str
-    active: bool

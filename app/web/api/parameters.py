@@ -9,7 +9,8 @@ from fastapi import APIRouter, Body, Path
 from app.parameter_store import ParametersInForce
 from app.station.parameter_desk import PresetEntry
 from app.web.api.common import TheStation, refusals
-from app.web.api.models import Changes, ParameterEntry, ParametersNow, Preset, PresetName
+from app.web.api.models import ParameterEntry, ParametersNow, Preset, PresetName
+from app.web.api.values import Changes
 from observer.parameters import parameter_schema
 
 router = APIRouter(tags=["parameters"])

@@ -123,6 +123,9 @@ class Publisher:
     def publish(self, _: Any) -> None:
         self.published += 1
 
+    def show_cameras(self, facts: dict[str, Any], draw: Callable[[str], Any]) -> None:
+        self.shown = [facts, draw("camera_left"), draw("camera_right")]
+
     def forget(self) -> None:
         pass
 

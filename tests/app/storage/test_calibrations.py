@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from app.storage import RunState, Storage, StorageMissing, calibration_id
+from app.storage import RunState, Storage, StorageMissing
+from observer.calibration.formats.opencv_file import calibration_id
 
 TEXT = "%YAML:1.0\n---\nimage_width: 512 # Größe\n"
 

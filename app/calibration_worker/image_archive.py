@@ -1,0 +1,184 @@
+"""Pairs of images out of a ZIP archive that somebody sent: nothing is written, nothing trusted."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from observer.errors import CalibrationError
+from observer.sources.image_files import IMAGE_SUFFIXES
+
+MAX_ENTRIES = 1000
+MAX_IMAGE_BYTES = 40 * 1024 * 1024
+# Images are compressed already, so an honest archive hardly grows.
+MAX_EXPANDED_BYTES = 1024 * 1024 * 1024
+_MAX_RATIO = 100
+# How cameras are called in folders and file names; the rest of the path is the pair's name.
+_SIDES = (
+    (r"left", r"right"),
+    (r"links", r"rechts"),
+    (r"cam_?0", r"cam_?1"),
+    (r"camera_?0", r"camera_?1"),
+    (r"image_?00?", r"image_?01"),
+    (r"l", r"r"),
+)
+# A short name counts only where it stands by itself, as in 12_l.png.
+_EDGE = r"(?:^|(?<=[^a-z]))"
+_END = r"(?:$|(?=[^a-z]))"
+
+
+@dataclass(frozen=True)
+class ArchivedPair:
+    """Two entries that belong together.
+
+    Attributes:
+        name: what both names have in common. left, right: names within the archive.
+    """
+
+    name: str
+    left: str
+    right: str
+
+
+class ImageArchive:
+    """An opened archive; use it in a ``with`` block.
+
+    Attributes:
+        pairs: in the order of their names.
+        refused: one sentence for each entry that could not be used.
+
+    Raises:
+        CalibrationError: it is no ZIP archive, is dangerous, or holds no pairs of images.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._zip = zipfile.ZipFile(path)
+        except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+            raise CalibrationError(
+                "the file is no ZIP archive; put the images into left/ and right/ and zip both "
+                "folders"
+            ) from None
+        try:
+            self.pairs, self.refused = self._understand()
+        except BaseException:
+            self._zip.close()
+            raise
+
+    def __enter__(self) -> ImageArchive:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._zip.close()
+
+    def read(self, name: str) -> bytes:
+        """The bytes of one entry.
+
+        Raises:
+            CalibrationError: it is damaged, encrypted or larger than announced.
+        """
+        try:
+            with self._zip.open(name) as file:
+                content = file.read(MAX_IMAGE_BYTES + 1)
+        except (zipfile.BadZipFile, zlib.error, RuntimeError, OSError) as error:
+            raise CalibrationError(f"{name} cannot be unpacked: {error}") from None
+        if len(content) > MAX_IMAGE_BYTES:
+            raise CalibrationError(f"{name} is larger than {MAX_IMAGE_BYTES // 2**20} MB")
+        return content
+
+    def _understand(self) -> tuple[tuple[ArchivedPair, ...], tuple[str, ...]]:
+        entries = self._zip.infolist()
+        _refuse_dangerous(entries)
+        refused: list[str] = []
+        names: list[str] = []
+        for entry in entries:
+            path = PurePosixPath(entry.filename)
+            # What macOS adds to archives looks like images and is none.
+            if entry.is_dir() or path.name.startswith(".") or "__MACOSX" in path.parts:
+                continue
+            if path.suffix.lower() in IMAGE_SUFFIXES:
+                names.append(entry.filename)
+            elif path.suffix.lower() == ".zip":
+                raise CalibrationError(
+                    f"the archive holds another archive, {path.name}; send the images in one"
+                )
+            else:
+                refused.append(f"{path.name} is no image (PNG, JPEG, BMP, PGM, TIFF or WebP)")
+        pairs, alone = pair_names(names)
+        refused.extend(alone)
+        if not pairs:
+            why = f" ({refused[0]})" if refused else ""
+            raise CalibrationError(
+                f"the archive holds no pairs of images{why}; put them into left/ and right/ with "
+                f"equal names, or call them left01.png and right01.png"
+            )
+        return pairs, tuple(refused)
+
+
+def pair_names(names: list[str]) -> tuple[tuple[ArchivedPair, ...], tuple[str, ...]]:
+    """Which names belong together, and one sentence for each that has no partner."""
+    for left, right in _SIDES:
+        sides = dict(_sorted_by_side(names, left, right))
+        keys = sorted({key for key, _ in sides}, key=_natural)
+        pairs = tuple(
+            ArchivedPair(key.strip("/_-. ") or "pair", sides[key, 0], sides[key, 1])
+            for key in keys
+            if (key, 0) in sides and (key, 1) in sides
+        )
+        if pairs:
+            paired = {name for pair in pairs for name in (pair.left, pair.right)}
+            alone = tuple(f"{name} has no partner" for name in names if name not in paired)
+            return pairs, alone
+    return (), tuple(f"{name} has no partner" for name in names)
+
+
+def _sorted_by_side(
+    names: list[str], left: str, right: str
+) -> Iterator[tuple[tuple[str, int], str]]:
+    for name in names:
+        stem = str(PurePosixPath(name).with_suffix("")).lower()
+        for side, word in enumerate((left, right)):
+            short = f"{_EDGE}{word}{_END}" if len(word) == 1 else word
+            found = list(re.finditer(short, stem))
+            if found:
+                # The last one: a folder further up may be called so by chance.
+                start, end = found[-1].span()
+                yield (f"{stem[:start]}{stem[end:]}", side), name
+                break
+
+
+def _refuse_dangerous(entries: list[zipfile.ZipInfo]) -> None:
+    if len(entries) > MAX_ENTRIES:
+        raise CalibrationError(
+            f"the archive has {len(entries)} entries; send at most {MAX_ENTRIES}, twenty pairs "
+            f"are enough"
+        )
+    for entry in entries:
+        path = PurePosixPath(entry.filename.replace("\\", "/"))
+        if path.is_absolute() or ".." in path.parts or "\x00" in entry.filename:
+            raise CalibrationError("the archive has an entry that points outside of it")
+        # The upper half holds the Unix mode; 0xA000 is a symbolic link.
+        if (entry.external_attr >> 16) & 0xF000 == 0xA000:
+            raise CalibrationError("the archive has a symbolic link; send plain image files")
+        if entry.flag_bits & 0x1:
+            raise CalibrationError("the archive is encrypted; send one without a password")
+        if entry.file_size > _MAX_RATIO * max(entry.compress_size, 1024):
+            raise CalibrationError(
+                f"{path.name} would grow more than {_MAX_RATIO} times; no image does"
+            )
+    total = sum(entry.file_size for entry in entries)
+    if total > MAX_EXPANDED_BYTES:
+        raise CalibrationError(
+            f"the archive would take {total // 2**20} MB unpacked; send at most "
+            f"{MAX_EXPANDED_BYTES // 2**20} MB"
+        )
+
+
+def _natural(text: str) -> list[tuple[int, str]]:
+    return [
+        (int(digits or 0), words) for digits, words in re.findall(r"(\d+)|(\D+)", text, re.ASCII)
+    ]

@@ -1,0 +1,240 @@
+"""A source whose cameras are being calibrated: a board is looked for, and its views collected."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from app.engine.board_pictures import draw_board, small_picture
+from app.engine.errors import NotNow
+from app.engine.latest_worker import LatestWorker
+from app.engine.playback import Player
+from app.engine.replies import unexpected
+from app.engine.session import PlayedSource, SourceOpener, read_first
+from app.messages import (
+    CAMERA_NAMES,
+    BeginCalibration,
+    BoardLookEvent,
+    BoardViewsEvent,
+    ChangeCalibration,
+    EngineState,
+)
+from observer.calibration.board import Board
+from observer.calibration.collecting import Look, ViewCollector
+from observer.calibration.detection import detect_board
+from observer.calibration.views import BoardSighting, BoardView
+from observer.camera import as_gray
+from observer.errors import DynamicObserverError
+from observer.sources.contract import SkippedFrame, Source
+from observer.sources.cover_check import CoverCheck
+from observer.types import Image, StereoFrame
+
+_log = logging.getLogger(__name__)
+
+# A person follows the picture with a board in the hands; more would only heat the room.
+LOOK_RATE_HZ = 12.0
+
+# Takes the facts of a pair and what draws the image of a name, and draws what is watched.
+ShowCameras = Callable[[dict[str, Any], Callable[[str], Image]], None]
+
+
+class BoardPublisher:
+    """Where what is seen of a board goes to; called from another thread than the loop's."""
+
+    def __init__(self, send: Callable[[object], None], show: ShowCameras) -> None:
+        """
+        Args:
+            send: takes events and never blocks. show: draws the cameras' images if watched.
+        """
+        self.send = send
+        self.show = show
+
+
+class CalibrationSession(PlayedSource):
+    """What belongs to one source that is being calibrated.
+
+    Attributes:
+        watch: looks for the board in its frames.
+    """
+
+    def __init__(
+        self,
+        command: BeginCalibration,
+        source: Source,
+        player: Player,
+        skipped: tuple[SkippedFrame, ...],
+        publisher: BoardPublisher,
+    ) -> None:
+        super().__init__(source, player, skipped)
+        self.watch = BoardWatch(command, source, publisher)
+
+    @property
+    def state(self) -> EngineState:
+        return EngineState.CALIBRATING
+
+    def close(self) -> None:
+        self.watch.close()
+        super().close()
+
+
+def open_calibration(
+    command: BeginCalibration, open_source: SourceOpener, publisher: BoardPublisher
+) -> CalibrationSession:
+    """Open the source, its first frame already read; on any refusal nothing stays open.
+
+    Raises:
+        InputError: one sentence of what is wrong with the source.
+    """
+    source = open_source(command.source).source
+    try:
+        player = Player(source, paused=False, rate=1.0, loop=True)
+        skipped = read_first(player)
+        return CalibrationSession(command, source, player, skipped, publisher)
+    except BaseException:
+        source.close()
+        raise
+
+
+class BoardWatch:
+    """Looks for the board in the newest pair, in a thread of its own, and collects its views."""
+
+    def __init__(
+        self, command: BeginCalibration, source: Source, publisher: BoardPublisher
+    ) -> None:
+        info = source.info
+        self._board: Board = command.board
+        self._publisher = publisher
+        self._collector = ViewCollector(
+            command.board, (info.width, info.height), command.views
+        )
+        self._collector.automatic = command.automatic
+        self._cover = CoverCheck()
+        self._newest: StereoFrame | None = None
+        # The collector is asked by the loop's thread as well.
+        self._lock = threading.Lock()
+        self._closed = False
+        self._worker = LatestWorker("board", self._look, rate_hz=LOOK_RATE_HZ)
+
+    def give(self, frame: StereoFrame) -> None:
+        """Have this pair looked at, unless a newer one comes first; returns at once."""
+        self._worker.give(frame)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closed = True
+        self._worker.close()
+
+    def change(self, command: ChangeCalibration) -> dict[str, Any]:
+        """Carry it out; see ``ChangeCalibration``.
+
+        Raises:
+            NotNow: there is nothing to undo or remove, or the board is not seen by both cameras.
+        """
+        with self._lock:
+            collector = self._collector
+            if command.automatic is not None:
+                collector.automatic = command.automatic
+            if command.cover_check is not None:
+                (self._cover.ask if command.cover_check else self._cover.end)()
+            try:
+                if command.capture:
+                    time = 0.0 if self._newest is None else self._newest.time
+                    self._tell_captured(collector.capture(time))
+                if command.undo and collector.undo() is not None:
+                    self._tell_views()
+                if command.remove is not None:
+                    collector.remove(command.remove)
+                    self._tell_views()
+            except DynamicObserverError as error:
+                raise NotNow(str(error)) from error
+            return {"views": [view.name for view in collector.views]}
+
+    # --- in the other thread ---------------------------------------------------------------
+
+    def _look(self, frame: StereoFrame) -> None:
+        try:
+            self._look_at(frame)
+        except Exception as error:  # noqa: BLE001
+            # One image that a detector cannot stand must not end the looking.
+            _log.exception("looking for the board failed")
+            words = f"Looking for the board failed: {unexpected(error)}"
+            self._publisher.send(BoardLookEvent({"words": words}, frame.received))
+
+    def _look_at(self, frame: StereoFrame) -> None:
+        left = detect_board(as_gray(frame.left), self._board, quick=True)
+        right = detect_board(as_gray(frame.right), self._board, quick=True)
+        skew = None if frame.right_time is None else abs(frame.right_time - frame.time)
+        with self._lock:
+            if self._closed:
+                return
+            self._newest = frame
+            look = self._collector.look(left, right, frame.time, skew_s=skew)
+            self._cover.look(frame.left, frame.right)
+            facts = self._facts(frame, look, left, right)
+            views = self._collector.views
+            if look.view is not None:
+                self._tell_captured(look.view)
+        self._publisher.send(BoardLookEvent(facts, frame.received))
+        self._show(frame, look, {"left": left, "right": right}, views)
+
+    def _facts(
+        self,
+        frame: StereoFrame,
+        look: Look,
+        left: BoardSighting | None,
+        right: BoardSighting | None,
+    ) -> dict[str, Any]:
+        return {
+            "frame": frame.index,
+            "words": look.words,
+            "next": look.next_words or None,
+            "coverage": {name: round(bar, 3) for name, bar in look.coverage.bars.items()},
+            "missing": list(look.coverage.missing),
+            "seen": [0 if seen is None else len(seen) for seen in (left, right)],
+            "views": len(self._collector.views),
+            "enough": look.coverage.enough,
+            "automatic": self._collector.automatic,
+            "cover_asked": self._cover.asked,
+            "covered": self._cover.answer,
+        }
+
+    def _tell_captured(self, view: BoardView) -> None:
+        frame = self._newest
+        pictures = None
+        if frame is not None:
+            pictures = (
+                small_picture(frame.left, view.left),
+                small_picture(frame.right, view.right),
+            )
+        self._tell_views(view, pictures)
+
+    def _tell_views(
+        self, added: BoardView | None = None, pictures: tuple[bytes, bytes] | None = None
+    ) -> None:
+        names = tuple(view.name for view in self._collector.views)
+        self._publisher.send(BoardViewsEvent(names, added, pictures))
+
+    def _show(
+        self,
+        frame: StereoFrame,
+        look: Look,
+        sightings: dict[str, BoardSighting | None],
+        views: tuple[BoardView, ...],
+    ) -> None:
+        ghost = None if look.ghost is None else np.asarray(look.ghost)
+
+        def draw(name: str) -> Image:
+            side = "left" if name == CAMERA_NAMES[0] else "right"
+            image = frame.left if side == "left" else frame.right
+            kept = [seen for view in views if (seen := getattr(view, side)) is not None]
+            # What to do next is told in the left image only: it has one place there.
+            outline = ghost if side == "left" else None
+            return draw_board(image, self._board, sightings[side], kept, outline)
+
+        if not self._closed:
+            facts = {"frame": frame.index, "time": frame.time, "received": frame.received}
+            self._publisher.show(facts, draw)

@@ -1,0 +1,35 @@
+"""Points of the newest pair by which the floor below the camera is found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from app.engine.errors import NotNow
+from app.engine.watched import Observed
+from observer.camera import as_gray
+from observer.rig.floor_views import floor_points
+from observer.stages.stereo import disparity_map
+
+# The estimator draws no more than that from a view; the rest would only be carried.
+_MOST_POINTS = 20_000
+
+
+def look_at_floor(observed: Observed | None) -> dict[str, Any]:
+    """Points of the newest pair, ``(N, 3)`` float64 metres in the camera frame, and its frame.
+
+    Raises:
+        NotNow: there is no pair, or one image only.
+    """
+    right = None if observed is None else observed.trace.get("right")
+    if observed is None or right is None:
+        raise NotNow("there is no stereo pair to see the floor in; open a source with two images")
+    left = as_gray(observed.trace["left"])
+    parameters = observed.parameters.stereo
+    disparity = disparity_map(left, as_gray(right), parameters)
+    points = floor_points(left, disparity, observed.camera)
+    if len(points) > _MOST_POINTS:
+        rng = np.random.default_rng(observed.frame.index)
+        points = points[rng.permutation(len(points))[:_MOST_POINTS]]
+    return {"frame": observed.frame.index, "points": points}

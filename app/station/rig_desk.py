@@ -1,0 +1,138 @@
+"""The rig as the station keeps it: ``rig.yaml`` in the data folder, and its estimation."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from app.station.errors import FieldError
+from observer.errors import InputError
+from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
+from observer.rig.rig_file import read_rig, rig_text
+
+FILE_NAME = "rig.yaml"
+
+
+class RigDesk:
+    """Reads and writes the rig's file; one change at a time is the caller's care.
+
+    Attributes:
+        path: of the file; None keeps the rig in memory only.
+        rig: as it is in force.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self.path = path
+        self.rig = Rig()
+
+    def load(self) -> str | None:
+        """Read the file, if there is one; a warning where it could not be used.
+
+        A file that cannot be read stays as it is until somebody saves a rig.
+        """
+        if self.path is None:
+            return None
+        try:
+            self.rig = read_rig(self.path.read_text(encoding="utf-8"), self.path.name)
+        except FileNotFoundError:
+            return None
+        except (OSError, UnicodeDecodeError) as error:
+            return f"the rig is unknown, because {self.path} cannot be read: {error}"
+        except InputError as error:
+            return f"the rig is unknown: {error}"
+        return None
+
+    @property
+    def text(self) -> str:
+        """The rig as the file holds it."""
+        return rig_text(self.rig)
+
+    def keep(self, rig: Rig) -> None:
+        """Put a rig into force and into the file, which is replaced as a whole.
+
+        Raises:
+            FieldError: the file cannot be written; the old rig stays in force.
+        """
+        if self.path is not None:
+            try:
+                _keep_unreadable(self.path)
+                _write_whole(self.path, rig_text(rig))
+            except OSError as error:
+                raise FieldError(
+                    ("body",), f"{self.path} cannot be written: {error.strerror or error}"
+                ) from error
+        self.rig = rig
+
+    def changed(
+        self,
+        mount: Mapping[str, tuple[float, float | None] | None],
+        models: Mapping[Role, RobotModel] | None,
+        *,
+        for_simulated: bool,
+        calibration: str | None,
+    ) -> Rig:
+        """What a request makes of the rig; mocap bodies stay as they are.
+
+        Args:
+            mount: value and standard deviation (None: typed) by key, None where unknown.
+            models: of the robots by role; None: as they are.
+            calibration: in use while the mount was measured.
+
+        Raises:
+            FieldError: a value is out of its range.
+        """
+        try:
+            values = {
+                key: RigValue(*pair) for key in MOUNT_KEYS if (pair := mount.get(key)) is not None
+            }
+            return replace(
+                self.rig,
+                mount=RigMount(**values),
+                models=self.rig.models if models is None else models,
+                for_simulated=for_simulated,
+                calibration=calibration,
+            )
+        except InputError as error:
+            sentence = str(error)
+            key = next((key for key in MOUNT_KEYS if sentence.startswith(key)), "mount")
+            raise FieldError(("body", "mount", key), sentence) from error
+
+    def parsed(self, text: str) -> Rig:
+        """The rig of a file that somebody sent.
+
+        Raises:
+            FieldError: it cannot be used; one sentence says why.
+        """
+        try:
+            return read_rig(text, FILE_NAME)
+        except InputError as error:
+            raise FieldError(("body", "text"), str(error)) from error
+
+
+def _keep_unreadable(path: Path) -> None:
+    """A file that we cannot read was written by somebody; it is put aside, not overwritten."""
+    try:
+        read_rig(path.read_text(encoding="utf-8"), path.name)
+    except FileNotFoundError:
+        return
+    except (InputError, UnicodeDecodeError):
+        path.replace(path.with_name(f"{path.name}.unreadable"))
+
+
+def _write_whole(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(part)
+        raise

@@ -1,0 +1,25 @@
+"""Values as the REST interface takes them: strict, finite, bounded."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr
+
+# JSON has no NaN, but Python's reader takes it; strict types refuse it, and true as a number.
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Value = StrictBool | StrictInt | StrictFloat | StrictStr
+# What a person calls something: one line, no control characters.
+Name = Annotated[
+    str, Field(strict=True, min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f]+$")
+]
+# Generous to callers who send no body at all.
+Identifier = Annotated[str, Field(strict=True, min_length=1, max_length=100)]
+Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
+Changes = dict[Annotated[str, Field(max_length=100)], Value]
+
+
+class In(BaseModel):
+    """Something a client sends: unknown fields are refused."""
+
+    model_config = ConfigDict(extra="forbid")

@@ -1,0 +1,197 @@
+/** The first step: which board, printed how large, before which cameras. */
+
+import { ApiError, request } from "../api.js";
+import { h, icon, setAttribute, setText } from "../dom.js";
+import { Part } from "../part.js";
+import { fixed } from "../words.js";
+
+const BAR_MM = 100;
+const KEY = "dynamic-observer.board";
+
+/** @typedef {{kind: string, columns: number, rows: number, square_mm: number, paper: string, bar_mm: number}} BoardChoice */
+
+/** @type {BoardChoice} */
+const USUAL = { kind: "chessboard", columns: 9, rows: 6, square_mm: 24, paper: "A4", bar_mm: BAR_MM };
+
+export class BoardStep extends Part {
+  /** Called once the cameras are looked through, or images were sent in. */
+  begun = () => {};
+
+  #kind = select("board-kind", [["chessboard", "Chessboard"], ["charuco", "ChArUco (may be seen in part)"]]);
+  #columns = number("board-columns", 3, 30, 1);
+  #rows = number("board-rows", 3, 30, 1);
+  #square = number("board-square", 2, 500, "any");
+  #paper = select("board-paper", [["A4", "A4"], ["A3", "A3"], ["Letter", "US Letter"]]);
+  #bar = number("board-bar", 20, 300, "any");
+  #lens = select("board-lens", [["radtan", "Usual lens"], ["equidistant", "Fisheye lens"]]);
+  #source = h("input", { type: "text", id: "board-source", autocomplete: "off", spellcheck: "false" });
+  #svg = h("a", { class: "button", download: "" }, icon("download"), "Board as SVG");
+  #pdf = h("a", { class: "button", download: "" }, icon("download"), "Board as PDF");
+  #scaled = h("p", { class: "hint", role: "status" });
+  #error = h("p", { class: "field-error", role: "alert", id: "board-error" });
+  #start = h("button", { class: "button primary", type: "submit" }, "Begin with these cameras");
+  #zip = h("input", { type: "file", id: "board-zip", accept: ".zip", "aria-describedby": "board-zip-help" });
+  #busy = false;
+
+  build() {
+    const form = h("form", { class: "wizard-form", novalidate: true },
+      h("fieldset", { class: "wizard-block" },
+        h("legend", {}, "Print a board"),
+        h("p", { class: "hint" }, "Count the inner corners, where four squares meet, not the squares. More columns than rows, one of them even, keeps left and right apart."),
+        h("div", { class: "wizard-fields" },
+          field("Kind", this.#kind), field("Columns", this.#columns), field("Rows", this.#rows),
+          field("Square, mm", this.#square), field("Paper", this.#paper)),
+        h("div", { class: "row" }, this.#pdf, this.#svg),
+        h("p", { class: "hint" }, "Print at 100 %, not fitted to the page, and glue it onto something flat and stiff: glass, a door, a clipboard.")),
+      h("fieldset", { class: "wizard-block" },
+        h("legend", {}, "Measure it"),
+        h("div", { class: "wizard-fields" }, field(`The printed bar of ${BAR_MM} mm measures, mm`, this.#bar)),
+        this.#scaled),
+      h("fieldset", { class: "wizard-block" },
+        h("legend", {}, "Which cameras"),
+        h("div", { class: "wizard-fields wide" }, field("Source", this.#source), field("Lenses", this.#lens)),
+        h("p", { class: "hint" }, "camera:0,1 for two webcams, camera:sbs:0 for one that shows both images, or two rtsp:// or http:// addresses with a comma between them. The tab Source lists what is plugged in."),
+        this.#error,
+        h("div", { class: "row" }, this.#start)),
+      h("fieldset", { class: "wizard-block" },
+        h("legend", {}, "Or send in images"),
+        h("label", { for: "board-zip" }, "A ZIP archive with left/ and right/, equal file names in both"),
+        this.#zip,
+        h("p", { class: "hint", id: "board-zip-help" }, "The board above is looked for in every pair; 15 to 30 pairs are enough.")));
+    this.append(form);
+    this.#fill();
+    form.addEventListener("input", () => this.#changed());
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#begin();
+    });
+    this.#zip.addEventListener("change", () => void this.#sendImages());
+    this.hear("status", () => this.#suggest());
+    this.hear("calibrate", () => this.#suggest());
+    this.#changed();
+  }
+
+  /** What a computation needs to know of the choices made here. */
+  computation() {
+    return { distortion_model: this.#lens.value };
+  }
+
+  #fill() {
+    const choice = { ...USUAL, ...remembered() };
+    this.#kind.value = choice.kind;
+    this.#columns.value = String(choice.columns);
+    this.#rows.value = String(choice.rows);
+    this.#square.value = String(choice.square_mm);
+    this.#paper.value = choice.paper;
+    this.#bar.value = String(choice.bar_mm);
+  }
+
+  /** What is open, or what could not be opened for want of a calibration, is the first guess. */
+  #suggest() {
+    if (this.#source.value !== "" || document.activeElement === this.#source) return;
+    this.#source.value = this.hub.uncalibrated || this.hub.status?.source?.spec || "";
+  }
+
+  #changed() {
+    const c = this.#choice();
+    localStorage.setItem(KEY, JSON.stringify(c));
+    const query = new URLSearchParams({ columns: String(c.columns), rows: String(c.rows), square_mm: String(c.square_mm), paper: c.paper });
+    for (const [link, format] of /** @type {const} */ ([[this.#svg, "svg"], [this.#pdf, "pdf"]])) {
+      link.href = `/api/boards/${c.kind}.${format}?${query}`;
+      setAttribute(link, "download", `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}`);
+    }
+    const same = Math.abs(c.bar_mm - BAR_MM) < 0.05;
+    setText(this.#scaled, same
+      ? "The squares measure what is written on the board."
+      : `So a square measures ${fixed(squareOf(c), 2)} mm; that is used.`);
+  }
+
+  /** @returns {BoardChoice} */
+  #choice() {
+    return {
+      kind: this.#kind.value,
+      columns: Number(this.#columns.value),
+      rows: Number(this.#rows.value),
+      square_mm: Number(this.#square.value),
+      paper: this.#paper.value,
+      bar_mm: Number(this.#bar.value),
+    };
+  }
+
+  async #begin() {
+    const { kind, columns, rows, ...rest } = this.#choice();
+    const square_mm = squareOf({ kind, columns, rows, ...rest });
+    const source = this.#source.value.trim() || null;
+    await this.#ask("Opening the cameras…", async () => {
+      await request("POST", "/calibrating", { source, kind, columns, rows, square_mm });
+      this.hub.uncalibrated = "";
+    });
+  }
+
+  async #sendImages() {
+    const file = this.#zip.files?.[0];
+    if (!file) return;
+    const choice = this.#choice();
+    const form = new FormData();
+    form.append("file", file);
+    for (const name of /** @type {const} */ (["kind", "columns", "rows"])) form.append(name, String(choice[name]));
+    form.append("square_mm", String(squareOf(choice)));
+    await this.#ask("Looking for the board in every image…", () => request("POST", "/calibrating/images", form));
+    this.#zip.value = "";
+  }
+
+  /**
+   * @param {string} words
+   * @param {() => Promise<unknown>} action
+   */
+  async #ask(words, action) {
+    if (this.#busy) return;
+    this.#busy = true;
+    setText(this.#error, "");
+    const before = this.#start.textContent ?? "";
+    setText(this.#start, words);
+    this.#start.disabled = true;
+    try {
+      await action();
+      this.begun();
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      setText(this.#error, error.message);
+    } finally {
+      this.#busy = false;
+      this.#start.disabled = false;
+      setText(this.#start, before);
+    }
+  }
+}
+
+/** @param {BoardChoice} choice @returns {number} the printed square's side, mm */
+function squareOf({ square_mm, bar_mm }) {
+  return (square_mm * bar_mm) / BAR_MM;
+}
+
+/** @returns {Partial<BoardChoice>} */
+function remembered() {
+  try {
+    return JSON.parse(localStorage.getItem(KEY) ?? "{}");
+  } catch {
+    return {};
+  }
+}
+
+/** @param {string} words @param {HTMLElement} control */
+function field(words, control) {
+  return h("div", { class: "field" }, h("label", { for: control.id }, words), control);
+}
+
+/** @param {string} id @param {[string, string][]} options */
+function select(id, options) {
+  return h("select", { id }, ...options.map(([value, text]) => h("option", { value }, text)));
+}
+
+/** @param {string} id @param {number} min @param {number} max @param {number | "any"} step */
+function number(id, min, max, step) {
+  return h("input", { type: "number", id, min, max, step, required: true });
+}
+
+customElements.define("observer-board-step", BoardStep);

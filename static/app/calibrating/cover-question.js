@@ -1,0 +1,50 @@
+/** Which camera is the left one: a person covers its lens, and the page says what went dark. */
+
+import { request } from "../api.js";
+import { h, setText } from "../dom.js";
+import { notifyError } from "../notice.js";
+import { Part } from "../part.js";
+
+export class CoverQuestion extends Part {
+  #ask = h("button", { class: "button", type: "button" }, "Which camera is left?");
+  #words = h("p", { role: "status" });
+  #swap = h("button", { class: "button primary", type: "button", hidden: true }, "Swap left and right");
+  #done = h("button", { class: "button", type: "button", hidden: true }, "Done");
+
+  build() {
+    this.#ask.addEventListener("click", () => void this.#change(true));
+    this.#done.addEventListener("click", () => void this.#change(false));
+    this.#swap.addEventListener("click", () => void this.#swapCameras());
+    this.append(h("h3", {}, "Left and right"), this.#words, h("div", { class: "row" }, this.#ask, this.#swap, this.#done));
+    this.hear("status", () => this.#render());
+  }
+
+  #render() {
+    const look = this.hub.status?.calibrating?.look;
+    const asked = look?.cover_asked ?? false;
+    const covered = look?.covered ?? null;
+    this.#ask.hidden = asked;
+    this.#done.hidden = !asked;
+    this.#swap.hidden = covered !== "right";
+    setText(this.#words, !asked ? "" : words(covered));
+  }
+
+  /** @param {boolean} asked */
+  async #change(asked) {
+    await request("PATCH", "/calibrating", { cover_check: asked }).catch(notifyError);
+  }
+
+  async #swapCameras() {
+    await request("POST", "/calibrating/swap").catch(notifyError);
+  }
+}
+
+/** @param {string | null} covered the side whose image went dark */
+function words(covered) {
+  if (covered === "left") return "Right: the left image went dark. Left and right are as they should be.";
+  if (covered === "right") return "The right image went dark: the cameras are swapped.";
+  if (covered === "both") return "Both images went dark. Cover the left lens only.";
+  return "Cover the left lens with your hand, as seen from behind the cameras, for a second.";
+}
+
+customElements.define("observer-cover-question", CoverQuestion);

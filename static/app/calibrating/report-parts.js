@@ -1,0 +1,72 @@
+/** What a calibration's report says, as tables and charts; used while and after it is made. */
+
+import { h } from "../dom.js";
+import { fixed } from "../words.js";
+
+/** @typedef {{speed_mps: number, delay_s: number} | null} Detectable */
+/** @typedef {{distance_m: number, depth_m: number, depth_share: number, across: Detectable, towards: Detectable}} VerdictRow */
+/** @typedef {{name: string, used: boolean, reason: string | null, left_px: number | null, right_px: number | null}} ViewError */
+
+const SVG = "http://www.w3.org/2000/svg";
+const BAR_PX = 7;
+const HEIGHT = 96;
+
+/** @param {{rows: VerdictRow[], frame_rate: number}} verdict */
+export function verdictTable({ rows, frame_rate }) {
+  return h("div", { class: "table-scroll" },
+    h("table", { class: "verdict-table" },
+      h("caption", {}, `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`),
+      h("thead", {}, h("tr", {}, ...["At", "Depth error", "Slowest seen across", "Slowest seen towards"].map((text) => h("th", { scope: "col" }, text)))),
+      h("tbody", {}, ...rows.map((row) => h("tr", {},
+        h("th", { scope: "row" }, `${fixed(row.distance_m, 0)} m`),
+        h("td", {}, `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`),
+        h("td", {}, detectable(row.across)),
+        h("td", {}, detectable(row.towards)))))));
+}
+
+/**
+ * A pair of bars for each view: left and right image; what was left out is drawn apart.
+ *
+ * @param {ViewError[]} views
+ */
+export function viewChart(views) {
+  const used = views.flatMap(({ used, left_px, right_px }) => used ? [left_px ?? 0, right_px ?? 0] : []);
+  // What was left out may be far off; it would make all others look alike.
+  const most = Math.max(0.3, 1.3 * Math.max(0, ...used));
+  const step = 2 * BAR_PX + 6;
+  const svg = element("svg", { viewBox: `0 0 ${Math.max(views.length * step, 10 * step)} ${HEIGHT + 14}`, class: "view-chart", role: "img", "aria-label": `Error of ${views.length} views, the largest used one ${fixed(Math.max(0, ...used), 2)} px` });
+  for (const [place, view] of views.entries()) {
+    const group = element("g", view.used ? {} : { class: "refused" });
+    const title = element("title", {});
+    title.textContent = `View ${view.name}: left ${fixed(view.left_px, 2)} px, right ${fixed(view.right_px, 2)} px${view.used ? "" : `; left out: ${view.reason ?? ""}`}`;
+    group.append(title);
+    for (const [side, px] of [view.left_px, view.right_px].entries()) {
+      const height = Math.min(1, (px ?? 0) / most) * HEIGHT;
+      group.append(element("rect", { x: place * step + side * (BAR_PX + 1), y: HEIGHT - height, width: BAR_PX, height, class: side === 0 ? "left" : "right" }));
+    }
+    const label = element("text", { x: place * step + BAR_PX, y: HEIGHT + 11, "text-anchor": "middle" });
+    label.textContent = view.name.slice(0, 4);
+    group.append(label);
+    svg.append(group);
+  }
+  const line = element("line", { x1: 0, x2: "100%", y1: HEIGHT, y2: HEIGHT });
+  svg.append(line);
+  return h("figure", {}, svg, h("figcaption", { class: "hint" }, `Left and right image of each view; the chart's height is ${fixed(most, 2)} px.`));
+}
+
+/** @param {number} metres */
+function length(metres) {
+  return metres < 0.1 ? `${fixed(1000 * metres, 0)} mm` : `${fixed(100 * metres, 0)} cm`;
+}
+
+/** @param {Detectable} found */
+function detectable(found) {
+  return found ? `${fixed(found.speed_mps, 2)} m/s after ${fixed(found.delay_s, 1)} s` : "none in time";
+}
+
+/** @param {string} name @param {Record<string, string | number>} attributes */
+function element(name, attributes) {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
+  return made;
+}

@@ -1,0 +1,139 @@
+/** The third step: what came of the views, how good it is, and keeping it. */
+
+import { ApiError, request } from "../api.js";
+import { paintPreview } from "../calibration-preview.js";
+import { h, setText } from "../dom.js";
+import { notify } from "../notice.js";
+import { Part } from "../part.js";
+import { fixed } from "../words.js";
+import { verdictTable, viewChart } from "./report-parts.js";
+
+export class ResultStep extends Part {
+  /** Called when more views shall be captured. */
+  again = () => {};
+  /** Called once it is saved and in use. */
+  saved = () => {};
+
+  #sentence = h("p", { class: "verdict big" });
+  #warnings = h("ul", { class: "plain-list warnings" });
+  #verdict = h("div");
+  #figures = h("dl", { class: "figures" });
+  #chart = h("div");
+  #refused = h("ul", { class: "plain-list" });
+  #canvas = h("canvas", { width: 4, height: 1, role: "img", "aria-label": "The rectified pair, left and right, with level lines across both" });
+  #rows = h("p", { class: "verdict", role: "status" });
+  #name = h("input", { type: "text", id: "result-name", maxlength: 100, required: true, autocomplete: "off" });
+  #error = h("p", { class: "field-error", role: "alert" });
+  #keep = h("button", { class: "button", type: "button" }, "Save for later");
+  #again = h("button", { class: "button", type: "button" }, "Capture more");
+  #refresh = h("button", { class: "button", type: "button" }, "Newest pair");
+  #shown = false;
+  #read = "";
+
+  build() {
+    const form = h("form", { class: "stack" },
+      h("div", { class: "field" }, h("label", { for: "result-name" }, "Name"), this.#name),
+      this.#error,
+      h("div", { class: "row" }, h("button", { class: "button primary", type: "submit" }, "Save and use"), this.#keep, this.#again));
+    this.append(
+      this.#sentence, this.#warnings,
+      h("div", { class: "result-columns" },
+        h("div", { class: "stack" }, h("h3", {}, "What to expect"), this.#verdict, this.#figures),
+        h("div", { class: "stack" }, h("h3", {}, "Error of each view"), this.#chart, this.#refused)),
+      h("h3", {}, "Rectified"), this.#canvas,
+      h("p", { class: "hint" }, "A point of the left image must lie on the same level line in the right one."),
+      this.#rows, h("div", { class: "row" }, this.#refresh),
+      h("h3", {}, "Keep it"), form);
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#save(true);
+    });
+    this.#keep.addEventListener("click", () => void this.#save(false));
+    this.#again.addEventListener("click", () => this.again());
+    this.#refresh.addEventListener("click", () => this.#paint());
+    this.hear("status", () => void this.#load());
+  }
+
+  /** @param {boolean} shown whether this step is to be seen */
+  show(shown) {
+    this.hidden = !shown;
+    this.#shown = shown;
+    if (shown) void this.#load();
+  }
+
+  async #load() {
+    const now = this.hub.status?.calibrating;
+    const names = now?.result?.join("|") ?? "";
+    if (!this.#shown || !names || names === this.#read) return;
+    this.#read = names;
+    const { report } = /** @type {{report: Record<string, any>}} */ (await request("GET", "/calibrating/result"));
+    if (!this.#name.value) this.#name.value = suggestedName(now?.source ?? null);
+    this.#show(report, new Set(now?.views.map((view) => view.name)));
+    this.#paint();
+  }
+
+  /** @param {Record<string, any>} report @param {Set<string>} present names of views that are still there */
+  #show(report, present) {
+    const { verdict, held_out: heldOut, uncertainty } = report;
+    this.#sentence.dataset.tone = verdict?.warnings.length ? "poor" : "good";
+    setText(this.#sentence, verdict?.sentence ?? "");
+    this.#warnings.replaceChildren(...(verdict?.warnings ?? []).map((/** @type {string} */ text) => h("li", {}, text)));
+    this.#verdict.replaceChildren(verdict ? verdictTable(verdict) : "");
+    /** @type {[string, string][]} */
+    const facts = [
+      ["Stereo, RMS", `${fixed(report.rms_stereo_px, 2)} px`],
+      ["Left / right, RMS", `${fixed(report.rms_left_px, 2)} / ${fixed(report.rms_right_px, 2)} px`],
+      ["Rows, views held out", heldOut ? `${fixed(heldOut.median_px, 2)} px, 95 % within ${fixed(heldOut.p95_px, 2)} px` : "too few views"],
+      ["Baseline", `${fixed(report.baseline_m * 1000, 1)} ± ${fixed(uncertainty.baseline_m * 1000, 1)} mm`],
+      ["Field of view", `${fixed(report.field_of_view_deg[0], 1)}° × ${fixed(report.field_of_view_deg[1], 1)}°`],
+      ["Focal length", `${fixed(report.focal_px[0], 1)} ± ${fixed(uncertainty.focal_left_px, 1)} px`],
+      ["Vergence", `± ${fixed(uncertainty.vergence_deg, 3)}°`],
+      ["Views", `${report.pairs} pairs`],
+    ];
+    this.#figures.replaceChildren(...facts.map(([term, value]) => h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value))));
+    this.#chart.replaceChildren(viewChart(report.views));
+    const bad = report.views.filter((/** @type {{used: boolean}} */ view) => !view.used);
+    this.#refused.replaceChildren(...bad.map((/** @type {{name: string, reason: string}} */ view) => this.#badView(view, present)));
+  }
+
+  /** @param {{name: string, reason: string | null}} view @param {Set<string>} present */
+  #badView(view, present) {
+    const remove = h("button", { type: "button", class: "button" }, `Remove view ${view.name}`);
+    remove.addEventListener("click", async () => {
+      remove.disabled = true;
+      await request("PATCH", "/calibrating", { remove: view.name }).catch(() => {});
+    });
+    return h("li", { class: "row" }, h("span", {}, `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`), present.has(view.name) ? remove : null);
+  }
+
+  #paint() {
+    const live = this.hub.status?.calibrating?.source !== null;
+    this.#refresh.hidden = !live;
+    void paintPreview("/calibrating/preview", this.#canvas, this.#rows);
+  }
+
+  /** @param {boolean} activate */
+  async #save(activate) {
+    setText(this.#error, "");
+    try {
+      /** @type {import("../types.js").Calibration} */
+      const saved = await request("POST", "/calibrating/save", { name: this.#name.value.trim(), activate });
+      notify(activate ? `${saved.name} is saved and in use.` : `${saved.name} is saved.`);
+      this.hub.tell("calibrations");
+      if (!activate) return;
+      this.#read = this.#name.value = "";
+      this.saved();
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      setText(this.#error, error.message);
+    }
+  }
+}
+
+/** @param {string | null} source */
+function suggestedName(source) {
+  const day = new Date().toISOString().slice(0, 10);
+  return `${source ?? "Images"}, ${day}`.slice(0, 100);
+}
+
+customElements.define("observer-result-step", ResultStep);

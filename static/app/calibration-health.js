@@ -1,0 +1,107 @@
+/** How the calibration in use holds: the rows over time, the vergence, and a click to refine. */
+
+import { request } from "./api.js";
+import { previewed } from "./calibration-preview.js";
+import { h, setAttribute, setText } from "./dom.js";
+import { notify, notifyError } from "./notice.js";
+import { Part } from "./part.js";
+import { fixed } from "./words.js";
+
+/** @typedef {import("./types.js").RowDrift} RowDrift */
+
+const ALLOWED_PX = 0.5;
+const WIDTH = 240;
+const HEIGHT = 48;
+const SVG = "http://www.w3.org/2000/svg";
+
+class CalibrationHealth extends Part {
+  #words = h("p", { class: "verdict", role: "status" });
+  #trend = h("p", { class: "hint" });
+  #chart = document.createElementNS(SVG, "svg");
+  #vergence = h("p", { class: "hint" });
+  #refine = h("button", { type: "button", class: "button" }, "Refine from the scene");
+  #drawn = "";
+
+  build() {
+    this.#chart.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
+    this.#chart.setAttribute("class", "drift-chart");
+    this.#chart.setAttribute("role", "img");
+    this.#refine.addEventListener("click", () => void this.#refineRows());
+    this.append(h("h3", {}, "How it holds"), this.#words, this.#chart, this.#trend, this.#vergence,
+      h("p", { class: "hint" }, "Refining sets pitch and roll between the cameras straight, as a new calibration; vergence, baseline and lenses stay."),
+      h("div", { class: "row" }, this.#refine));
+    this.hear("status", () => this.#render());
+  }
+
+  #render() {
+    const ageing = this.hub.status?.ageing ?? null;
+    this.hidden = ageing === null;
+    if (!ageing) return;
+    const { rows, vergence } = ageing;
+    const { now_px } = rows;
+    this.#words.dataset.tone = now_px === null ? "" : rows.warning ? "bad" : now_px < ALLOWED_PX ? "good" : "poor";
+    setText(this.#words, now_px !== null
+      ? `The rows of left and right are ${fixed(now_px, 2)} px apart; ${ALLOWED_PX} px are allowed.`
+      : "How far the rows of left and right are apart shows after some seconds with texture in view.");
+    setText(this.#trend, rows.warning ? sentence(rows.warning) : trend(rows));
+    setText(this.#vergence, `Vergence: ${vergence.sentence}`);
+    this.#refine.disabled = this.hub.status?.run !== null;
+    setAttribute(this.#refine, "title", this.#refine.disabled ? "Stop the run first" : null);
+    this.#draw(rows);
+  }
+
+  /** @param {RowDrift} rows */
+  #draw(rows) {
+    const history = rows.history;
+    this.#chart.toggleAttribute("hidden", history.length < 2);
+    const key = JSON.stringify(history.at(-1) ?? null) + history.length;
+    if (history.length < 2 || key === this.#drawn) return;
+    this.#drawn = key;
+    const first = history[0]?.[0] ?? 0;
+    const last = history.at(-1)?.[0] ?? 1;
+    const most = Math.max(2 * ALLOWED_PX, ...history.map(([, px]) => px));
+    /** @param {number} px */
+    const y = (px) => HEIGHT - (px / most) * (HEIGHT - 4) - 2;
+    const points = history.map(([time, px]) => `${(((time - first) / Math.max(1, last - first)) * WIDTH).toFixed(1)},${y(px).toFixed(1)}`);
+    const allowed = document.createElementNS(SVG, "line");
+    for (const [name, value] of Object.entries({ x1: 0, x2: WIDTH, y1: y(ALLOWED_PX), y2: y(ALLOWED_PX), class: "allowed" })) allowed.setAttribute(name, String(value));
+    const line = document.createElementNS(SVG, "polyline");
+    line.setAttribute("points", points.join(" "));
+    this.#chart.replaceChildren(allowed, line);
+    this.#chart.setAttribute("aria-label", `Row error over ${fixed((last - first) / 60, 0)} minutes, now ${fixed(history.at(-1)?.[1], 2)} px, ${ALLOWED_PX} px allowed`);
+  }
+
+  async #refineRows() {
+    this.#refine.disabled = true;
+    setText(this.#refine, "Refining…");
+    try {
+      /** @type {import("./types.js").Calibration} */
+      const refined = await request("POST", "/calibrations/refine");
+      this.hub.tell("calibrations");
+      const use = await previewed(refined, false, `${refined.origin}.`);
+      if (!use) return notify(`${refined.name} is kept beside the others and not in use.`);
+      this.hub.takeStatus(await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`));
+      notify(`${refined.name} is in use.`);
+      this.hub.tell("calibrations");
+    } catch (error) {
+      notifyError(error);
+    } finally {
+      setText(this.#refine, "Refine from the scene");
+      this.#render();
+    }
+  }
+}
+
+/** @param {RowDrift} rows */
+function trend(rows) {
+  if (rows.trend_px_per_min === null) return "No trend is to be seen.";
+  const course = rows.trend_px_per_min > 0 ? "growing" : "shrinking";
+  return `It is ${course} by ${fixed(60 * Math.abs(rows.trend_px_per_min), 2)} px an hour.`;
+}
+
+/** @param {string} text */
+function sentence(text) {
+  return `${text.charAt(0).toUpperCase()}${text.slice(1)}.`;
+}
+
+customElements.define("observer-calibration-health", CalibrationHealth);

@@ -1,0 +1,142 @@
+/** How the cameras stand on their robot: typed in, or estimated from the floor. */
+
+import { ApiError, request } from "./api.js";
+import { h, setAttribute, setText } from "./dom.js";
+import { notify, notifyError } from "./notice.js";
+import { Part } from "./part.js";
+import { fixed } from "./words.js";
+
+/** @typedef {{value: number, sigma: number | null}} RigNumber */
+/** @typedef {{mount: Record<string, RigNumber>, models: Record<string, string>, bodies: string[],
+ *   for_simulated: boolean, calibration: string | null, file: string | null,
+ *   in_use: Record<string, number | null> | null}} Rig */
+
+/** Key, words, unit, digits, help. @type {[string, string, string, number, string][]} */
+const NUMBERS = [
+  ["height_m", "Height", "m", 3, "of the left camera's lens above the floor"],
+  ["tilt_deg", "Tilt", "°", 2, "by which it looks down"],
+  ["roll_deg", "Roll", "°", 2, "right side down"],
+  ["pan_deg", "Pan", "°", 2, "to the left of where the robot drives"],
+  ["forward_m", "Forward", "m", 3, "of the middle of the axle"],
+  ["left_m", "Left", "m", 3, "of the middle of the axle"],
+];
+
+class RigPanel extends Part {
+  #inputs = new Map(NUMBERS.map(([key]) => [key, h("input", { type: "text", inputmode: "decimal", id: `rig-${key}`, autocomplete: "off", placeholder: "unknown" })]));
+  #notes = new Map(NUMBERS.map(([key]) => [key, h("span", { class: "hint" })]));
+  #simulated = h("input", { type: "checkbox", id: "rig-simulated" });
+  #inUse = h("p", { class: "hint", role: "status" });
+  #error = h("p", { class: "field-error", role: "alert" });
+  #floor = h("button", { type: "button", class: "button" }, "Estimate from the floor");
+  #words = h("p", { role: "status" });
+  /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
+  #estimated = new Map();
+
+  build() {
+    const form = h("form", { class: "stack", novalidate: true },
+      h("div", { class: "rig-fields" }, ...NUMBERS.map(([key, words, unit, , help]) => {
+        const input = this.#inputs.get(key);
+        return h("div", { class: "field" }, h("label", { for: `rig-${key}` }, `${words}, ${unit}`), input, h("p", { class: "hint" }, help), this.#notes.get(key));
+      })),
+      h("label", { class: "check", for: "rig-simulated" }, this.#simulated, "Use it for simulated sources too"),
+      this.#error,
+      h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Use this rig"), this.#floor,
+        h("a", { class: "button", href: "/api/rig/file", download: "rig.yaml" }, "rig.yaml")),
+      this.#words);
+    this.append(h("h3", {}, "The rig"),
+      h("p", { class: "hint" }, "How the camera stands on its robot. It levels the 3D scene, gives one camera its scale, and tells the guard where the floor is."),
+      this.#inUse, form);
+    for (const [key, input] of this.#inputs) {
+      input.addEventListener("input", () => {
+        this.#estimated.delete(key);
+        this.#note(key, null);
+      });
+    }
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#save();
+    });
+    this.#floor.addEventListener("click", () => void this.#estimate());
+    this.hear("reconnected", () => void this.#load());
+    this.hear("status", () => this.#renderInUse());
+    void this.#load();
+  }
+
+  async #load() {
+    /** @type {Rig | null} */
+    const rig = await request("GET", "/rig").catch(() => null);
+    if (rig) this.#show(rig);
+  }
+
+  /** @param {Rig} rig */
+  #show(rig) {
+    this.#estimated.clear();
+    for (const [key, , , digits] of NUMBERS) this.#fill(key, rig.mount[key] ?? null, digits);
+    this.#simulated.checked = rig.for_simulated;
+  }
+
+  /** @param {string} key @param {RigNumber | null} number @param {number} digits */
+  #fill(key, number, digits) {
+    const input = this.#inputs.get(key);
+    if (!input) return;
+    input.value = number === null ? "" : String(Number(number.value.toFixed(digits)));
+    if (number?.sigma) this.#estimated.set(key, number);
+    this.#note(key, number);
+  }
+
+  /** @param {string} key @param {RigNumber | null} number */
+  #note(key, number) {
+    const note = this.#notes.get(key);
+    const digits = NUMBERS.find(([each]) => each === key)?.[3] ?? 2;
+    if (note) setText(note, number?.sigma ? `estimated, ± ${fixed(number.sigma, digits)}` : "");
+  }
+
+  #renderInUse() {
+    const mount = this.hub.status?.mount;
+    setText(this.#inUse, mount
+      ? `In use: ${fixed(mount.height_m, 2)} m above the floor, looking down by ${fixed((mount.tilt_rad * 180) / Math.PI, 1)}°.`
+      : "Unknown for the open source: the 3D scene is not levelled.");
+  }
+
+  async #save() {
+    setText(this.#error, "");
+    /** @type {Record<string, RigNumber | null>} */
+    const mount = {};
+    for (const [key, words] of NUMBERS) {
+      const input = this.#inputs.get(key);
+      const text = input?.value.trim().replace(",", ".") ?? "";
+      const value = Number(text);
+      const wrong = text !== "" && !Number.isFinite(value);
+      if (input) setAttribute(input, "aria-invalid", wrong ? "true" : null);
+      if (wrong) return setText(this.#error, `${words} must be a number, or empty where it is not known.`);
+      mount[key] = text === "" ? null : this.#estimated.get(key) ?? { value, sigma: null };
+    }
+    try {
+      /** @type {Rig} */
+      const rig = await request("PUT", "/rig", { mount, for_simulated: this.#simulated.checked });
+      this.#show(rig);
+      notify("The rig is in use.");
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      setText(this.#error, error.message);
+    }
+  }
+
+  async #estimate() {
+    this.#floor.disabled = true;
+    setText(this.#words, "Looking at the floor…");
+    try {
+      /** @type {Record<string, any>} */
+      const found = await request("POST", "/rig/floor");
+      for (const [key, , , digits] of NUMBERS.slice(0, 3)) this.#fill(key, found[key], digits);
+      setText(this.#words, `${found.sentence} Press “Use this rig” to take it over.`);
+    } catch (error) {
+      setText(this.#words, "");
+      notifyError(error);
+    } finally {
+      this.#floor.disabled = false;
+    }
+  }
+}
+
+customElements.define("observer-rig", RigPanel);
