@@ -36,7 +36,9 @@ _PRIOR_SIGMA = (2.0, 0.8, math.radians(3), 1.0, 1.0, 0.3)
 # pixel of disparity. As simulated drives have it, same order; and of the turn's scale.
 _BIAS = (*(math.radians(0.1),) * 3, 0.003, 0.003, 0.01)
 _TURN_BIAS = 0.002
-_PANS = (0.0, math.pi / 2, math.pi, -math.pi / 2)
+# Drives with known noise err by so much more than the curvature says: the noise is taken from the
+# very residuals that the fit has made small.
+_EXCESS = 1.25
 # What is too uncertain is not told at all, in the same order.
 _USEFUL = (*(math.radians(1.5),) * 3, 0.02, 0.02, 0.03)
 _LEAST_TURN, _LEAST_WAY_M = math.radians(40), 0.4
@@ -192,15 +194,10 @@ def _fitted(
         strayed, tipped = model.strayed(values) / noise[0], model.tipped(values) / noise[1]
         return np.concatenate([strayed.ravel(), tipped.ravel(), off])
 
-    best = None
-    for pan in _PANS:
-        start = middle.copy()
-        start[0] = pan
-        # Where a robot slips or the camera loses its way, a stretch does not count in full.
-        found = least_squares(residuals, start, loss="soft_l1", f_scale=2.0, max_nfev=30)
-        if best is None or found.cost < best.cost:
-            best = found
-    assert best is not None
+    start = middle.copy()
+    start[0] = _first_pan(stretches)
+    # Where a robot slips or the camera loses its way, a stretch does not count in full.
+    best = least_squares(residuals, start, loss="soft_l1", f_scale=2.0, max_nfev=30)
     for _ in range(2):
         noise = np.array(
             [
@@ -212,8 +209,19 @@ def _fitted(
     values = np.asarray(best.x, np.float64)
     values[0] = math.remainder(values[0], 2 * math.pi)
     J = np.asarray(best.jac, np.float64)
-    variance = np.diagonal(np.linalg.inv(J.T @ J)) + np.array(_BIAS) ** 2
+    variance = _EXCESS**2 * np.diagonal(np.linalg.inv(J.T @ J)) + np.array(_BIAS) ** 2
     return _Fit(values, np.sqrt(variance))
+
+
+def _first_pan(stretches: Sequence[Stretch]) -> float:
+    """Radians, roughly: a camera that looks to the left sees the robot drive to its right."""
+    right = ahead = 0.0
+    for one in stretches:
+        if one.seen_rad < _STRAIGHT:
+            driven = float(one.steps[:, 0].sum())
+            right += driven * float(one.way[0])
+            ahead += driven * float(one.way[2])
+    return math.atan2(right, ahead)
 
 
 def _factor(residual: Float64Array) -> float:
