@@ -34,7 +34,12 @@ WHEEL_SCALE_SIGMA = 0.01
 _STRANGE_SCALE = 0.05
 # No vergence makes ways differ by such a factor: the wheels spin, or their count began anew.
 _SAME_WAY = 2.5
-_CHECK_WHEELS = "check that they do not slip and what a turn of them is worth"
+# Where stereo turned otherwise than the wheels, by radians and by a share of their turn, the
+# camera tips or swings, and its way is none that wheels could tell.
+_SAME_TURN, _SAME_TURN_SHARE = 0.015, 0.1
+_CHECK_WHEELS = (
+    "check that they do not slip and what a turn of them is worth, and drive on even ground"
+)
 # Points of one scene err together, beside edges and by interpolation, and do so again in every
 # pair: the variance is at least so many times that of independent errors, and a part of it is
 # the same for all, pixels. Both as simulated drives show.
@@ -42,7 +47,7 @@ _SHARED = 10.0
 _BIAS_PX = 0.1
 # How far back the fits count, metres of way.
 _MEMORY_M = 20.0
-_LEAST_PAIRS = 2.5
+_LEAST_PAIRS = 3.5
 # Disparities below are as good as none; the method clips them.
 _LEAST_DISPARITY_PX = 1.0
 _SURE_SIGMAS = 3.0
@@ -148,12 +153,16 @@ class VergenceWatch:
 
     def _fit(self, before: _Seen, now: _Seen) -> None:
         seen = _pair(before, now, self._mount)
-        by_stereo = float(np.linalg.norm(seen.T_now_before.translation))
-        if not seen.way_m / _SAME_WAY < by_stereo < seen.way_m * _SAME_WAY:
+        way_m = float(np.linalg.norm(seen.T_now_before.translation))
+        turn = float(np.linalg.norm(seen.T_now_before.rotvec))
+        wheels_turn = _turn(before.odometry, now.odometry)
+        same = seen.way_m / _SAME_WAY < way_m < seen.way_m * _SAME_WAY
+        if not same or abs(turn - wheels_turn) > _SAME_TURN + _SAME_TURN_SHARE * wheels_turn:
             if self._pairs < _LEAST_PAIRS:
                 self._found = _unobserved(
-                    f"vergence is unobserved: the wheels tell {seen.way_m:.2f} m of way where "
-                    f"stereo saw {by_stereo:.2f} m; {_CHECK_WHEELS}"
+                    f"vergence is unobserved: the wheels tell {seen.way_m:.2f} m of way and "
+                    f"{math.degrees(wheels_turn):.0f} deg of turn where stereo saw {way_m:.2f} m "
+                    f"and {math.degrees(turn):.0f} deg; {_CHECK_WHEELS}"
                 )
             return
         start = (self._found.vergence_rad or 0.0, 0.0)
