@@ -18,6 +18,7 @@ from observer.calibration.formats.opencv_file import calibration_text
 from observer.calibration.report import fit_report
 from observer.calibration.stereo_fit import StereoFit
 from observer.calibration.verdict import Verdict, judge, length_words
+from observer.errors import InputError
 
 # Detection runs on both cores; the fit takes about as long as this share of all.
 _WORKERS = 2
@@ -53,6 +54,9 @@ def calibrate(
     columns, rows = parse_board_size(board)
     shown = Board("charuco" if charuco else "chessboard", columns, rows, square_mm / 1e3)
     pairs, unpaired = read_board_pairs(left, right)
+    # Before seconds of work rather than after them.
+    if not output.parent.is_dir():
+        raise InputError(f"cannot write {output}: name a file in a folder that exists")
     with progress_bar(f"calibrating by {len(pairs)} pairs") as advance:
 
         def part(begin: int, length: int) -> Callable[[str, float], None]:

@@ -1,0 +1,148 @@
+"""Which images make a pair, which are refused and why, and the board in those that are left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from observer.calibration.board import Board
+from observer.calibration.board_images import (
+    BoardPair,
+    find_boards,
+    pair_of,
+    read_board_pairs,
+)
+from observer.calibration.fit import fit_stereo
+from observer.errors import CalibrationError, InputError
+from observer.types import Image
+
+from .board_pictures import IDEAL, pictures
+
+BOARD = Board()
+DATA = Path(__file__).parents[4] / "shared" / "data" / "chessboards"
+
+
+def touched(folder: Path, *names: str) -> None:
+    folder.mkdir(exist_ok=True, parents=True)
+    for name in names:
+        (folder / name).write_bytes(b"x")
+
+
+def names_of(pairs: tuple[BoardPair, ...]) -> list[tuple[str, str]]:
+    return [(pair.left_name, pair.right_name) for pair in pairs]
+
+
+def test_pairs_by_number_and_names_files_without_a_partner(tmp_path: Path) -> None:
+    touched(tmp_path, *(f"left{k:02d}.jpg" for k in (1, 2, 3, 10)))
+    touched(tmp_path, *(f"right{k}.jpg" for k in (2, 3, 10, 11)), "right_notes.txt")
+    pairs, refused = read_board_pairs(f"{tmp_path}/left*", f"{tmp_path}/right*")
+    assert names_of(pairs) == [
+        ("left02.jpg", "right2.jpg"), ("left03.jpg", "right3.jpg"), ("left10.jpg", "right10.jpg"),
+    ]  # fmt: skip
+    assert {(r.name, r.reason.split(" of ")[0]) for r in refused} == {
+        ("left01.jpg", "it has no right image"),
+        ("right11.jpg", "it has no left image"),
+    }
+
+
+def test_pairs_by_equal_names_in_two_folders(tmp_path: Path) -> None:
+    for side in ("left", "right"):
+        touched(tmp_path / side, "2024_01.png", "2024_02.png", "first.png")
+    pairs, refused = read_board_pairs(f"{tmp_path}/left/*", f"{tmp_path}/right/*")
+    assert [pair.name for pair in pairs] == ["first", "2024_01", "2024_02"]
+    assert all(a == b for a, b in names_of(pairs))
+    assert refused == ()
+
+
+def test_pairs_in_order_where_names_tell_nothing(tmp_path: Path) -> None:
+    touched(tmp_path / "l", "a.png", "b.png")
+    touched(tmp_path / "r", "x.png", "y.png")
+    pairs, _ = read_board_pairs(f"{tmp_path}/l/*", f"{tmp_path}/r/*")
+    assert names_of(pairs) == [("a.png", "x.png"), ("b.png", "y.png")]
+    touched(tmp_path / "r", "z.png")
+    with pytest.raises(InputError, match="2 left and 3 right images cannot be paired"):
+        read_board_pairs(f"{tmp_path}/l/*", f"{tmp_path}/r/*")
+
+
+def test_patterns_that_fit_nothing_or_the_same_files_are_refused(tmp_path: Path) -> None:
+    touched(tmp_path, "left1.png", "right1.png", "right2.txt")
+    with pytest.raises(InputError, match="no image fits"):
+        read_board_pairs(f"{tmp_path}/left*", f"{tmp_path}/nothing*")
+    with pytest.raises(InputError, match="share files such as"):
+        read_board_pairs(f"{tmp_path}/*", f"{tmp_path}/right*")
+
+
+def encoded(image: Image) -> bytes:
+    return bytes(cv2.imencode(".png", image)[1])
+
+
+def test_unusable_images_are_refused_by_name_and_the_rest_is_used() -> None:
+    told: list[float] = []
+    good = [pictures(BOARD, seed) for seed in (1, 2, 3)]
+    png = encoded(good[0][0])
+    small = cv2.resize(good[1][0], (320, 240))
+    blank = np.full((480, 640, 3), 128, np.uint8)
+    found = find_boards(
+        [
+            pair_of("a", *good[0]),
+            pair_of("cut", png[: len(png) // 2], png),
+            pair_of("b", encoded(good[1][0]), encoded(good[1][1])),
+            pair_of("no image", b"hello", png),
+            pair_of("uneven", small, good[1][1]),
+            pair_of("small", small, small),
+            pair_of("half", good[2][0], blank),
+            pair_of("blank", blank, blank),
+        ],
+        BOARD,
+        progress=lambda _, share: told.append(share),
+    )
+    assert (found.width, found.height) == (640, 480)
+    seen = {view.name: (view.left is not None, view.right is not None) for view in found.views}
+    assert seen == {
+        "a": (True, True), "b": (True, True), "half": (True, False), "blank": (False, False),
+    }  # fmt: skip
+    reasons = {each.name: each.reason for each in found.refused}
+    assert set(reasons) == {"cut", "no image", "uneven", "small"}
+    assert "cut left is cut off" in reasons["cut"]
+    assert "no image left is damaged or no image" in reasons["no image"]
+    assert "320x240 pixels and the right one 640x480" in reasons["uneven"]
+    assert "320x240 pixels, the others 640x480" in reasons["small"]
+    assert told == pytest.approx(np.arange(1, 9) / 8)
+
+
+def test_another_size_of_board_is_named() -> None:
+    pairs = [pair_of(str(k), *pictures(BOARD, k)) for k in (1,)]
+    with pytest.raises(CalibrationError, match=r"none of 1 pairs .* shows one of 9x6: give this"):
+        find_boards(pairs, Board(columns=7, rows=4))
+    with pytest.raises(CalibrationError, match="can be read: x x left is empty"):
+        find_boards([pair_of("x", b"", b"")], BOARD)
+
+
+def test_pictures_of_a_board_give_the_pair_that_took_them() -> None:
+    """From pixels to metres: detection and fit together, on rendered boards."""
+    found = find_boards([pair_of(str(k), *pictures(BOARD, k)) for k in range(9)], BOARD)
+    fit = fit_stereo(found.views, BOARD, found.width, found.height)
+    assert fit.pairs == 9
+    assert fit.rms_stereo < 0.15
+    assert fit.calibration.K1[0, 0] == pytest.approx(IDEAL.K1[0, 0], rel=0.003)
+    assert fit.calibration.baseline == pytest.approx(0.1, rel=0.005)
+    assert fit.held_out is not None
+    assert fit.held_out.p95_px < 0.3
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason=f"needs {DATA}")
+def test_the_published_chessboards() -> None:
+    pairs, unpaired = read_board_pairs(f"{DATA}/left[0-9]*.jpg", f"{DATA}/right[0-9]*.jpg")
+    assert (len(pairs), unpaired) == (13, ())
+    found = find_boards(pairs, BOARD)
+    fit = fit_stereo(found.views, BOARD, found.width, found.height)
+    assert fit.rms_stereo <= 0.5
+    assert fit.calibration.baseline == pytest.approx(0.0836, abs=0.0005)
+    assert len(fit.views) == 13
+    assert all(view.used or view.reason for view in fit.views)
+    assert fit.pairs >= 11
+    assert fit.held_out is not None
+    assert fit.held_out.p95_px < 0.5
