@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 from collections import deque
 from dataclasses import asdict
@@ -38,6 +39,10 @@ _REOPEN_AFTER_PERIODS = 5.0
 _OPENING_S = 12.0
 _SHORTEST_PAUSE_S = 0.25
 _LONGEST_PAUSE_S = 2.0
+# Starting a process takes its time; the fault is told before.
+_TOLD_S = 0.05
+# Who delivered so long is not failing at once, again and again.
+_LASTED_S = 1.0
 # Two equal images before this one: a noise-free picture that repeats once is no fault.
 _FROZEN_REPEATS = 2
 
@@ -88,6 +93,7 @@ class LiveCamera:
         self.opened: Opened | None = None
         self.openings = 0
         self.failures = 0
+        self.is_missing = False
         self._last_grabbed: Grabbed | None = None
         self.recent: deque[float] = deque(maxlen=_RECENT)
         self.pending: Grabbed | None = None
@@ -120,8 +126,13 @@ class LiveCamera:
     def poll(self, now: float) -> None:
         """Take in what its process told, and end, wait or start where that is due."""
         self._dying = [child for child in self._dying if child.poll() is None]
-        if self._state == "pausing" and now >= self._since + self._pause:
-            self._start(now)
+        if self._state == "pausing":
+            if now >= self._since + self._pause:
+                self._start(now)
+            elif self._process is None and now >= self._since + _TOLD_S:
+                # What it loads takes as long as the pause; it opens nothing before it is told to.
+                with contextlib.suppress(OSError):
+                    self._process = GrabberProcess()
         process = self._process
         if process is not None:
             for notice in process.receive():
@@ -213,23 +224,23 @@ class LiveCamera:
         if not self.target.network and not Path(self.target.address).exists():
             # A look at the name is cheap; a process is not.
             self._fault = _UNPLUGGED
-            self.failures += 1
+            self.is_missing = True
             self._since, self._pause = now, _SHORTEST_PAUSE_S
             return
         try:
             if self._process is None:
-                self._process = GrabberProcess(self._command)
-            else:
-                self._process.send(self._command)
+                self._process = GrabberProcess()
+            self._process.send(self._command)
         except OSError as error:
             self._fail(f"cannot get a process of its own ({error.strerror})", now)
             return
         self._state, self._since = "starting", now
+        self.is_missing = False
 
     def _fail(self, fault: str, now: float, *, alive: bool = False) -> None:
         if not self.target.network and not Path(self.target.address).exists():
             fault = _UNPLUGGED
-        lasted = self._state == "delivering" and now - self._since > _LONGEST_PAUSE_S
+        lasted = self._state == "delivering" and now - self._since > _LASTED_S
         self._pause = min(
             _SHORTEST_PAUSE_S if lasted or not self._pause else 2 * self._pause, _LONGEST_PAUSE_S
         )
@@ -255,6 +266,9 @@ class LiveCamera:
                 if since is not None and now - max(since, self._since) > borne_s:
                     self._fail(self._present_fault(now) or _SILENT, now)
                     return
+            if now - self._since > borne_s:
+                # It is back, even where no partner is there to prove it.
+                self._fault = None
 
     def _take(self, notice: Notice, now: float) -> None:
         match notice:
@@ -295,6 +309,7 @@ class LiveCamera:
         assert self._process is not None
         self._process.map(opened)
         self.opened = opened
+        self._insists = False
         self.openings += 1
         self.period = Period(opened.rate)
         self._undecodable_since = None

