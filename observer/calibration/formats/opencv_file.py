@@ -160,10 +160,11 @@ def calibration_text(calibration: StereoCalibration) -> str:
 def _missing_sentence(missing: list[str]) -> str:
     names = " and ".join([", ".join(missing[:-1]), missing[-1]] if missing[1:] else missing)
     verb = "are" if missing[1:] else "is"
+    joined = "bring both files or put all into one"
     if set(missing) <= {"R", "T"}:
-        hint = "OpenCV's stereo_calib keeps R and T in extrinsics.yml, put all into one file"
+        hint = f"OpenCV's stereo_calib keeps R and T in extrinsics.yml, {joined}"
     elif not set(missing) & {"R", "T"}:
-        hint = "OpenCV's stereo_calib keeps M1 D1 M2 D2 in intrinsics.yml, put all into one file"
+        hint = f"OpenCV's stereo_calib keeps M1 D1 M2 D2 in intrinsics.yml, {joined}"
     else:
         hint = "a stereo calibration has K1 D1 K2 D2 R T image_width image_height"
     return f"{names} {verb} missing; {hint}"

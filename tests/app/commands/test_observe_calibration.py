@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from app.commands.observe import observe
 from observer.calibration.formats.exporting import ExportKind, export_calibration
 from observer.camera import StereoCalibration
+from observer.errors import CalibrationError
 
 
 @pytest.fixture(scope="module")
@@ -22,8 +22,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     image = cv2.GaussianBlur(noise, (0, 0), 1.5)
     for side, shift in (("left", 10), ("right", 18)):
         (folder / "images" / side).mkdir(parents=True)
-        cv2.imwrite(str(folder / "images" / side / "0.png"), image[:, shift : shift + 160])
-    (folder / "images" / "times.txt").write_text("0\n")
+        for number in range(2):
+            file = folder / "images" / side / f"{number}.png"
+            cv2.imwrite(str(file), image[:, shift : shift + 160])
+    (folder / "images" / "times.txt").write_text("0\n0.1\n")
     K = np.array([[150.0, 0, 80], [0, 150, 60], [0, 0, 1]])
     R = cv2.Rodrigues(np.array([0.0, 0.01, 0.0]))[0]
     D = np.array([-0.1, 0.01, 0, 0])
@@ -32,49 +34,49 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for kind in kinds:
         for file in export_calibration(calibration, kind, kind):
             (folder / file.name).write_bytes(file.content)
+    (folder / "of,mine.yaml").write_bytes((folder / "opencv.yaml").read_bytes())
     (folder / "wrong.yaml").write_bytes(
         (folder / "opencv.yaml").read_bytes().replace(b"image_width: 160", b"image_width: 320")
     )
     return folder
 
 
-def observe(folder: Path, *calibration: str) -> subprocess.CompletedProcess[str]:
-    options = [word for each in calibration for word in ("--calibration", each)]
-    return subprocess.run(
-        [sys.executable, "-m", "app", "observe", "images", *options],
-        cwd=folder, capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("calibration", "format"),
     [
-        (("kalibr-camchain.yaml",), "Kalibr camchain"),
-        (("ros-right.yaml,ros-left.yaml",), "ROS camera_info of two cameras"),
-        (("ros-left.yaml", "ros-right.yaml"), "ROS camera_info of two cameras"),
+        (["kalibr-camchain.yaml"], "Kalibr camchain"),
+        (["ros-right.yaml,ros-left.yaml"], "ROS camera_info of two cameras"),
+        (["ros-left.yaml", "ros-right.yaml"], "ROS camera_info of two cameras"),
+        (["of,mine.yaml"], "OpenCV FileStorage"),
     ],
 )
 def test_any_format_is_taken_and_told(
-    folder: Path, calibration: tuple[str, ...], format: str
+    folder: Path,
+    calibration: list[str],
+    format: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    done = observe(folder, *calibration)
-    assert done.returncode == 0, done.stderr
-    assert len(done.stdout.splitlines()) == 1
-    assert f"calibration: {format}; " in done.stderr
-    assert "baseline 0.1 m" in done.stderr
+    monkeypatch.chdir(folder)
+    observe("images", calibration=calibration)
+    seen = capsys.readouterr()
+    assert len(seen.out.splitlines()) == 2
+    assert f"calibration: {format}; " in seen.err
+    assert "baseline 0.1 m" in seen.err
 
 
 @pytest.mark.parametrize(
     ("calibration", "expected"),
     [
-        (("ros-left.yaml",), "ros-left.yaml: a ROS camera_info holds one camera; bring both files"),
-        (("wrong.yaml",), "is for images of 320x120 pixels, but the camera's are 160x120"),
+        (["ros-left.yaml"], "ros-left.yaml: a ROS camera_info holds one camera; bring both files"),
+        (["wrong.yaml"], "is for images of 320x120 pixels, but the camera's are 160x120"),
+        (["opencv.yaml,absent.yaml"], "absent.yaml cannot be read"),
+        ([","], "no calibration file was given"),
     ],
 )
-def test_refusals_are_one_sentence(
-    folder: Path, calibration: tuple[str, ...], expected: str
+def test_refuses(
+    folder: Path, calibration: list[str], expected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    done = observe(folder, *calibration)
-    assert done.returncode == 2
-    assert expected in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    monkeypatch.chdir(folder)
+    with pytest.raises(CalibrationError, match=expected):
+        observe("images", calibration=calibration)
