@@ -110,7 +110,7 @@ def test_exact_motions_give_the_exact_place(mount: CameraMount, legs: tuple[Leg,
 def test_two_standard_deviations_hold_nearly_always() -> None:
     deviations: dict[str, list[float]] = {}
     for seed in range(10):
-        estimate = told(estimate_drive(driven(FULL, noise=0.002, seed=seed)))
+        estimate = told(estimate_drive(driven(FULL, noise=0.0015, seed=seed)))
         for name in ("forward_m", "left_m", "pan_rad", "tilt_rad", "roll_rad"):
             value = getattr(estimate, name)
             assert value is not None

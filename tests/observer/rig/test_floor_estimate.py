@@ -200,7 +200,7 @@ def rendered(
     scenario: str,
     seed: int,
     camera: dict[str, Any],
-    frames: tuple[int, ...] = (0, 20, 40),
+    frames: tuple[int, ...] = (0, 30),
     **also: Any,
 ) -> tuple[FloorEstimate | Refused, CameraMount]:
     """The estimate of some frames, and the truth of the rectified camera."""
@@ -224,10 +224,8 @@ def rendered(
 @pytest.mark.parametrize(
     ("scenario", "seed", "camera"),
     [
-        ("lab", 1, {"height_m": 0.25, "tilt_deg": 20}),
-        ("lateral", 0, {"height_m": 0.4, "tilt_deg": 0}),
+        ("lateral", 0, {"height_m": 0.25, "tilt_deg": 20}),
         ("lab", 2, {"height_m": 0.6, "tilt_deg": 10, "width": 640, "height": 480}),
-        ("distorted_tilted", 0, {}),
         ("miscalibrated_vergence", 1, {}),
     ],
 )
@@ -249,6 +247,7 @@ def test_height_and_tilt_of_the_simulated_camera(
         assert abs(told.value - value) < 3 * told.sigma
 
 
+@pytest.mark.slow
 def test_the_simulated_floor_around_a_large_crate() -> None:
     crate = {"kind": "crate", "x": 1.6, "y": 0, "size": [1.6, 2.6, 0.2]}
     answer, true = rendered(
