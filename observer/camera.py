@@ -136,7 +136,7 @@ class StereoCalibration:
 def _unit_hint(baseline: float) -> str:
     """Which units would make a baseline of this number plausible, as the rest of a sentence."""
     fitting = [
-        f"in {unit} it would fit ({baseline / divisor:.3g} m), so divide T by {divisor}"
+        f"in {unit} it would fit, so divide T by {divisor} ({baseline / divisor:.3g} m)"
         for unit, divisor in (("millimetres", 1000), ("centimetres", 100))
         if MIN_BASELINE_M <= baseline / divisor <= MAX_BASELINE_M
     ]
