@@ -12,7 +12,11 @@ conditions are met:
 2. All n points together begin a track. Its velocity must stay significant, faster than what
    counts as stopped, and seen by enough points for some frames (``observer.obstacles.life``).
 
-The deviations of one point are Z sigma / f across and Z^2 sigma / (f B) along the line of sight.
+A point is known to Z sigma / f across. Along the line of sight its disparity tells it to
+Z^2 sigma_d / (f B); but what comes nearer also grows, and a point at the distance r from the axis
+tells by that to Z^2 sigma / (f r). Both count, averaged over the thing: the information along the
+line of sight is (f / Z^2)^2 (B^2 / sigma_d^2 + r^2 / sigma^2).
+
 ``Thing`` says what is assumed of the thing and of the background; the camera stands still.
 """
 
@@ -54,7 +58,8 @@ class Thing:
         width_m, height_m: of a person, as far as it is in view.
         followed_share: of the squares (``following.spacing_px``) that it covers, those with a
             point that can be followed. most_points: of these; near a camera clothes are plain.
-        sigma_px: noise of one followed point and of its disparity, pixels.
+        sigma_px, disparity_px: noise of one followed point and of its disparity, pixels, as the
+            method finds it where there is texture.
     """
 
     width_m: float = 0.5
@@ -62,6 +67,13 @@ class Thing:
     followed_share: float = 0.5
     most_points: int = 20
     sigma_px: float = 0.1
+    disparity_px: float = 0.15
+
+    def spread_m(self, camera: StereoCamera, depth: float) -> float:
+        """Root mean square distance of its points from the axis, metres, in the middle."""
+        across = min(self.width_m, camera.width * depth / camera.fx)
+        down = min(self.height_m, camera.height * depth / camera.fy)
+        return math.sqrt((across**2 + down**2) / 12)
 
     def points(self, camera: StereoCamera, depth: float, spacing_px: float) -> int:
         """How many points of it are followed at this depth, metres."""
@@ -96,7 +108,7 @@ def slowest_reported(
     for speed in _SPEEDS:
         velocity = speed * np.array(direction)
         delay = report_delay(
-            camera, depth, velocity, count, frame_rate, within_s, thing.sigma_px, parameters
+            camera, depth, velocity, count, frame_rate, within_s, thing, parameters
         )
         if delay is not None:
             return Detectable(speed, delay)
@@ -110,19 +122,19 @@ def report_delay(
     count: int,
     frame_rate: float,
     within_s: float,
-    sigma_px: float,
+    thing: Thing,
     parameters: Parameters,
 ) -> float | None:
     """Seconds from its first motion until a thing is reported; None if not ``within_s``.
 
     Args:
         depth: metres. velocity: (3,) m/s, camera axes. count: points that are followed on it.
-        sigma_px: noise of each and of its disparity.
+        thing: whose noise and extent count; its number of points does not.
     """
     p, dt = parameters, 1 / frame_rate
     if count < max(p.evidence.min_points, p.obstacles.min_points):
         return None
-    deviations = point_deviations(camera, depth, sigma_px)
+    deviations = _point_deviations(camera, depth, thing)
     # What all points share: the camera's own motion, by a background that fills the image.
     step_cov = np.diag(deviations**2) * p.ego_motion.shared_error
     information = np.diag(1 / deviations**2)
@@ -150,7 +162,7 @@ def report_delay(
             continue
         tracker.predict(dt, np.zeros(3), camera, p.obstacles)
         track = tracker.tracks[0]
-        noise = _measured_noise(deviations, count, Thing(), p)
+        noise = _measured_noise(deviations, count, thing, p)
         noise[:3, :3] += step_cov
         track.filter = track.filter.updated(np.append(place, track.yaw), noise)
         judge(track, p.obstacles)
@@ -159,10 +171,17 @@ def report_delay(
     return None
 
 
-def point_deviations(camera: StereoCamera, depth: float, sigma_px: float) -> Float64Array:
-    """(3,) metres, x y z: one standard deviation of where one sighting places a point."""
-    across, down = depth * sigma_px / camera.fx, depth * sigma_px / camera.fy
-    return np.array([across, down, depth**2 * sigma_px / (camera.fx * camera.baseline)])
+def depth_noise_m(camera: StereoCamera, depth: float, disparity_px: float) -> float:
+    """One standard deviation of the depth of one point in one frame: Z^2 sigma_d / (f B)."""
+    return depth**2 * disparity_px / (camera.fx * camera.baseline)
+
+
+def _point_deviations(camera: StereoCamera, depth: float, thing: Thing) -> Float64Array:
+    """(3,) metres, x y z: what one sighting tells of where a point of the thing is."""
+    across, down = depth * thing.sigma_px / camera.fx, depth * thing.sigma_px / camera.fy
+    by_disparity = 1 / depth_noise_m(camera, depth, thing.disparity_px)
+    by_growth = thing.spread_m(camera, depth) / (depth * across)
+    return np.array([across, down, 1 / math.hypot(by_disparity, by_growth)])
 
 
 def _own_velocity(sums: MotionSums) -> tuple[Float64Array, Float64Array]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from observer.calibration.speed_limits import (
     Detectable,
     Thing,
-    point_deviations,
+    depth_noise_m,
     slowest_reported,
 )
 from observer.calibration.stereo_fit import DepthBias, StereoFit
@@ -63,6 +63,7 @@ class Verdict:
 
     Attributes:
         rows: at ``DISTANCES_M``. sentence: the middle one in words.
+        nearest_m: depth of the largest disparity that is searched; nearer things are not seen.
         warnings: one sentence each where the rig is poor, and what to do.
         frame_rate: 1/s, that the delays hold for.
     """
@@ -71,6 +72,7 @@ class Verdict:
     sentence: str
     warnings: tuple[str, ...]
     frame_rate: float
+    nearest_m: float
 
 
 def judge(
@@ -87,12 +89,10 @@ def judge(
         thing: that moves; a person, if left out. parameters: of the method, as they are used.
     """
     lasting_px = 0.0 if fit.held_out is None else fit.held_out.lasting_px
-    rows, problem = _rows(
-        fit.calibration, frame_rate, fit.depth_bias, lasting_px, thing or Thing(),
-        parameters or Parameters(),
+    return _verdict(
+        fit.calibration, frame_rate, fit.depth_bias, lasting_px, thing, parameters,
+        _fit_warnings(fit),
     )  # fmt: skip
-    warnings = [*problem, *_fit_warnings(fit), *_rig_warnings(fit.calibration, rows)]
-    return Verdict(rows, _sentence(rows), tuple(warnings), frame_rate)
 
 
 def judge_calibration(
@@ -103,16 +103,11 @@ def judge_calibration(
     parameters: Parameters | None = None,
 ) -> Verdict:
     """What a pair can do of which only the calibration is known: as if it were exact."""
-    rows, problem = _rows(
-        calibration, frame_rate, None, 0.0, thing or Thing(), parameters or Parameters()
-    )
-    warnings = [
-        *problem,
-        *_rig_warnings(calibration, rows),
+    unknown = (
         "how exact this calibration is was not measured here; the errors of depth are those of "
-        "noise alone",
-    ]
-    return Verdict(rows, _sentence(rows), tuple(warnings), frame_rate)
+        "noise alone"
+    )
+    return _verdict(calibration, frame_rate, None, 0.0, thing, parameters, [unknown])
 
 
 def depth_bias_share(
@@ -132,21 +127,26 @@ def depth_bias_share(
     return math.hypot(known, lasting_px * per_disparity)
 
 
-def _rows(
+def _verdict(
     calibration: StereoCalibration,
     frame_rate: float,
     bias: DepthBias | None,
     lasting_px: float,
-    thing: Thing,
-    parameters: Parameters,
-) -> tuple[tuple[VerdictRow, ...], list[str]]:
+    thing: Thing | None,
+    parameters: Parameters | None,
+    warnings: list[str],
+) -> Verdict:
+    thing, parameters = thing or Thing(), parameters or Parameters()
     camera, problem = _camera(calibration)
+    nearest = camera.fx * camera.baseline / parameters.stereo.max_disparity_px
     rows = []
     for distance in DISTANCES_M:
-        noise = float(point_deviations(camera, distance, thing.sigma_px)[2])
+        noise = depth_noise_m(camera, distance, thing.disparity_px)
         lasting = distance * depth_bias_share(calibration, distance, bias, lasting_px)
         across, towards = (
             slowest_reported(camera, distance, way, frame_rate, WITHIN_S, thing, parameters)
+            if distance > nearest
+            else None
             for way in (ACROSS, TOWARDS)
         )
         whole = math.hypot(noise, lasting)
@@ -162,7 +162,21 @@ def _rows(
                 towards=towards,
             )
         )
-    return tuple(rows), problem
+    found = tuple(rows)
+    if nearest > DISTANCES_M[0]:
+        wanted = camera.fx * camera.baseline / (0.8 * DISTANCES_M[0])
+        problem.append(
+            f"nothing nearer than {nearest:.1f} m is seen, for disparities are searched up to "
+            f"{parameters.stereo.max_disparity_px} px; set stereo.max_disparity_px to "
+            f"{16 * math.ceil(wanted / 16)} or the cameras to a smaller image"
+        )
+    return Verdict(
+        rows=found,
+        sentence=_sentence(found),
+        warnings=(*problem, *warnings, *_rig_warnings(calibration, found)),
+        frame_rate=frame_rate,
+        nearest_m=nearest,
+    )
 
 
 def _camera(calibration: StereoCalibration) -> tuple[StereoCamera, list[str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +25,10 @@ from observer.calibration.verdict import (
 )
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import InputError
+from observer.observer import Observer
+from observer.opening import open_source
 from observer.parameters import Parameters
+from observer.types import StereoFrame, TrackState
 
 from .board_views import BOARD, HEIGHT, WIDTH, true_pair, views_of
 
@@ -88,8 +92,9 @@ def test_slower_farther_and_noisier_is_reported_later(
 ) -> None:
     def delay(speed: float = 0.3, depth: float = 3.0, sigma: float = 0.1) -> float:
         found = report_delay(
-            LAB, depth, speed * np.array(direction), 15, 15.0, 4.0, sigma, PARAMETERS
-        )
+            LAB, depth, speed * np.array(direction), 15, 15.0, 4.0,
+            Thing(sigma_px=sigma, disparity_px=1.5 * sigma), PARAMETERS,
+        )  # fmt: skip
         return math.inf if found is None else found
 
     assert delay() < math.inf
@@ -102,17 +107,21 @@ def test_slower_farther_and_noisier_is_reported_later(
 
 def test_too_few_points_are_no_obstacle() -> None:
     velocity = np.array([0.5, 0.0, 0.0])
-    assert report_delay(LAB, 3.0, velocity, 2, 15.0, 4.0, 0.1, PARAMETERS) is None
-    assert report_delay(LAB, 3.0, velocity, 8, 15.0, 4.0, 0.1, PARAMETERS) is not None
+    assert report_delay(LAB, 3.0, velocity, 2, 15.0, 4.0, Thing(), PARAMETERS) is None
+    assert report_delay(LAB, 3.0, velocity, 8, 15.0, 4.0, Thing(), PARAMETERS) is not None
 
 
-def test_a_wider_baseline_sees_slower_approach() -> None:
-    near = slowest_reported(LAB, 5.0, TOWARDS, 15.0, WITHIN_S, Thing(), PARAMETERS)
-    wide = slowest_reported(
-        replace(LAB, baseline=0.4), 5.0, TOWARDS, 15.0, WITHIN_S, Thing(), PARAMETERS
-    )
-    assert wide is not None
-    assert near is None or near.speed_mps > wide.speed_mps
+def test_a_wider_baseline_and_a_larger_thing_tell_slower_approach() -> None:
+    def slowest(camera: StereoCamera, thing: Thing) -> float:
+        found = slowest_reported(camera, 3.0, TOWARDS, 15.0, WITHIN_S, thing, PARAMETERS)
+        return math.inf if found is None else found.speed_mps
+
+    small = Thing(width_m=0.4, height_m=0.4, followed_share=1.0)
+    large = replace(small, height_m=1.7)
+    narrow = replace(LAB, baseline=0.03)
+    assert slowest(narrow, small) > slowest(replace(LAB, baseline=0.4), small)
+    # It seems to grow as it comes, the more the larger it is.
+    assert slowest(narrow, small) > slowest(narrow, large)
 
 
 def test_poor_rigs_are_told_so_with_what_to_do(fit: StereoFit) -> None:
@@ -126,6 +135,58 @@ def test_poor_rigs_are_told_so_with_what_to_do(fit: StereoFit) -> None:
         assert part in words
     sure = replace(fit, held_out=replace(fit.held_out, p95_px=1.5))
     assert "rows disagree by up to 1.5 px" in " ".join(judge(sure, 30.0).warnings)
+
+
+def test_what_is_too_near_to_be_matched_is_told() -> None:
+    sharp = StereoCalibration.rectified(1920, 1080, 1400.0, 1400.0, 959.5, 539.5, 0.12)
+    verdict = judge_calibration(sharp, 30.0)
+    assert verdict.nearest_m == pytest.approx(1400 * 0.12 / 96)
+    assert verdict.rows[0].across is verdict.rows[0].towards is None
+    assert verdict.rows[1].across is not None
+    assert any("nearer than 1.8 m" in w and "to 224" in w for w in verdict.warnings)
+    assert judge_calibration(RECTIFIED, 30.0).nearest_m == pytest.approx(50 / 96)
+
+
+SCENE = """
+based_on: _benchmark
+duration_s: 3.2
+camera: {height_m: 0.6, tilt_deg: 0}
+observer: {motion: null}
+texture: {share_without: 0.3, robot: red}
+variation: {position_m: 0, heading_deg: 0, speed: 0}
+robots:
+  - x: 3.3
+    y: %s
+    heading_deg: %s
+    size: [0.5, 0.5, 0.9]
+    motion:
+      kind: course
+      acceleration: 20
+      legs: [{kind: wait, seconds: 2}, {kind: drive, distance_m: 1, speed: %s}]
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("y", "heading", "speed"), [(0.3, -90, 0.2), (0.0, 180, 0.3)])
+def test_the_method_reports_when_the_verdict_says(
+    tmp_path: Path, y: float, heading: float, speed: float
+) -> None:
+    """A body that begins to move 3 m away, across or towards the simulated cameras."""
+    (tmp_path / "scene.yaml").write_text(SCENE % (y, heading, speed))
+    source = open_source(f"simulated:{tmp_path}/scene.yaml").source
+    assert source.calibration is not None
+    observer = Observer(source.calibration, PARAMETERS)
+    reported = None
+    while reported is None and isinstance(frame := source.read(), StereoFrame):
+        seen = [o for o in observer.observe(frame).obstacles if o.state is TrackState.CONFIRMED]
+        reported = frame.time - 2 if seen and frame.time > 2 else None
+    source.close()
+    direction = (1.0, 0.0, 0.0) if heading == -90 else TOWARDS
+    thing = Thing(width_m=0.5, height_m=0.9)
+    predicted = report_delay(
+        LAB, 3.0, speed * np.array(direction), 20, 15.0, 3.0, thing, PARAMETERS
+    )
+    assert reported == pytest.approx(predicted, abs=0.35)
 
 
 def test_a_calibration_that_cannot_be_rectified_is_judged_with_a_warning() -> None:
