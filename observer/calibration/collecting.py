@@ -20,7 +20,7 @@ from observer.calibration.coverage import (
     measure_view,
 )
 from observer.calibration.detection import same_numbering
-from observer.calibration.guidance import Guide, SeenPose, WantedPose
+from observer.calibration.guidance import Guide, SeenPose, Shift, WantedPose
 from observer.calibration.views import FEWEST_CORNERS, BoardSighting, BoardView
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -106,13 +106,14 @@ class ViewCollector:
         # The pose whose view was taken back: not to be taken again at once.
         self._taken_back: PairMeasures | None = None
         self._skipped: set[int] = set()
-        self._shifts: deque[tuple[float, float, float]] = deque(maxlen=50)
+        self._shifts: deque[Shift] = deque(maxlen=50)
         for kept in self._kept:
             if kept.pose is not None and kept.view.left is not None and kept.view.right is not None:
                 self._learn_shift(kept.pose, kept.view.left, kept.view.right)
         self._wanted: WantedPose | None = None
         self._wanted_since: float | None = None
         self._plan_is_due = True
+        self._ranges = self._guide.wanted_ranges(tuple(self._shifts))
 
     @property
     def views(self) -> tuple[BoardView, ...]:
@@ -121,7 +122,7 @@ class ViewCollector:
 
     @property
     def coverage(self) -> Coverage:
-        return coverage(self._measures())
+        return coverage(self._measures(), self._ranges)
 
     def look(
         self,
@@ -273,11 +274,9 @@ class ViewCollector:
 
     def _follow(self, time: float, seen: bool) -> None:
         """Keep the wanted pose until a view came or it is given up."""
-        if not seen:
-            # Nobody is trying just now.
-            self._wanted_since = None
-        elif self._wanted_since is None:
-            self._wanted_since = time
+        if self._wanted_since is None:
+            # Nobody tries before the board was seen.
+            self._wanted_since = time if seen else None
         elif time - self._wanted_since > _PATIENCE_S and self._wanted is not None:
             self._skipped.add(self._wanted.number)
             self._plan_is_due = True
@@ -288,6 +287,7 @@ class ViewCollector:
     def _plan(self) -> None:
         poses = [kept.pose for kept in self._kept if kept.pose is not None]
         shifts = tuple(self._shifts)
+        self._ranges = self._guide.wanted_ranges(shifts)
         self._wanted = self._guide.next_pose(self._measures(), poses, shifts, self._skipped)
         if self._wanted is None and self._skipped:
             self._skipped.clear()

@@ -13,13 +13,15 @@ from observer.types import Image
 # Of the distance to the nearest neighbour: what the refinement looks at around a corner. On a
 # chessboard more would reach the next corner and less has more noise; on a ChArUco board the
 # markers begin at an eighth of a square.
-_WINDOW_SHARE = {"chessboard": 0.4, "charuco": 0.14}
+_WINDOW_SHARE = {"chessboard": 0.4, "charuco": 0.12}
 _WINDOW_PX = (2, 11)
 _PRECISION = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
-# A corner is misplaced if it is this far from where the others have it, as a share of the
-# distance to its neighbours and in pixels. Lenses and perspective bend a board less than that.
-_TOLERANCE_SHARE = 0.2
+# A corner is misplaced if it is further from where the others have it than many times what is
+# usual on its board, within these bounds: pixels, and a share of the distance to its neighbours.
+# Lenses and perspective bend a board less than that.
+_TOLERANCE_USUAL = 16.0
 _TOLERANCE_PX = 1.5
+_TOLERANCE_SHARE = 0.2
 # Of all corners: more that are misplaced, and the others say little too.
 _MISPLACED_SHARE = 0.1
 # A surface of this degree follows a tilted board through a wide lens.
@@ -46,8 +48,7 @@ def refined_corners(
     spacing = _spacing(board, ids, px)
     share = _WINDOW_SHARE[board.kind]
     px[:] = _saddle_points(gray, px, share * spacing)
-    tolerance = np.maximum(_TOLERANCE_PX, _TOLERANCE_SHARE * spacing)
-    misplaced, expected = _misplaced(board, ids, px, tolerance)
+    misplaced, expected, tolerance = _misplaced(board, ids, px, spacing)
     if misplaced.sum() > np.ceil(_MISPLACED_SHARE * len(px)):
         return np.zeros(len(px), np.bool_)
     if misplaced.any():
@@ -119,26 +120,31 @@ def _spacing(board: Board, ids: NDArray[np.int32], px: Float64Array) -> Float64A
 
 
 def _misplaced(
-    board: Board, ids: NDArray[np.int32], px: Float64Array, tolerance: Float64Array
-) -> tuple[NDArray[np.bool_], Float64Array]:
-    """Which corners leave the smooth surface through the others, and where it has all of them.
+    board: Board, ids: NDArray[np.int32], px: Float64Array, spacing: Float64Array
+) -> tuple[NDArray[np.bool_], Float64Array, Float64Array]:
+    """Which corners leave the smooth surface through the others, where it has all, and how surely.
 
     The worst is left out one after the other; how far each is from the surface through all but
     itself follows from its residual and leverage, e / (1 - h).
     """
     terms = _terms(board, ids)
     kept = np.ones(len(px), np.bool_)
+    tolerance = np.zeros(len(px))
     for _ in range(int(np.ceil(_MISPLACED_SHARE * len(px))) + 1):
         solve = np.linalg.pinv(terms[kept])
         expected = terms @ (solve @ px[kept])
         unseen = 1 - np.einsum("ij,ji->i", terms[kept], solve)
         distance = np.linalg.norm(px - expected, axis=1)[kept]
+        usual = np.full(len(px), _TOLERANCE_USUAL * np.median(distance))
+        tolerance = np.clip(
+            usual, _TOLERANCE_PX, np.maximum(_TOLERANCE_PX, _TOLERANCE_SHARE * spacing)
+        )
         # What the surface follows wherever it goes cannot be checked.
         excess = np.where(unseen > 0.05, distance / np.maximum(unseen, 0.05), 0) / tolerance[kept]
         if excess.max() <= 1:
             break
         kept[np.flatnonzero(kept)[int(np.argmax(excess))]] = False
-    return ~kept, np.asarray(expected, dtype=np.float64)
+    return ~kept, np.asarray(expected, dtype=np.float64), tolerance
 
 
 def _terms(board: Board, ids: NDArray[np.int32]) -> Float64Array:

@@ -160,12 +160,12 @@ def measure_outline(
     return [ViewMeasures(*both) for both in zip(values, np.stack(reach, axis=1), strict=True)]
 
 
-def coverage(views: Sequence[PairMeasures]) -> Coverage:
-    """What these views cover together."""
+def coverage(views: Sequence[PairMeasures], wanted: tuple[float, ...] = WANTED_RANGES) -> Coverage:
+    """What these views cover together, of the wanted ranges of X, Y, size and skew."""
     if not views:
         return Coverage(dict.fromkeys(BARS, 0.0), dict.fromkeys(IMAGE_CORNERS, 0.0), 0)
     values, reach = stacked(views)
-    bars, reached = progress(values.min(axis=0), values.max(axis=0), reach.max(axis=0))
+    bars, reached = progress(values.min(axis=0), values.max(axis=0), reach.max(axis=0), wanted)
     return Coverage(
         dict(zip(BARS, bars.tolist(), strict=True)),
         dict(zip(IMAGE_CORNERS, reached.tolist(), strict=True)),
@@ -181,15 +181,19 @@ def stacked(views: Sequence[PairMeasures]) -> tuple[Float64Array, Float64Array]:
 
 
 def progress(
-    least: Float64Array, most: Float64Array, reach: Float64Array
+    least: Float64Array,
+    most: Float64Array,
+    reach: Float64Array,
+    wanted: tuple[float, ...] = WANTED_RANGES,
 ) -> tuple[Float64Array, Float64Array]:
     """How full the bars are, and how far the image's corners are reached, (..., 4) each, 0..1.
 
     Args:
         least, most, reach: (..., 2, 4), extremes of the views' measures by camera.
+        wanted: ranges that fill the bars.
     """
     low = np.concatenate([least[..., :2], np.zeros_like(least[..., 2:])], axis=-1)
-    bars = ((most - low) / WANTED_RANGES).min(axis=-2).clip(0, 1)
+    bars = ((most - low) / wanted).min(axis=-2).clip(0, 1)
     return bars, (reach / WANTED_REACH).min(axis=-2).clip(0, 1)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from observer.calibration.board import Board
 from observer.calibration.coverage import (
     NEW_DISTANCE,
+    WANTED_RANGES,
     PairMeasures,
     coverage,
     measure_outline,
@@ -27,7 +28,9 @@ from observer.geometry import Float64Array
 # Focal length over the image's width: 64 degrees across, between laptops and wide webcams.
 _FOCAL_WIDTHS = 0.8
 # sqrt(area of the board / area of the image) of wanted poses.
-_SIZES = (0.16, 0.22, 0.32, 0.44, 0.56)
+_SIZES = (0.16, 0.22, 0.3, 0.38, 0.46, 0.56)
+# Of the largest size that both cameras could see whole: a hand misses the outline.
+_SIZE_SHARE = 0.9
 # Steep enough that skew's bar fills even if the board is held 5 degrees less steep.
 _TILT_RAD = np.deg2rad(45.0)
 # White margin that detection needs, and a hand's inaccuracy, in squares.
@@ -47,6 +50,9 @@ _SHIFT = np.array([0.0, -0.15])
 _SHIFT_STD = np.array([0.05, 0.2])
 # Differences that are said in words: of places, over the image's size; of sizes; of tilts.
 _PLACE_TOLERANCE, _SIZE_TOLERANCE, _TILT_TOLERANCE_RAD = 0.07, 1.15, np.deg2rad(15.0)
+# Depth in board widths, and mean shift (du, dv) of the corners from the left image to the right
+# one, pixels.
+Shift = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +104,7 @@ class Guide:
         # Board units are its inner width.
         self._unit = (board.columns - 1) * board.square_m
         self._poses = _poses(board, self._focal, image_size)
+        self._latest: tuple[tuple[Shift, ...], list[WantedPose]] | None = None
 
     def seen(self, sighting: BoardSighting) -> SeenPose | None:
         """The pose of a board by its corners, or None where they do not tell."""
@@ -120,11 +127,23 @@ class Guide:
         place = self._middle + self._focal * centre[:2] / centre[2]
         return SeenPose(place, float(centre[2]), np.asarray(rotation[:, 2], dtype=np.float64))
 
+    def wanted_ranges(self, shifts: Sequence[Shift] = ()) -> tuple[float, ...]:
+        """Ranges of the measures that fill the bars: the usual ones, but no size out of reach.
+
+        Two cameras far apart do not both see a whole board from close by.
+        """
+        sizes = [
+            min(camera.values[2] for camera in pose.measures.each)
+            for pose in self._candidates(shifts)
+        ]
+        x, y, size, skew = WANTED_RANGES
+        return x, y, min(size, _SIZE_SHARE * max(sizes, default=size)), skew
+
     def next_pose(
         self,
         kept: Sequence[PairMeasures],
         poses: Sequence[SeenPose],
-        shifts: Sequence[tuple[float, float, float]] = (),
+        shifts: Sequence[Shift] = (),
         skipped: Collection[int] = (),
     ) -> WantedPose | None:
         """The pose that adds most to the kept views; None if they cover all there is.
@@ -132,11 +151,11 @@ class Guide:
         Args:
             kept: measures of the views.
             poses: of the views, as the left camera saw them.
-            shifts: depth in board widths and mean shift (du, dv) of the corners from the left
-                image to the right one, pixels, wherever both saw the board.
+            shifts: wherever both cameras saw the board.
             skipped: numbers of poses that were tried in vain.
         """
-        now = coverage(kept)
+        wanted = self.wanted_ranges(shifts)
+        now = coverage(kept, wanted)
         if now.enough and min(now.reached.values()) >= 1:
             return None
         candidates = [c for c in self._candidates(shifts) if c.number not in skipped]
@@ -147,11 +166,14 @@ class Guide:
         values, reach = stacked([c.measures for c in candidates])
         kept_values, kept_reach = stacked(kept)
         way = np.abs(values[:, None] - kept_values).sum(axis=-1).mean(axis=-1)
-        before = progress(kept_values.min(axis=0), kept_values.max(axis=0), kept_reach.max(axis=0))
+        before = progress(
+            kept_values.min(axis=0), kept_values.max(axis=0), kept_reach.max(axis=0), wanted
+        )
         after = progress(
             np.minimum(values, kept_values.min(axis=0)),
             np.maximum(values, kept_values.max(axis=0)),
             np.maximum(reach, kept_reach.max(axis=0)),
+            wanted,
         )
         worth = (after[0] - before[0]).sum(axis=1)
         worth += _REACH_WEIGHT * (after[1] - before[1]).sum(axis=1)
@@ -188,7 +210,12 @@ class Guide:
         sentence = "; ".join(moves) or "hold it there"
         return sentence[0].upper() + sentence[1:]
 
-    def _candidates(self, shifts: Sequence[tuple[float, float, float]]) -> list[WantedPose]:
+    def _candidates(self, shifts: Sequence[Shift]) -> list[WantedPose]:
+        if self._latest is None or self._latest[0] != tuple(shifts):
+            self._latest = tuple(shifts), self._fitting(shifts)
+        return self._latest[1]
+
+    def _fitting(self, shifts: Sequence[Shift]) -> list[WantedPose]:
         """All poses that both cameras would see whole, moved into the images where need be."""
         constant, by_depth, down = self._shift(shifts)
         rotations, centres = self._poses[0], self._poses[1].copy()
@@ -227,7 +254,7 @@ class Guide:
             for k in np.flatnonzero(fits & (points[..., 2].min(axis=1) > 0)).tolist()
         ]
 
-    def _shift(self, shifts: Sequence[tuple[float, float, float]]) -> tuple[float, float, float]:
+    def _shift(self, shifts: Sequence[Shift]) -> tuple[float, float, float]:
         """Shift from left to right image: constant and over depth along x, constant along y.
 
         Of what was seen so far and of what is usual, weighted by how sure each is.
