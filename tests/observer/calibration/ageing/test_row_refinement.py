@@ -136,3 +136,28 @@ def test_matched_points_agree_with_the_wall() -> None:
     assert len(left) > 300
     assert np.median(left[:, 0] - right[:, 0]) == pytest.approx(FOCAL * 0.12 / 4, abs=0.05)
     assert np.median(np.abs(left[:, 1] - right[:, 1])) < 0.03
+
+
+def through_fisheye(image: Image, K: np.ndarray, D: np.ndarray) -> Image:
+    """What an equidistant lens makes of a pinhole image of ``TRUE``'s focal length."""
+    u, v = np.meshgrid(np.arange(WIDTH, dtype=np.float64), np.arange(HEIGHT, dtype=np.float64))
+    px = np.stack([u, v], axis=-1).reshape(1, -1, 2)
+    at = cv2.fisheye.undistortPoints(px, K, D, P=TRUE.K1).reshape(HEIGHT, WIDTH, 2)
+    x, y = at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)
+    return cv2.remap(image, x, y, cv2.INTER_CUBIC)
+
+
+def test_fisheye_lenses_are_refined_too() -> None:
+    K = np.array([[580.0, 0, 319.5], [0, 580.0, 179.5], [0, 0, 1]])
+    D = np.array([0.02, -0.005, 0.001, 0.0])
+    lens = replace(TRUE, K1=K, K2=K, D1=D, D2=D, distortion_model="equidistant")
+    real = turned(0.1, 0, -0.1)
+    pairs = [
+        tuple(through_fisheye(image, K, D) for image in pair_seen_by(real, seed)) for seed in (0, 1)
+    ]
+    found = refined(lens, pairs)
+    assert found.calibration.distortion_model == "equidistant"
+    assert np.array_equal(found.calibration.D2, D)
+    left = Rotation.from_matrix(found.calibration.R @ real.R.T).as_rotvec(degrees=True)
+    assert left == pytest.approx([0, 0, 0], abs=0.02)
+    assert found.after_px < 0.1 < found.before_px
