@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from observer.errors import ScenarioError
 from observer.simulation.scenarios import (
@@ -14,6 +16,7 @@ from observer.simulation.scenarios import (
     scenario_from_text,
     scenario_names,
 )
+from observer.simulation.source import SimulatedSource
 from observer.simulation.world import World
 
 REQUIRED = {
@@ -22,11 +25,18 @@ REQUIRED = {
     "fast", "vibrating", "skew", "rolling_shutter", "motion_blur", "miscalibrated",
 }  # fmt: skip
 
+UNCALIBRATED = ("calibration", "calibration_charuco", "webcams")
+# Not counted by the benchmark.
+FOR_SHOWING = ("lab", *UNCALIBRATED)
+
 MINIMAL = """
 title: A title
 help: A sentence.
 declares: ideal
 duration_s: 2
+"""
+BIG_CHARUCO = """
+board: {pattern: charuco, columns: 30, rows: 30, poses: [{centre: [0, 0, 1]}]}
 """
 
 
@@ -40,14 +50,35 @@ def test_every_scenario_that_others_count_on_is_there_the_lab_first() -> None:
 @pytest.mark.parametrize("name", scenario_names())
 def test_benchmark_scenes_are_as_hard_as_they_are_said_to_be(name: str) -> None:
     scenario = load_scenario(name)
-    assert scenario.benchmark == (name != "lab")
+    assert scenario.benchmark == (name not in FOR_SHOWING)
     if scenario.benchmark:
         assert scenario.faults.noise == 2.0
         assert scenario.faults.gain == 0.05
         assert scenario.texture.robot == "dark"
     camera = scenario.camera
-    assert (camera.width, camera.height) == (512, 256)
-    assert (camera.baseline_m, camera.hfov_deg) == (0.12, 60.0)
+    if name not in UNCALIBRATED:
+        assert (camera.width, camera.height) == (512, 256)
+        assert (camera.baseline_m, camera.hfov_deg) == (0.12, 60.0)
+
+
+def test_what_is_calibrated_and_what_it_is_used_on_are_the_same_two_cameras() -> None:
+    webcams = World(load_scenario("webcams")).true_calibration
+    for name in UNCALIBRATED:
+        scenario = load_scenario(name)
+        assert not scenario.hands_out_calibration
+        assert SimulatedSource(World(scenario)).calibration is None
+        for seed in (0, 3):
+            world = World(scenario, seed)
+            assert np.array_equal(world.true_calibration.K1, webcams.K1)
+            assert np.array_equal(world.true_calibration.D2, webcams.D2)
+            assert np.array_equal(world.true_calibration.R, webcams.R)
+            assert np.array_equal(world.true_calibration.T, webcams.T)
+    assert (webcams.width, webcams.height) == (640, 480)
+    assert webcams.D1[:2] == pytest.approx([-0.28, 0.07])
+    turned = Rotation.from_matrix(webcams.R).as_euler("xyz", degrees=True)
+    assert turned == pytest.approx([0.4, -0.6, 0.3])
+    others = set(scenario_names()) - set(UNCALIBRATED)
+    assert all(load_scenario(name).hands_out_calibration for name in others)
 
 
 def test_the_lab_is_written_out_without_an_end_that_shows() -> None:
@@ -116,6 +147,8 @@ robots:
         (MINIMAL.replace("ideal", "perfect"), "declares: input should be 'ideal' or 'faulty'"),
         (MINIMAL + "camera: {hfov_deg: 400}\n", "camera.hfov_deg: input should be less than"),
         (MINIMAL + "room: {x: [3, 2]}\n", "room.x must span 1 to 60 m"),
+        (MINIMAL + "board: {poses: []}\n", "board.poses: tuple should have at least 1 item"),
+        (MINIMAL + BIG_CHARUCO, "board: a ChArUco board has at most 500 squares here"),
         (MINIMAL + "robots: [{motion: {kind: fly}}]\n", "robots.0.motion"),
         (MINIMAL + "faults: {noise: .nan}\n", "faults.noise: input should be a finite number"),
         ("title: [\n", "not valid YAML"),

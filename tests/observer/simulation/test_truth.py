@@ -230,6 +230,16 @@ def test_export_writes_what_a_stereo_folder_needs(tmp_path: Path) -> None:
             assert a.velocity == pytest.approx(b.velocity, abs=1e-9)
 
 
+def test_export_of_cameras_that_nobody_calibrated_brings_no_calibration(tmp_path: Path) -> None:
+    scenario = tmp_path / "short.yaml"
+    scenario.write_text("based_on: calibration\nduration_s: 0.2\n", encoding="utf-8")
+    assert export_stereo_folder(str(scenario), 0, tmp_path / "out") == 3
+    written = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert written == ["left", "right", "times.txt", "truth.csv"]
+    # The board is no obstacle: the observer alone is in the truth.
+    assert {b.role for b in CsvTruth(tmp_path / "out" / "truth.csv").bodies(0.0)} == {"observer"}
+
+
 def test_export_never_mixes_with_what_is_there(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
     with pytest.raises(InputError, match="is not empty; name a new or empty one"):
