@@ -20,8 +20,8 @@ from observer.sources.contract import LIVE_PATIENCE_S, LiveReport, NoFrame, Sour
 from observer.types import Image, StereoFrame
 
 _OPENING_S = 15.0
-# A device that cannot be opened says so once and for all; a stream may just be starting.
-_OPENING_FAILURES = {False: 1, True: 3}
+# A device that was released a moment ago is busy still, and a stream may just be starting.
+_OPENING_FAILURES = 3
 # How long nothing is looked after while a read waits.
 _GLANCE_S = 0.01
 _UNATTENDED_S = 1.0
@@ -268,7 +268,7 @@ class CameraSource:
             item = self.read()
             now = time.monotonic()
             for camera in self._cameras:
-                if camera.failures >= _OPENING_FAILURES[camera.target.network]:
+                if camera.is_missing or camera.failures >= _OPENING_FAILURES:
                     raise SourceError(camera.trouble(now) or f"{camera} cannot be opened")
             self._check_sizes()
             if isinstance(item, StereoFrame):
