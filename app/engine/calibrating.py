@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from app.engine.board_pictures import draw_board, small_picture
 from app.engine.errors import NotNow
-from app.engine.latest_worker import LatestWorker
 from app.engine.playback import Player
 from app.engine.replies import unexpected
 from app.engine.session import PlayedSource, SourceOpener, read_first
@@ -35,23 +31,24 @@ from observer.types import Image, StereoFrame
 
 _log = logging.getLogger(__name__)
 
-# A person follows the picture with a board in the hands; more would only heat the room.
-LOOK_RATE_HZ = 12.0
-
 # Takes the facts of a pair and what draws the image of a name, and draws what is watched.
 ShowCameras = Callable[[dict[str, Any], Callable[[str], Image]], None]
 
 
 class BoardPublisher:
-    """Where what is seen of a board goes to; called from another thread than the loop's."""
+    """Where what is seen of a board goes to."""
 
-    def __init__(self, send: Callable[[object], None], show: ShowCameras) -> None:
+    def __init__(
+        self, send: Callable[[object], None], show: ShowCameras, beat: Callable[[], None]
+    ) -> None:
         """
         Args:
             send: takes events and never blocks. show: draws the cameras' images if watched.
+            beat: called between the steps, each of which takes some ten milliseconds.
         """
         self.send = send
         self.show = show
+        self.beat = beat
 
 
 class CalibrationSession(PlayedSource):
@@ -76,10 +73,6 @@ class CalibrationSession(PlayedSource):
     def state(self) -> EngineState:
         return EngineState.CALIBRATING
 
-    def close(self) -> None:
-        self.watch.close()
-        super().close()
-
 
 def open_calibration(
     command: BeginCalibration, open_source: SourceOpener, publisher: BoardPublisher
@@ -100,7 +93,11 @@ def open_calibration(
 
 
 class BoardWatch:
-    """Looks for the board in the newest pair, in a thread of its own, and collects its views."""
+    """Looks for the board in every pair, and collects its views.
+
+    In the loop's own thread: a board is found or missed in about 15 ms an image, and a live
+    source meanwhile keeps its newest pair only.
+    """
 
     def __init__(
         self, command: BeginCalibration, source: Source, publisher: BoardPublisher
@@ -114,19 +111,6 @@ class BoardWatch:
         self._collector.automatic = command.automatic
         self._cover = CoverCheck()
         self._newest: StereoFrame | None = None
-        # The collector is asked by the loop's thread as well.
-        self._lock = threading.Lock()
-        self._closed = False
-        self._worker = LatestWorker("board", self._look, rate_hz=LOOK_RATE_HZ)
-
-    def give(self, frame: StereoFrame) -> None:
-        """Have this pair looked at, unless a newer one comes first; returns at once."""
-        self._worker.give(frame)
-
-    def close(self) -> None:
-        """End the thread."""
-        self._closed = True
-        self._worker.close()
 
     def change(self, command: ChangeCalibration) -> dict[str, Any]:
         """Carry it out; see ``ChangeCalibration``.
@@ -134,28 +118,26 @@ class BoardWatch:
         Raises:
             NotNow: there is nothing to undo or remove, or the board is not seen by both cameras.
         """
-        with self._lock:
-            collector = self._collector
-            if command.automatic is not None:
-                collector.automatic = command.automatic
-            if command.cover_check is not None:
-                (self._cover.ask if command.cover_check else self._cover.end)()
-            try:
-                if command.capture:
-                    time = 0.0 if self._newest is None else self._newest.time
-                    self._tell_captured(collector.capture(time))
-                if command.undo and collector.undo() is not None:
-                    self._tell_views()
-                if command.remove is not None:
-                    collector.remove(command.remove)
-                    self._tell_views()
-            except DynamicObserverError as error:
-                raise NotNow(str(error)) from error
-            return {"views": [view.name for view in collector.views]}
+        collector = self._collector
+        if command.automatic is not None:
+            collector.automatic = command.automatic
+        if command.cover_check is not None:
+            (self._cover.ask if command.cover_check else self._cover.end)()
+        try:
+            if command.capture:
+                time = 0.0 if self._newest is None else self._newest.time
+                self._tell_captured(collector.capture(time))
+            if command.undo and collector.undo() is not None:
+                self._tell_views()
+            if command.remove is not None:
+                collector.remove(command.remove)
+                self._tell_views()
+        except DynamicObserverError as error:
+            raise NotNow(str(error)) from error
+        return {"views": [view.name for view in collector.views]}
 
-    # --- in the other thread ---------------------------------------------------------------
-
-    def _look(self, frame: StereoFrame) -> None:
+    def look(self, frame: StereoFrame) -> None:
+        """Look at one pair; what comes of it goes to the publisher."""
         try:
             self._look_at(frame)
         except Exception as error:  # noqa: BLE001
@@ -166,20 +148,17 @@ class BoardWatch:
 
     def _look_at(self, frame: StereoFrame) -> None:
         left = detect_board(as_gray(frame.left), self._board, quick=True)
+        self._publisher.beat()
         right = detect_board(as_gray(frame.right), self._board, quick=True)
-        skew = None if frame.right_time is None else abs(frame.right_time - frame.time)
-        with self._lock:
-            if self._closed:
-                return
-            self._newest = frame
-            look = self._collector.look(left, right, frame.time, skew_s=skew)
-            self._cover.look(frame.left, frame.right)
-            facts = self._facts(frame, look, left, right)
-            views = self._collector.views
-            if look.view is not None:
-                self._tell_captured(look.view)
-        self._publisher.send(BoardLookEvent(facts, frame.received))
-        self._show(frame, look, {"left": left, "right": right}, views)
+        self._publisher.beat()
+        skew = 0.0 if frame.right_time is None else abs(frame.right_time - frame.time)
+        self._newest = frame
+        look = self._collector.look(left, right, frame.time, skew_s=skew)
+        self._cover.look(frame.left, frame.right)
+        if look.view is not None:
+            self._tell_captured(look.view)
+        self._publisher.send(BoardLookEvent(self._facts(frame, look, left, right), frame.received))
+        self._show(frame, look, {"left": left, "right": right})
 
     def _facts(
         self,
@@ -223,18 +202,16 @@ class BoardWatch:
         frame: StereoFrame,
         look: Look,
         sightings: dict[str, BoardSighting | None],
-        views: tuple[BoardView, ...],
     ) -> None:
-        ghost = None if look.ghost is None else np.asarray(look.ghost)
+        views = self._collector.views
 
         def draw(name: str) -> Image:
             side = "left" if name == CAMERA_NAMES[0] else "right"
             image = frame.left if side == "left" else frame.right
             kept = [seen for view in views if (seen := getattr(view, side)) is not None]
             # What to do next is told in the left image only: it has one place there.
-            outline = ghost if side == "left" else None
+            outline = look.ghost if side == "left" else None
             return draw_board(image, self._board, sightings[side], kept, outline)
 
-        if not self._closed:
-            facts = {"frame": frame.index, "time": frame.time, "received": frame.received}
-            self._publisher.show(facts, draw)
+        facts = {"frame": frame.index, "time": frame.time, "received": frame.received}
+        self._publisher.show(facts, draw)

@@ -76,7 +76,7 @@ class Engine:
             make_observer=make_observer,
             opened=inbox.put,
             closed=self._forget,
-            boards=BoardPublisher(send, publisher.show_cameras),
+            boards=BoardPublisher(send, publisher.show_cameras, self.beat),
             stage_clock=self._beating_clock,
             clock=clock,
         )
@@ -204,7 +204,7 @@ class Engine:
         if isinstance(session, Session):
             self._observe(session, played)
         elif isinstance(session, CalibrationSession):
-            session.watch.give(played.frame)
+            session.watch.look(played.frame)
 
     def _observe(self, session: Session, played: PlayedFrame) -> None:
         frame = played.frame

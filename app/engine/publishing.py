@@ -93,7 +93,7 @@ class Publisher:
         self._draw(observed, self._watched)
 
     def show_cameras(self, facts: dict[str, Any], draw: Callable[[str], Image]) -> None:
-        """Show the cameras' images as somebody else draws them; from any thread.
+        """Show the cameras' images as somebody else draws them.
 
         Args:
             facts: frame, time and received of the pair. draw: makes the image of a name.
@@ -101,9 +101,8 @@ class Publisher:
         for name in sorted(self._watched.intersection(CAMERA_NAMES)):
             image = draw(name)
             width, height = jpeg_size(*image.shape[1::-1])
-            jpeg = encode_jpeg(image)
-            with self._writing:
-                self._slots[name].write({**facts, "width": width, "height": height}, jpeg)
+            header = {**facts, "width": width, "height": height}
+            self._slots[name].write(header, encode_jpeg(image))
 
     def forget(self) -> None:
         """The source is closed: what was observed of it is not shown again."""

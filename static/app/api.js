@@ -33,7 +33,7 @@ export async function request(method, path, body) {
 }
 
 /**
- * An image and the headers that came with it.
+ * An image, or another file, and the headers that came with it.
  *
  * @param {string} path below /api
  * @returns {Promise<{blob: Blob, headers: Headers}>}

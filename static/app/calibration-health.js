@@ -78,7 +78,7 @@ class CalibrationHealth extends Part {
       /** @type {import("./types.js").Calibration} */
       const refined = await request("POST", "/calibrations/refine");
       this.hub.tell("calibrations");
-      const use = await previewed(refined, false, `${refined.origin}.`);
+      const use = await previewed(refined, false);
       if (!use) return notify(`${refined.name} is kept beside the others and not in use.`);
       this.hub.takeStatus(await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`));
       notify(`${refined.name} is in use.`);

@@ -1,19 +1,28 @@
 /** Calibrations: send one in, see the rectified pair, then use it. */
 
 import { ApiError, request } from "./api.js";
-import { describe, previewed } from "./calibration-preview.js";
+import { compared, describe, previewed } from "./calibration-preview.js";
 import { h, icon, setText } from "./dom.js";
-import { confirmed, notify, notifyError } from "./notice.js";
+import { answered, confirmed, notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
 
 /** @typedef {import("./types.js").Calibration} Calibration */
 
+/** @type {[string, string][]} */
+const UNITS = [["", "The format's own"], ["m", "metres"], ["cm", "centimetres"], ["mm", "millimetres"], ["in", "inches"]];
+/** @type {[string, string][]} */
+const CAMERAS = [["", "As the images are"], ["grey", "KITTI's grey cameras"], ["colour", "KITTI's colour cameras"]];
+
 class CalibrationPanel extends Part {
-  #file = h("input", { type: "file", id: "calibration-file", accept: ".yaml,.yml,.xml,.txt", "aria-describedby": "calibration-help calibration-error" });
+  #file = h("input", { type: "file", id: "calibration-file", multiple: true, accept: ".yaml,.yml,.xml,.json,.txt,.conf,.mat", "aria-describedby": "calibration-help calibration-error" });
+  #size = h("input", { type: "text", id: "calibration-size", placeholder: "as in 1280x720", autocomplete: "off" });
+  #unit = h("select", { id: "calibration-unit" }, ...UNITS.map(([value, text]) => h("option", { value }, text)));
+  #cameras = h("select", { id: "calibration-cameras" }, ...CAMERAS.map(([value, text]) => h("option", { value }, text)));
   #drop = h("div", { class: "drop" });
   #error = h("p", { class: "field-error", id: "calibration-error", role: "alert" });
   #list = h("ul", { class: "item-list" });
   #empty = h("p", { class: "empty" }, "None yet; the source's own calibration is in use.");
+  #compare = h("button", { class: "button", type: "button", hidden: true }, "Compare");
   #own = h("button", { class: "button", type: "button" }, "Back to the source's own");
   /** @type {Calibration[]} */
   #all = [];
@@ -24,17 +33,22 @@ class CalibrationPanel extends Part {
       h("label", { for: "calibration-file" }, icon("upload"), "Choose a calibration file, or drop it here"),
       this.#file,
       h("p", { class: "hint", id: "calibration-help" },
-        "OpenCV YAML with image_width, image_height, K1, D1, K2, D2, R and T in metres. You see the rectified pair before it is used."),
+        "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used."),
+      h("details", {}, h("summary", {}, "Where the files leave something open"),
+        h("div", { class: "stack" },
+          field("Image size, where no file tells it", this.#size), field("Lengths are in", this.#unit), field("Cameras", this.#cameras))),
       this.#error,
     );
-    this.#file.addEventListener("change", () => void this.#send(this.#file.files?.[0]));
+    this.#file.addEventListener("change", () => void this.#send([...(this.#file.files ?? [])]));
     this.#own.addEventListener("click", () => void this.#deactivate());
     this.#listenForDrop();
     const make = h("button", { class: "button primary", type: "button" }, "Calibrate cameras");
     make.addEventListener("click", () => this.hub.tell("calibrate"));
     this.append(h("h2", {}, "Calibration"),
       h("p", { class: "hint" }, "With a printed board it takes about five minutes."), h("div", { class: "row" }, make),
-      h("h3", {}, "Bring your own"), this.#drop, h("h3", {}, "Kept calibrations"), this.#empty, this.#list, this.#own);
+      h("h3", {}, "Bring your own"), this.#drop, h("h3", {}, "Kept calibrations"), this.#empty, this.#list,
+      h("div", { class: "row" }, this.#compare, this.#own));
+    this.#compare.addEventListener("click", () => compared(this.#all.slice(0, 4)));
     this.hear("reconnected", () => void this.#load());
     this.hear("calibrations", () => void this.#load());
     this.hear("status", () => {
@@ -57,7 +71,7 @@ class CalibrationPanel extends Part {
     this.#drop.addEventListener("drop", (event) => {
       event.preventDefault();
       this.#drop.removeAttribute("data-over");
-      void this.#send(event.dataTransfer?.files[0]);
+      void this.#send([...(event.dataTransfer?.files ?? [])]);
     });
   }
 
@@ -72,6 +86,7 @@ class CalibrationPanel extends Part {
   #renderList() {
     this.#empty.hidden = this.#all.length > 0;
     this.#own.hidden = this.#active === "";
+    this.#compare.hidden = this.#all.length < 2;
     this.#list.replaceChildren(...this.#all.map((calibration) => this.#item(calibration)));
   }
 
@@ -79,6 +94,8 @@ class CalibrationPanel extends Part {
   #item(calibration) {
     const active = calibration.id === this.#active;
     const remove = h("button", { type: "button", class: "button icon-button", disabled: active, "aria-label": `Delete calibration ${calibration.name}`, title: active ? "In use" : "Delete" }, icon("trash"));
+    const name = h("button", { type: "button", class: "button", "aria-label": `Rename calibration ${calibration.name}` }, "Rename");
+    name.addEventListener("click", () => void this.#rename(calibration));
     const look = h("button", { type: "button", class: "button", "aria-label": `Look at calibration ${calibration.name}` }, "Look");
     remove.addEventListener("click", () => void this.#remove(calibration));
     look.addEventListener("click", () => void this.#look(calibration));
@@ -86,15 +103,18 @@ class CalibrationPanel extends Part {
       h("div", { class: "item-words" },
         h("p", {}, h("b", {}, calibration.name), " ", active ? h("span", { class: "state-chip", "data-state": "running" }, "in use") : null),
         h("p", { class: "hint" }, describe(calibration))),
-      h("div", { class: "row" }, look, remove));
+      h("div", { class: "row" }, look, name, remove));
   }
 
-  /** @param {File | undefined} file */
-  async #send(file) {
-    if (!file) return;
+  /** @param {File[]} files */
+  async #send(files) {
+    if (files.length === 0) return;
     setText(this.#error, "");
     const form = new FormData();
-    form.append("file", file);
+    for (const file of files) form.append("file", file);
+    for (const [name, { value }] of /** @type {const} */ ([["size", this.#size], ["unit", this.#unit], ["cameras", this.#cameras]])) {
+      if (value.trim()) form.append(name, value.trim());
+    }
     try {
       /** @type {Calibration} */
       const calibration = await request("POST", "/calibrations", form);
@@ -102,7 +122,7 @@ class CalibrationPanel extends Part {
       await this.#look(calibration);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, `${file.name} was not taken: ${error.message}`);
+      setText(this.#error, `${files.map((file) => file.name).join(" and ")} was not taken: ${error.message}`);
     } finally {
       // The same file, corrected, can be chosen again.
       this.#file.value = "";
@@ -115,6 +135,18 @@ class CalibrationPanel extends Part {
     if (!use) return;
     const path = `/calibrations/${encodeURIComponent(calibration.id)}/activate`;
     await this.#change(path, `${calibration.name} is in use.`);
+  }
+
+  /** @param {Calibration} calibration */
+  async #rename(calibration) {
+    const name = await answered("What shall this calibration be called?", "Name", calibration.name);
+    if (!name || name === calibration.name) return;
+    try {
+      await request("PATCH", `/calibrations/${encodeURIComponent(calibration.id)}`, { name });
+    } catch (error) {
+      notifyError(error);
+    }
+    this.hub.tell("calibrations");
   }
 
   async #deactivate() {
@@ -149,6 +181,11 @@ class CalibrationPanel extends Part {
     }
     this.hub.tell("calibrations");
   }
+}
+
+/** @param {string} words @param {HTMLElement} control */
+function field(words, control) {
+  return h("div", { class: "field" }, h("label", { for: control.id }, words), control);
 }
 
 customElements.define("observer-calibration", CalibrationPanel);

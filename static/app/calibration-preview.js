@@ -1,7 +1,9 @@
 /** A calibration before it is used: what was understood, and the newest pair rectified by it. */
 
 import { requestImage } from "./api.js";
+import { verdictTable, viewChart } from "./calibrating/report-parts.js";
 import { h, setText } from "./dom.js";
+import { TapeCheck } from "./tape-check.js";
 import { fixed } from "./words.js";
 
 /** @typedef {import("./types.js").Calibration} Calibration */
@@ -14,13 +16,14 @@ const POOR_PX = 1.5;
  *
  * @param {Calibration} calibration
  * @param {boolean} active whether it is in use already
- * @param {string} [words] what is to be known of it beside its figures
  * @returns {Promise<boolean>} whether to use it
  */
-export function previewed(calibration, active, words = "") {
+export function previewed(calibration, active) {
   const canvas = h("canvas", { width: 4, height: 1, role: "img", "aria-label": "The rectified pair, left and right, with level lines across both" });
   const verdict = h("p", { class: "verdict", role: "status" }, "Rectifying the newest pair…");
   const use = h("button", { value: "use", class: "button primary", disabled: active }, active ? "In use" : "Use this calibration");
+  const tape = new TapeCheck(calibration, canvas);
+  const report = calibration.report;
   const dialog = h(
     "dialog",
     { class: "preview", "aria-labelledby": "preview-title" },
@@ -28,11 +31,16 @@ export function previewed(calibration, active, words = "") {
       "form",
       { method: "dialog" },
       h("h2", { id: "preview-title" }, calibration.name),
-      words ? h("p", {}, words) : null,
+      calibration.origin ? h("p", {}, sentence(calibration.origin)) : null,
+      notes(calibration.notes),
       h("dl", { class: "figures" }, ...understood(calibration)),
+      report?.verdict ? h("p", { class: "verdict" }, report.verdict.sentence) : null,
+      report ? h("details", {}, h("summary", {}, "How good it is"), report.verdict ? verdictTable(report.verdict) : null, viewChart(report.views)) : null,
       canvas,
       h("p", { class: "hint" }, "A point of the left image must lie on the same level line in the right one."),
       verdict,
+      tape.element,
+      h("div", { class: "row" }, ...exports(calibration)),
       h("div", { class: "row end" }, h("button", { value: "close", class: "button" }, "Close"), use),
     ),
   );
@@ -77,6 +85,75 @@ export async function paintPreview(path, canvas, verdict) {
   }
 }
 
+/**
+ * Two or more calibrations beside each other, over the page until it is closed.
+ *
+ * @param {Calibration[]} calibrations
+ */
+export function compared(calibrations) {
+  /** @type {[string, (c: Calibration) => string][]} */
+  const rows = [
+    ["From", (c) => c.origin ?? "uploaded"],
+    ["Made", (c) => c.created_at.slice(0, 10)],
+    ["Image size", (c) => `${c.width} × ${c.height} px`],
+    ["Baseline", (c) => `${fixed(1000 * c.baseline_m, 1)} mm`],
+    ["Field of view", (c) => `${fixed(c.hfov_deg, 1)}°`],
+    ["Stereo, RMS", (c) => (c.report ? `${fixed(c.report.rms_stereo_px, 2)} px` : "–")],
+    ["Rows, views held out", (c) => (c.report?.held_out ? `${fixed(c.report.held_out.median_px, 2)} px, 95 % ${fixed(c.report.held_out.p95_px, 2)} px` : "–")],
+    ["Depth error at 3 m", (c) => depthAt3m(c)],
+    ["Rows now", () => "…"],
+    ["Tape checks", (c) => c.tape_checks.map((check) => `${fixed(check.measured_m, 2)} m: ${check.agrees ? "agrees" : "differs"}`).join(", ") || "–"],
+  ];
+  const body = h("tbody", {}, ...rows.map(([term, value]) => h("tr", {}, h("th", { scope: "row" }, term), ...calibrations.map((c) => h("td", {}, value(c))))));
+  const dialog = h("dialog", { class: "preview", "aria-labelledby": "compare-title" },
+    h("form", { method: "dialog" },
+      h("h2", { id: "compare-title" }, "Calibrations compared"),
+      h("div", { class: "table-scroll" },
+        h("table", { class: "verdict-table" },
+          h("thead", {}, h("tr", {}, h("th", {}), ...calibrations.map((c) => h("th", { scope: "col" }, c.name)))), body)),
+      h("p", { class: "hint" }, "“Rows now” is measured in the newest pair of the open source."),
+      h("div", { class: "row end" }, h("button", { value: "close", class: "button" }, "Close"))));
+  dialog.addEventListener("close", () => dialog.remove());
+  document.body.append(dialog);
+  dialog.showModal();
+  const cells = body.rows[rows.findIndex(([term]) => term === "Rows now")]?.cells;
+  for (const [place, calibration] of calibrations.entries()) {
+    const cell = cells?.[place + 1];
+    if (cell) void rowsNow(calibration).then((text) => setText(cell, text));
+  }
+}
+
+/** @param {Calibration} calibration */
+async function rowsNow(calibration) {
+  try {
+    const { headers } = await requestImage(`/calibrations/${encodeURIComponent(calibration.id)}/preview`);
+    const px = headers.get("x-vertical-error-px");
+    return px === null ? "too few matches" : `${fixed(Number(px), 2)} px`;
+  } catch {
+    return "does not fit the open source";
+  }
+}
+
+/** @param {Calibration} c */
+function depthAt3m(c) {
+  const row = c.report?.verdict?.rows.find((/** @type {{distance_m: number}} */ each) => each.distance_m === 3);
+  return row ? `${fixed(100 * row.depth_m, 1)} cm` : "–";
+}
+
+/** @param {string[]} list */
+function notes(list) {
+  if (list.length === 0) return null;
+  return h("details", { open: true }, h("summary", {}, "What was understood"), h("ul", { class: "plain-list" }, ...list.map((note) => h("li", {}, sentence(note)))));
+}
+
+/** @param {Calibration} c */
+function exports(c) {
+  const path = `/api/calibrations/${encodeURIComponent(c.id)}`;
+  /** @type {[string, string][]} */
+  const kinds = [["opencv", "OpenCV"], ["ros", "ROS"], ["kalibr", "Kalibr"]];
+  return kinds.map(([kind, words]) => h("a", { class: "button", href: `${path}/export/${kind}`, download: "" }, `Download for ${words}`));
+}
+
 /** @param {Calibration} c */
 function understood(c) {
   /** @type {[string, string][]} */
@@ -86,6 +163,7 @@ function understood(c) {
     ["Field of view", `${fixed(c.hfov_deg, 1)}° wide`],
     ["Images", c.rectified ? "rectified already" : "rectified by it"],
   ];
+  if (c.devices.length) facts.push(["Cameras", c.devices.join(", ")]);
   return facts.map(([term, value]) => h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value)));
 }
 
@@ -106,4 +184,10 @@ function judge(verdict, px) {
   }[tone];
   verdict.dataset.tone = tone;
   setText(verdict, `Vertical error ${px.toFixed(2)} px: ${words}.`);
+}
+
+/** @param {string} text */
+function sentence(text) {
+  const end = /[.!?]$/.test(text) ? "" : ".";
+  return `${text.charAt(0).toUpperCase()}${text.slice(1)}${end}`;
 }

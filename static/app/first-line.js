@@ -56,14 +56,15 @@ class FirstLine extends Part {
     const { status } = this.hub;
     if (!status) return;
     const { source, run, calibration } = status;
+    const calibrating = status.engine.state === "calibrating";
     const words = source
       ? [
           source.spec,
           `${source.width} × ${source.height} at ${Number(source.frame_rate.toFixed(1))} fps`,
-          calibration ? `calibration ${calibration.name}` : null,
-          status.has_truth ? "with truth" : "without truth",
+          calibration && !calibrating ? `calibration ${calibration.name}` : null,
+          calibrating ? null : status.has_truth ? "with truth" : "without truth",
           this.hub.freshness.state === "held" ? this.hub.freshness.reason.replace(/\.$/, "") : null,
-          run ? `kept as run ${run.name}` : "preview, nothing is kept",
+          run ? `kept as run ${run.name}` : calibrating ? "nothing is observed meanwhile" : "preview, nothing is kept",
         ]
       : ["No source is open; choose one under Source."];
     setText(this.#context, words.filter(Boolean).join(" · "));

@@ -6,6 +6,7 @@ import "./calibration-panel.js";
 import "./ego-motion.js";
 import "./first-line.js";
 import "./freshness-banner.js";
+import "./live-cameras.js";
 import "./live-views.js";
 import "./obstacle-table.js";
 import "./parameter-form.js";

@@ -60,3 +60,32 @@ export function confirmed(question, consequence, action) {
     dialog.showModal();
   });
 }
+
+/**
+ * Ask for a line of text.
+ *
+ * @param {string} question
+ * @param {string} label of the field
+ * @param {string} first what it holds at first
+ * @returns {Promise<string | null>} null where it was left
+ */
+export function answered(question, label, first) {
+  const input = h("input", { type: "text", id: "answer", maxlength: 100, required: true, autocomplete: "off" });
+  input.value = first;
+  const dialog = h("dialog", { class: "question", "aria-labelledby": "answer-title" },
+    h("form", { method: "dialog" },
+      h("h2", { id: "answer-title" }, question),
+      h("div", { class: "field" }, h("label", { for: "answer" }, label), input),
+      h("div", { class: "row end" },
+        h("button", { value: "yes", class: "button primary" }, "Take it"),
+        h("button", { value: "no", class: "button", formnovalidate: true }, "Leave"))));
+  document.body.append(dialog);
+  dialog.showModal();
+  input.select();
+  return new Promise((resolve) => {
+    dialog.addEventListener("close", () => {
+      dialog.remove();
+      resolve(dialog.returnValue === "yes" ? input.value.trim() : null);
+    });
+  });
+}

@@ -1,7 +1,7 @@
 /** The first step: which board, printed how large, before which cameras. */
 
-import { ApiError, request } from "../api.js";
-import { h, icon, setAttribute, setText } from "../dom.js";
+import { ApiError, request, requestImage } from "../api.js";
+import { h, icon, setText } from "../dom.js";
 import { Part } from "../part.js";
 import { fixed } from "../words.js";
 
@@ -25,8 +25,9 @@ export class BoardStep extends Part {
   #bar = number("board-bar", 20, 300, "any");
   #lens = select("board-lens", [["radtan", "Usual lens"], ["equidistant", "Fisheye lens"]]);
   #source = h("input", { type: "text", id: "board-source", autocomplete: "off", spellcheck: "false" });
-  #svg = h("a", { class: "button", download: "" }, icon("download"), "Board as SVG");
-  #pdf = h("a", { class: "button", download: "" }, icon("download"), "Board as PDF");
+  #svg = h("button", { class: "button", type: "button" }, icon("download"), "Board as SVG");
+  #pdf = h("button", { class: "button", type: "button" }, icon("download"), "Board as PDF");
+  #printing = h("p", { class: "field-error", role: "alert" });
   #scaled = h("p", { class: "hint", role: "status" });
   #error = h("p", { class: "field-error", role: "alert", id: "board-error" });
   #start = h("button", { class: "button primary", type: "submit" }, "Begin with these cameras");
@@ -41,11 +42,11 @@ export class BoardStep extends Part {
         h("div", { class: "wizard-fields" },
           field("Kind", this.#kind), field("Columns", this.#columns), field("Rows", this.#rows),
           field("Square, mm", this.#square), field("Paper", this.#paper)),
-        h("div", { class: "row" }, this.#pdf, this.#svg),
+        h("div", { class: "row" }, this.#pdf, this.#svg), this.#printing,
         h("p", { class: "hint" }, "Print at 100 %, not fitted to the page, and glue it onto something flat and stiff: glass, a door, a clipboard.")),
       h("fieldset", { class: "wizard-block" },
         h("legend", {}, "Measure it"),
-        h("div", { class: "wizard-fields" }, field(`The printed bar of ${BAR_MM} mm measures, mm`, this.#bar)),
+        h("div", { class: "wizard-fields single" }, field(`The printed bar of ${BAR_MM} mm measures, mm`, this.#bar)),
         this.#scaled),
       h("fieldset", { class: "wizard-block" },
         h("legend", {}, "Which cameras"),
@@ -65,6 +66,8 @@ export class BoardStep extends Part {
       event.preventDefault();
       void this.#begin();
     });
+    this.#svg.addEventListener("click", () => void this.#download("svg"));
+    this.#pdf.addEventListener("click", () => void this.#download("pdf"));
     this.#zip.addEventListener("change", () => void this.#sendImages());
     this.hear("status", () => this.#suggest());
     this.hear("calibrate", () => this.#suggest());
@@ -95,11 +98,7 @@ export class BoardStep extends Part {
   #changed() {
     const c = this.#choice();
     localStorage.setItem(KEY, JSON.stringify(c));
-    const query = new URLSearchParams({ columns: String(c.columns), rows: String(c.rows), square_mm: String(c.square_mm), paper: c.paper });
-    for (const [link, format] of /** @type {const} */ ([[this.#svg, "svg"], [this.#pdf, "pdf"]])) {
-      link.href = `/api/boards/${c.kind}.${format}?${query}`;
-      setAttribute(link, "download", `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}`);
-    }
+    setText(this.#printing, "");
     const same = Math.abs(c.bar_mm - BAR_MM) < 0.05;
     setText(this.#scaled, same
       ? "The squares measure what is written on the board."
@@ -116,6 +115,22 @@ export class BoardStep extends Part {
       paper: this.#paper.value,
       bar_mm: Number(this.#bar.value),
     };
+  }
+
+  /** @param {"svg" | "pdf"} format a board that does not fit the paper is refused in words */
+  async #download(format) {
+    const c = this.#choice();
+    const query = new URLSearchParams({ columns: String(c.columns), rows: String(c.rows), square_mm: String(c.square_mm), paper: c.paper });
+    setText(this.#printing, "");
+    try {
+      const { blob } = await requestImage(`/boards/${c.kind}.${format}?${query}`);
+      const href = URL.createObjectURL(blob);
+      h("a", { href, download: `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}` }).click();
+      setTimeout(() => URL.revokeObjectURL(href), 60_000);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      setText(this.#printing, error.message);
+    }
   }
 
   async #begin() {

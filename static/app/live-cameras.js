@@ -1,0 +1,57 @@
+/** How the cameras of a live source are: what they accepted, how far apart in time, what is wrong. */
+
+import { h, setText } from "./dom.js";
+import { Part } from "./part.js";
+import { fixed } from "./words.js";
+
+/** @typedef {import("./types.js").Live} Live */
+/** @typedef {import("./types.js").LiveCamera} LiveCamera */
+
+const SIDES = { left: "Left camera", right: "Right camera", both: "Camera" };
+const STATES = { open: "delivers", waiting: "is being opened again", failed: "cannot be opened" };
+
+class LiveCameras extends Part {
+  #trouble = h("p", { class: "field-error", role: "alert" });
+  #skew = h("p", {});
+  #counts = h("p", { class: "hint" });
+  #cameras = h("div", { class: "stack" });
+  #hints = h("ul", { class: "plain-list" });
+  #drawn = "";
+
+  build() {
+    this.append(h("h3", {}, "Cameras"), this.#trouble, this.#skew, this.#counts, this.#cameras, this.#hints);
+    this.hear("status", () => this.#render());
+  }
+
+  #render() {
+    const live = this.hub.status?.live ?? null;
+    this.hidden = live === null;
+    if (!live) return;
+    setText(this.#trouble, live.trouble ?? "");
+    setText(this.#skew, skewWords(live));
+    setText(this.#counts, `${live.pairs} pairs, ${live.dropped} dropped for being more than half an image apart in time, ${live.reopened} times opened again.`);
+    const drawn = JSON.stringify([live.cameras, live.hints]);
+    if (drawn === this.#drawn) return;
+    this.#drawn = drawn;
+    this.#cameras.replaceChildren(...live.cameras.map(camera));
+    this.#hints.replaceChildren(...live.hints.map((hint) => h("li", {}, hint)));
+  }
+}
+
+/** @param {LiveCamera} each */
+function camera({ side, device, state, trouble, settings, refused }) {
+  return h("div", { class: "live-camera" },
+    h("p", {}, h("b", {}, SIDES[side]), ` ${STATES[state]}`, h("br"), h("code", {}, device)),
+    trouble ? h("p", { class: "field-error" }, trouble) : null,
+    h("dl", { class: "figures" }, ...Object.entries(settings).map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", { class: "figure" }, value)))),
+    refused.length ? h("ul", { class: "plain-list warnings" }, ...refused.map((reason) => h("li", {}, reason))) : null);
+}
+
+/** @param {Live} live */
+function skewWords({ cameras, skew_median_s, skew_p95_s }) {
+  if (cameras.length < 2) return "Both images are of one instant.";
+  if (skew_median_s === null) return "How far left and right are apart in time shows after some pairs.";
+  return `Left and right are ${fixed(1000 * skew_median_s, 1)} ms apart (median), 95 % within ${fixed(1000 * (skew_p95_s ?? 0), 1)} ms; motion in space allows for it.`;
+}
+
+customElements.define("observer-live-cameras", LiveCameras);
