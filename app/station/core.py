@@ -37,6 +37,7 @@ from app.station.asking import ask
 from app.station.calibration_desk import CalibrationDesk
 from app.station.contracts import Engine
 from app.station.current_run import CurrentRun
+from app.station.drive_survey import DriveSurvey
 from app.station.errors import Conflict, FieldError, NotAvailable
 from app.station.followers import Followers
 from app.station.opening import Opening
@@ -63,6 +64,7 @@ class StationCore:
         followers: who is told of everything. watching: which views are looked at.
         telemetry: figures of the running loop. writer: the way into the database.
         calibrating: what is being calibrated. rig: how the cameras stand on their robot.
+        drive: notes a drive, by which that is estimated.
         state: the engine's last word on itself. latest: the newest observation.
         viewers: open live pages. warnings: sentences for the person at the page.
     """
@@ -86,6 +88,7 @@ class StationCore:
         self.calibrating = CalibrationDesk(engine, self.followers.status_changed)
         self.parameters = ParameterDesk(engine, storage, self.writer)
         self.rig = RigDesk(rig_file)
+        self.drive = DriveSurvey()
         self.runs = RunArchive(storage, lambda: self.run)
         self.state = StateEvent(EngineState.IDLE, None)
         self.latest: ObservationEvent | None = None
@@ -186,6 +189,7 @@ class StationCore:
         self.telemetry.observed(event, self.clock())
         if self._run is not None and event.run_id == self._run.id:
             self._run.observed(event)
+        self.drive.observed(event)
         self.followers.observed(event)
 
     def _state_changed(self, event: StateEvent) -> None:

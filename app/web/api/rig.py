@@ -7,10 +7,11 @@ from typing import Any
 
 from fastapi import APIRouter, Response
 
-from app.station import Station
+from app.station import Conflict, Station
 from app.station.floor_survey import survey_floor
 from app.web.api.common import TheStation, refusals
-from app.web.api.rig_models import FloorEstimate, RigChange, RigFile, RigNow
+from app.web.api.rig_models import DriveNow, FloorEstimate, RigChange, RigFile, RigNow
+from observer.mount import CameraMount
 
 router = APIRouter(prefix="/rig", tags=["rig"])
 
@@ -83,3 +84,35 @@ async def put_file(file: RigFile, station: TheStation) -> dict[str, Any]:
 async def post_floor(station: TheStation) -> dict[str, Any]:
     """Looks for about two seconds; nothing is changed."""
     return await survey_floor(station.engine, station.state.camera)
+
+
+@router.post(
+    "/drive",
+    status_code=201,
+    response_model=DriveNow,
+    summary="Note a drive, by which the offset from the axle is estimated",
+    responses=refusals(409),
+)
+async def post_drive(station: TheStation) -> dict[str, Any]:
+    """Drive some metres straight and turn on the spot; wheel odometry must come with the frames."""
+    if station.state.camera is None:
+        raise Conflict("nothing is observed by which a drive could be followed; open a source")
+    station.drive.begin()
+    return await _drive(station)
+
+
+@router.get("/drive", response_model=DriveNow, summary="What the drive says so far")
+async def get_drive(station: TheStation) -> dict[str, Any]:
+    return await _drive(station)
+
+
+@router.delete("/drive", response_model=DriveNow, summary="End the drive")
+async def delete_drive(station: TheStation) -> dict[str, Any]:
+    """What it says stays; nothing is changed."""
+    station.drive.end()
+    return await _drive(station)
+
+
+async def _drive(station: Station) -> dict[str, Any]:
+    mount = station.state.mount
+    return await station.drive.estimate(None if mount is None else CameraMount(**mount))

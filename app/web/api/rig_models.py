@@ -67,3 +67,10 @@ class FloorEstimate(BaseModel):
     share: float = Field(description="Of all points, those on the floor.")
     views: int
     sentence: str
+
+
+class DriveNow(BaseModel):
+    noting: bool
+    values: dict[str, RigNumber] = Field(description="By the rig's keys, as far as told.")
+    still_needed: list[str] = Field(description="What to drive so that the rest can be told.")
+    sentence: str
