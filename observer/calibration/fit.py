@@ -22,6 +22,7 @@ from observer.calibration.doubtful import (
     view_errors,
     whole_errors,
 )
+from observer.calibration.flatness import board_bend
 from observer.calibration.held_out import (
     Folds,
     fit_folds,
@@ -118,6 +119,7 @@ def fit_stereo(
         depth_bias=DepthBias(tuple(_row(each) for each in covariances)),
         held_out=measured,
         coverage=(_coverage(corners[0], width, height), _coverage(corners[1], width, height)),
+        bend=board_bend(found.rig, corners, board, found.scatter_px),
     )
 
 

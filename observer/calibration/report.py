@@ -36,6 +36,7 @@ def fit_report(fit: StereoFit, verdict: Verdict | None = None) -> dict[str, Any]
         "uncertainty": asdict(fit.uncertainty),
         "depth_bias": [list(row) for row in fit.depth_bias.covariances],
         "coverage": list(fit.coverage),
+        "board_bend": None if fit.bend is None else asdict(fit.bend),
         "verdict": None if verdict is None else asdict(verdict),
     }
     return _plain(report)  # type: ignore[no-any-return]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.calibration.board import Board
+from observer.calibration.flatness import Bend
 from observer.calibration.held_out import HeldOut
 from observer.calibration.lens import directions
 from observer.calibration.uncertainty import FitUncertainty
@@ -71,6 +72,7 @@ class StereoFit:
         depth_bias: what it does to depth.
         held_out: None where there were too few views to leave some out.
         coverage: share of the left and of the right image's cells that corners fell into.
+        bend: how far the board seems to be from flat; None where the views do not tell.
     """
 
     calibration: StereoCalibration
@@ -84,6 +86,7 @@ class StereoFit:
     depth_bias: DepthBias
     held_out: HeldOut | None
     coverage: tuple[float, float]
+    bend: Bend | None
 
     @property
     def field_of_view_deg(self) -> tuple[float, float]:

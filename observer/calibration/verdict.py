@@ -31,6 +31,8 @@ _POOR_COVERAGE = 0.6
 _FEW_PAIRS = 10
 _POOR_FOCAL = 0.01
 _LENSES_DIFFER = 0.1
+# Of a board's longer side, and standard deviations.
+_BENT, _BENT_SIGMAS = 0.004, 4.0
 
 
 @dataclass(frozen=True)
@@ -259,6 +261,16 @@ def _fit_warnings(fit: StereoFit) -> list[str]:
         )
     if fit.held_out is not None and fit.pairs < _FEW_PAIRS:
         out.append(f"only {fit.pairs} pairs were used; 15 or more make it surer")
+    bend = fit.bend
+    if (
+        bend is not None
+        and bend.height_m > _BENT * max(fit.board.size_m)
+        and bend.height_m > _BENT_SIGMAS * bend.sigma_m
+    ):
+        out.append(
+            f"the board seems to be bent by {1e3 * bend.height_m:.1f} mm; fix the print to "
+            f"something flat, such as glass or a plate, and take the views again"
+        )
     share = 0.3 if len(fit.views) > 3 else 1.0
     refused = sum(not view.used for view in fit.views)
     if refused > share * len(fit.views):

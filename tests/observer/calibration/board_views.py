@@ -57,11 +57,16 @@ def pose(
 
 
 def projected(
-    true: StereoCalibration, R: Float64Array, t: Float64Array
+    true: StereoCalibration, R: Float64Array, t: Float64Array, bend_m: float = 0.0
 ) -> tuple[Float64Array, Float64Array]:
-    """Pixels (54, 2) of the board's corners in both images, without noise."""
+    """Pixels (54, 2) of the board's corners in both images, without noise.
+
+    The board's left and right edges stand ``bend_m`` out of the plane of its middle.
+    """
     module = cv2.fisheye if true.distortion_model == "equidistant" else cv2
-    left = BOARD.object_points @ R.T + t
+    points = BOARD.object_points
+    points[:, 2] = bend_m * (2 * points[:, 0] / points[-1, 0] - 1) ** 2
+    left = points @ R.T + t
     right = left @ true.R.T + true.T
     zero = np.zeros(3)
     return tuple(
@@ -71,13 +76,13 @@ def projected(
 
 
 def views_of(
-    true: StereoCalibration, count: int, seed: int, noise_px: float = 0.15, tilt_deg: float = 40
+    true: StereoCalibration, count: int, seed: int, noise_px: float = 0.15, bend_m: float = 0.0
 ) -> list[BoardView]:
     """Views in which both cameras see the whole board, named 1, 2, ..."""
     rng = np.random.default_rng(seed)
     found: list[BoardView] = []
     while len(found) < count:
-        pair = projected(true, *pose(true, rng, tilt_deg))
+        pair = projected(true, *pose(true, rng), bend_m)
         if all((px > 3).all() and (px < [WIDTH - 4, HEIGHT - 4]).all() for px in pair):
             noisy = (sighting(px + rng.normal(0, noise_px, px.shape)) for px in pair)
             found.append(BoardView(str(len(found) + 1), *noisy))

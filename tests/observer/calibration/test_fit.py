@@ -187,6 +187,15 @@ def test_a_single_wrong_corner_costs_a_corner_and_not_the_view() -> None:
     assert fit.rms_stereo == pytest.approx(0.15 * np.sqrt(2), rel=0.08)
 
 
+def test_a_bent_board_is_told_by_how_much() -> None:
+    flat = fitted(views_of(TRUE, 8, 20, 0.1)).bend
+    bent = fitted(views_of(TRUE, 8, 20, 0.1, bend_m=0.003)).bend
+    assert flat is not None
+    assert bent is not None
+    assert flat.height_m < 4 * flat.sigma_m < 0.001
+    assert bent.height_m == pytest.approx(0.003, abs=0.0006)
+
+
 def test_good_views_survive_a_third_of_mismatched_pairs() -> None:
     views = views_of(TRUE, 18, 10)
     wrong = {0, 3, 6, 9, 12, 15}

@@ -1,0 +1,90 @@
+"""Whether the board was flat: paper that is taped to cardboard bends by millimetres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.calibration.adjustment import Corners, Rig
+from observer.calibration.board import Board
+from observer.geometry import Float64Array, cross_matrix
+
+# How a board bends: about its upright axis, about its level one, and twisted.
+_SHAPES = 3
+_POSE = 6
+# More tell no more, and would take much memory.
+_MOST_VIEWS = 40
+
+
+@dataclass(frozen=True)
+class Bend:
+    """How far the board is from flat.
+
+    Attributes:
+        height_m: from its lowest to its highest corner, if it bends like a part of a cylinder, a
+            saddle or a twist.
+        sigma_m: one standard deviation of that.
+    """
+
+    height_m: float
+    sigma_m: float
+
+
+def board_bend(
+    rig: Rig, corners: tuple[Corners, Corners], board: Board, scatter_px: float
+) -> Bend | None:
+    """The bend that would best explain what the fit left over, all else being free as well.
+
+    One step of least squares from a fit that took the board for flat; None where the views do not
+    tell it.
+
+    Args:
+        scatter_px: of the fit, see ``Adjusted``.
+    """
+    blocks, left_over = [], []
+    all_views = np.union1d(corners[0].view, corners[1].view)
+    chosen = np.zeros(len(rig.board_R), np.bool_)
+    chosen[all_views[:: -(-len(all_views) // _MOST_VIEWS)]] = True
+    views, number = int(chosen.sum()), np.cumsum(chosen) - 1
+    each, count = int(np.count_nonzero(rig.free)), rig.global_count
+    for camera, whole in enumerate(corners):
+        seen = whole.of_views(chosen)
+        turned = np.einsum("nij,nj->ni", rig.board_R[seen.view], seen.on_board)
+        swung = (turned + rig.board_t[seen.view]) @ rig.R.T
+        at = swung + rig.T if camera else turned + rig.board_t[seen.view]
+        px, by_point, by_lens = rig.lenses[camera].project(at)
+        to_left = by_point @ rig.R if camera else by_point
+        J = np.zeros((len(px), 2, _SHAPES + count + _POSE * views))
+        out_of_board = np.einsum("nij,nj->ni", to_left, rig.board_R[seen.view][:, :, 2])
+        J[:, :, :_SHAPES] = out_of_board[:, :, None] * _shapes(seen.on_board, board)[:, None]
+        lens = _SHAPES + camera * each
+        J[:, :, lens : lens + each] = by_lens[:, :, rig.free]
+        if camera:
+            turn = _SHAPES + 2 * each
+            J[:, :, turn : turn + 3] = -by_point @ cross_matrix(swung)
+            J[:, :, turn + 3 : turn + 6] = by_point
+        pose = np.concatenate([-to_left @ cross_matrix(turned), to_left], axis=2)
+        column = _SHAPES + count + _POSE * number[seen.view][:, None] + np.arange(_POSE)
+        np.put_along_axis(J, column[:, None].repeat(2, axis=1), pose, axis=2)
+        blocks.append(J.reshape(-1, J.shape[2]))
+        left_over.append((seen.px - px).reshape(-1))
+    J, r = np.concatenate(blocks), np.concatenate(left_over)
+    used = np.linalg.norm(J, axis=0)
+    if not (used[:_SHAPES] > 0).all() or not np.isfinite(r).all():
+        return None
+    J, used = J[:, used > 0], used[used > 0]
+    inverse = np.linalg.pinv((J / used).T @ (J / used), hermitian=True)
+    bend = (inverse @ ((J / used).T @ r) / used)[:_SHAPES]
+    cov = scatter_px**2 * (inverse / np.outer(used, used))[:_SHAPES, :_SHAPES]
+    shapes = _shapes(board.object_points, board)
+    height = shapes @ bend
+    ends = shapes[int(height.argmax())] - shapes[int(height.argmin())]
+    return Bend(float(ends @ bend), float(np.sqrt(ends @ cov @ ends)))
+
+
+def _shapes(on_board: Float64Array, board: Board) -> Float64Array:
+    """(N, 3) heights of the three bends at points (N, 3) of the board; 1 at its edges."""
+    far = board.object_points[-1, :2]
+    x, y = (2 * on_board[:, :2] / far - 1).T
+    return np.stack([x * x, y * y, x * y], axis=1)
