@@ -9,6 +9,9 @@ from pathlib import Path
 
 _MACHINE = Path("/")
 
+# A server starts an engine, and that a process for each camera.
+_MOST_GENERATIONS = 6
+
 
 @dataclass(frozen=True)
 class User:
@@ -81,11 +84,14 @@ def permission_advice(path: Path, root: Path = _MACHINE, user: User | None = Non
 
 
 def holders(path: Path, root: Path = _MACHINE) -> tuple[Holder, ...]:
-    """Other processes that have the file open, as far as this user may see them."""
+    """Other processes that have the file open, as far as this user may see them.
+
+    Those that this process started do not count: what they hold is ours.
+    """
     wanted = shown_path(path, root)
     found = []
     for folder in sorted(root.glob("proc/[0-9]*"), key=lambda folder: int(folder.name)):
-        if int(folder.name) != os.getpid() and wanted in _open_files(folder):
+        if wanted in _open_files(folder) and not _is_ours(int(folder.name), root):
             found.append(Holder(int(folder.name), _process_name(folder)))
     return tuple(found)
 
@@ -114,6 +120,19 @@ def _open_files(folder: Path) -> Iterator[str]:
             yield os.readlink(link)
         except OSError:
             continue
+
+
+def _is_ours(process: int, root: Path) -> bool:
+    """Whether it is this process, or was started by it or by one that it started."""
+    for _ in range(_MOST_GENERATIONS):
+        if process == os.getpid():
+            return True
+        # The name, in brackets, may hold anything; the parent is the second word behind it.
+        words = (text_in(root / "proc" / str(process) / "stat") or "").rpartition(")")[2].split()
+        if len(words) < 2 or not words[1].isdecimal() or words[1] == "0":
+            return False
+        process = int(words[1])
+    return False
 
 
 def _process_name(folder: Path) -> str:

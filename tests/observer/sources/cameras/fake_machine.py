@@ -53,11 +53,12 @@ class FakeMachine:
             self._link("by-id", f"usb-{by_id}-video-index{index}", node)
         return node
 
-    def process(self, number: int, name: str, *opened: str) -> None:
+    def process(self, number: int, name: str, *opened: str, parent: int = 1) -> None:
         """A process that has files open, by their names on this machine."""
         folder = self.root / "proc" / str(number)
         (folder / "fd").mkdir(parents=True)
         (folder / "comm").write_text(f"{name}\n")
+        (folder / "stat").write_text(f"{number} ({name}) S {parent} {number} 0 0\n")
         for descriptor, path in enumerate(opened):
             (folder / "fd" / str(descriptor)).symlink_to(path)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -110,6 +111,15 @@ def test_a_camera_in_use_names_the_process(machine: FakeMachine) -> None:
         "time; close it there"
     )
     assert device.modes  # it can be asked all the same
+
+
+def test_what_our_own_processes_hold_is_ours(machine: FakeMachine) -> None:
+    machine.camera(0)
+    machine.process(900, "engine) 1 (", parent=os.getpid())
+    machine.process(901, "python", "/dev/video0", parent=900)
+    (device,) = list_devices(machine.root, FakeKernel({"video0": webcam()}))
+    assert device.used_by == ()
+    assert device.trouble is None
 
 
 @pytest.mark.parametrize(
