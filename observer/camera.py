@@ -103,6 +103,25 @@ class StereoCalibration:
         value.setflags(write=False)
         object.__setattr__(self, name, value)
 
+    def check_side_by_side(self) -> None:
+        """Refuse a right camera that does not stand to the right of the left one.
+
+        Raises:
+            CalibrationError: saying where it stands, and to swap the two where that helps.
+        """
+        # The right camera's centre in the left camera's frame; T itself is in the right camera's.
+        x, y, z = -self.R.T @ self.T
+        if abs(x) <= max(abs(y), abs(z)):
+            raise CalibrationError(
+                f"T places the right camera {x:.3g} m to the right, {y:.3g} m below and {z:.3g} m "
+                f"in front of the left one; the cameras must stand side by side"
+            )
+        if x < 0:
+            raise CalibrationError(
+                f"T places the right camera {-x:.3g} m to the left of the left one (T[0] must be "
+                f"negative); swap left and right, or calibrate them in this order"
+            )
+
     @property
     def baseline(self) -> float:
         """Distance of the two cameras' centres, metres."""

@@ -53,7 +53,7 @@ class Rectification:
     def __init__(self, calibration: StereoCalibration) -> None:
         self._calibration = calibration
         self._maps: tuple[_Maps, _Maps] | None = None
-        check_side_by_side(calibration)
+        calibration.check_side_by_side()
         if calibration.is_rectified:
             K = calibration.K1
             self.camera = _camera(calibration, K, calibration.baseline)
@@ -265,26 +265,6 @@ class Rectification:
                 f"{usual:.4g} to {focal:.4g} pixels; check that K1, D1, K2, D2 and R belong to "
                 f"{self._calibration.width}x{self._calibration.height} images of these cameras"
             )
-
-
-def check_side_by_side(calibration: StereoCalibration) -> None:
-    """Refuse a right camera that does not stand to the right of the left one.
-
-    Raises:
-        CalibrationError: saying where it stands, and to swap the two where that helps.
-    """
-    # The right camera's centre in the left camera's frame; T itself is in the right camera's.
-    x, y, z = -calibration.R.T @ calibration.T
-    if abs(x) <= max(abs(y), abs(z)):
-        raise CalibrationError(
-            f"T places the right camera {x:.3g} m to the right, {y:.3g} m below and {z:.3g} m in "
-            f"front of the left one; the cameras must stand side by side"
-        )
-    if x < 0:
-        raise CalibrationError(
-            f"T places the right camera {-x:.3g} m to the left of the left one (T[0] must be "
-            f"negative); swap left and right, or calibrate them in this order"
-        )
 
 
 def _camera(calibration: StereoCalibration, K: Float64Array, baseline: float) -> StereoCamera:

@@ -23,7 +23,6 @@ from observer.camera import (
 )
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
-from observer.stages.rectification import check_side_by_side
 
 Unit = Literal["m", "mm", "cm", "in"]
 Cameras = Literal["grey", "colour"]
@@ -200,7 +199,7 @@ def understood(
             f"the camera to {_words(draft.size)}"
         )
     try:
-        check_side_by_side(calibration)
+        calibration.check_side_by_side()
     except CalibrationError as error:
         raise CalibrationError(draft.told(str(error))) from None
     used = unit or draft.unit
