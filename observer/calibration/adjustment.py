@@ -22,7 +22,7 @@ _POSE = 6
 _FIRST_DAMPING, _LESS, _MORE = 1e-3, 0.2, 8.0
 _MOST_DAMPING = 1e8
 # A step that gains no more than this share of the sum of squares is the last one.
-_CONVERGED = 1e-9
+_CONVERGED = 1e-7
 # Of a normal matrix scaled to ones on its diagonal: less than this is rounding.
 _LEAST_EIGENVALUE = 1e-13
 

@@ -21,7 +21,7 @@ _FOCAL_SHARES: dict[DistortionModel, tuple[float, ...]] = {
 }
 # While nothing is sure residuals beyond this count in proportion to their length only, pixels.
 FIRST_SOFT_PX = 5.0
-_TRIAL_STEPS = 12
+_TRIAL_STEPS = 8
 # A pair of poses that explains another view to this many pixels agrees with it; to so many where
 # all views are as bad.
 _AGREES_PX, _AGREES_AT_MOST_PX = 10.0, 25.0

@@ -27,7 +27,7 @@ from observer.geometry import Float64Array
 FOLDS = 6
 # Without a part there must be enough views left for a fit of its own.
 FEWEST_HELD_OUT = 6
-_STEPS = 6
+_STEPS = 4
 _POSE_STEPS = 8
 
 
