@@ -37,6 +37,9 @@ _REOPEN_AFTER_S = 1.0
 _REOPEN_AFTER_PERIODS = 5.0
 # Longer than a driver's and FFmpeg's own patience at opening, which tell a reason.
 _OPENING_S = 12.0
+# Afterwards it is known how long it takes: a stream that comes torn may never yield an image.
+_REOPENING_S = 3.0
+_REOPENING_TIMES = 3.0
 _SHORTEST_PAUSE_S = 0.25
 _LONGEST_PAUSE_S = 2.0
 # Starting a process takes its time; the fault is told before.
@@ -81,6 +84,7 @@ class LiveCamera:
         self._state: Literal["starting", "delivering", "pausing"] = "pausing"
         self._since = now
         self._pause = 0.0
+        self._opening_s = 0.0
         self._fault: str | None = None
         self._told: str | None = None
         self._insists = False
@@ -257,7 +261,7 @@ class LiveCamera:
             self._process = None
 
     def _watch(self, now: float) -> None:
-        if self._state == "starting" and now - self._since > _OPENING_S:
+        if self._state == "starting" and now - self._since > self._patience_s():
             self._fail("does not answer; see that it is on and connected", now)
         elif self._state == "delivering":
             silent_since = max(self._last_arrival, self._attended_since)
@@ -269,6 +273,12 @@ class LiveCamera:
             if now - self._since > borne_s:
                 # It is back, even where no partner is there to prove it.
                 self._fault = None
+
+    def _patience_s(self) -> float:
+        """How long it may take to open."""
+        if not self.openings:
+            return _OPENING_S
+        return min(max(_REOPENING_S, _REOPENING_TIMES * self._opening_s), _OPENING_S)
 
     def _take(self, notice: Notice, now: float) -> None:
         match notice:
@@ -308,6 +318,7 @@ class LiveCamera:
             return
         assert self._process is not None
         self._process.map(opened)
+        self._opening_s = max(self._opening_s, now - self._since)
         self.opened = opened
         self._insists = False
         self.openings += 1

@@ -32,7 +32,7 @@ class ScriptedCapture:
 
     Modes: ``good``; ``hang in grab`` and ``hang in retrieve``, in a native call that also keeps
     the interpreter; ``no image``; ``frozen``; ``black`` (repeats too); ``gone`` (each grab fails
-    at once); ``raise``; ``die``; ``busy`` (cannot be opened).
+    at once); ``raise``; ``die``; ``busy`` (cannot be opened); ``hang in opening``.
     """
 
     def __init__(self, address: str, settings: CameraSettings) -> None:
@@ -40,8 +40,11 @@ class ScriptedCapture:
         self._settings = settings
         self._stamp = 0.0
         self._noise: Image | None = None
-        if self._script()["mode"] == "busy":
+        mode = self._script()["mode"]
+        if mode == "busy":
             raise SourceError("is in use by another program; close it")
+        if mode == "hang in opening":
+            ctypes.PyDLL(None).sleep(3600)
 
     def _script(self) -> dict[str, Any]:
         try:

@@ -57,6 +57,7 @@ def soak(seconds: float, seed: int = 1, size: str = "320x240") -> bool:
         memory: list[tuple[float, float]] = []
         start, told = time.monotonic(), 0.0
         longest, latencies, late = 0.0, [], []
+        worst = (0.0, "")
         last_received = start
         was_troubled = False
         while (now := time.monotonic()) - start < seconds:
@@ -67,10 +68,13 @@ def soak(seconds: float, seed: int = 1, size: str = "320x240") -> bool:
                 counts["pairs"] += 1
                 latencies.append(time.monotonic() - item.received)
                 last_received, was_troubled = item.received, False
-            elif item.trouble is not None and not was_troubled:
-                was_troubled = True
-                counts["troubles"] += 1
-                late.append(time.monotonic() - last_received)
+            elif item.trouble is not None:
+                if not was_troubled:
+                    was_troubled = True
+                    counts["troubles"] += 1
+                    late.append(time.monotonic() - last_received)
+                if now - last_received > worst[0]:
+                    worst = (now - last_received, item.trouble)
             if now - start > _WARM_S and (not memory or now - memory[-1][0] > 1.0):
                 memory.append((now, process.memory_info().rss / 1e6))
             if now - told > _TELL_EACH_S:
@@ -98,6 +102,7 @@ def soak(seconds: float, seed: int = 1, size: str = "320x240") -> bool:
             f"last received to trouble, median {np.median(late) * 1e3:.0f} ms, "
             f"p95 {np.quantile(late, 0.95) * 1e3:.0f} ms, worst {max(late) * 1e3:.0f} ms"
         )
+    _write(f"longest without a pair {worst[0]:.1f} s, at its end: {worst[1]}")
     _write(f"descriptors before {before[0]}, after {after[0]}")
     _write(f"threads before {before[1]}, after {after[1]}; camera processes left {processes}")
     _write(f"memory {sizes[0]:.1f} to {sizes[-1]:.1f} MB, slope {slope:+.1f} MB/h")

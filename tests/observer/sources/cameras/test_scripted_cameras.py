@@ -177,6 +177,17 @@ def test_an_unplugged_camera_is_opened_by_its_name_when_it_is_back(
     assert watch.frames[-3].received - plugged < 5.0
 
 
+def test_opening_anew_that_hangs_is_given_up_and_tried_again(watch: Watch, left: Path) -> None:
+    watch.read_frames(5)
+    write_script(left, mode="hang in opening")
+    grabbers()[0].kill()
+    watch.trouble_after("the left camera (left) was lost because its process ended unexpectedly")
+    watch.read_until(lambda: "does not answer" in watch.troubles[-1][1])
+    write_script(left)
+    watch.read_frames(3)
+    assert len(grabbers()) == 2
+
+
 @pytest.mark.parametrize("sent", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_process_that_stops_or_is_killed_is_replaced(watch: Watch, sent: signal.Signals) -> None:
     watch.read_frames(5)
