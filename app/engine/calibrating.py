@@ -24,7 +24,7 @@ from observer.calibration.collecting import Look, ViewCollector
 from observer.calibration.detection import detect_board
 from observer.calibration.views import BoardSighting, BoardView
 from observer.camera import as_gray
-from observer.errors import DynamicObserverError
+from observer.errors import InputError
 from observer.sources.contract import SkippedFrame, Source
 from observer.sources.cover_check import CoverCheck
 from observer.types import Image, StereoFrame
@@ -119,21 +119,24 @@ class BoardWatch:
             NotNow: there is nothing to undo or remove, or the board is not seen by both cameras.
         """
         collector = self._collector
-        if command.automatic is not None:
-            collector.automatic = command.automatic
-        if command.cover_check is not None:
-            (self._cover.ask if command.cover_check else self._cover.end)()
         try:
+            # What may be refused goes first, so that a refusal changes nothing else.
             if command.capture:
                 time = 0.0 if self._newest is None else self._newest.time
                 self._tell_captured(collector.capture(time))
-            if command.undo and collector.undo() is not None:
+            if command.undo:
+                if collector.undo() is None:
+                    raise NotNow("there is no view to take back; capture one first")
                 self._tell_views()
             if command.remove is not None:
                 collector.remove(command.remove)
                 self._tell_views()
-        except DynamicObserverError as error:
+        except InputError as error:
             raise NotNow(str(error)) from error
+        if command.automatic is not None:
+            collector.automatic = command.automatic
+        if command.cover_check is not None:
+            (self._cover.ask if command.cover_check else self._cover.end)()
         return {"views": [view.name for view in collector.views]}
 
     def look(self, frame: StereoFrame) -> None:

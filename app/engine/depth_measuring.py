@@ -6,10 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import as_gray
 from observer.errors import InputError
+from observer.geometry import Float64Array
 from observer.parameters import StereoParameters
 from observer.stages.rectification import Rectification
 from observer.stages.stereo import disparity_map
@@ -17,6 +19,7 @@ from observer.types import StereoFrame
 
 # The place is judged by its surroundings: pixels each way.
 _REACH_PX = 7
+_HERE_PX = 1
 # Rows that are matched above and below, so that the matcher has paths to go along.
 _MARGIN_PX = 48
 _LEAST_KNOWN = 0.3
@@ -57,18 +60,18 @@ def measure_depth(
     parameters = StereoParameters(max_disparity_px=search)
     strip = disparity_map(left[rows], right[rows], parameters)
     beat()
-    middle = row - first
-    place = strip[
-        max(0, middle - _REACH_PX) : middle + _REACH_PX + 1,
-        max(0, column - _REACH_PX) : column + _REACH_PX + 1,
-    ]
-    known = place[np.isfinite(place)].astype(np.float64)
+    place = _around(strip, row - first, column, _REACH_PX)
+    known = place[np.isfinite(place)]
     if len(known) < _LEAST_KNOWN * place.size:
         raise InputError(
             "this place has no depth: choose one with texture that both cameras see"
         )
     disparity = float(np.median(known))
-    if float(np.median(np.abs(known - disparity))) > _MAX_SPREAD_PX:
+    # Around a thin thing most is what stands behind it.
+    here = _around(strip, row - first, column, _HERE_PX)
+    here = here[np.isfinite(here)]
+    elsewhere = len(here) > 0 and abs(float(np.median(here)) - disparity) > _MAX_SPREAD_PX
+    if elsewhere or float(np.median(np.abs(known - disparity))) > _MAX_SPREAD_PX:
         raise InputError("this place lies at an edge: choose one in the middle of a flat thing")
     point = camera.triangulate((u, v), disparity)
     distance = float(np.linalg.norm(point))
@@ -77,3 +80,10 @@ def measure_depth(
         "depth_m": float(point[2]),
         "disparity_px": disparity,
     }
+
+
+def _around(disparity: NDArray[np.float32], row: int, column: int, reach: int) -> Float64Array:
+    """What lies up to ``reach`` pixels away and within the image."""
+    rows = slice(max(0, row - reach), row + reach + 1)
+    columns = slice(max(0, column - reach), column + reach + 1)
+    return disparity[rows, columns].astype(np.float64)

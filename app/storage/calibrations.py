@@ -24,6 +24,8 @@ class CalibrationTables(Database):
     ) -> CalibrationRecord:
         """Keep a calibration; one with the same text is found again and takes the new name.
 
+        What is known of that one already stays; keys of ``info`` are replaced.
+
         ``listed=False`` keeps one for a run's sake (a source's own) without showing it in lists;
         one that is listed stays so.
         """
@@ -39,7 +41,7 @@ class CalibrationTables(Database):
                 row.name = name
             row.listed = row.listed or listed
             if info is not None:
-                row.info = dict(info)
+                row.info = {**row.info, **info}
             return _calibration(row)
 
     def get_calibration(self, id: str) -> CalibrationRecord | None:
