@@ -159,7 +159,7 @@ def test_a_known_delay_shows_in_the_skew_and_a_long_one_in_what_is_dropped() -> 
             watch.read_frames(25)
             shift = (_median_skew(watch.frames[-15:]) - before) * rate % 1.0 / rate
             tell(f"a delay of {delay_s * 1e3:.0f} ms shifts the skew by {shift * 1e3:.1f} ms")
-            assert shift == pytest.approx(delay_s, abs=0.008)
+            assert shift == pytest.approx(delay_s, abs=0.012)  # encoders share this machine
             report = source.report()
             assert report.skew_median_s is not None
             assert report.skew_p95_s is not None
