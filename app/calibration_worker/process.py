@@ -17,6 +17,7 @@ from app.calibration_worker.messages import (
     Refused,
     Result,
 )
+from app.channel.errors import ChannelError
 from app.channel.pipe import encode, read_message
 from app.native_environment import program_environment
 from observer.errors import CalibrationError
@@ -36,29 +37,33 @@ async def work(job: Job, progress: Callable[[Progress], None]) -> Result:
     Raises:
         CalibrationError: it cannot be done; one sentence says why.
     """
-    process = await asyncio.create_subprocess_exec(
-        *_COMMAND,
-        str(os.getpid()),
-        stdin=asyncio.subprocess.PIPE,
-        stdout=asyncio.subprocess.PIPE,
-        env=program_environment() | {"OPENCV_IO_MAX_IMAGE_PIXELS": str(_MOST_PIXELS)},
-        # A terminal's Ctrl-C is the server's to answer.
-        start_new_session=True,
-    )
+    try:
+        message = encode(job)
+        process = await asyncio.create_subprocess_exec(
+            *_COMMAND,
+            str(os.getpid()),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            env=program_environment() | {"OPENCV_IO_MAX_IMAGE_PIXELS": str(_MOST_PIXELS)},
+            # A terminal's Ctrl-C is the server's to answer.
+            start_new_session=True,
+        )
+    except (ChannelError, OSError) as error:
+        raise CalibrationError(f"the computation cannot be started: {error}") from error
     try:
         assert process.stdin is not None
         assert process.stdout is not None
-        process.stdin.write(encode(job))
+        process.stdin.write(message)
         with contextlib.suppress(ConnectionError):
             await process.stdin.drain()
             process.stdin.close()
-        while (message := await read_message(process.stdout)) is not None:
-            if isinstance(message, Progress):
-                progress(message)
-            elif isinstance(message, Refused):
-                raise CalibrationError(message.reason)
-            elif isinstance(message, Fitted | BoardsFound | Refined):
-                return message
+        while (heard := await read_message(process.stdout)) is not None:
+            if isinstance(heard, Progress):
+                progress(heard)
+            elif isinstance(heard, Refused):
+                raise CalibrationError(heard.reason)
+            elif isinstance(heard, Fitted | BoardsFound | Refined):
+                return heard
         code = await process.wait()
         raise CalibrationError(
             f"the computation ended without a result (exit code {code}); its messages are in the "

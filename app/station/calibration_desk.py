@@ -10,7 +10,10 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
+
+import structlog
 
 from app.calibration_worker.messages import (
     BoardsFound,
@@ -29,6 +32,8 @@ from observer.calibration.board import Board, BoardKind
 from observer.calibration.views import BoardView
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
+
+log = structlog.get_logger(__name__)
 
 _OPEN_TIMEOUT_S = 60.0
 # Assumed where the images do not tell how fast they came.
@@ -96,7 +101,7 @@ class CalibrationDesk:
         self._look: dict[str, Any] | None = None
         self._refused: tuple[str, ...] = ()
         self._computing: Progress | None = None
-        self._task: asyncio.Task[Any] | None = None
+        self._task: asyncio.Task[Result] | None = None
         self._trouble: str | None = None
         self.result: CalibrationResult | None = None
         self.bound = BoundTo(None, (), ())
@@ -160,8 +165,11 @@ class CalibrationDesk:
 
         Raises:
             Conflict: nothing is calibrated, or there is nothing to capture or undo.
+            NotThere: there is no view of the name that shall be removed.
         """
         self._refuse_closed()
+        if command.remove is not None and command.remove not in self._views:
+            raise NotThere(f"there is no view {command.remove[:80]!r}")
         if self.source is None:
             self._change_sent_in(command)
             return
@@ -172,8 +180,7 @@ class CalibrationDesk:
 
     def _change_sent_in(self, command: ChangeCalibration) -> None:
         if command.remove is not None:
-            if self._views.pop(command.remove, None) is None:
-                raise NotThere(f"there is no view {command.remove!r}")
+            del self._views[command.remove]
             self._changed()
             return
         raise Conflict("images were sent in; begin with cameras to capture more")
@@ -204,18 +211,31 @@ class CalibrationDesk:
             raise NotThere(f"there is no picture of a view {name[:80]!r}")
         return kept.pictures[side]
 
-    async def take_images(self, job: FindBoards) -> None:
-        """Find the boards in images that were sent in; what was captured before is forgotten.
+    async def find_boards(self, job: FindBoards) -> BoardsFound:
+        """Find the boards in images that were sent in; ``take_images`` comes next.
+
+        It may take minutes, so nothing else has to wait for it: ``cancel`` ends it.
 
         Raises:
-            CalibrationError: the archive cannot be used; nothing is forgotten then.
-            Conflict: a computation is going.
+            CalibrationError: the archive cannot be used. Conflict: a computation is going, or it
+                was cancelled.
         """
         self._refuse_computing()
-        found = await self._work(job)
+        try:
+            found = await self._begin_work(job)
+        except asyncio.CancelledError:
+            caller = asyncio.current_task()
+            if caller is not None and caller.cancelling():
+                raise
+            words = "looking for the board was cancelled; send the images in again"
+            raise Conflict(words) from None
         assert isinstance(found, BoardsFound)
+        return found
+
+    async def take_images(self, found: BoardsFound, board: Board) -> None:
+        """Go on with boards that were found; what was captured before is forgotten."""
         await self.end()
-        self.board = job.board
+        self.board = board
         self._size = (found.width, found.height)
         self._refused = found.refused
         pictures = iter(found.pictures)
@@ -238,25 +258,34 @@ class CalibrationDesk:
         views = tuple(kept.view for kept in self._views.values())
         job = FitViews(views, self.board, *self._size, self._frame_rate, distortion_model)
         self._trouble = None
-        self._task = asyncio.create_task(self._compute(job), name="compute a calibration")
+        self._begin_work(job).add_done_callback(partial(self._computed, job))
 
-    async def _compute(self, job: FitViews) -> None:
-        try:
-            fitted = await self._work(job)
+    def _computed(self, job: FitViews, task: asyncio.Task[Result]) -> None:
+        if task.cancelled():
+            return
+        error = task.exception()
+        if error is None:
+            fitted = task.result()
             assert isinstance(fitted, Fitted)
             self.result = CalibrationResult(fitted, tuple(view.name for view in job.views))
-        except CalibrationError as error:
+        elif isinstance(error, CalibrationError):
             self._trouble = str(error)
-        finally:
-            self._changed()
+        else:
+            log.error("computing_failed", exc_info=error)
+            self._trouble = f"computing failed: {type(error).__name__}: {error}"
+        self._changed()
 
-    async def _work(self, job: FitViews | FindBoards) -> Result:
+    def _begin_work(self, job: FitViews | FindBoards) -> asyncio.Task[Result]:
+        task = asyncio.create_task(work(job, self._heard), name="compute a calibration")
+        # At once, not when the task comes to it: a second request must find it going.
         self._heard(Progress("starting", 0.0))
-        try:
-            return await work(job, self._heard)
-        finally:
-            self._computing = None
-            self._changed()
+        task.add_done_callback(self._worked)
+        self._task = task
+        return task
+
+    def _worked(self, _: asyncio.Task[Result]) -> None:
+        self._computing = self._task = None
+        self._changed()
 
     def _heard(self, progress: Progress) -> None:
         self._computing = progress

@@ -166,15 +166,23 @@ def exported(record: CalibrationRecord, kind: Literal["opencv", "ros", "kalibr"]
 
 
 async def measure_depth(
-    engine: Engine, record: CalibrationRecord, u: float, v: float
+    engine: Engine,
+    record: CalibrationRecord,
+    u: float,
+    v: float,
+    *,
+    field: tuple[str, ...] = ("body", "u"),
 ) -> dict[str, Any]:
     """How far a place of the newest pair is by a calibration; see ``MeasureDepth``.
+
+    Args:
+        field: where the request names the place.
 
     Raises:
         FieldError: the place has no depth, or the calibration does not fit the images.
         Conflict: there are no images. NotAvailable: there is no engine at the moment.
     """
-    return await ask(engine, MeasureDepth(record.text, u, v), field=("body", "u"))
+    return await ask(engine, MeasureDepth(record.text, u, v), field=field)
 
 
 async def check_by_tape(

@@ -168,6 +168,8 @@ class StationCore:
             case StateEvent():
                 self._state_changed(event)
             case BoardLookEvent():
+                # While calibrating nothing is observed; that it looks is as good a sign.
+                self._fruitless_losses = 0
                 self.calibrating.looked(event)
             case BoardViewsEvent():
                 self.calibrating.views_changed(event)
@@ -268,7 +270,7 @@ class StationCore:
                 if self._fruitless_losses >= _MOST_FRUITLESS_LOSSES:
                     raise Conflict(
                         f"the engine ended {self._fruitless_losses} times in a row over "
-                        f"{self._wanted.source}; choose another source"
+                        f"{self.calibrating.source or self._wanted.source}; choose another source"
                     )
                 if self.calibrating.source is not None:
                     await self.calibrating.resume()
@@ -306,7 +308,7 @@ class StationCore:
         """Observe again what was open before something was calibrated."""
         try:
             await self._restore_preview()
-        except (FieldError, Conflict) as error:
+        except (FieldError, Conflict, NotAvailable) as error:
             # Nothing of what was calibrated stays open behind it.
             await ask(self.engine, CloseSource())
             self.state = replace(self.state, state=EngineState.FAILED, reason=str(error))

@@ -53,16 +53,25 @@ class Opening:
         )
 
 
+def check_spec(source: str) -> None:
+    """Refuse what names no source, before anything is asked to open it.
+
+    Raises:
+        FieldError: the text is empty, too long, or has characters that nobody can read.
+    """
+    if not source.isprintable() or not 0 < len(source) <= _LONGEST_SPEC:
+        raise FieldError(
+            ("body", "source"), "give simulated:SCENARIO, video:LEFT,RIGHT or the path of a folder"
+        )
+
+
 def make_opening(storage: Storage, source: str, calibration_id: str | None) -> Opening:
     """What a request named.
 
     Raises:
         FieldError: the text names no source, or there is no such calibration.
     """
-    if not source.isprintable() or not 0 < len(source) <= _LONGEST_SPEC:
-        raise FieldError(
-            ("body", "source"), "give simulated:SCENARIO, video:LEFT,RIGHT or the path of a folder"
-        )
+    check_spec(source)
     if calibration_id is None:
         return Opening(source, None)
     try:

@@ -120,7 +120,13 @@ def _keep_unreadable(path: Path) -> None:
     except FileNotFoundError:
         return
     except (InputError, UnicodeDecodeError):
-        path.replace(path.with_name(f"{path.name}.unreadable"))
+        aside = path.with_name(f"{path.name}.unreadable")
+        number = 1
+        # One that was put aside before is somebody's work as well.
+        while aside.exists():
+            number += 1
+            aside = path.with_name(f"{path.name}.unreadable-{number}")
+        path.replace(aside)
 
 
 def _write_whole(path: Path, text: str) -> None:

@@ -20,8 +20,8 @@ from app.station.asking import ask
 from app.station.calibrations import find_calibration, keep_made, keep_own_calibration
 from app.station.core import StationCore
 from app.station.current_run import CurrentRun, versions
-from app.station.errors import Conflict, NotAvailable
-from app.station.opening import Opening, make_opening
+from app.station.errors import Conflict, FieldError, NotAvailable
+from app.station.opening import Opening, check_spec, make_opening
 from app.storage import CalibrationRecord, RunRecord, RunState, StorageError
 from observer.calibration.board import Board
 from observer.rig.rig import Rig
@@ -157,7 +157,10 @@ class Station(StationCore):
         """
         async with self._lock:
             self._refuse_in_run("stop it before you calibrate")
-            await self.calibrating.begin(source or self._wanted.source, board)
+            source = source or self.calibrating.source or self._wanted.source
+            check_spec(source)
+            await self.calibrating.begin(source, board)
+            self._fruitless_losses = 0
 
     async def end_calibration(self) -> None:
         """Forget what was captured and observe again what was open before."""
@@ -173,10 +176,16 @@ class Station(StationCore):
             await self.calibrating.change(command)
 
     async def calibrate_images(self, job: FindBoards) -> None:
-        """Find the board in images that were sent in; see ``CalibrationDesk.take_images``."""
+        """Find the board in images that were sent in, and go on with what was found.
+
+        Raises:
+            CalibrationError: the archive cannot be used; nothing is forgotten then.
+            Conflict: a computation is going, or it was cancelled.
+        """
+        found = await self.calibrating.find_boards(job)
         async with self._lock:
             live = self.calibrating.source is not None
-            await self.calibrating.take_images(job)
+            await self.calibrating.take_images(found, job.board)
             if live:
                 await self._reopen()
 
@@ -184,21 +193,27 @@ class Station(StationCore):
         """Keep the computed calibration; ``activate`` observes its cameras with it from now on.
 
         Raises:
-            Conflict: nothing has been computed. StorageError: it could not be kept; what was
-                captured and computed stays.
+            Conflict: nothing has been computed. StorageError: it could not be kept.
+            FieldError, NotAvailable: it is kept, but cannot be used now. Whatever is raised, what
+                was captured and computed stays.
         """
         async with self._lock:
             desk = self.calibrating
             record = await asyncio.to_thread(keep_made, self.storage, desk, name)
             if not activate:
                 return record
-            source = desk.source
-            await desk.end()
-            if source is None:
+            if desk.source is None:
                 opening = replace(self._wanted, calibration=record)
             else:
-                opening = Opening(source, record)
-            await self._use(opening)
+                opening = Opening(desk.source, record)
+            kept = f"{record.name} is saved, but not in use"
+            try:
+                await self._use(opening)
+            except (FieldError, Conflict) as error:
+                raise FieldError(("body", "activate"), f"{kept}: {error}") from error
+            except NotAvailable as error:
+                raise NotAvailable(f"{kept}: {error}") from error
+            await desk.end()
             return record
 
     # --- rig -------------------------------------------------------------------------------
@@ -234,6 +249,17 @@ class Station(StationCore):
             if record == self._wanted.calibration and self.state.state is EngineState.PREVIEW:
                 return
             await self._use(replace(self._wanted, calibration=record))
+
+    async def rename_calibration(self, id: str, name: str) -> CalibrationRecord:
+        """Call a listed calibration by another name."""
+        async with self._lock:
+            await asyncio.to_thread(find_calibration, self.storage, id)
+            rename = partial(self.storage.change_calibration, id, name=name)
+            record = await asyncio.to_thread(rename)
+            if self._wanted.calibration is not None and self._wanted.calibration.id == id:
+                self._wanted = replace(self._wanted, calibration=record)
+        self.followers.status_changed()
+        return record
 
     async def delete_calibration(self, id: str) -> None:
         """Take a calibration off the list."""

@@ -122,9 +122,7 @@ async def refine(station: TheStation) -> dict[str, Any]:
 async def rename(
     id: CalibrationId, change: CalibrationChange, station: TheStation
 ) -> dict[str, Any]:
-    await asyncio.to_thread(find_calibration, station.storage, id)
-    rename = partial(station.storage.change_calibration, id, name=change.name)
-    return entry(await asyncio.to_thread(rename), station)
+    return entry(await station.rename_calibration(id, change.name), station)
 
 
 @router.post(
@@ -193,7 +191,7 @@ async def get_depth(
 ) -> dict[str, Any]:
     """``u``, ``v`` are pixels of the rectified left image, as the preview shows it."""
     record = await asyncio.to_thread(find_calibration, station.storage, id)
-    return await measure_depth(station.engine, record, u, v)
+    return await measure_depth(station.engine, record, u, v, field=("query", "u"))
 
 
 @router.post(
