@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import lzma
 import re
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -17,6 +19,15 @@ MAX_IMAGE_BYTES = 40 * 1024 * 1024
 # Images are compressed already, so an honest archive hardly grows.
 MAX_EXPANDED_BYTES = 1024 * 1024 * 1024
 _MAX_RATIO = 100
+# All that Python's unpackers raise at damaged archives, beside what they say themselves.
+_DAMAGES = (OSError, ValueError, RuntimeError, EOFError, struct.error, zlib.error, lzma.LZMAError)
+# The archive's end record, and the 64 bit one with its locator before it (APPNOTE.TXT 4.3.14-16).
+_RECORD, _RECORD_64, _LOCATOR = b"PK\x05\x06", b"PK\x06\x06", b"PK\x06\x07"
+_RECORD_BYTES, _LOCATOR_BYTES, _RECORD_64_BYTES = 22, 20, 56
+_LONGEST_COMMENT = 65535
+# Of what is listed for one entry: its name, and what the packing program adds.
+_ENTRY_BYTES = 1024
+_LONGEST_NAME = 100
 # How cameras are called in folders and file names; the rest of the path is the pair's name.
 _SIDES = (
     (r"left", r"right"),
@@ -57,8 +68,9 @@ class ImageArchive:
 
     def __init__(self, path: Path) -> None:
         try:
+            _refuse_long_directory(path)
             self._zip = zipfile.ZipFile(path)
-        except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+        except (zipfile.BadZipFile, *_DAMAGES):
             raise CalibrationError(
                 "the file is no ZIP archive; put the images into left/ and right/ and zip both "
                 "folders"
@@ -84,7 +96,7 @@ class ImageArchive:
         try:
             with self._zip.open(name) as file:
                 content = file.read(MAX_IMAGE_BYTES + 1)
-        except (zipfile.BadZipFile, zlib.error, RuntimeError, OSError) as error:
+        except (zipfile.BadZipFile, *_DAMAGES) as error:
             raise CalibrationError(f"{name} cannot be unpacked: {error}") from None
         if len(content) > MAX_IMAGE_BYTES:
             raise CalibrationError(f"{name} is larger than {MAX_IMAGE_BYTES // 2**20} MB")
@@ -119,21 +131,62 @@ class ImageArchive:
         return pairs, tuple(refused)
 
 
+def _refuse_long_directory(path: Path) -> None:
+    """Refuse millions of entries before they are listed, which takes gigabytes and minutes."""
+    with path.open("rb") as file:
+        length = file.seek(0, 2)
+        file.seek(max(0, length - _RECORD_BYTES - _LONGEST_COMMENT - _LOCATOR_BYTES))
+        tail = file.read()
+        sizes = []
+        # Whichever of them is taken for the end: its directory must be short.
+        for found in re.finditer(re.escape(_RECORD), tail):
+            end = tail[found.start() : found.start() + _RECORD_BYTES]
+            if len(end) == _RECORD_BYTES:
+                sizes.append(int.from_bytes(end[12:16], "little"))
+        for found in re.finditer(re.escape(_LOCATOR), tail):
+            at = int.from_bytes(tail[found.start() + 8 : found.start() + 16], "little")
+            for place in (at, length - len(tail) + found.start() - _RECORD_64_BYTES):
+                if 0 <= place < length:
+                    file.seek(place)
+                    end = file.read(_RECORD_64_BYTES)
+                    if end.startswith(_RECORD_64):
+                        sizes.append(int.from_bytes(end[40:48], "little"))
+    # All ones: the 64 bit record has it.
+    if any(MAX_ENTRIES * _ENTRY_BYTES < size != 0xFFFFFFFF for size in sizes):
+        raise CalibrationError(
+            f"the archive lists far more than {MAX_ENTRIES} entries; twenty pairs are enough"
+        )
+
+
 def pair_names(names: list[str]) -> tuple[tuple[ArchivedPair, ...], tuple[str, ...]]:
     """Which names belong together, and one sentence for each that has no partner."""
     for left, right in _SIDES:
         sides = dict(_sorted_by_side(names, left, right))
         keys = sorted({key for key, _ in sides}, key=_natural)
+        both = [key for key in keys if (key, 0) in sides and (key, 1) in sides]
         pairs = tuple(
-            ArchivedPair(key.strip("/_-. ") or "pair", sides[key, 0], sides[key, 1])
-            for key in keys
-            if (key, 0) in sides and (key, 1) in sides
+            ArchivedPair(name, sides[key, 0], sides[key, 1])
+            for key, name in zip(both, _view_names(both), strict=True)
         )
         if pairs:
             paired = {name for pair in pairs for name in (pair.left, pair.right)}
             alone = tuple(f"{name} has no partner" for name in names if name not in paired)
             return pairs, alone
     return (), tuple(f"{name} has no partner" for name in names)
+
+
+def _view_names(keys: list[str]) -> list[str]:
+    """A name for each key by which a person finds the pair, and an address can name it."""
+    names: list[str] = []
+    for key in keys:
+        plain = re.sub(r"[\\/\s]+", " ", key).strip("_-. ")[:_LONGEST_NAME] or "pair"
+        name, number = plain, 1
+        # "1" and "_1" are two pairs.
+        while name in names:
+            number += 1
+            name = f"{plain} ({number})"
+        names.append(name)
+    return names
 
 
 def _sorted_by_side(

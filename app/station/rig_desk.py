@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import tempfile
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.station.errors import FieldError
+from app.storage import StorageFull
 from observer.errors import InputError
 from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
 from observer.rig.rig_file import read_rig, rig_text
@@ -55,13 +57,17 @@ class RigDesk:
         """Put a rig into force and into the file, which is replaced as a whole.
 
         Raises:
-            FieldError: the file cannot be written; the old rig stays in force.
+            FieldError, StorageFull: the file cannot be written; the old rig stays in force.
         """
         if self.path is not None:
             try:
                 _keep_unreadable(self.path)
                 _write_whole(self.path, rig_text(rig))
             except OSError as error:
+                if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                    raise StorageFull(
+                        f"no space is left to write {self.path}; free some disk space"
+                    ) from error
                 raise FieldError(
                     ("body",), f"{self.path} cannot be written: {error.strerror or error}"
                 ) from error

@@ -16,6 +16,7 @@ from app.station import FieldError, Station
 from app.station.calibration_desk import board_of
 from app.station.calibrations import preview_text
 from app.station.status import status
+from app.storage import StorageFull
 from app.web.api.calibration_models import (
     BoardKind,
     CalibratingChange,
@@ -77,6 +78,18 @@ async def leave(station: TheStation) -> dict[str, Any]:
 async def change(change: CalibratingChange, station: TheStation) -> dict[str, Any]:
     """What is given is done. ``cover_check`` begins or ends the question which lens is left."""
     await station.change_calibration(ChangeCalibration(**change.model_dump()))
+    return _facts(station)
+
+
+@router.post(
+    "/swap",
+    response_model=CalibratingStatus,
+    summary="Take left for right",
+    responses=refusals(409, 422, 503),
+)
+async def swap(station: TheStation) -> dict[str, Any]:
+    """The cameras are opened the other way round; the views so far are kept."""
+    await station.swap_cameras()
     return _facts(station)
 
 
@@ -179,5 +192,11 @@ async def save(save: CalibrationSave, station: TheStation) -> dict[str, Any]:
 
 
 def _write(file: UploadFile, path: FilePath) -> None:
-    with path.open("wb") as out:
-        shutil.copyfileobj(file.file, out, 1 << 20)
+    try:
+        with path.open("wb") as out:
+            shutil.copyfileobj(file.file, out, 1 << 20)
+    except OSError as error:
+        raise StorageFull(
+            f"the images cannot be unpacked in {path.parent.parent}: {error.strerror}; free some "
+            f"disk space"
+        ) from error

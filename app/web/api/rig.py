@@ -36,7 +36,7 @@ async def get_rig(station: TheStation) -> dict[str, Any]:
 
 
 @router.put(
-    "", response_model=RigNow, summary="Change the rig", responses=refusals(409, 415, 422, 503)
+    "", response_model=RigNow, summary="Change the rig", responses=refusals(409, 415, 422, 503, 507)
 )
 async def put_rig(change: RigChange, station: TheStation) -> dict[str, Any]:
     """The open source begins again with it; bodies of a mocap system stay as they are."""
@@ -68,7 +68,7 @@ async def get_file(station: TheStation) -> Response:
     "/file",
     response_model=RigNow,
     summary="Take a rig.yaml",
-    responses=refusals(409, 415, 422, 503),
+    responses=refusals(409, 415, 422, 503, 507),
 )
 async def put_file(file: RigFile, station: TheStation) -> dict[str, Any]:
     await station.keep_rig(await asyncio.to_thread(station.rig.parsed, file.text))
