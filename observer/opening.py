@@ -15,7 +15,7 @@ from observer.truth.contract import Truth
 
 # What a mistyped scheme looks like; a Windows drive letter is one character and stays a path.
 _SCHEME = re.compile(r"^([a-z_]{2,}):", re.IGNORECASE)
-_NETWORK_KINDS = ("rtsp", "rtsps", "http", "https", "sbs")
+_NETWORK_KINDS = ("rtsp", "rtsps", "http", "https", "sbs", "sbs_swapped")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,9 @@ def open_source(spec: str) -> OpenedSource:
         spec: ``simulated:SCENARIO`` (optionally ``?seed=N``), ``video:LEFT,RIGHT`` or
             ``video:SIDE_BY_SIDE``; ``camera:0,1``, two device paths or ``camera:sbs:0`` (settings
             after ``?``); two ``rtsp://`` or ``http://`` addresses with a comma between them, or
-            ``sbs:`` and one; or the path of a folder: stereo folder, KITTI odometry, KITTI raw or
-            EuRoC, recognised by its content.
+            ``sbs:`` and one (``sbs_swapped:`` where the left image is in the right half); or the
+            path of a folder: stereo folder, KITTI odometry, KITTI raw or EuRoC, recognised by its
+            content.
 
     Raises:
         SourceError: one sentence that says what is wrong and what would be right.
@@ -64,6 +65,20 @@ def open_source(spec: str) -> OpenedSource:
             f"images"
         )
     return _open_folder(Path(rest))
+
+
+def shown_spec(spec: str) -> str:
+    """The text that names a source, without users and passwords: for people, records and logs."""
+    scheme = _SCHEME.match(spec)
+    if scheme is None or scheme.group(1).lower() not in _NETWORK_KINDS:
+        return spec
+    from observer.sources.cameras.spec import parse_urls
+
+    try:
+        return parse_urls(spec).text
+    except SourceError:
+        # What is no address is refused anyway; what might be a password in it is left out.
+        return re.sub(r"//[^/,]*@", "//", spec)
 
 
 def _open_simulated(rest: str) -> OpenedSource:

@@ -27,6 +27,7 @@ from app.messages import (
     StateEvent,
 )
 from observer.errors import DynamicObserverError
+from observer.opening import shown_spec
 from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
@@ -88,7 +89,8 @@ class CurrentSource:
         """
         if self.opening is not None:
             raise NotNow(
-                f"{self.opening.command.source} is being opened; wait for it, or close the source"
+                f"{shown_spec(self.opening.command.source)} is being opened; wait for it, or "
+                f"close the source"
             )
         if self.session is not None and self.session.run_id is not None:
             raise NotNow("a run is going; stop it before another source is opened")
@@ -126,8 +128,9 @@ class CurrentSource:
         if isinstance(error, DynamicObserverError):
             reply = refusal(number, error)
         else:
-            _log.error("opening %s failed", command.source, exc_info=error)
-            what = f"opening {command.source} failed: {unexpected(error)}"
+            source = shown_spec(command.source)
+            _log.error("opening %s failed", source, exc_info=error)
+            what = f"opening {source} failed: {unexpected(error)}"
             reply = Reply(number, error=what, refusal="failure")
         if self.session is None:
             self._failed = StateEvent(EngineState.FAILED, reply.error)
@@ -143,7 +146,8 @@ class CurrentSource:
         if opening is None:
             return None
         opening.abandoned = True
-        what = f"opening {opening.command.source} was given up, because it was closed meanwhile"
+        source = shown_spec(opening.command.source)
+        what = f"opening {source} was given up, because it was closed meanwhile"
         return Reply(opening.request.number, error=what, refusal="state")
 
     def close(self) -> None:

@@ -31,7 +31,8 @@ from app.station.errors import Conflict, FieldError, NotThere
 from observer.calibration.board import Board, BoardKind
 from observer.calibration.views import BoardView
 from observer.camera import DistortionModel
-from observer.errors import CalibrationError
+from observer.errors import CalibrationError, SourceError
+from observer.sources.cameras.spec import swapped_spec
 
 log = structlog.get_logger(__name__)
 
@@ -123,6 +124,28 @@ class CalibrationDesk:
         facts = await self._ask_to_begin(source, board, ())
         await self.end()
         self.source, self.board = source, board
+        self._note_source(facts)
+        self._changed()
+
+    async def swap(self) -> None:
+        """Take left for right, in the views so far as well.
+
+        Raises:
+            Conflict: no live cameras are calibrated. FieldError: they cannot be opened again.
+        """
+        self._refuse_closed()
+        assert self.board is not None
+        try:
+            source = swapped_spec(self.source or "")
+        except SourceError as error:
+            raise Conflict(str(error)) from error
+        views = {name: _swapped(kept) for name, kept in self._views.items()}
+        facts = await self._ask_to_begin(
+            source, self.board, tuple(kept.view for kept in views.values())
+        )
+        # What was computed was of cameras the other way round.
+        await self.cancel()
+        self.source, self._views, self.result = source, views, None
         self._note_source(facts)
         self._changed()
 
@@ -357,6 +380,14 @@ def board_of(kind: str, columns: int, rows: int, square_mm: float) -> Board:
         return Board(of_kind, columns, rows, square_mm / 1e3)
     except CalibrationError as error:
         raise FieldError(("body", "board"), str(error)) from error
+
+
+def _swapped(kept: KeptView) -> KeptView:
+    view, pictures = kept.view, kept.pictures
+    return KeptView(
+        BoardView(view.name, view.right, view.left),
+        None if pictures is None else (pictures[1], pictures[0]),
+    )
 
 
 def _view_facts(kept: KeptView) -> dict[str, Any]:

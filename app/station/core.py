@@ -47,6 +47,7 @@ from app.station.telemetry import Telemetry
 from app.station.watching import Watching
 from app.station.writer import Writer
 from app.storage import RunRecord, RunState, Storage, StorageError
+from observer.opening import shown_spec
 
 log = structlog.get_logger(__name__)
 
@@ -249,7 +250,7 @@ class StationCore:
         parameters: ParametersInForce | None = None,
     ) -> str:
         """Have the engine open it; returns the text of the calibration that is used."""
-        same = (self.state.source or {}).get("spec") == opening.source
+        same = (self.state.source or {}).get("spec") == shown_spec(opening.source)
         command = opening.command(
             parameters or self.parameters.current,
             playback=self.state.playback if same else None,
@@ -270,7 +271,8 @@ class StationCore:
                 if self._fruitless_losses >= _MOST_FRUITLESS_LOSSES:
                     raise Conflict(
                         f"the engine ended {self._fruitless_losses} times in a row over "
-                        f"{self.calibrating.source or self._wanted.source}; choose another source"
+                        f"{shown_spec(self.calibrating.source or self._wanted.source)}; choose "
+                        f"another source"
                     )
                 if self.calibrating.source is not None:
                     await self.calibrating.resume()

@@ -24,6 +24,7 @@ from app.station.errors import Conflict, FieldError, NotAvailable
 from app.station.opening import Opening, check_spec, make_opening
 from app.storage import CalibrationRecord, RunRecord, RunState, StorageError
 from observer.calibration.board import Board
+from observer.opening import shown_spec
 from observer.rig.rig import Rig
 
 
@@ -82,8 +83,8 @@ class Station(StationCore):
             record = await asyncio.to_thread(
                 partial(
                     self.storage.create_run,
-                    name=name or f"Run of {opening.source}"[:100],
-                    source=opening.source,
+                    name=name or f"Run of {shown_spec(opening.source)}"[:100],
+                    source=shown_spec(opening.source),
                     parameters=dict(revision.after.values.flat()),
                     versions=versions(),
                     calibration_id=None if opening.calibration is None else opening.calibration.id,
@@ -169,6 +170,15 @@ class Station(StationCore):
             await self.calibrating.end()
             if live:
                 await self._reopen()
+
+    async def swap_cameras(self) -> None:
+        """Take left for right from now on, in the views so far as well.
+
+        Raises:
+            Conflict: no cameras are calibrated. FieldError: they cannot be opened again.
+        """
+        async with self._lock:
+            await self.calibrating.swap()
 
     async def change_calibration(self, command: ChangeCalibration) -> None:
         """Capture, undo, remove; see ``CalibrationDesk.change``."""

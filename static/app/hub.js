@@ -152,6 +152,8 @@ export function judge(connection, status, beat, now) {
   }
   if (!status.source) return { state: "none", age_s, reason: "No source is open." };
   if (engine.state === "calibrating") return { state: "none", age_s, reason: "The cameras are being calibrated." };
+  const trouble = status.live?.trouble;
+  if (trouble) return { state: "stale", age_s, reason: sentence(trouble) };
   const seen = beat !== null && beat.age_s !== null;
   if (seen && age_s <= STALE_AFTER_S) return { state: "fresh", age_s, reason: "" };
   if (playback?.ended) return { state: "held", age_s, reason: "The source has ended." };

@@ -234,7 +234,8 @@ class CameraSource:
             return self._cameras[0].image.copy(), self._cameras[1].image.copy()
         both = self._cameras[0].image
         half = both.shape[1] // 2
-        return both[:, :half].copy(), both[:, half:].copy()
+        first, second = both[:, :half].copy(), both[:, half:].copy()
+        return (second, first) if self._spec.swapped else (first, second)
 
     def _trouble(self, now: float) -> str | None:
         troubles = [trouble for each in self._cameras if (trouble := each.trouble(now))]

@@ -12,6 +12,8 @@ from observer.sources.cameras.settings import CameraSettings, parse_settings
 
 BY_PATH = Path("/dev/v4l/by-path")
 _NETWORK_SCHEMES = ("rtsp", "rtsps", "http", "https")
+# One camera that shows both images side by side: the left one in the left half, or in the right.
+_SIDE_BY_SIDE, _SWAPPED = "sbs:", "sbs_swapped:"
 # A comma may be part of an address; one that parts two of them stands before a scheme.
 _BETWEEN_URLS = re.compile(r",\s*(?=(?:rtsps?|https?)://)", re.IGNORECASE)
 # Cheap network cameras take name and password among the parameters of their address.
@@ -47,11 +49,13 @@ class CamerasSpec:
         text: the source's text with users and passwords left out.
         targets: left and right, or one that shows both images.
         settings: for each of them.
+        swapped: whether the left image is in the right half of one that shows both.
     """
 
     text: str
     targets: tuple[CameraTarget, ...]
     settings: CameraSettings
+    swapped: bool = False
 
     @property
     def network(self) -> bool:
@@ -68,8 +72,9 @@ def parse_devices(rest: str, by_path: Path = BY_PATH) -> CamerasSpec:
     names, _, query = rest.partition("?")
     settings = parse_settings(query)
     targets: tuple[CameraTarget, ...]
-    if names.startswith("sbs:"):
-        targets = (_device(names.removeprefix("sbs:"), by_path),)
+    both, swapped = _side_by_side(names)
+    if both is not None:
+        targets = (_device(both, by_path),)
     else:
         parts = [part.strip() for part in names.split(",")]
         if len(parts) != 2:
@@ -83,7 +88,7 @@ def parse_devices(rest: str, by_path: Path = BY_PATH) -> CamerasSpec:
                 f"left and right are the same camera, {targets[0].name}; name two, or one that "
                 f"shows both images as camera:sbs:0"
             )
-    return CamerasSpec(f"camera:{rest}", targets, settings)
+    return CamerasSpec(f"camera:{rest}", targets, settings, swapped)
 
 
 def parse_urls(text: str) -> CamerasSpec:
@@ -92,8 +97,9 @@ def parse_urls(text: str) -> CamerasSpec:
     Raises:
         SourceError: one sentence that says what is wrong and what would be right.
     """
-    side_by_side = text.lower().startswith("sbs:")
-    urls = _BETWEEN_URLS.split(text[4:] if side_by_side else text)
+    both, swapped = _side_by_side(text)
+    side_by_side = both is not None
+    urls = _BETWEEN_URLS.split(text if both is None else both)
     targets = tuple(_url(url.strip()) for url in urls)
     names = ",".join(target.name for target in targets)
     if side_by_side and len(targets) != 1:
@@ -105,7 +111,41 @@ def parse_urls(text: str) -> CamerasSpec:
         )
     if len({target.address for target in targets}) != len(targets):
         raise SourceError(f"left and right are the same camera, {targets[0].name}; name two")
-    return CamerasSpec(f"sbs:{names}" if side_by_side else names, targets, CameraSettings())
+    prefix = "" if not side_by_side else _SWAPPED if swapped else _SIDE_BY_SIDE
+    return CamerasSpec(f"{prefix}{names}", targets, CameraSettings(), swapped)
+
+
+def swapped_spec(text: str) -> str:
+    """The source's text with left and right exchanged, passwords kept.
+
+    Args:
+        text: as ``observer.opening.open_source`` takes it.
+
+    Raises:
+        SourceError: it names no live cameras.
+    """
+    if text.lower().startswith("camera:"):
+        names, question, query = text[len("camera:") :].partition("?")
+        return f"camera:{_swapped_names(names, names.split(','))}{question}{query}"
+    both, _ = _side_by_side(text)
+    if both is None and not text.lower().startswith(_NETWORK_SCHEMES):
+        raise SourceError("only live cameras can be swapped; name left and right the other way")
+    return _swapped_names(text, _BETWEEN_URLS.split(text))
+
+
+def _swapped_names(text: str, names: list[str]) -> str:
+    both, swapped = _side_by_side(text)
+    if both is not None:
+        return f"{_SIDE_BY_SIDE if swapped else _SWAPPED}{both}"
+    return ",".join(name.strip() for name in reversed(names))
+
+
+def _side_by_side(text: str) -> tuple[str | None, bool]:
+    """The name of the one camera that shows both images, and whether they are exchanged."""
+    for prefix, swapped in ((_SIDE_BY_SIDE, False), (_SWAPPED, True)):
+        if text.lower().startswith(prefix):
+            return text[len(prefix) :], swapped
+    return None, False
 
 
 def without_password(url: str) -> str:

@@ -7,9 +7,15 @@ from pathlib import Path
 import pytest
 
 from observer.errors import SourceError
-from observer.opening import open_source
+from observer.opening import open_source, shown_spec
 from observer.sources.cameras.settings import CameraSettings, parse_settings
-from observer.sources.cameras.spec import CameraTarget, parse_devices, parse_urls, without_password
+from observer.sources.cameras.spec import (
+    CameraTarget,
+    parse_devices,
+    parse_urls,
+    swapped_spec,
+    without_password,
+)
 
 
 def test_all_settings_are_read() -> None:
@@ -107,6 +113,31 @@ def test_addresses_may_hold_commas_questions_and_passwords() -> None:
     for text in (spec.text, repr(spec), str(spec.targets)):
         assert not any(secret in text for secret in ("p@ss", "user", "s3cret", "=me"))
     assert parse_urls("sbs:http://a/b").text == "sbs:http://a/b"
+    assert parse_urls("sbs_swapped:http://a/b").text == "sbs_swapped:http://a/b"
+    assert parse_urls("sbs_swapped:http://a/b").swapped
+    assert shown_spec(f"{left}, {right}") == spec.text
+    assert shown_spec(left) == "rtsp://10.0.0.1:554/a,b?channel=1&subtype=0"
+    assert shown_spec("simulated:lab?seed=2") == "simulated:lab?seed=2"
+
+
+@pytest.mark.parametrize(
+    ("text", "swapped"),
+    [
+        ("camera:0,1", "camera:1,0"),
+        ("camera:0, /dev/video2?focus=0&rate=30", "camera:/dev/video2,0?focus=0&rate=30"),
+        ("camera:sbs:0?rate=30", "camera:sbs_swapped:0?rate=30"),
+        ("rtsp://u:p@a/x,y,http://b/z", "http://b/z,rtsp://u:p@a/x,y"),
+        ("sbs:rtsp://a/x", "sbs_swapped:rtsp://a/x"),
+    ],
+)
+def test_left_and_right_are_exchanged_and_back(text: str, swapped: str) -> None:
+    assert swapped_spec(text) == swapped
+    assert swapped_spec(swapped) == text.replace(", ", ",")
+
+
+def test_what_is_not_live_cannot_be_swapped() -> None:
+    with pytest.raises(SourceError, match="only live cameras"):
+        swapped_spec("video:a.mp4,b.mp4")
 
 
 def test_an_address_without_secrets_stays_as_it_is() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import signal
 import statistics
 import subprocess
@@ -89,6 +90,19 @@ def test_what_the_source_says_of_itself(left: Path, right: Path) -> None:
         assert [each.state for each in cameras] == ["open", "open"]
         assert cameras[0].settings == {"size": "64x48"}
         assert cameras[0].refused == ("gain 7 is not offered by it",)
+    finally:
+        source.close()
+
+
+def test_one_device_that_shows_the_left_image_on_the_right(left: Path) -> None:
+    write_script(left, size=[128, 48])
+    spec = dataclasses.replace(scripted_spec(left), swapped=True)
+    source = CameraSource(spec, opener=OPENER)
+    try:
+        watch = Watch(source)
+        watch.read_frames(3)
+        assert all((frame.left & 1).all() for frame in watch.frames)
+        assert not any((frame.right & 1).any() for frame in watch.frames)
     finally:
         source.close()
 
