@@ -5,6 +5,7 @@ This is the only place that knows every kind of source; the sources do not know 
 
 from __future__ import annotations
 
+import contextlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,13 +73,15 @@ def shown_spec(spec: str) -> str:
     scheme = _SCHEME.match(spec)
     if scheme is None or scheme.group(1).lower() not in _NETWORK_KINDS:
         return spec
-    from observer.sources.cameras.spec import parse_urls
+    from observer.sources.cameras.spec import parse_urls, without_password
 
     try:
         return parse_urls(spec).text
     except SourceError:
-        # What is no address is refused anyway; what might be a password in it is left out.
-        return re.sub(r"//[^/,]*@", "//", spec)
+        # It will be refused; what might be a password in it is left out all the same.
+        with contextlib.suppress(ValueError):
+            return without_password(spec)
+        return scheme.group()
 
 
 def _open_simulated(rest: str) -> OpenedSource:
