@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import as_gray
 from observer.errors import InputError
-from observer.geometry import Float64Array
 from observer.parameters import StereoParameters
 from observer.stages.rectification import Rectification
 from observer.stages.stereo import disparity_map
@@ -23,8 +22,9 @@ _HERE_PX = 1
 # Rows that are matched above and below, so that the matcher has paths to go along.
 _MARGIN_PX = 48
 _LEAST_KNOWN = 0.3
-# Disparities of one flat place differ by this and less; more is an edge.
-_MAX_SPREAD_PX = 1.0
+# So far from one plane lie the disparities of a flat place, half of them, and of its middle.
+_MAX_SPREAD_PX = 0.5
+_MAX_HERE_PX = 1.0
 _MAX_DISPARITY_PX = 256
 
 
@@ -60,19 +60,7 @@ def measure_depth(
     parameters = StereoParameters(max_disparity_px=search)
     strip = disparity_map(left[rows], right[rows], parameters)
     beat()
-    place = _around(strip, row - first, column, _REACH_PX)
-    known = place[np.isfinite(place)]
-    if len(known) < _LEAST_KNOWN * place.size:
-        raise InputError(
-            "this place has no depth: choose one with texture that both cameras see"
-        )
-    disparity = float(np.median(known))
-    # Around a thin thing most is what stands behind it.
-    here = _around(strip, row - first, column, _HERE_PX)
-    here = here[np.isfinite(here)]
-    elsewhere = len(here) > 0 and abs(float(np.median(here)) - disparity) > _MAX_SPREAD_PX
-    if elsewhere or float(np.median(np.abs(known - disparity))) > _MAX_SPREAD_PX:
-        raise InputError("this place lies at an edge: choose one in the middle of a flat thing")
+    disparity = _disparity_of_place(strip, row - first, column)
     point = camera.triangulate((u, v), disparity)
     distance = float(np.linalg.norm(point))
     return {
@@ -82,8 +70,27 @@ def measure_depth(
     }
 
 
-def _around(disparity: NDArray[np.float32], row: int, column: int, reach: int) -> Float64Array:
-    """What lies up to ``reach`` pixels away and within the image."""
-    rows = slice(max(0, row - reach), row + reach + 1)
-    columns = slice(max(0, column - reach), column + reach + 1)
-    return disparity[rows, columns].astype(np.float64)
+def _disparity_of_place(strip: NDArray[np.float32], row: int, column: int) -> float:
+    """Of the plane through the surroundings: a floor's disparity grows from row to row.
+
+    Raises:
+        InputError: too little is known around it, or it is no plane.
+    """
+    rows = slice(max(0, row - _REACH_PX), row + _REACH_PX + 1)
+    columns = slice(max(0, column - _REACH_PX), column + _REACH_PX + 1)
+    place = strip[rows, columns].astype(np.float64)
+    known = np.isfinite(place)
+    if known.mean() < _LEAST_KNOWN:
+        raise InputError("this place has no depth: choose one with texture that both cameras see")
+    down, across = np.nonzero(known)
+    down, across = down + rows.start - row, across + columns.start - column
+    found = place[known]
+    terms = np.column_stack([np.ones(len(found)), across, down])
+    plane, *_ = np.linalg.lstsq(terms, found, rcond=None)
+    off = found - terms @ plane
+    # Around a thin thing most is what stands behind it, so the place itself is asked as well.
+    here = off[np.maximum(abs(down), abs(across)) <= _HERE_PX]
+    elsewhere = len(here) > 0 and abs(float(np.median(here))) > _MAX_HERE_PX
+    if elsewhere or float(np.median(np.abs(off))) > _MAX_SPREAD_PX:
+        raise InputError("this place lies at an edge: choose one in the middle of a flat thing")
+    return float(plane[0])
