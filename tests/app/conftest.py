@@ -16,12 +16,19 @@ from app.channel.latest import LatestReader, LatestWriter, create_slot
 from app.messages import (
     CLOUD_NAME,
     VIEW_NAMES,
+    BeginCalibration,
+    BoardLookEvent,
+    BoardViewsEvent,
+    ChangeCalibration,
+    CloseSource,
     Command,
     EngineLostEvent,
     EngineStartedEvent,
     EngineState,
     Event,
     ExplainPixel,
+    LookAtFloor,
+    MeasureDepth,
     ObservationEvent,
     OpenSource,
     PreviewCalibration,
@@ -29,11 +36,14 @@ from app.messages import (
     SetPlayback,
     StateEvent,
     StopRun,
+    TakeScenePairs,
     WatchViews,
 )
 from app.storage import Storage
 from app.supervisor import EngineHealth, EngineRefused, EngineUnavailable
+from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
+from observer.calibration.views import BoardSighting, BoardView
 from observer.camera import StereoCalibration
 from observer.mount import CameraMount
 from observer.parameters import Parameters
@@ -59,6 +69,11 @@ class PeerEngine:
         self.generation = 0
         self.alive = False
         self.opened: OpenSource | None = None
+        # What is calibrated, the views it has, and whether both cameras see the board.
+        self.calibrating: BeginCalibration | None = None
+        self.captured: list[BoardView] = []
+        self.board_seen = False
+        self.devices: tuple[str, ...] = ()
         self.parameters: dict[str, Any] = {}
         self.watched: tuple[str, ...] = ()
         self.frame = 0
@@ -75,7 +90,7 @@ class PeerEngine:
     def start_process(self) -> None:
         self.generation += 1
         self.alive = True
-        self.opened = None
+        self.opened = self.calibrating = None
         self.sequence = 0
         self.publish(EngineStartedEvent(self.generation, 1000 + self.generation))
         self.publish(self.state())
@@ -115,6 +130,22 @@ class PeerEngine:
         match command:
             case OpenSource():
                 return self._open(command)
+            case BeginCalibration():
+                return self._begin(command)
+            case ChangeCalibration():
+                return self._change(command)
+            case CloseSource():
+                self.opened = self.calibrating = None
+                self.publish(self.state())
+                return {}
+            case MeasureDepth():
+                return self._measure(command)
+            case LookAtFloor():
+                self.frame += 1
+                return {"frame": self.frame, "points": floor_points(self.frame)}
+            case TakeScenePairs():
+                text = self.opened and self.opened.calibration_yaml
+                return {"pairs": (), "calibration_yaml": text or rectified_calibration()}
             case SetParameters():
                 self.parameters = dict(command.parameters)
                 return {"frame": self.frame + 1 if self.opened else None}
@@ -163,12 +194,62 @@ class PeerEngine:
             "obstacle": {"id": 7, "reported": True, "why": "its flow differs"},
         }
 
+    def _begin(self, command: BeginCalibration) -> dict[str, Any]:
+        if command.source == "missing":
+            raise EngineRefused("there is no folder missing; name one that exists", "input")
+        if self.opened is not None and self.opened.run_id is not None:
+            raise EngineRefused("a run is going", "state")
+        self.opened, self.calibrating = None, command
+        self.captured = list(command.views)
+        self.publish(self.state())
+        return asdict(self.state())
+
+    def _change(self, command: ChangeCalibration) -> dict[str, Any]:
+        if self.calibrating is None:
+            raise EngineRefused("nothing is being calibrated", "state")
+        if command.capture:
+            if not self.board_seen:
+                raise EngineRefused("the board is not in both views now", "state")
+            self.capture()
+        if command.undo:
+            if not self.captured:
+                raise EngineRefused("there is no view to take back", "state")
+            self.captured.pop()
+            self.publish(BoardViewsEvent(self._names()))
+        if command.remove is not None:
+            self.captured = [view for view in self.captured if view.name != command.remove]
+            self.publish(BoardViewsEvent(self._names()))
+        return {"views": list(self._names())}
+
+    def _names(self) -> tuple[str, ...]:
+        return tuple(view.name for view in self.captured)
+
+    def capture(self, view: BoardView | None = None) -> BoardView:
+        """One more view, as when a person holds the board still."""
+        assert self.calibrating is not None
+        number = max((int(name) for name in self._names()), default=0) + 1
+        seen = sighting_of(self.calibrating.board)
+        taken = BoardView(str(number), seen, seen) if view is None else view
+        self.captured.append(taken)
+        self.publish(BoardViewsEvent(self._names(), taken, (JPEG, JPEG)))
+        return taken
+
+    def look(self, **more: Any) -> None:
+        """One more pair was looked at."""
+        look = {"frame": self.frame, "words": "Hold it still", "next": None, "seen": [54, 54]}
+        self.publish(BoardLookEvent({**look, **more}, time.monotonic()))
+
+    def _measure(self, command: MeasureDepth) -> dict[str, Any]:
+        if command.u >= 512 or command.v >= 256:
+            raise EngineRefused("the pixel is outside the image of 512 x 256", "input")
+        return {"range_m": 2.0, "depth_m": 1.9, "disparity_px": 28.0}
+
     def _open(self, command: OpenSource) -> dict[str, Any]:
         if command.source == "missing":
             raise EngineRefused("there is no folder missing; name one that exists", "input")
         if command.source == "uncalibrated" and command.calibration_yaml is None:
             raise EngineRefused("uncalibrated brings no calibration", "input")
-        self.opened = command
+        self.opened, self.calibrating = command, None
         self.parameters = dict(command.parameters)
         self.frame = 0
         self.playback = {
@@ -185,10 +266,10 @@ class PeerEngine:
 
     def state(self, **more: Any) -> StateEvent:
         opened = self.opened
-        if opened is None:
+        if opened is None and self.calibrating is None:
             return StateEvent(EngineState.IDLE, None)
         source = {
-            "spec": opened.source,
+            "spec": (opened or self.calibrating).source,
             "kind": "simulated",
             "width": 512,
             "height": 256,
@@ -197,8 +278,10 @@ class PeerEngine:
             "live": False,
             "mount_height_m": 0.4,
             "mount_tilt_rad": 0.1,
-            "devices": (),
+            "devices": self.devices,
         }
+        if opened is None:
+            return StateEvent(EngineState.CALIBRATING, None, source=source)
         camera = {
             "width": 512,
             "height": 256,
@@ -325,6 +408,22 @@ def truth(frame: int) -> dict[str, Any]:
         "commanded_speed": 0.4,
         "track_id": 7,
     }
+
+
+def sighting_of(board: Board) -> BoardSighting:
+    """All corners of a board, somewhere in an image."""
+    px = board.object_points[:, :2] / board.square_m * 20.0 + 50.0
+    return BoardSighting(np.arange(len(px), dtype=np.int32), px)
+
+
+def floor_points(seed: int, height_m: float = 0.4, count: int = 3000) -> np.ndarray[Any, Any]:
+    """A floor below a level camera, (N, 3) metres in its frame, a millimetre rough."""
+    rng = np.random.default_rng(seed)
+    points = np.column_stack(
+        [rng.uniform(-1, 1, count), np.full(count, height_m), rng.uniform(1.2, 4, count)]
+    )
+    points[:, 1] += rng.normal(0, 0.001, count)
+    return points
 
 
 def rectified_calibration(width: int = 512, height: int = 256) -> str:
