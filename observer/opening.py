@@ -84,6 +84,24 @@ def shown_spec(spec: str) -> str:
         return scheme.group()
 
 
+def live_devices(spec: str) -> tuple[str, ...]:
+    """The names of the live cameras that ``spec`` names, as ``SourceInfo.devices`` has them.
+
+    Nothing is opened; empty for what names no live cameras.
+    """
+    scheme = _SCHEME.match(spec)
+    kind = scheme.group(1).lower() if scheme else ""
+    if scheme is None or kind not in ("camera", *_NETWORK_KINDS):
+        return ()
+    from observer.sources.cameras.spec import parse_devices, parse_urls
+
+    try:
+        parsed = parse_devices(spec[scheme.end() :]) if kind == "camera" else parse_urls(spec)
+    except SourceError:
+        return ()
+    return tuple(target.name for target in parsed.targets)
+
+
 def _open_simulated(rest: str) -> OpenedSource:
     from observer.simulation.scenarios import load_scenario
     from observer.simulation.source import SimulatedSource

@@ -34,6 +34,7 @@ from app.messages import (
 from app.parameter_store import ParametersInForce
 from app.station.archive import RunArchive
 from app.station.asking import ask
+from app.station.binding import calibration_of_cameras
 from app.station.calibration_desk import CalibrationDesk
 from app.station.contracts import Engine
 from app.station.current_run import CurrentRun
@@ -148,7 +149,10 @@ class StationCore:
         warning = self.rig.load()
         if warning is not None:
             self.warnings.append(warning)
-        self._wanted = replace(self._wanted, calibration=self.storage.active_calibration())
+        calibration = calibration_of_cameras(self.storage, self._wanted.source)
+        self._wanted = replace(
+            self._wanted, calibration=calibration or self.storage.active_calibration()
+        )
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.create_task(work)

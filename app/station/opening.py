@@ -7,6 +7,7 @@ from typing import Any
 
 from app.messages import OpenSource
 from app.parameter_store import ParametersInForce
+from app.station.binding import calibration_of_cameras
 from app.station.calibrations import find_calibration
 from app.station.errors import FieldError, NotThere
 from app.storage import CalibrationRecord, Storage
@@ -66,14 +67,14 @@ def check_spec(source: str) -> None:
 
 
 def make_opening(storage: Storage, source: str, calibration_id: str | None) -> Opening:
-    """What a request named.
+    """What a request named; without a calibration, live cameras get the newest of their own.
 
     Raises:
         FieldError: the text names no source, or there is no such calibration.
     """
     check_spec(source)
     if calibration_id is None:
-        return Opening(source, None)
+        return Opening(source, calibration_of_cameras(storage, source))
     try:
         return Opening(source, find_calibration(storage, calibration_id))
     except NotThere as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from app.station.binding import binding_warnings
 from app.station.current_run import app_version
 from app.station.service import Station
 
@@ -75,7 +76,8 @@ def _trouble(station: Station) -> list[str]:
         drift.get("warning"),
         vergence.get("sentence") if vergence.get("status") == "drifted" else None,
     )
-    return [trouble for trouble in troubles if trouble is not None]
+    bound = binding_warnings(station.state, station.wanted.calibration)
+    return [*bound, *(trouble for trouble in troubles if trouble is not None)]
 
 
 def _rounded(value: float | None) -> float | None:

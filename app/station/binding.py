@@ -1,0 +1,64 @@
+"""Which cameras a calibration belongs to, and whether they are still set as they were."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from app.messages import StateEvent
+from app.storage import CalibrationRecord, Storage
+from observer.opening import live_devices
+
+# Settings that move the lens or choose the pixels: with another value it is another camera.
+_DECISIVE = ("focus", "size")
+
+
+def calibration_of_cameras(storage: Storage, source: str) -> CalibrationRecord | None:
+    """The newest calibration that was made with the cameras that ``source`` names.
+
+    None for what is not live, and where there is none.
+    """
+    devices = live_devices(source)
+    if not devices:
+        return None
+    return next(
+        (each for each in storage.list_calibrations() if _devices(each) == devices), None
+    )
+
+
+def binding_warnings(state: StateEvent, calibration: CalibrationRecord | None) -> list[str]:
+    """One sentence for each thing in which the open cameras differ from those calibrated."""
+    if calibration is None or state.live is None or state.source is None:
+        return []
+    bound = _devices(calibration)
+    if not bound:
+        return []
+    open_devices = tuple(state.source["devices"])
+    name = calibration.name
+    if open_devices == bound[::-1] != bound:
+        return [
+            f"the calibration {name} was made with left and right the other way round: swap the "
+            f"cameras, or calibrate them in this order"
+        ]
+    if open_devices != bound:
+        return [
+            f"the calibration {name} was made with other cameras ({' and '.join(bound)}): "
+            f"calibrate these, or plug those in"
+        ]
+    settings: Sequence[Mapping[str, str]] = calibration.info["bound"].get("settings", ())
+    cameras: Sequence[Mapping[str, Any]] = state.live["cameras"]
+    warnings = []
+    for before, camera in zip(settings, cameras, strict=False):
+        now = camera["settings"]
+        for key in _DECISIVE:
+            if key in before and key in now and before[key] != now[key]:
+                warnings.append(
+                    f"the calibration {name} was made with {key} {before[key]} of the "
+                    f"{camera['side']} camera, which is {now[key]} now: set it back, or "
+                    f"calibrate anew"
+                )
+    return warnings
+
+
+def _devices(record: CalibrationRecord) -> tuple[str, ...]:
+    return tuple(record.info.get("bound", {}).get("devices", ()))
