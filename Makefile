@@ -29,7 +29,7 @@ ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
 $(MADE): moved
 endif
 
-.PHONY: moved help setup setup-dev run test lint bench wheel chromium constraints clean
+.PHONY: moved help setup setup-dev run test lint bench wheel chromium ffmpeg constraints clean
 .DELETE_ON_ERROR:
 
 help:
@@ -47,6 +47,7 @@ run: setup
 
 test: setup-dev
 	@( $(install_chromium) ) || true
+	@( $(install_ffmpeg) ) || true
 	$(BIN)/pytest $(ARGS)
 
 lint: setup-dev
@@ -82,9 +83,13 @@ $(VENDORED): static/package-lock.json app/packaging/frontend.py | $(MADE)
 	@$(BIN)/python app/packaging/frontend.py vendor
 	@touch $@
 
-# The browser tests drive the system's Chromium. Fails, and says so, where it cannot be installed.
+# The browser tests drive the system's Chromium, those of network cameras ffmpeg's servers. Each
+# fails, and says so, where it cannot be installed.
 chromium:
 	@$(install_chromium)
+
+ffmpeg:
+	@$(install_ffmpeg)
 
 constraints: setup-dev
 	@{ echo "# Every package that a set-up may install, pinned. Renewed by: make constraints"; \
@@ -128,24 +133,33 @@ define find_chromium
 { command -v chromium || command -v chromium-browser || command -v google-chrome; } >/dev/null
 endef
 
-# With apt-get, as root or where sudo asks for no password; otherwise says what is left out.
-define install_chromium
-$(find_chromium) && exit 0; \
+define find_ffmpeg
+command -v ffmpeg >/dev/null
+endef
+
+# $(call install,what finds it,its package,what it is for,what is left out without it): with
+# apt-get, as root or where sudo asks for no password; otherwise says what is left out.
+define install
+$(1) && exit 0; \
 as=; \
 if command -v apt-get >/dev/null; then \
   if [ "$$(id -u)" = 0 ]; then as=env; \
   elif sudo -n true 2>/dev/null; then as="sudo -n env"; fi; \
 fi; \
 if [ -n "$$as" ]; then \
-  echo "Installing Chromium for the browser tests"; \
+  echo "Installing $(2) for $(3)"; \
   $$as apt-get update -qq && \
-  $$as DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium >/dev/null; \
-  $(find_chromium) && exit 0; \
+  $$as DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(2) >/dev/null; \
+  $(1) && exit 0; \
 fi; \
-echo "Chromium is missing, so the tests in tests/browser are left out;" \
-  "to run them: sudo apt-get install chromium" >&2; \
+echo "$(2) is missing, so $(4) left out; to run them: sudo apt-get install $(2)" >&2; \
 exit 1
 endef
+
+install_chromium = $(call install,$(find_chromium),chromium,the browser tests,$\
+the tests in tests/browser are)
+install_ffmpeg = $(call install,$(find_ffmpeg),ffmpeg,the tests of network cameras,$\
+the tests of network cameras are)
 
 define registry_hint
 echo "pip could not install what pyproject.toml asks for, as said above;" \

@@ -114,17 +114,25 @@ def test_no_npm_and_no_pip_to_bring_it(clone: Path, tmp_path: Path) -> None:
     assert not (clone / "static" / "vendor").exists()
 
 
-def test_no_chromium_and_no_way_to_install_it(clone: Path, bare: Path) -> None:
-    done = make(clone, "chromium", path=str(bare))
+@pytest.mark.parametrize(
+    ("package", "left_out"), [("chromium", "tests/browser"), ("ffmpeg", "network cameras")]
+)
+def test_a_program_is_missing_and_there_is_no_way_to_install_it(
+    clone: Path, bare: Path, package: str, left_out: str
+) -> None:
+    done = make(clone, package, path=str(bare))
     assert done.returncode != 0
     (sentence,) = sentences(done)
-    assert "tests/browser are left out" in sentence
-    assert "apt-get install chromium" in sentence
+    assert f"{left_out} are left out" in sentence
+    assert f"apt-get install {package}" in sentence
 
 
-def test_chromium_is_installed_where_that_is_permitted(clone: Path, bare: Path) -> None:
+@pytest.mark.parametrize("package", ["chromium", "ffmpeg"])
+def test_a_program_is_installed_where_that_is_permitted(
+    clone: Path, bare: Path, package: str
+) -> None:
     log = clone / "asked"
-    install = f'printf "#!/bin/sh\n" > {bare}/chromium; chmod +x {bare}/chromium'
+    install = f'printf "#!/bin/sh\n" > {bare}/{package}; chmod +x {bare}/{package}'
     for name, body in (
         ("apt-get", f'echo "$1" >> "{log}"; [ "$1" = install ] || exit 0; {install}'),
         ("id", "echo 0"),
@@ -132,10 +140,10 @@ def test_chromium_is_installed_where_that_is_permitted(clone: Path, bare: Path) 
         (bare / name).unlink(missing_ok=True)
         (bare / name).write_text(f"#!/bin/sh\n{body}\n")
         (bare / name).chmod(0o755)
-    done = make(clone, "chromium", path=str(bare))
+    done = make(clone, package, path=str(bare))
     assert done.returncode == 0, done.stderr
     assert log.read_text().split() == ["update", "install"]
-    assert make(clone, "chromium", path=str(bare)).returncode == 0
+    assert make(clone, package, path=str(bare)).returncode == 0
     assert log.read_text().split() == ["update", "install"]
 
 
