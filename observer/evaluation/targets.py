@@ -122,9 +122,11 @@ def targets(
     )  # fmt: skip
 
 
-def targets_table(by_preset: Mapping[str, Sequence[Target]]) -> str:
+def targets_table(
+    by_preset: Mapping[str, Sequence[Target]], title: str = "figure at 0.8-4 m"
+) -> str:
     """Markdown: figure, target, then what each preset measured and whether that reaches it."""
-    header = ["figure at 0.8-4 m", "target"]
+    header = [title, "target"]
     for name in by_preset:
         header += [name, "reached"]
     figures = {t.figure: t.wanted for each in by_preset.values() for t in each}
