@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +15,7 @@ from observer.errors import InputError
 from observer.parameters import StereoParameters
 from observer.stages.rectification import Rectification
 from observer.stages.stereo import disparity_map
-from observer.types import StereoFrame
+from observer.types import Image, StereoFrame
 
 # The place is judged by its surroundings: pixels each way.
 _REACH_PX = 7
@@ -26,6 +27,12 @@ _LEAST_KNOWN = 0.3
 _MAX_SPREAD_PX = 0.5
 _MAX_HERE_PX = 1.0
 _MAX_DISPARITY_PX = 256
+# Grey levels a pixel, root mean square along the rows of the smoothed image; noise of three grey
+# levels leaves a third of it. Where there is less, the matcher fills in what its neighbours have.
+_LEAST_TEXTURE = 0.7
+_SMOOTHING_PX = 1.5
+
+_NO_DEPTH = "this place has no depth: choose one with texture that both cameras see"
 
 
 def measure_depth(
@@ -60,6 +67,8 @@ def measure_depth(
     parameters = StereoParameters(max_disparity_px=search)
     strip = disparity_map(left[rows], right[rows], parameters)
     beat()
+    if _texture(left[_around(row), _around(column)]) < _LEAST_TEXTURE:
+        raise InputError(_NO_DEPTH)
     disparity = _disparity_of_place(strip, row - first, column)
     point = camera.triangulate((u, v), disparity)
     distance = float(np.linalg.norm(point))
@@ -76,12 +85,11 @@ def _disparity_of_place(strip: NDArray[np.float32], row: int, column: int) -> fl
     Raises:
         InputError: too little is known around it, or it is no plane.
     """
-    rows = slice(max(0, row - _REACH_PX), row + _REACH_PX + 1)
-    columns = slice(max(0, column - _REACH_PX), column + _REACH_PX + 1)
+    rows, columns = _around(row), _around(column)
     place = strip[rows, columns].astype(np.float64)
     known = np.isfinite(place)
     if known.mean() < _LEAST_KNOWN:
-        raise InputError("this place has no depth: choose one with texture that both cameras see")
+        raise InputError(_NO_DEPTH)
     down, across = np.nonzero(known)
     down, across = down + rows.start - row, across + columns.start - column
     found = place[known]
@@ -94,3 +102,12 @@ def _disparity_of_place(strip: NDArray[np.float32], row: int, column: int) -> fl
     if elsewhere or float(np.median(np.abs(off))) > _MAX_SPREAD_PX:
         raise InputError("this place lies at an edge: choose one in the middle of a flat thing")
     return float(plane[0])
+
+
+def _around(middle: int) -> slice:
+    return slice(max(0, middle - _REACH_PX), middle + _REACH_PX + 1)
+
+
+def _texture(image: Image) -> float:
+    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), _SMOOTHING_PX)
+    return float(np.sqrt(np.mean(np.square(np.diff(smooth, axis=1)))))
