@@ -18,6 +18,8 @@ class CalibrationAgeing:
     def __init__(self, camera: StereoCamera, mount: CameraMount | None) -> None:
         self._watch = AgeingWatch(camera, mount)
         self._age: CalibrationAge | None = None
+        self._told: CalibrationAge | None = None
+        self._facts: dict[str, Any] | None = None
 
     def look(self, observed: Observed) -> None:
         """Note one frame."""
@@ -30,8 +32,11 @@ class CalibrationAgeing:
 
     def facts(self) -> dict[str, Any] | None:
         """As ``StateEvent.ageing`` holds it."""
-        if self._age is None:
-            return None
-        rows = asdict(self._age.rows)
-        rows["history"] = [[round(t, 1), round(px, 4)] for t, px in self._age.rows.history]
-        return {"rows": rows, "vergence": asdict(self._age.vergence)}
+        age, told = self._age, self._told
+        # Asked several times a frame, while the watch finds something new once a second.
+        if age is None or (told and age.rows is told.rows and age.vergence is told.vergence):
+            return self._facts
+        rows = asdict(age.rows)
+        rows["history"] = [[round(t, 1), round(px, 4)] for t, px in age.rows.history]
+        self._told, self._facts = age, {"rows": rows, "vergence": asdict(age.vergence)}
+        return self._facts
