@@ -15,19 +15,22 @@ const HEIGHT = 48;
 const SVG = "http://www.w3.org/2000/svg";
 
 class CalibrationHealth extends Part {
-  #words = h("p", { class: "verdict", role: "status" });
+  #words = h("p", { class: "verdict" });
+  // The number changes all the time; only a warning is spoken.
+  #spoken = h("p", { class: "visually-hidden", role: "status" });
   #trend = h("p", { class: "hint" });
   #chart = document.createElementNS(SVG, "svg");
   #vergence = h("p", { class: "hint" });
   #refine = h("button", { type: "button", class: "button" }, "Refine from the scene");
   #drawn = "";
+  #refining = false;
 
   build() {
     this.#chart.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
     this.#chart.setAttribute("class", "drift-chart");
     this.#chart.setAttribute("role", "img");
     this.#refine.addEventListener("click", () => void this.#refineRows());
-    this.append(h("h3", {}, "How it holds"), this.#words, this.#chart, this.#trend, this.#vergence,
+    this.append(h("h3", {}, "How it holds"), this.#words, this.#spoken, this.#chart, this.#trend, this.#vergence,
       h("p", { class: "hint" }, "Refining sets pitch and roll between the cameras straight, as a new calibration; vergence, baseline and lenses stay."),
       h("div", { class: "row" }, this.#refine));
     this.hear("status", () => this.#render());
@@ -44,6 +47,7 @@ class CalibrationHealth extends Part {
       ? `The rows of left and right are ${fixed(now_px, 2)} px apart; ${ALLOWED_PX} px are allowed.`
       : "How far the rows of left and right are apart shows after some seconds with texture in view.");
     setText(this.#trend, rows.warning ? sentence(rows.warning) : trend(rows));
+    setText(this.#spoken, rows.warning ? sentence(rows.warning) : "");
     setText(this.#vergence, `Vergence: ${vergence.sentence}`);
     this.#refine.disabled = this.hub.status?.run !== null;
     setAttribute(this.#refine, "title", this.#refine.disabled ? "Stop the run first" : null);
@@ -72,7 +76,8 @@ class CalibrationHealth extends Part {
   }
 
   async #refineRows() {
-    this.#refine.disabled = true;
+    if (this.#refining) return;
+    this.#refining = true;
     setText(this.#refine, "Refining…");
     try {
       /** @type {import("./types.js").Calibration} */
@@ -86,8 +91,8 @@ class CalibrationHealth extends Part {
     } catch (error) {
       notifyError(error);
     } finally {
+      this.#refining = false;
       setText(this.#refine, "Refine from the scene");
-      this.#render();
     }
   }
 }

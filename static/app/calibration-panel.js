@@ -3,6 +3,7 @@
 import { ApiError, request } from "./api.js";
 import { compared, describe, previewed } from "./calibration-preview.js";
 import { h, icon, setText } from "./dom.js";
+import { KeptList, passFocus } from "./focus-place.js";
 import { answered, confirmed, notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
 
@@ -21,6 +22,8 @@ class CalibrationPanel extends Part {
   #drop = h("div", { class: "drop" });
   #error = h("p", { class: "field-error", id: "calibration-error", role: "alert" });
   #list = h("ul", { class: "item-list" });
+  #items = new KeptList(this.#list, (/** @type {Calibration} */ calibration) => this.#item(calibration), () => this.#make);
+  #make = h("button", { class: "button primary", type: "button" }, "Calibrate cameras");
   #empty = h("p", { class: "empty" }, "None yet; the source's own calibration is in use.");
   #compare = h("button", { class: "button", type: "button", hidden: true }, "Compare");
   #own = h("button", { class: "button", type: "button" }, "Back to the source's own");
@@ -42,10 +45,9 @@ class CalibrationPanel extends Part {
     this.#file.addEventListener("change", () => void this.#send([...(this.#file.files ?? [])]));
     this.#own.addEventListener("click", () => void this.#deactivate());
     this.#listenForDrop();
-    const make = h("button", { class: "button primary", type: "button" }, "Calibrate cameras");
-    make.addEventListener("click", () => this.hub.tell("calibrate"));
+    this.#make.addEventListener("click", () => this.hub.tell("calibrate"));
     this.append(h("h2", {}, "Calibration"),
-      h("p", { class: "hint" }, "With a printed board it takes about five minutes."), h("div", { class: "row" }, make),
+      h("p", { class: "hint" }, "With a printed board it takes about five minutes."), h("div", { class: "row" }, this.#make),
       h("h3", {}, "Bring your own"), this.#drop, h("h3", {}, "Kept calibrations"), this.#empty, this.#list,
       h("div", { class: "row" }, this.#compare, this.#own));
     this.#compare.addEventListener("click", () => compared(this.#all.slice(0, 4)));
@@ -85,9 +87,11 @@ class CalibrationPanel extends Part {
 
   #renderList() {
     this.#empty.hidden = this.#all.length > 0;
-    this.#own.hidden = this.#active === "";
-    this.#compare.hidden = this.#all.length < 2;
-    this.#list.replaceChildren(...this.#all.map((calibration) => this.#item(calibration)));
+    this.#items.show(this.#all, ({ id }) => id, (calibration) => JSON.stringify([calibration, calibration.id === this.#active]));
+    for (const [button, unused] of /** @type {const} */ ([[this.#own, this.#active === ""], [this.#compare, this.#all.length < 2]])) {
+      if (unused) passFocus(button, this.#list.querySelector("button"), this.#make);
+      button.hidden = unused;
+    }
   }
 
   /** @param {Calibration} calibration */

@@ -29,7 +29,8 @@ export function previewed(calibration, active) {
     { class: "preview", "aria-labelledby": "preview-title" },
     h(
       "form",
-      { method: "dialog" },
+      // The tape's number, half typed, must not keep the dialog open.
+      { method: "dialog", novalidate: true },
       h("h2", { id: "preview-title" }, calibration.name),
       calibration.origin ? h("p", {}, sentence(calibration.origin)) : null,
       notes(calibration.notes),
@@ -46,7 +47,7 @@ export function previewed(calibration, active) {
   );
   document.body.append(dialog);
   dialog.showModal();
-  void paintPreview(`/calibrations/${encodeURIComponent(calibration.id)}/preview`, canvas, verdict);
+  void paintPreview(`/calibrations/${encodeURIComponent(calibration.id)}/preview`, canvas, verdict, report);
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {
       dialog.remove();
@@ -66,8 +67,9 @@ export function describe(c) {
  * @param {string} path below /api
  * @param {HTMLCanvasElement} canvas
  * @param {HTMLElement} verdict
+ * @param {Record<string, any> | null} report of the calibration, where there is one
  */
-export async function paintPreview(path, canvas, verdict) {
+export async function paintPreview(path, canvas, verdict, report) {
   try {
     const { blob, headers } = await requestImage(path);
     const bitmap = await createImageBitmap(blob);
@@ -77,7 +79,7 @@ export async function paintPreview(path, canvas, verdict) {
     bitmap.close();
     canvas.hidden = false;
     const text = headers.get("x-vertical-error-px");
-    judge(verdict, text === null ? null : Number(text));
+    judge(verdict, text === null ? null : Number(text), report?.held_out?.p95_px ?? null);
   } catch (error) {
     canvas.hidden = true;
     verdict.dataset.tone = "bad";
@@ -108,7 +110,7 @@ export function compared(calibrations) {
   const dialog = h("dialog", { class: "preview", "aria-labelledby": "compare-title" },
     h("form", { method: "dialog" },
       h("h2", { id: "compare-title" }, "Calibrations compared"),
-      h("div", { class: "table-scroll" },
+      h("div", { class: "scroll-x" },
         h("table", { class: "verdict-table" },
           h("thead", {}, h("tr", {}, h("th", {}), ...calibrations.map((c) => h("th", { scope: "col" }, c.name)))), body)),
       h("p", { class: "hint" }, "“Rows now” is measured in the newest pair of the open source."),
@@ -170,11 +172,16 @@ function understood(c) {
 /**
  * @param {HTMLElement} verdict
  * @param {number | null} px median vertical distance of matching points in the two images
+ * @param {number | null} heldOut what 95 % of the corners of views that were held out stay within
  */
-function judge(verdict, px) {
+function judge(verdict, px, heldOut) {
   if (px === null || !Number.isFinite(px)) {
     verdict.dataset.tone = "poor";
     return setText(verdict, "The vertical error could not be measured: too few matches between left and right.");
+  }
+  if (px >= POOR_PX && heldOut !== null && heldOut < GOOD_PX) {
+    verdict.dataset.tone = "poor";
+    return setText(verdict, `In this pair the rows seem ${px.toFixed(1)} px apart, in the board's views ${heldOut.toFixed(2)} px. The squares of a board look alike: take it out of the picture and look at a newer pair; if it stays so, a camera was moved.`);
   }
   const tone = px < GOOD_PX ? "good" : px < POOR_PX ? "poor" : "bad";
   const words = {

@@ -31,18 +31,20 @@ export class CameraPicker extends Part {
   #troubles = h("ul", { class: "plain-list warnings" });
   /** @type {Camera[]} */
   #cameras = [];
+  /** Whether cameras were there to be chosen when it was looked last. */
+  #known = false;
 
   build() {
     const use = h("button", { type: "submit", class: "button primary" }, "Open these cameras");
     this.#form.append(
       field("Left camera", this.#left), field("Right camera", this.#right), field("Size, format and rate", this.#mode),
       h("details", {}, h("summary", {}, "Exposure, gain, focus"),
-        h("p", { class: "hint" }, "A number switches the automatic off and locks it. Both cameras get the same."),
+        h("div", { class: "stack" }, h("p", { class: "hint" }, "A number switches the automatic off and locks it. Both cameras get the same."),
         ...SETTINGS.map(([key, words, help]) => {
           const input = this.#settings.get(key);
           return input ? field(words, input, help) : null;
         }),
-        field("Mains frequency of the light", this.#line)),
+        field("Mains frequency of the light", this.#line))),
       h("div", { class: "row" }, use));
     this.append(h("h3", {}, "Plugged in"), this.#words, this.#troubles, this.#form, h("div", { class: "row" }, this.#again));
     this.#left.addEventListener("change", () => this.#renderModes());
@@ -67,10 +69,15 @@ export class CameraPicker extends Part {
     const troubles = cameras.flatMap((camera) => camera.trouble ?? []);
     this.#troubles.replaceChildren(...[...troubles, ...hints].map((text) => h("li", {}, text)));
     this.#form.hidden = count === 0;
+    const chosen = this.#known ? [this.#left.value, this.#right.value, this.#mode.value] : [];
     this.#left.replaceChildren(...this.#cameras.map(option));
     this.#right.replaceChildren(...this.#cameras.map(option), h("option", { value: "" }, "None: the left one shows both images"));
     this.#right.selectedIndex = Math.min(1, count);
+    this.#known = count > 0;
+    keep(this.#left, chosen[0]);
+    keep(this.#right, chosen[1]);
     this.#renderModes();
+    keep(this.#mode, chosen[2]);
   }
 
   #renderModes() {
@@ -95,6 +102,16 @@ export class CameraPicker extends Part {
     const text = query.toString();
     return `camera:${names}${text ? `?${text}` : ""}`;
   }
+}
+
+/**
+ * What was chosen before stays chosen, where it is still there.
+ *
+ * @param {HTMLSelectElement} select
+ * @param {string | undefined} value
+ */
+function keep(select, value) {
+  if (value !== undefined && [...select.options].some((option) => option.value === value)) select.value = value;
 }
 
 /** @param {Camera} camera @returns {string} the name that stays when it is plugged in again */

@@ -29,7 +29,7 @@ class LiveCameras extends Part {
     if (!live) return;
     setText(this.#trouble, live.trouble ?? "");
     setText(this.#skew, skewWords(live));
-    setText(this.#counts, `${live.pairs} pairs, ${live.dropped} dropped for being more than half an image apart in time, ${live.reopened} times opened again.`);
+    setText(this.#counts, `${live.pairs} ${live.pairs === 1 ? "pair" : "pairs"}, ${live.dropped} dropped for being more than half an image apart in time, ${live.reopened} times opened again.`);
     const drawn = JSON.stringify([live.cameras, live.hints]);
     if (drawn === this.#drawn) return;
     this.#drawn = drawn;

@@ -22,26 +22,27 @@ const NUMBERS = [
 ];
 
 class RigPanel extends Part {
-  #inputs = new Map(NUMBERS.map(([key]) => [key, h("input", { type: "text", inputmode: "decimal", id: `rig-${key}`, autocomplete: "off", placeholder: "unknown" })]));
+  #inputs = new Map(NUMBERS.map(([key]) => [key, h("input", { type: "text", inputmode: "decimal", id: `rig-${key}`, autocomplete: "off", placeholder: "unknown", "aria-describedby": `rig-help-${key} rig-error` })]));
   #notes = new Map(NUMBERS.map(([key]) => [key, h("span", { class: "hint" })]));
   #simulated = h("input", { type: "checkbox", id: "rig-simulated" });
   #inUse = h("p", { class: "hint", role: "status" });
-  #error = h("p", { class: "field-error", role: "alert" });
+  #error = h("p", { class: "field-error", role: "alert", id: "rig-error" });
   #floor = h("button", { type: "button", class: "button" }, "Estimate from the floor");
   #words = h("p", { role: "status" });
   /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
   #estimated = new Map();
+  #looking = false;
 
   build() {
     const form = h("form", { class: "stack", novalidate: true },
       h("div", { class: "rig-fields" }, ...NUMBERS.map(([key, words, unit, , help]) => {
         const input = this.#inputs.get(key);
-        return h("div", { class: "field" }, h("label", { for: `rig-${key}` }, `${words}, ${unit}`), input, h("p", { class: "hint" }, help), this.#notes.get(key));
+        return h("div", { class: "field" }, h("label", { for: `rig-${key}` }, `${words}, ${unit}`), input, h("p", { class: "hint", id: `rig-help-${key}` }, help), this.#notes.get(key));
       })),
       h("label", { class: "check", for: "rig-simulated" }, this.#simulated, "Use it for simulated sources too"),
       this.#error,
       h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Use this rig"), this.#floor,
-        h("a", { class: "button", href: "/api/rig/file", download: "rig.yaml" }, "rig.yaml")),
+        h("a", { class: "button", href: "/api/rig/file", download: "rig.yaml" }, "Download rig.yaml")),
       this.#words);
     this.append(h("h3", {}, "The rig"),
       h("p", { class: "hint" }, "How the camera stands on its robot. It levels the 3D scene, gives one camera its scale, and tells the guard where the floor is."),
@@ -108,7 +109,7 @@ class RigPanel extends Part {
       const value = Number(text);
       const wrong = text !== "" && !Number.isFinite(value);
       if (input) setAttribute(input, "aria-invalid", wrong ? "true" : null);
-      if (wrong) return setText(this.#error, `${words} must be a number, or empty where it is not known.`);
+      if (wrong) return this.#refuse(key, `${words} must be a number, or empty where it is not known.`);
       mount[key] = text === "" ? null : this.#estimated.get(key) ?? { value, sigma: null };
     }
     try {
@@ -118,23 +119,37 @@ class RigPanel extends Part {
       notify("The rig is in use.");
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
+      const key = Object.keys(error.fields).find((each) => this.#inputs.has(each));
+      const words = NUMBERS.find(([each]) => each === key)?.[1];
+      // The sentence begins with the name that the file has for it.
+      this.#refuse(key, words && key ? error.message.replace(new RegExp(`^${key}`, "i"), words) : error.message);
     }
   }
 
+  /** @param {string | undefined} key the number that is wrong @param {string} why one sentence */
+  #refuse(key, why) {
+    setText(this.#error, why);
+    const input = this.#inputs.get(key ?? "");
+    if (!input) return;
+    setAttribute(input, "aria-invalid", "true");
+    input.focus();
+  }
+
   async #estimate() {
-    this.#floor.disabled = true;
+    if (this.#looking) return;
+    this.#looking = true;
     setText(this.#words, "Looking at the floor…");
     try {
       /** @type {Record<string, any>} */
       const found = await request("POST", "/rig/floor");
       for (const [key, , , digits] of NUMBERS.slice(0, 3)) this.#fill(key, found[key], digits);
-      setText(this.#words, `${found.sentence} Press “Use this rig” to take it over.`);
+      const sentence = `${found.sentence.charAt(0).toUpperCase()}${found.sentence.slice(1)}`.replaceAll("+-", "±");
+      setText(this.#words, `${sentence} Press “Use this rig” to take it over.`);
     } catch (error) {
       setText(this.#words, "");
       notifyError(error);
     } finally {
-      this.#floor.disabled = false;
+      this.#looking = false;
     }
   }
 }

@@ -3,6 +3,7 @@
 import { ApiError, request } from "./api.js";
 import { CameraPicker } from "./camera-picker.js";
 import { h, setAttribute, setText } from "./dom.js";
+import { KeptList } from "./focus-place.js";
 import { notify } from "./notice.js";
 import { Part } from "./part.js";
 
@@ -10,6 +11,7 @@ const PLACEHOLDER = /\b[A-Z]{3,}\b/;
 
 class SourcePicker extends Part {
   #list = h("div", { class: "source-list", role: "group", "aria-label": "Sources" });
+  #choices = new KeptList(this.#list, (/** @type {import("./types.js").SourceChoice} */ choice) => this.#choice(choice));
   #spec = h("input", { type: "text", id: "source-spec", autocomplete: "off", spellcheck: "false", "aria-describedby": "source-help source-error", required: true });
   #calibration = h("select", { id: "source-calibration" });
   #open = h("button", { class: "button primary", type: "submit" }, "Open source");
@@ -51,20 +53,22 @@ class SourcePicker extends Part {
   async #load() {
     /** @type {import("./types.js").SourceChoice[]} */
     const sources = await request("GET", "/sources").catch(() => []);
-    this.#list.replaceChildren(
-      ...sources.map(({ spec, title, help }) => {
-        const button = h("button", { type: "button", class: "source", "data-spec": spec },
-          h("b", {}, title), h("code", {}, spec), h("span", {}, help));
-        button.addEventListener("click", () => {
-          this.#spec.value = spec;
-          // A word in capitals stands for something to be typed, as in video:LEFT,RIGHT.
-          if (PLACEHOLDER.test(spec)) this.#spec.select();
-          else void this.#openSource();
-        });
-        return button;
-      }),
-    );
+    this.#choices.show(sources, ({ spec }) => spec);
     this.#render();
+  }
+
+  /** @param {import("./types.js").SourceChoice} choice */
+  #choice({ spec, title, help }) {
+    const button = h("button", { type: "button", class: "source", "data-spec": spec },
+      h("b", {}, title), h("code", {}, spec), h("span", {}, help));
+    button.addEventListener("click", () => {
+      if (this.#busy) return;
+      this.#spec.value = spec;
+      // A word in capitals stands for something to be typed, as in video:LEFT,RIGHT.
+      if (PLACEHOLDER.test(spec)) this.#spec.select();
+      else void this.#openSource();
+    });
+    return button;
   }
 
   async #loadCalibrations() {
@@ -88,14 +92,18 @@ class SourcePicker extends Part {
     }
     const inRun = Boolean(status?.run);
     this.#inRun.hidden = !inRun;
-    this.#open.disabled = inRun || this.#busy;
+    this.#open.disabled = inRun;
+    // Not disabled while it opens: that would take the focus away.
+    setAttribute(this.#open, "aria-disabled", this.#busy ? "true" : null);
     for (const button of this.#list.querySelectorAll("button")) {
       setAttribute(button, "aria-current", button.dataset.spec === current ? "true" : null);
-      button.disabled = inRun || this.#busy;
+      button.disabled = inRun;
+      setAttribute(button, "aria-disabled", this.#busy ? "true" : null);
     }
   }
 
   async #openSource() {
+    if (this.#busy) return;
     this.#busy = true;
     this.#fail("");
     this.#offerCalibration(false);

@@ -16,9 +16,9 @@ export class TapeCheck {
   #place = null;
   #mark = h("span", { class: "place-mark", hidden: true });
   #words = h("p", { role: "status" });
-  #measured = h("input", { type: "number", id: "tape-measured", min: 0.05, max: 100, step: "any" });
+  #measured = h("input", { type: "number", id: "tape-measured", min: 0.05, max: 100, step: "any", "aria-describedby": "tape-error" });
   #check = h("button", { type: "button", class: "button" }, "Compare");
-  #error = h("p", { class: "field-error", role: "alert" });
+  #error = h("p", { class: "field-error", role: "alert", id: "tape-error" });
   #list = h("ul", { class: "plain-list" });
   element = h("details", { class: "tape-check" });
 
@@ -29,11 +29,11 @@ export class TapeCheck {
   constructor(calibration, canvas) {
     this.#path = `/calibrations/${encodeURIComponent(calibration.id)}`;
     this.#canvas = canvas;
-    const choose = h("button", { type: "button", class: "button" }, "Choose the middle");
+    const choose = h("button", { type: "button", class: "button", "aria-describedby": "tape-help" }, "Choose the middle");
     choose.addEventListener("click", () => void this.#choose(canvas.width / 4, canvas.height / 2));
     this.element.append(
       h("summary", {}, "Check it with a tape measure"),
-      h("p", { class: "hint" }, "Click a flat place with texture in the left image, or choose its middle and move it by the arrow keys. Measure from the left lens straight to that place."),
+      h("p", { class: "hint", id: "tape-help" }, "Click a flat place with texture in the left image, or choose its middle and move it by the arrow keys. Measure from the left lens straight to that place."),
       h("div", { class: "row" }, choose),
       this.#words,
       h("div", { class: "row" }, h("label", { for: "tape-measured" }, "By the tape, m"), this.#measured, this.#check),

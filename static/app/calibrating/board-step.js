@@ -1,7 +1,8 @@
 /** The first step: which board, printed how large, before which cameras. */
 
 import { ApiError, request, requestImage } from "../api.js";
-import { h, icon, setText } from "../dom.js";
+import { h, icon, setAttribute, setText } from "../dom.js";
+import { confirmed } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed } from "../words.js";
 
@@ -14,7 +15,11 @@ const KEY = "dynamic-observer.board";
 const USUAL = { kind: "chessboard", columns: 9, rows: 6, square_mm: 24, paper: "A4", bar_mm: BAR_MM };
 
 export class BoardStep extends Part {
-  /** Called once the cameras are looked through, or images were sent in. */
+  /**
+   * Called once the cameras are looked through, or images were sent in.
+   *
+   * @type {(calibrating: import("../types.js").Calibrating) => void}
+   */
   begun = () => {};
 
   #kind = select("board-kind", [["chessboard", "Chessboard"], ["charuco", "ChArUco (may be seen in part)"]]);
@@ -33,6 +38,7 @@ export class BoardStep extends Part {
   #start = h("button", { class: "button primary", type: "submit" }, "Begin with these cameras");
   #zip = h("input", { type: "file", id: "board-zip", accept: ".zip", "aria-describedby": "board-zip-help" });
   #busy = false;
+  #suggested = "";
 
   build() {
     const form = h("form", { class: "wizard-form", novalidate: true },
@@ -70,7 +76,9 @@ export class BoardStep extends Part {
     this.#pdf.addEventListener("click", () => void this.#download("pdf"));
     this.#zip.addEventListener("change", () => void this.#sendImages());
     this.hear("status", () => this.#suggest());
-    this.hear("calibrate", () => this.#suggest());
+    this.hear("calibrate", () => {
+      if (this.hub.uncalibrated) this.#source.value = this.hub.uncalibrated;
+    });
     this.#changed();
   }
 
@@ -89,10 +97,12 @@ export class BoardStep extends Part {
     this.#bar.value = String(choice.bar_mm);
   }
 
-  /** What is open, or what could not be opened for want of a calibration, is the first guess. */
+  /** What is open is the first guess, until something else is typed. */
   #suggest() {
-    if (this.#source.value !== "" || document.activeElement === this.#source) return;
-    this.#source.value = this.hub.uncalibrated || this.hub.status?.source?.spec || "";
+    const open = this.hub.status?.source?.spec ?? "";
+    if (open === this.#suggested || document.activeElement === this.#source) return;
+    if (this.#source.value === this.#suggested) this.#source.value = open;
+    this.#suggested = open;
   }
 
   #changed() {
@@ -137,9 +147,14 @@ export class BoardStep extends Part {
     const { kind, columns, rows, ...rest } = this.#choice();
     const square_mm = squareOf({ kind, columns, rows, ...rest });
     const source = this.#source.value.trim() || null;
+    const views = this.hub.status?.calibrating?.views.length ?? 0;
+    const consequence = `${views} captured view${views === 1 ? "" : "s"} would be forgotten.`;
+    if (views > 0 && !(await confirmed("Begin anew?", consequence, "Begin anew"))) return;
     await this.#ask("Opening the cameras…", async () => {
-      await request("POST", "/calibrating", { source, kind, columns, rows, square_mm });
+      /** @type {{calibrating: import("../types.js").Calibrating}} */
+      const begun = await request("POST", "/calibrating", { source, kind, columns, rows, square_mm });
       this.hub.uncalibrated = "";
+      return begun;
     });
   }
 
@@ -157,7 +172,7 @@ export class BoardStep extends Part {
 
   /**
    * @param {string} words
-   * @param {() => Promise<unknown>} action
+   * @param {() => Promise<{calibrating: import("../types.js").Calibrating}>} action
    */
   async #ask(words, action) {
     if (this.#busy) return;
@@ -165,16 +180,16 @@ export class BoardStep extends Part {
     setText(this.#error, "");
     const before = this.#start.textContent ?? "";
     setText(this.#start, words);
-    this.#start.disabled = true;
+    // Not disabled: that would take the focus away.
+    setAttribute(this.#start, "aria-disabled", "true");
     try {
-      await action();
-      this.begun();
+      this.begun((await action()).calibrating);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       setText(this.#error, error.message);
     } finally {
       this.#busy = false;
-      this.#start.disabled = false;
+      setAttribute(this.#start, "aria-disabled", null);
       setText(this.#start, before);
     }
   }

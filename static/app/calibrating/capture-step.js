@@ -2,8 +2,9 @@
 
 import { request } from "../api.js";
 import { h, icon, setAttribute, setText } from "../dom.js";
+import { KeptList, passFocus } from "../focus-place.js";
 import { LiveView } from "../live-view.js";
-import { notifyError } from "../notice.js";
+import { notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
 import { CoverQuestion } from "./cover-question.js";
 
@@ -15,11 +16,20 @@ const BARS = [
   ["Skew", "Tilt"],
 ];
 
+// What to do changes with every image: it is shown as fast as it can be read from two metres away,
+// and spoken more slowly still.
+const SHOWN_FOR_MS = 350;
+const CAPTURED_FOR_MS = 1300;
+const SPOKEN_EVERY_MS = 6000;
+
 export class CaptureStep extends Part {
   /** Called when the views shall be computed. */
   compute = () => {};
+  /** Whether the last computation was ended from this page. */
+  cancelled = false;
 
-  #words = h("p", { class: "capture-words", role: "status", "aria-live": "polite" });
+  #words = h("p", { class: "capture-words" });
+  #spoken = h("p", { class: "visually-hidden", role: "status", "aria-live": "polite" });
   #next = h("p", { class: "capture-next" });
   #cameras = h("div", { class: "capture-cameras" });
   #bars = new Map(BARS.map(([name, words]) => [name, bar(words)]));
@@ -33,18 +43,24 @@ export class CaptureStep extends Part {
   #computing = h("div", { class: "row", hidden: true }, this.#progress, this.#progressWords, this.#cancel);
   #trouble = h("p", { class: "field-error", role: "alert" });
   #count = h("h3", {}, "No views yet");
-  #list = h("ul", { class: "view-list" });
+  #list = h("ul", { class: "view-list", "aria-label": "Captured views" });
+  #items = new KeptList(this.#list, (/** @type {import("../types.js").CapturedView} */ view) => this.#item(view), () => this.#capture);
   #refused = h("details", { hidden: true });
   #cover = new CoverQuestion();
   #shown = false;
-  #names = "";
+  #refusals = "";
+  /** Names of the views, null before they were known. @type {Set<string> | null} */
+  #known = null;
+  #heldUntil = 0;
+  #spokenAt = -Infinity;
+  #changing = 0;
 
   build() {
     this.#cover.attach(this.hub);
-    const controls = h("div", { class: "row" }, this.#capture, this.#undo,
+    const controls = h("div", { class: "row capture-controls" }, this.#capture, this.#undo,
       h("label", { class: "check", for: "capture-automatic" }, this.#automatic, "Capture by itself"));
     this.append(
-      h("div", { class: "capture-main" }, this.#words, this.#next, this.#cameras, controls),
+      h("div", { class: "capture-main" }, this.#words, this.#next, this.#spoken, this.#cameras, controls),
       h("div", { class: "capture-side" },
         h("h3", {}, "What is covered"),
         h("dl", { class: "coverage" }, ...this.#bars.values()),
@@ -54,7 +70,7 @@ export class CaptureStep extends Part {
     this.#undo.addEventListener("click", () => void this.#change({ undo: true }));
     this.#automatic.addEventListener("change", () => void this.#change({ automatic: this.#automatic.checked }));
     this.#compute.addEventListener("click", () => this.compute());
-    this.#cancel.addEventListener("click", () => void request("POST", "/calibrating/cancel").catch(notifyError));
+    this.#cancel.addEventListener("click", () => void this.#end());
     this.hear("status", () => this.#render());
   }
 
@@ -82,31 +98,72 @@ export class CaptureStep extends Part {
     for (const part of [this.#words, this.#next, this.#cameras, this.#capture.parentElement, this.#cover]) {
       if (part) part.hidden = !live;
     }
-    setText(this.#words, trouble ?? now.look?.words ?? "Waiting for the first image.");
-    setText(this.#next, now.look?.next ?? "");
+    this.#say(now, trouble);
+    const { width, height } = this.hub.status?.source ?? {};
+    if (width && height) this.#cameras.style.setProperty("--camera", `${width} / ${height}`);
     for (const [name, row] of this.#bars) fill(row, now.look?.coverage?.[name] ?? 0);
-    this.#automatic.checked = now.automatic;
+    // Until it is answered, a status from before would turn it back.
+    if (this.#changing === 0) this.#automatic.checked = now.automatic;
+    if (now.views.length === 0) passFocus(this.#undo, this.#capture);
     this.#undo.disabled = now.views.length === 0;
-    const busy = now.computing !== null;
-    this.#compute.disabled = busy || now.views.length === 0;
+    this.#renderComputing(now);
     setAttribute(this.#compute, "data-enough", now.look?.enough ? "" : null);
-    this.#computing.hidden = !busy;
-    if (now.computing) {
-      this.#progress.value = now.computing.share;
-      setText(this.#progressWords, now.computing.words);
-    }
     setText(this.#trouble, now.trouble ?? "");
     this.#renderViews(now);
   }
 
   /** @param {import("../types.js").Calibrating} now */
+  #renderComputing({ computing, views }) {
+    if (computing) {
+      this.#computing.hidden = false;
+      passFocus(this.#compute, this.#cancel);
+      this.#progress.value = computing.share;
+      setText(this.#progressWords, computing.words);
+    }
+    this.#compute.disabled = computing !== null || views.length === 0;
+    if (!computing) {
+      passFocus(this.#computing, this.#compute, this.#capture);
+      this.#computing.hidden = true;
+    }
+  }
+
+  /**
+   * What to do now. A captured view is said long enough to be read, and what is the same for a
+   * while is not said again.
+   *
+   * @param {import("../types.js").Calibrating} now
+   * @param {string | null} trouble what is wrong with the cameras
+   */
+  #say({ look, views }, trouble) {
+    const added = this.#known ? views.filter(({ name }) => !this.#known?.has(name)).at(-1) : undefined;
+    this.#known = new Set(views.map(({ name }) => name));
+    const next = look?.next ?? "";
+    // Where to go on stands below; it is not said twice.
+    const usual = look?.words.startsWith("Seen already") ? "Seen already" : look?.words;
+    const captured = added && `Captured ${added.name}${look?.enough ? "; that is enough" : ""}`;
+    const words = trouble ?? captured ?? usual ?? "Waiting for the first image.";
+    const time = performance.now();
+    const urgent = Boolean(added || trouble);
+    if (words !== this.#words.textContent && (urgent || time > this.#heldUntil)) {
+      setText(this.#words, words);
+      this.#heldUntil = time + (added ? CAPTURED_FOR_MS : SHOWN_FOR_MS);
+    }
+    setText(this.#next, next);
+    const spoken = captured ? `${captured}. ${next}` : trouble ?? (next || words);
+    if (added || time - this.#spokenAt > SPOKEN_EVERY_MS) {
+      this.#spokenAt = time;
+      setText(this.#spoken, spoken);
+    }
+  }
+
+  /** @param {import("../types.js").Calibrating} now */
   #renderViews(now) {
-    const names = JSON.stringify([now.views, now.refused]);
-    if (names === this.#names) return;
-    this.#names = names;
     const count = now.views.length;
     setText(this.#count, count === 0 ? "No views yet" : count === 1 ? "1 view" : `${count} views`);
-    this.#list.replaceChildren(...now.views.map((view) => this.#item(view)));
+    this.#items.show(now.views, (view) => view.name);
+    const refusals = JSON.stringify(now.refused);
+    if (refusals === this.#refusals) return;
+    this.#refusals = refusals;
     this.#refused.hidden = now.refused.length === 0;
     this.#refused.replaceChildren(
       h("summary", {}, `${now.refused.length} images were not used`),
@@ -125,14 +182,27 @@ export class CaptureStep extends Part {
     return h("li", {}, picture, h("span", {}, h("b", {}, view.name), " ", seen), remove);
   }
 
+  async #end() {
+    this.cancelled = true;
+    try {
+      await request("POST", "/calibrating/cancel");
+      notify("Computing was ended; the views stay.");
+    } catch (error) {
+      notifyError(error);
+    }
+  }
+
   /** @param {Record<string, unknown>} change */
   async #change(change) {
+    this.#changing += 1;
     try {
       const { calibrating } = /** @type {{calibrating: import("../types.js").Calibrating}} */ (
         await request("PATCH", "/calibrating", change));
       const { status } = this.hub;
+      this.#changing -= 1;
       if (status) this.hub.takeStatus({ ...status, calibrating });
     } catch (error) {
+      this.#changing -= 1;
       notifyError(error);
     }
   }

@@ -2,6 +2,7 @@
 
 import { request } from "../api.js";
 import { h, setText } from "../dom.js";
+import { passFocus } from "../focus-place.js";
 import { notifyError } from "../notice.js";
 import { Part } from "../part.js";
 
@@ -15,7 +16,7 @@ export class CoverQuestion extends Part {
     this.#ask.addEventListener("click", () => void this.#change(true));
     this.#done.addEventListener("click", () => void this.#change(false));
     this.#swap.addEventListener("click", () => void this.#swapCameras());
-    this.append(h("h3", {}, "Left and right"), this.#words, h("div", { class: "row" }, this.#ask, this.#swap, this.#done));
+    this.append(h("h3", {}, "Order of the cameras"), this.#words, h("div", { class: "row" }, this.#ask, this.#swap, this.#done));
     this.hear("status", () => this.#render());
   }
 
@@ -23,9 +24,13 @@ export class CoverQuestion extends Part {
     const look = this.hub.status?.calibrating?.look;
     const asked = look?.cover_asked ?? false;
     const covered = look?.covered ?? null;
-    this.#ask.hidden = asked;
-    this.#done.hidden = !asked;
-    this.#swap.hidden = covered !== "right";
+    const [shown, taken] = asked ? [this.#done, this.#ask] : [this.#ask, this.#done];
+    shown.hidden = false;
+    passFocus(taken, shown);
+    taken.hidden = true;
+    const swapped = covered === "right";
+    if (!swapped) passFocus(this.#swap, this.#done, this.#ask);
+    this.#swap.hidden = !swapped;
     setText(this.#words, !asked ? "" : words(covered));
   }
 

@@ -13,7 +13,7 @@ const HEIGHT = 96;
 
 /** @param {{rows: VerdictRow[], frame_rate: number}} verdict */
 export function verdictTable({ rows, frame_rate }) {
-  return h("div", { class: "table-scroll" },
+  return h("div", { class: "scroll-x" },
     h("table", { class: "verdict-table" },
       h("caption", {}, `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`),
       h("thead", {}, h("tr", {}, ...["At", "Depth error", "Slowest seen across", "Slowest seen towards"].map((text) => h("th", { scope: "col" }, text)))),
@@ -51,7 +51,12 @@ export function viewChart(views) {
   }
   const line = element("line", { x1: 0, x2: "100%", y1: HEIGHT, y2: HEIGHT });
   svg.append(line);
-  return h("figure", {}, svg, h("figcaption", { class: "hint" }, `Left and right image of each view; the chart's height is ${fixed(most, 2)} px.`));
+  // Numbers that cannot be read are of no use: on a phone the chart scrolls.
+  svg.style.minWidth = `${Math.max(views.length, 10) * step * 0.8}px`;
+  const caption = h("figcaption", { class: "hint" },
+    h("span", { class: "chart-key left" }), "left and ", h("span", { class: "chart-key right" }),
+    `right image of each view; the chart's height is ${fixed(most, 2)} px.`);
+  return h("figure", {}, h("div", { class: "scroll-x" }, svg), caption);
 }
 
 /** @param {number} metres */

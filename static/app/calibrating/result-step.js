@@ -3,7 +3,8 @@
 import { ApiError, request } from "../api.js";
 import { paintPreview } from "../calibration-preview.js";
 import { h, setText } from "../dom.js";
-import { notify } from "../notice.js";
+import { passFocus } from "../focus-place.js";
+import { notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed } from "../words.js";
 import { verdictTable, viewChart } from "./report-parts.js";
@@ -11,10 +12,12 @@ import { verdictTable, viewChart } from "./report-parts.js";
 export class ResultStep extends Part {
   /** Called when more views shall be captured. */
   again = () => {};
+  /** Called when the views that are left shall be computed. */
+  compute = () => {};
   /** Called once it is saved and in use. */
   saved = () => {};
 
-  #sentence = h("p", { class: "verdict big" });
+  #sentence = h("p", { class: "verdict big", role: "status" });
   #warnings = h("ul", { class: "plain-list warnings" });
   #verdict = h("div");
   #figures = h("dl", { class: "figures" });
@@ -24,22 +27,27 @@ export class ResultStep extends Part {
   #rows = h("p", { class: "verdict", role: "status" });
   #name = h("input", { type: "text", id: "result-name", maxlength: 100, required: true, autocomplete: "off" });
   #error = h("p", { class: "field-error", role: "alert" });
+  #use = h("button", { class: "button primary", type: "submit" }, "Save and use");
   #keep = h("button", { class: "button", type: "button" }, "Save for later");
   #again = h("button", { class: "button", type: "button" }, "Capture more");
+  #recompute = h("button", { class: "button", type: "button", hidden: true }, "Compute again");
   #refresh = h("button", { class: "button", type: "button" }, "Newest pair");
+  #saving = false;
   #shown = false;
   #read = "";
+  /** @type {Record<string, any> | null} */
+  #report = null;
 
   build() {
     const form = h("form", { class: "stack" },
       h("div", { class: "field" }, h("label", { for: "result-name" }, "Name"), this.#name),
       this.#error,
-      h("div", { class: "row" }, h("button", { class: "button primary", type: "submit" }, "Save and use"), this.#keep, this.#again));
+      h("div", { class: "row" }, this.#use, this.#keep, this.#again));
     this.append(
       this.#sentence, this.#warnings,
       h("div", { class: "result-columns" },
         h("div", { class: "stack" }, h("h3", {}, "What to expect"), this.#verdict, this.#figures),
-        h("div", { class: "stack" }, h("h3", {}, "Error of each view"), this.#chart, this.#refused)),
+        h("div", { class: "stack" }, h("h3", {}, "Error of each view"), this.#chart, this.#refused, h("div", { class: "row" }, this.#recompute))),
       h("h3", {}, "Rectified"), this.#canvas,
       h("p", { class: "hint" }, "A point of the left image must lie on the same level line in the right one."),
       this.#rows, h("div", { class: "row" }, this.#refresh),
@@ -50,6 +58,7 @@ export class ResultStep extends Part {
     });
     this.#keep.addEventListener("click", () => void this.#save(false));
     this.#again.addEventListener("click", () => this.again());
+    this.#recompute.addEventListener("click", () => this.compute());
     this.#refresh.addEventListener("click", () => this.#paint());
     this.hear("status", () => void this.#load());
   }
@@ -61,9 +70,17 @@ export class ResultStep extends Part {
     if (shown) void this.#load();
   }
 
+  /** Another result is there, even if it rests on the same views. */
+  renew() {
+    this.#read = "";
+  }
+
   async #load() {
     const now = this.hub.status?.calibrating;
     const names = now?.result?.join("|") ?? "";
+    const same = !now || names === now.views.map((view) => view.name).join("|");
+    if (same) passFocus(this.#recompute, this.#again);
+    this.#recompute.hidden = same || !now.views.length;
     if (!this.#shown || !names || names === this.#read) return;
     this.#read = names;
     const { report } = /** @type {{report: Record<string, any>}} */ (await request("GET", "/calibrating/result"));
@@ -75,6 +92,7 @@ export class ResultStep extends Part {
   /** @param {Record<string, any>} report @param {Set<string>} present names of views that are still there */
   #show(report, present) {
     const { verdict, held_out: heldOut, uncertainty } = report;
+    this.#report = report;
     this.#sentence.dataset.tone = verdict?.warnings.length ? "poor" : "good";
     setText(this.#sentence, verdict?.sentence ?? "");
     this.#warnings.replaceChildren(...(verdict?.warnings ?? []).map((/** @type {string} */ text) => h("li", {}, text)));
@@ -84,7 +102,7 @@ export class ResultStep extends Part {
       ["Stereo, RMS", `${fixed(report.rms_stereo_px, 2)} px`],
       ["Left / right, RMS", `${fixed(report.rms_left_px, 2)} / ${fixed(report.rms_right_px, 2)} px`],
       ["Rows, views held out", heldOut ? `${fixed(heldOut.median_px, 2)} px, 95 % within ${fixed(heldOut.p95_px, 2)} px` : "too few views"],
-      ["Baseline", `${fixed(report.baseline_m * 1000, 1)} ± ${fixed(uncertainty.baseline_m * 1000, 1)} mm`],
+      ["Baseline", `${fixed(report.baseline_m * 1000, 2)} ± ${fixed(uncertainty.baseline_m * 1000, 2)} mm`],
       ["Field of view", `${fixed(report.field_of_view_deg[0], 1)}° × ${fixed(report.field_of_view_deg[1], 1)}°`],
       ["Focal length", `${fixed(report.focal_px[0], 1)} ± ${fixed(uncertainty.focal_left_px, 1)} px`],
       ["Vergence", `± ${fixed(uncertainty.vergence_deg, 3)}°`],
@@ -100,8 +118,13 @@ export class ResultStep extends Part {
   #badView(view, present) {
     const remove = h("button", { type: "button", class: "button" }, `Remove view ${view.name}`);
     remove.addEventListener("click", async () => {
-      remove.disabled = true;
-      await request("PATCH", "/calibrating", { remove: view.name }).catch(() => {});
+      try {
+        await request("PATCH", "/calibrating", { remove: view.name });
+        passFocus(remove, this.#again);
+        remove.replaceWith("Removed.");
+      } catch (error) {
+        notifyError(error);
+      }
     });
     return h("li", { class: "row" }, h("span", {}, `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`), present.has(view.name) ? remove : null);
   }
@@ -109,12 +132,17 @@ export class ResultStep extends Part {
   #paint() {
     const live = this.hub.status?.calibrating?.source !== null;
     this.#refresh.hidden = !live;
-    void paintPreview("/calibrating/preview", this.#canvas, this.#rows);
+    void paintPreview("/calibrating/preview", this.#canvas, this.#rows, this.#report);
   }
 
   /** @param {boolean} activate */
   async #save(activate) {
+    if (this.#saving) return;
+    this.#saving = true;
     setText(this.#error, "");
+    const button = activate ? this.#use : this.#keep;
+    const before = button.textContent ?? "";
+    setText(button, activate ? "Saving and opening…" : "Saving…");
     try {
       /** @type {import("../types.js").Calibration} */
       const saved = await request("POST", "/calibrating/save", { name: this.#name.value.trim(), activate });
@@ -126,6 +154,9 @@ export class ResultStep extends Part {
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       setText(this.#error, error.message);
+    } finally {
+      this.#saving = false;
+      setText(button, before);
     }
   }
 }

@@ -1,7 +1,7 @@
 /** Making a calibration, step by step: a board, its views, what came of them. */
 
 import { ApiError, request } from "../api.js";
-import { h, setAttribute } from "../dom.js";
+import { h, setAttribute, setText } from "../dom.js";
 import { confirmed, notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
 import { BoardStep } from "./board-step.js";
@@ -19,51 +19,100 @@ const STEPS = [
 
 /** Takes the place of the scene and the live views while something is calibrated. */
 class CalibrationWizard extends Part {
-  #steps = h("ol", { class: "wizard-steps" });
+  #steps = new Map(STEPS.map(([step, text]) => [step, h("button", { type: "button", class: "wizard-step" }, text)]));
   #close = h("button", { class: "button", type: "button" }, "Leave");
-  #title = h("h2", { tabindex: "-1" }, "Calibrate");
+  #title = h("h2", { tabindex: "-1", id: "wizard-title" }, "Calibrate");
   #board = new BoardStep();
   #views = new CaptureStep();
   #result = new ResultStep();
   /** @type {Step | null} null: nothing is calibrated and nobody wants to */
   #step = null;
   #computed = "";
+  #computing = false;
+  /** What had the focus when the wizard was called. @type {Element | null} */
+  #caller = null;
 
   build() {
-    this.#board.begun = () => this.#go("views");
+    this.#board.begun = (calibrating) => {
+      // An older status, still on its way, must not close what was just begun.
+      const { status } = this.hub;
+      if (status) this.hub.takeStatus({ ...status, calibrating });
+      this.#go("views");
+    };
     this.#views.compute = () => void this.#compute();
     this.#result.again = () => this.#go("views");
-    this.#result.saved = () => this.#go(null);
+    this.#result.compute = () => {
+      this.#go("views");
+      void this.#compute();
+    };
+    this.#result.saved = () => void this.#saved();
+    for (const [step, button] of this.#steps) button.addEventListener("click", () => this.#go(step));
     for (const part of [this.#board, this.#views, this.#result]) part.attach(this.hub);
     this.#close.addEventListener("click", () => void this.#leave());
+    setAttribute(this, "role", "region");
+    setAttribute(this, "aria-labelledby", "wizard-title");
+    const steps = h("ol", { class: "wizard-steps" }, ...[...this.#steps.values()].map((button) => h("li", {}, button)));
     this.append(
-      h("header", { class: "wizard-head" }, this.#title, this.#steps, this.#close),
+      h("header", { class: "wizard-head" }, this.#title, steps, this.#close),
       this.#board, this.#views, this.#result);
     this.hear("status", () => this.#follow());
-    this.hear("calibrate", () => this.#go(this.hub.status?.calibrating ? "views" : "board"));
+    this.hear("calibrate", () => {
+      this.#caller = document.activeElement;
+      this.#go(this.hub.status?.calibrating ? "views" : "board");
+    });
     this.#render();
   }
 
   /** What is calibrated may have been begun, or ended, by another page. */
   #follow() {
     const { calibrating } = this.hub.status ?? {};
-    if (calibrating && this.#step === null) return this.#go("views");
-    if (!calibrating && (this.#step === "views" || this.#step === "result")) return this.#go(null);
+    if (calibrating && this.#step === null) this.#go("views", false);
+    if (!calibrating && (this.#step === "views" || this.#step === "result")) return this.#go(null, false);
     const computed = calibrating?.result?.join("|") ?? "";
-    if (computed !== this.#computed) {
-      this.#computed = computed;
-      if (computed) this.#go("result");
+    const computing = Boolean(calibrating?.computing);
+    // The same views with other lenses are another result, though of the same names.
+    const done = this.#computing && !computing && !calibrating?.trouble && !this.#views.cancelled;
+    const other = computed !== this.#computed || done;
+    this.#computed = computed;
+    this.#computing = computing;
+    if (other && computed) {
+      this.#result.renew();
+      this.#go("result", false);
     }
     this.#render();
   }
 
-  /** @param {Step | null} step */
-  #go(step) {
+  /**
+   * @param {Step | null} step
+   * @param {boolean} asked whether the person at this page asked for it
+   */
+  #go(step, asked = true) {
     const moved = step !== this.#step;
+    // Whoever types in the side panel is not to be called away by what another page does.
+    const away = !asked && document.activeElement?.closest("aside, .top, dialog");
     this.#step = step;
     this.#render();
+    if (!moved || away) return;
     // The keyboard goes on where the eye does.
-    if (moved && step !== null) this.#title.focus();
+    if (step !== null) this.#title.focus();
+    else this.#giveBack();
+  }
+
+  /** Focus returns to what called the wizard, or to the side panel's tab. */
+  #giveBack() {
+    const caller = this.#caller;
+    this.#caller = null;
+    const there = caller instanceof HTMLElement && caller !== document.body && caller.checkVisibility();
+    const tab = document.querySelector('[role="tab"][aria-selected="true"]');
+    const next = there ? caller : tab;
+    if (next instanceof HTMLElement) next.focus();
+  }
+
+  async #saved() {
+    // What was calibrated is in use now; an older status would show its views again.
+    const status = await request("GET", "/status").catch(() => null);
+    if (status) this.hub.takeStatus(/** @type {import("../types.js").Status} */ (status));
+    this.#go(null);
   }
 
   #render() {
@@ -74,16 +123,16 @@ class CalibrationWizard extends Part {
     this.#result.show(this.#step === "result");
     const { calibrating } = this.hub.status ?? {};
     const words = STEPS.find(([step]) => step === this.#step)?.[1].slice(2) ?? "";
-    this.#title.textContent = `Calibrate: ${words}`;
-    this.#steps.replaceChildren(...STEPS.map(([step, text]) => {
+    setText(this.#title, words ? `Calibrate: ${words}` : "Calibrate");
+    for (const [step, button] of this.#steps) {
       const possible = step === "board" || (step === "views" ? Boolean(calibrating) : Boolean(calibrating?.result));
-      const button = h("button", { type: "button", class: "wizard-step", "aria-current": step === this.#step ? "step" : null, disabled: !possible }, text);
-      button.addEventListener("click", () => this.#go(step));
-      return h("li", {}, button);
-    }));
+      setAttribute(button, "aria-current", step === this.#step ? "step" : null);
+      button.disabled = !possible;
+    }
   }
 
   async #compute() {
+    this.#views.cancelled = false;
     try {
       await request("POST", "/calibrating/compute", this.#board.computation());
     } catch (error) {

@@ -1,0 +1,94 @@
+/** Keeping the keyboard's place while what it stands on is changed or taken away. */
+
+/**
+ * Call it before `from` is hidden, disabled or taken out: focus goes on to the first of `to` that
+ * can have it. Nothing happens where the focus is elsewhere.
+ *
+ * @param {Element} from
+ * @param {...(HTMLElement | null | undefined)} to
+ */
+export function passFocus(from, ...to) {
+  if (!from.contains(document.activeElement)) return;
+  for (const each of to) {
+    if (!each || from.contains(each) || !each.checkVisibility()) continue;
+    each.focus();
+    if (document.activeElement === each) return;
+  }
+}
+
+/**
+ * A list whose entries stay the same elements while what they show is the same, so that neither
+ * the pointer nor the keyboard loses its place when the list is shown again.
+ *
+ * @template T
+ */
+export class KeptList {
+  #list;
+  #make;
+  #fallback;
+  /** @type {Map<string, {drawn: string, element: HTMLElement}>} */
+  #entries = new Map();
+
+  /**
+   * @param {HTMLElement} list
+   * @param {(item: T) => HTMLElement} make
+   * @param {() => (HTMLElement | null)} fallback gets the focus when no entry is left
+   */
+  constructor(list, make, fallback = () => null) {
+    this.#list = list;
+    this.#make = make;
+    this.#fallback = fallback;
+  }
+
+  /**
+   * @param {T[]} items
+   * @param {(item: T) => string} key what stays the same of one item
+   * @param {(item: T) => string} drawn what its entry is made of; another makes a new entry
+   */
+  show(items, key, drawn = (item) => JSON.stringify(item)) {
+    const place = this.#focused();
+    /** @type {Map<string, {drawn: string, element: HTMLElement}>} */
+    const entries = new Map();
+    for (const item of items) {
+      const kept = this.#entries.get(key(item));
+      const now = drawn(item);
+      entries.set(key(item), kept?.drawn === now ? kept : { drawn: now, element: this.#make(item) });
+    }
+    this.#entries = entries;
+    this.#arrange([...entries.values()].map(({ element }) => element));
+    if (place) this.#restore(place);
+  }
+
+  /** Moves only what is not where it belongs: an element that is moved loses the focus. */
+  #arrange(/** @type {HTMLElement[]} */ elements) {
+    const wanted = new Set(/** @type {Element[]} */ (elements));
+    for (const child of [...this.#list.children]) if (!wanted.has(child)) child.remove();
+    for (const [at, element] of elements.entries()) {
+      const there = this.#list.children[at];
+      if (there !== element) this.#list.insertBefore(element, there ?? null);
+    }
+  }
+
+  /** @returns {{element: Element, row: number, control: number} | null} */
+  #focused() {
+    const element = document.activeElement;
+    if (!element || !this.#list.contains(element)) return null;
+    const row = [...this.#list.children].findIndex((child) => child.contains(element));
+    const entry = this.#list.children[row];
+    return { element, row, control: entry ? controls(entry).indexOf(/** @type {HTMLElement} */ (element)) : 0 };
+  }
+
+  /** @param {{element: Element, row: number, control: number}} place */
+  #restore({ element, row, control }) {
+    if (element.isConnected) return element === document.activeElement ? undefined : /** @type {HTMLElement} */ (element).focus();
+    const entry = this.#list.children[Math.min(row, this.#list.children.length - 1)];
+    const there = entry ? controls(entry) : [];
+    const usable = there[control]?.matches(":disabled") ? there.find((each) => !each.matches(":disabled")) : there[control];
+    (usable ?? this.#fallback())?.focus();
+  }
+}
+
+/** @param {Element} entry */
+function controls(entry) {
+  return /** @type {HTMLElement[]} */ ([...entry.querySelectorAll("button, a[href], input, select, summary")]);
+}

@@ -1,0 +1,514 @@
+"""Calibrating in the panel: the whole wizard by keyboard alone, and what came of it."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import signal
+import sys
+import zipfile
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+from scipy.spatial.transform import Rotation
+
+from observer.calibration.formats.opencv_file import read_calibration
+from observer.camera import as_gray
+from observer.parameters import StereoParameters
+from observer.simulation.imaging import StereoImager
+from observer.simulation.scenarios import load_scenario
+from observer.simulation.visibility import left_rays, render_depth
+from observer.simulation.world import World
+from observer.stages.rectification import Rectification
+from observer.stages.stereo import disparity_map
+
+pytestmark = pytest.mark.browser
+
+_NAME = "Two webcams by keyboard"
+_SOURCE = "simulated:calibration"
+
+# What has the focus: its name as a person hears it, a name for it as an element, whether the
+# focus is lost, and whether it is seen.
+_FOCUS = """() => {
+  const e = document.activeElement;
+  if (!e || e === document.body) return ["", "", false, false];
+  e.dataset.met ??= String(window.met = (window.met ?? 0) + 1);
+  const name = e.getAttribute("aria-label") ?? (e.labels?.[0] ?? e).textContent.trim();
+  const shown = e.type === "checkbox" ? [e, e.closest("label")] : [e];
+  const outlined = shown.some((s) => s && getComputedStyle(s).outlineStyle !== "none");
+  const box = e.getBoundingClientRect();
+  const inside = box.bottom > 0 && box.top < innerHeight && box.right > 0 && box.left < innerWidth;
+  return [name, e.dataset.met, true, e.tagName === "IFRAME" || (outlined && inside)];
+}"""
+
+
+def _tell(measured: str) -> None:
+    """What was measured, for those who run it with -s."""
+    sys.stdout.write(f"{measured}\n")
+
+
+class _Hands:
+    """A person without a mouse, to whom the focus is never lost and never unseen."""
+
+    def __init__(self, page):
+        self._page = page
+
+    def focus(self) -> tuple[str, str]:
+        """Name and identity of what has the focus; fails where that is nothing or not seen."""
+        name, identity, held, seen = self._page.evaluate(_FOCUS)
+        assert held, "the focus is lost"
+        assert seen, f"the focus is not seen: {name!r}"
+        return name, identity
+
+    def press(self, *keys: str) -> None:
+        for key in keys:
+            self._page.keyboard.press(key)
+
+    def go(self, name: str, key: str = "Tab", most: int = 40) -> None:
+        """Press a key until what has the focus is called so."""
+        passed = []
+        for _ in range(most):
+            self.press(key)
+            here, _ = self.focus()
+            passed.append(here[:60])
+            if here.startswith(name):
+                return
+        pytest.fail(f"{name!r} was not reached by {key}, but {passed}")
+
+    def enter(self, text: str) -> None:
+        """Type over what a field holds."""
+        self.press("Control+a")
+        self._page.keyboard.type(text)
+
+    def stands_at(self, name: str) -> None:
+        """Wait until the focus has come there by itself."""
+        self._page.wait_for_function(
+            "(name) => document.activeElement.textContent.trim().startsWith(name)", arg=name
+        )
+        self.focus()
+
+
+def _now(server):
+    return server.get("/status")["calibrating"]
+
+
+def _hurry(server, rate: float = 4.0) -> None:
+    """As fast as the machine can: the person's hands, not the pictures, are simulated slower."""
+    server.api.post("/api/playback", json={"rate": rate}).raise_for_status()
+
+
+def _play(server, **change) -> None:
+    server.api.post("/api/playback", json=change).raise_for_status()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _as_before(server):
+    """Other tests find the lab again, and no calibration."""
+    yield
+    server.api.delete("/api/calibrating")
+    server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()
+    for kept in server.get("/calibrations"):
+        server.api.delete(f"/api/calibrations/{kept['id']}").raise_for_status()
+
+
+@pytest.fixture(autouse=True)
+def _the_lab_is_open(server, eventually):
+    def is_ready() -> bool:
+        return server.get("/status")["engine"]["state"] == "preview"
+
+    eventually(is_ready, 40)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(240)
+def test_the_whole_wizard_goes_by_keyboard_alone(server, open_panel, eventually, keep_picture):
+    page = open_panel(refusals=True)
+    hands = _Hands(page)
+
+    # To the side panel by the link that is there for it, to its tab, and in.
+    hands.go("Skip to the settings")
+    hands.press("Enter")
+    hands.go("Parameters")
+    hands.press("ArrowRight")
+    assert hands.focus()[0] == "Calibration"
+    hands.go("Calibrate cameras")
+    hands.press("Enter")
+    hands.stands_at("Calibrate: Board")
+
+    hands.go("Square, mm")
+    hands.enter("25")
+    hands.go("Source")
+    hands.enter(_SOURCE)
+    hands.go("Begin with these cameras")
+    hands.press("Enter")
+    hands.stands_at("Calibrate: Views")
+    assert _now(server)["board"]["square_mm"] == 25
+    keep_picture(page, "calibrating-views")
+
+    # One by hand, and back; nothing is captured by itself meanwhile.
+    hands.go("Capture by itself")
+    hands.press("Space")
+    eventually(lambda: _now(server)["automatic"] is False)
+    expect(page.locator("#capture-automatic")).not_to_be_checked()
+    hands.go("Capture now", "Shift+Tab")
+    before = len(_now(server)["views"])
+
+    def captured() -> bool:
+        # Refused while one of the cameras does not see the board.
+        hands.press("Enter")
+        page.wait_for_timeout(250)
+        return len(_now(server)["views"]) > before
+
+    eventually(captured, 30)
+    page.wait_for_function("() => document.querySelectorAll('.view-list li').length > 0")
+    assert hands.focus()[0] == "Capture now"
+    taken = len(_now(server)["views"])
+    hands.go("Undo")
+    hands.press("Enter")
+    eventually(lambda: len(_now(server)["views"]) == taken - 1)
+    if taken == 1:
+        hands.stands_at("Capture now")
+    else:
+        assert hands.focus()[0] == "Undo"
+    hands.go("Capture by itself")
+    hands.press("Space")
+    eventually(lambda: _now(server)["automatic"] is True)
+
+    # Status comes twelve times a second: the focus stays on one and the same element.
+    hands.go("2 Views", "Shift+Tab")
+    place = hands.focus()
+    _hurry(server)
+    page.wait_for_function(
+        "() => document.querySelectorAll('.coverage [data-full]').length === 4", timeout=150_000
+    )
+    eventually(lambda: _now(server)["look"]["enough"], 60)
+    assert hands.focus() == place
+    keep_picture(page, "calibrating-enough")
+    _play(server, paused=True)
+
+    hands.go("Compute the calibration")
+    hands.press("Enter")
+    hands.stands_at("Cancel")
+    hands.press("Enter")
+    hands.stands_at("Compute the calibration")
+    assert _now(server)["computing"] is None
+    assert _now(server)["result"] is None
+    hands.press("Enter")
+    hands.stands_at("Cancel")
+    page.wait_for_selector("observer-result-step:not([hidden]) .verdict-table", timeout=90_000)
+    hands.stands_at("Calibrate: Result")
+    verdict = page.locator("observer-result-step .verdict.big")
+    expect(verdict).to_have_text(
+        re.compile(r"At 3 m depth is right to \d+(\.\d)? c?m\b.* at \d+(\.\d+)? m/s")
+    )
+    _tell(verdict.inner_text())
+    expect(page.locator("observer-result-step")).to_contain_text(
+        # What a board that fills the picture makes of it is said, too.
+        re.compile(r"Vertical error \d\.\d\d px: the same point|squares of a board look alike")
+    )
+    keep_picture(page, "calibrating-result")
+
+    hands.go("Name")
+    hands.enter(_NAME)
+    hands.go("Save and use")
+    hands.press("Enter")
+    hands.stands_at("Calibrate cameras")
+    expect(page.locator("observer-calibration-wizard")).to_be_hidden()
+    expect(page.locator(".first-line-context")).to_contain_text(f"calibration {_NAME}")
+    assert server.get("/status")["calibration"]["name"] == _NAME
+    _play(server, paused=True)
+
+    hands.go(f"Look at calibration {_NAME}")
+    look = hands.focus()
+    hands.press("Enter")
+    dialog = page.get_by_role("dialog")
+    expect(dialog.locator(".verdict").last).to_contain_text(
+        re.compile("Vertical error|look alike"), timeout=10_000
+    )
+    hands.focus()
+    hands.go("Check it with a tape measure")
+    hands.press("Enter")
+    hands.go("Choose the middle")
+    hands.press("Enter")
+    # The mark is moved until it lies on something flat with texture.
+    said = dialog.locator(".tape-check [role=status]")
+    for key in ["ArrowUp"] * 12 + ["ArrowLeft"] * 12:
+        expect(said).not_to_be_empty()
+        place_was = dialog.locator(".place-mark").get_attribute("style")
+        with page.expect_response("**/depth?*"):
+            hands.press(key)
+        assert dialog.locator(".place-mark").get_attribute("style") != place_was
+        if said.inner_text().startswith("The cameras say"):
+            break
+    stated = float(re.search(r"The cameras say (\d+\.\d+) m", said.inner_text()).group(1))
+    assert hands.focus()[0] == "Choose the middle"
+    hands.go("By the tape, m")
+    hands.enter(f"{stated:.2f}")
+    hands.go("Compare")
+    hands.press("Enter")
+    kept = eventually(lambda: server.get("/calibrations")[0]["tape_checks"])
+    assert kept[0]["measured_m"] == pytest.approx(stated, abs=0.006)
+    assert kept[0]["agrees"]
+    expect(dialog.locator(".tape-check li")).to_contain_text(kept[0]["sentence"])
+    assert hands.focus()[0] == "Compare"
+    keep_picture(page, "calibrating-tape")
+    hands.press("Escape")
+    expect(dialog).to_have_count(0)
+    assert hands.focus() == look
+
+
+@pytest.fixture
+def made(server, eventually):
+    """The calibration that the keyboard made; where that test was left out, one made by REST."""
+    found = [each for each in server.get("/calibrations") if each["name"] == _NAME]
+    if not found:
+        start = {"source": _SOURCE, "square_mm": 25}
+        server.api.post("/api/calibrating", json=start).raise_for_status()
+        _hurry(server)
+        eventually(lambda: (_now(server)["look"] or {}).get("enough"), 150)
+        server.api.post("/api/calibrating/compute", json={}).raise_for_status()
+        eventually(lambda: _now(server)["result"], 90)
+        saved = server.api.post("/api/calibrating/save", json={"name": _NAME})
+        found = [saved.raise_for_status().json()]
+    text = server.api.get(f"/api/calibrations/{found[0]['id']}/file").text
+    return found[0], read_calibration(text, name=_NAME)
+
+
+def _turned_deg(rotation) -> float:
+    return float(np.degrees(Rotation.from_matrix(rotation).magnitude()))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(240)
+def test_what_the_keyboard_made_is_near_the_truth(made):
+    entry, found = made
+    true = World(load_scenario("calibration"), 0).true_calibration
+    focal = [abs(a[i, i] / b[i, i] - 1) for a, b in ((found.K1, true.K1), (found.K2, true.K2))
+             for i in (0, 1)]  # fmt: skip
+    between = found.R @ true.R.T
+    vergence = float(np.degrees(Rotation.from_matrix(between).as_rotvec()[1]))
+    held_out = entry["report"]["held_out"]
+    _tell(
+        f"focal length within {100 * max(focal):.3f} %, "
+        f"baseline {100 * (found.baseline / true.baseline - 1):+.3f} %, "
+        f"rotation {_turned_deg(between):.4f} deg, vergence {vergence:+.4f} deg, "
+        f"rows of held-out views p95 {held_out['p95_px']:.3f} px"
+    )
+    assert max(focal) < 0.003
+    assert found.baseline == pytest.approx(true.baseline, rel=0.005)
+    assert _turned_deg(between) < 0.05
+    assert abs(vergence) < 0.02
+    assert held_out["p95_px"] <= 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(240)
+def test_depth_of_the_lab_with_it_is_right_at_three_metres(server, made):
+    entry, found = made
+    opening = {"source": "simulated:webcams", "calibration": entry["id"]}
+    server.api.put("/api/source", json=opening).raise_for_status()
+    assert server.get("/status")["calibration"]["id"] == entry["id"]
+
+    world = World(load_scenario("webcams"), 0)
+    left, right = StereoImager(world).pair(0, 0.0)
+    rectification = Rectification(found)
+    disparity = disparity_map(
+        *rectification.apply(as_gray(left), as_gray(right)), StereoParameters()
+    )
+    camera = rectification.camera
+    v, u = np.nonzero(np.isfinite(disparity) & (disparity > 1))
+    stated = np.linalg.norm(camera.triangulate(np.stack([u, v], -1), disparity[v, u]), axis=-1)
+
+    # The same places in the image as it was taken, of which the truth is known.
+    straight = [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(u))]
+    rays = np.stack(straight, -1) @ rectification.R_rectified_left
+    taken = cv2.projectPoints(rays[:, None], np.zeros(3), np.zeros(3), found.K1, found.D1)[0]
+    column, row = np.rint(taken[:, 0]).astype(int).T
+    inside = (column >= 0) & (column < found.width) & (row >= 0) & (row < found.height)
+    column, row, stated = column[inside], row[inside], stated[inside]
+    rays = left_rays(world)[row, column]
+    depth = render_depth(world, 0.0)[row, column]
+    truth = depth * np.sqrt(1 + (rays**2).sum(axis=-1))
+    near_three = (depth > 2.7) & (depth < 3.3)
+    error = np.abs(stated / truth - 1)[near_three]
+    _tell(f"depth at 3 m: median error {100 * np.median(error):.2f} % of {error.size} pixels")
+    assert error.size > 2000
+    assert np.median(error) < 0.02
+
+
+@pytest.mark.slow
+def test_views_outlive_reloads_and_engines_and_are_seen_by_all(server, open_panel, eventually):
+    page, other = open_panel(), open_panel()
+    server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()
+    page.get_by_role("tab", name="Calibration").click()
+    page.get_by_role("button", name="Calibrate cameras").click()
+    page.get_by_label("Square, mm").fill("25")
+    page.locator("#board-source").fill(_SOURCE)
+    page.get_by_role("button", name="Begin with these cameras").click()
+    expect(other.get_by_role("heading", name="Calibrate: Views")).to_be_visible(timeout=20_000)
+    _hurry(server)
+    eventually(lambda: len(_now(server)["views"]) >= 2, 60)
+    _play(server, paused=True)
+    names = [view["name"] for view in _now(server)["views"]]
+
+    page.reload()
+    for each in (page, other):
+        expect(each.get_by_role("heading", name="Calibrate: Views")).to_be_visible(timeout=20_000)
+        expect(each.locator(".view-list li b")).to_have_text(names, timeout=10_000)
+        each.wait_for_function(
+            "() => [...document.querySelectorAll('.view-list img')].every((i) => i.naturalWidth)"
+        )
+
+    before = server.get("/status")["engine"]
+    os.kill(before["pid"], signal.SIGKILL)
+    eventually(lambda: server.get("/status")["engine"]["generation"] > before["generation"], 30)
+    eventually(lambda: server.get("/status")["engine"]["state"] == "calibrating", 30)
+    assert [view["name"] for view in _now(server)["views"]][: len(names)] == names
+    for each in (page, other):
+        expect(each.locator(".view-list li b").nth(len(names) - 1)).to_have_text(names[-1])
+    # It goes on from there: the next view is another.
+    _hurry(server)
+    eventually(lambda: len(_now(server)["views"]) > len(names), 60)
+
+    page.get_by_role("button", name="Leave").click()
+    question = page.get_by_role("dialog")
+    expect(question).to_contain_text(re.compile(r"\d+ captured views"))
+    question.get_by_role("button", name="Keep").click()
+    assert _now(server) is not None
+    page.get_by_role("button", name="Leave").click()
+    question.get_by_role("button", name="Leave").click()
+    for each in (page, other):
+        expect(each.locator("observer-calibration-wizard")).to_be_hidden(timeout=20_000)
+        each.wait_for_selector('html[data-freshness="fresh"]', timeout=20_000)
+    assert _now(server) is None
+    assert server.get("/status")["source"]["spec"] == "simulated:lab"
+
+
+def _choose(page, **files: str) -> None:
+    page.set_input_files(
+        "#calibration-file",
+        files=[
+            {"name": f"{name}.yaml", "mimeType": "application/yaml", "buffer": text.encode()}
+            for name, text in files.items()
+        ],
+    )
+
+
+def _camchain(camera, baseline: str) -> str:
+    one = f"""\
+  camera_model: pinhole
+  distortion_model: radtan
+  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
+  intrinsics: [{camera["fx"]}, {camera["fy"]}, {camera["cx"]}, {camera["cy"]}]
+  resolution: [{camera["width"]}, {camera["height"]}]
+"""
+    return f"cam0:\n{one}cam1:\n{one}{baseline}"
+
+
+def _kalibr_baseline(camera) -> str:
+    rows = [f"[1.0, 0.0, 0.0, {-camera['baseline']}]", "[0.0, 1.0, 0.0, 0.0]",
+            "[0.0, 0.0, 1.0, 0.0]", "[0.0, 0.0, 0.0, 1.0]"]  # fmt: skip
+    return "  T_cn_cnm1:\n" + "".join(f"  - {row}\n" for row in rows)
+
+
+def _ros(camera, name: str, shift: float) -> str:
+    fx, fy, cx, cy = (camera[key] for key in ("fx", "fy", "cx", "cy"))
+    return f"""\
+image_width: {camera["width"]}
+image_height: {camera["height"]}
+camera_name: {name}
+camera_matrix: {{rows: 3, cols: 3, data: [{fx}, 0, {cx}, 0, {fy}, {cy}, 0, 0, 1]}}
+distortion_model: plumb_bob
+distortion_coefficients: {{rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}}
+rectification_matrix: {{rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}}
+projection_matrix:
+  {{rows: 3, cols: 4, data: [{fx}, 0, {cx}, {shift * fx}, 0, {fy}, {cy}, 0, 0, 0, 1, 0]}}
+"""
+
+
+@pytest.fixture
+def camera(server, eventually):
+    """The rectified pair of the lab, and no calibration kept."""
+    server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()
+    for kept in server.get("/calibrations"):
+        server.api.delete(f"/api/calibrations/{kept['id']}").raise_for_status()
+    return eventually(lambda: server.get("/status")["camera"], 20)
+
+
+def test_files_of_other_tools_are_understood_before_they_are_used(
+    server, open_panel, camera, keep_picture
+):
+    page = open_panel()
+    page.get_by_role("tab", name="Calibration").click()
+    preview = page.get_by_role("dialog")
+    _choose(page, camchain=_camchain(camera, _kalibr_baseline(camera)))
+    expect(preview).to_contain_text("Kalibr")
+    expect(preview).to_contain_text(f"{camera['baseline']:.4f} m")
+    expect(preview.locator(".verdict").last).to_have_text(re.compile(r"Vertical error 0\.\d\d px"))
+    keep_picture(page, "calibration-kalibr")
+    preview.get_by_role("button", name="Close").click()
+
+    _choose(
+        page,
+        left=_ros(camera, "narrow_stereo/left", 0.0),
+        right=_ros(camera, "narrow_stereo/right", -2 * camera["baseline"]),
+    )
+    expect(preview).to_contain_text("ROS")
+    expect(preview).to_contain_text(f"{2 * camera['baseline']:.4f} m")
+    preview.get_by_role("button", name="Close").click()
+    expect(preview).to_have_count(0)
+    assert server.get("/status")["calibration"] is None
+    assert len(server.get("/calibrations")) == 2
+
+    page.get_by_role("button", name="Rename calibration camchain.yaml").click()
+    preview.get_by_label("Name", exact=True).fill("Of Kalibr")
+    page.get_by_role("button", name="Take it").click()
+    expect(page.get_by_role("button", name="Look at calibration Of Kalibr")).to_be_visible()
+    # What was renamed had the focus, and its entry still has it.
+    page.wait_for_function(
+        "() => document.activeElement.ariaLabel === 'Rename calibration Of Kalibr'", timeout=5_000
+    )
+
+    page.get_by_role("button", name="Compare").click()
+    table = page.get_by_role("dialog").get_by_role("table")
+    expect(table).to_contain_text("Of Kalibr")
+    expect(table).to_contain_text("left.yaml and right.yaml")
+    rows = table.get_by_role("row", name=re.compile("Rows now")).get_by_role("cell")
+    expect(rows).to_have_text([re.compile(r"\d\.\d\d px"), re.compile(r"\d\.\d\d px")])
+    base = table.get_by_role("row", name=re.compile("Baseline")).get_by_role("cell")
+    lengths = [f"{1000 * factor * camera['baseline']:.1f} mm" for factor in (2, 1)]
+    expect(base).to_have_text(lengths)
+    keep_picture(page, "calibrations-compared")
+    page.keyboard.press("Escape")
+
+    page.get_by_role("button", name="Look at calibration Of Kalibr").click()
+    contents = {}
+    for tool in ("OpenCV", "ROS", "Kalibr"):
+        with page.expect_download() as coming:
+            preview.get_by_role("link", name=f"Download for {tool}").click()
+        contents[tool] = coming.value.path().read_bytes()
+    assert contents["OpenCV"].startswith(b"%YAML")
+    assert b"T_cn_cnm1" in contents["Kalibr"]
+    with zipfile.ZipFile(io.BytesIO(contents["ROS"])) as archive:
+        sides = [name.rpartition("-")[2] for name in sorted(archive.namelist())]
+    assert sides == ["left.yaml", "right.yaml"]
+    page.keyboard.press("Escape")
+    expect(preview).to_have_count(0)
+
+
+def test_a_refused_file_names_the_key_and_the_reason(server, open_panel, camera):
+    page = open_panel(refusals=True)
+    page.get_by_role("tab", name="Calibration").click()
+    _choose(page, camchain=_camchain(camera, ""))
+    error = page.locator("#calibration-error")
+    expect(error).to_contain_text("camchain.yaml was not taken")
+    expect(error).to_contain_text("T_cn_cnm1")
+    assert server.get("/calibrations") == []
+    # The same file can be chosen again once it is corrected.
+    _choose(page, camchain=_camchain(camera, _kalibr_baseline(camera)))
+    expect(page.get_by_role("dialog")).to_contain_text("Kalibr")
+    expect(error).to_be_empty()
+    page.keyboard.press("Escape")

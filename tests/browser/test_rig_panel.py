@@ -1,0 +1,115 @@
+"""How the cameras stand on their robot: typed into the panel, refused there, or estimated."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from observer.simulation.scenarios import load_scenario
+
+pytestmark = pytest.mark.browser
+
+_IN_USE = "#pane-calibration observer-rig [role=status]"
+
+
+@pytest.fixture(autouse=True)
+def _unknown_before_and_after(server, eventually):
+    def forget() -> None:
+        if server.get("/rig")["mount"]:
+            server.api.put("/api/rig", json={"mount": {}}).raise_for_status()
+
+    eventually(lambda: server.get("/status")["engine"]["state"] == "preview", 40)
+    forget()
+    yield
+    forget()
+
+
+@pytest.fixture
+def panel(open_panel):
+    """The page at its rig, where values may be refused."""
+    page = open_panel(refusals=True)
+    page.get_by_role("tab", name="Calibration").click()
+    return page
+
+
+def _mount(server):
+    return server.get("/status")["mount"]
+
+
+def test_what_is_typed_levels_the_scene(server, panel, eventually, keep_picture):
+    true = _mount(server)
+    assert true["height_m"] != pytest.approx(0.83, abs=0.05)
+    panel.get_by_label("Height, m").fill("0,83")
+    panel.get_by_label("Tilt, °").fill("12.5")
+    panel.get_by_role("button", name="Use this rig").click()
+    expect(panel.locator(".notice")).to_contain_text("The rig is in use", timeout=15_000)
+    # The lab knows how its camera stands; that is believed more than what was typed.
+    assert server.get("/rig")["mount"]["height_m"] == {"value": 0.83, "sigma": None}
+    assert _mount(server) == true
+
+    panel.get_by_label("Use it for simulated sources too").check()
+    panel.get_by_role("button", name="Use this rig").click()
+    mount = eventually(lambda: _mount(server) != true and _mount(server), 20)
+    assert mount["height_m"] == pytest.approx(0.83)
+    assert mount["tilt_rad"] == pytest.approx(math.radians(12.5))
+    expect(panel.locator(_IN_USE).first).to_have_text(
+        "In use: 0.83 m above the floor, looking down by 12.5°.", timeout=15_000
+    )
+    keep_picture(panel, "rig")
+    panel.reload()
+    panel.get_by_role("tab", name="Calibration").click()
+    expect(panel.get_by_label("Height, m")).to_have_value("0.83")
+    expect(panel.get_by_label("Use it for simulated sources too")).to_be_checked()
+    with panel.expect_download() as coming:
+        panel.get_by_role("link", name="Download rig.yaml").click()
+    assert "0.83" in coming.value.path().read_text()
+
+
+def test_a_wrong_number_is_named_and_has_the_focus(server, panel):
+    panel.get_by_label("Tilt, °").fill("5")
+    for typed, why in (("knee-high", "must be a number"), ("-3", "must lie between 0.02 and 3")):
+        panel.get_by_label("Height, m").fill(typed)
+        panel.get_by_role("button", name="Use this rig").click()
+        expect(panel.locator("#rig-error")).to_have_text(re.compile(f"^Height {why}"))
+        expect(panel.get_by_label("Height, m")).to_be_focused()
+        expect(panel.get_by_label("Height, m")).to_have_attribute("aria-invalid", "true")
+        expect(panel.get_by_label("Tilt, °")).not_to_have_attribute("aria-invalid", "true")
+        assert server.get("/rig")["mount"] == {}
+
+    panel.get_by_label("Height, m").fill("0.4")
+    panel.get_by_role("button", name="Use this rig").click()
+    expect(panel.locator(".notice")).to_contain_text("The rig is in use", timeout=15_000)
+    expect(panel.locator("#rig-error")).to_be_empty()
+    expect(panel.get_by_label("Height, m")).not_to_have_attribute("aria-invalid", "true")
+
+
+def test_the_floor_fills_in_what_it_tells_and_how_well(server, panel, keep_picture):
+    camera = load_scenario("lab").camera
+    panel.get_by_label("Pan, °").fill("1.5")
+    button = panel.get_by_role("button", name="Estimate from the floor")
+    button.focus()
+    panel.keyboard.press("Enter")
+    notes = panel.locator("observer-rig .rig-fields .field", has_text="estimated, ±")
+    expect(notes).to_have_count(3, timeout=20_000)
+    expect(button).to_be_focused()
+    height = float(panel.get_by_label("Height, m").input_value())
+    tilt = float(panel.get_by_label("Tilt, °").input_value())
+    assert height == pytest.approx(camera.height_m, abs=0.03)
+    assert tilt == pytest.approx(camera.tilt_deg, abs=1.0)
+    assert abs(float(panel.get_by_label("Roll, °").input_value())) < 1.0
+    expect(panel.get_by_label("Pan, °")).to_have_value("1.5")
+    assert server.get("/rig")["mount"] == {}
+    keep_picture(panel, "rig-floor")
+
+    # What is typed over an estimate is no estimate any more.
+    panel.get_by_label("Roll, °").fill("0")
+    expect(notes).to_have_count(2)
+    panel.get_by_role("button", name="Use this rig").click()
+    expect(panel.locator(".notice")).to_contain_text("The rig is in use", timeout=15_000)
+    kept = server.get("/rig")["mount"]
+    assert kept["height_m"]["sigma"] > 0
+    assert kept["roll_deg"] == {"value": 0.0, "sigma": None}
+    assert kept["pan_deg"] == {"value": 1.5, "sigma": None}
