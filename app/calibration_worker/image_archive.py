@@ -32,9 +32,9 @@ _LONGEST_NAME = 100
 _SIDES = (
     (r"left", r"right"),
     (r"links", r"rechts"),
-    (r"cam_?0", r"cam_?1"),
-    (r"camera_?0", r"camera_?1"),
-    (r"image_?00?", r"image_?01"),
+    (r"cam_?0?0(?!\d)", r"cam_?0?1(?!\d)"),
+    (r"camera_?0?0(?!\d)", r"camera_?0?1(?!\d)"),
+    (r"image_?0?0(?!\d)", r"image_?0?1(?!\d)"),
     (r"l", r"r"),
 )
 # A short name counts only where it stands by itself, as in 12_l.png.
@@ -179,7 +179,8 @@ def _view_names(keys: list[str]) -> list[str]:
     """A name for each key by which a person finds the pair, and an address can name it."""
     names: list[str] = []
     for key in keys:
-        plain = re.sub(r"[\\/\s]+", " ", key).strip("_-. ")[:_LONGEST_NAME] or "pair"
+        plain = re.sub(r"[\\/\s_.-]+", _plain_separator, key).strip("_-. ")
+        plain = plain[:_LONGEST_NAME] or "pair"
         name, number = plain, 1
         # "1" and "_1" are two pairs.
         while name in names:
@@ -189,19 +190,25 @@ def _view_names(keys: list[str]) -> list[str]:
     return names
 
 
+def _plain_separator(found: re.Match[str]) -> str:
+    # A slash would end the name in an address.
+    return " " if re.search(r"[\\/\s]", found[0]) else found[0]
+
+
 def _sorted_by_side(
     names: list[str], left: str, right: str
 ) -> Iterator[tuple[tuple[str, int], str]]:
     for name in names:
         stem = str(PurePosixPath(name).with_suffix("")).lower()
+        # The last one: a folder further up may be called so by chance.
+        last: tuple[int, int, int] | None = None
         for side, word in enumerate((left, right)):
             short = f"{_EDGE}{word}{_END}" if len(word) == 1 else word
-            found = list(re.finditer(short, stem))
-            if found:
-                # The last one: a folder further up may be called so by chance.
-                start, end = found[-1].span()
-                yield (f"{stem[:start]}{stem[end:]}", side), name
-                break
+            for found in re.finditer(short, stem):
+                last = max(last or (-1, 0, 0), (found.start(), found.end(), side))
+        if last is not None:
+            start, end, side = last
+            yield (f"{stem[:start]}{stem[end:]}", side), name
 
 
 def _refuse_dangerous(entries: list[zipfile.ZipInfo]) -> None:
