@@ -139,7 +139,7 @@ def test_cross_site_without_an_origin_is_told_by_the_browser(serve: Any) -> None
 
 
 def test_forms_and_text_change_nothing(serve: Any, peer: Any) -> None:
-    other_kinds = ("/sign-in", "/api/calibrations")
+    other_kinds = ("/sign-in", "/api/calibrations", "/api/calibrating/images")
 
     async def scenario() -> None:
         async with serve() as served:
