@@ -48,7 +48,7 @@ class CalibrationHealth extends Part {
       : "How far the rows of left and right are apart shows after some seconds with texture in view.");
     setText(this.#trend, rows.warning ? sentence(rows.warning) : trend(rows));
     setText(this.#spoken, rows.warning ? sentence(rows.warning) : "");
-    setText(this.#vergence, `Vergence: ${vergence.sentence}`);
+    setText(this.#vergence, sentence(vergence.sentence));
     this.#refine.disabled = this.hub.status?.run !== null;
     setAttribute(this.#refine, "title", this.#refine.disabled ? "Stop the run first" : null);
     this.#draw(rows);
@@ -106,7 +106,7 @@ function trend(rows) {
 
 /** @param {string} text */
 function sentence(text) {
-  return `${text.charAt(0).toUpperCase()}${text.slice(1)}.`;
+  return `${text.charAt(0).toUpperCase()}${text.slice(1).replace(/\.$/, "")}.`;
 }
 
 customElements.define("observer-calibration-health", CalibrationHealth);

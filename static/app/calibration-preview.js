@@ -179,7 +179,7 @@ function judge(verdict, px, heldOut) {
     verdict.dataset.tone = "poor";
     return setText(verdict, "The vertical error could not be measured: too few matches between left and right.");
   }
-  if (px >= POOR_PX && heldOut !== null && heldOut < GOOD_PX) {
+  if (px >= GOOD_PX && heldOut !== null && heldOut < GOOD_PX) {
     verdict.dataset.tone = "poor";
     return setText(verdict, `In this pair the rows seem ${px.toFixed(1)} px apart, in the board's views ${heldOut.toFixed(2)} px. The squares of a board look alike: take it out of the picture and look at a newer pair; if it stays so, a camera was moved.`);
   }

@@ -81,6 +81,7 @@ export class ResultStep extends Part {
     const same = !now || names === now.views.map((view) => view.name).join("|");
     if (same) passFocus(this.#recompute, this.#again);
     this.#recompute.hidden = same || !now.views.length;
+    if (!same) setText(this.#recompute, `Compute again with ${now.views.length} ${now.views.length === 1 ? "view" : "views"}`);
     if (!this.#shown || !names || names === this.#read) return;
     this.#read = names;
     const { report } = /** @type {{report: Record<string, any>}} */ (await request("GET", "/calibrating/result"));
