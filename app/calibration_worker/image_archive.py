@@ -131,6 +131,16 @@ class ImageArchive:
         return pairs, tuple(refused)
 
 
+def check_archive(path: Path) -> None:
+    """Refuse an archive by what it lists, before a worker is started for it.
+
+    Raises:
+        CalibrationError: as ``ImageArchive``.
+    """
+    with ImageArchive(path):
+        pass
+
+
 def _refuse_long_directory(path: Path) -> None:
     """Refuse millions of entries before they are listed, which takes gigabytes and minutes."""
     with path.open("rb") as file:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, File, Form, Path, Response, UploadFile
 
+from app.calibration_worker.image_archive import check_archive
 from app.calibration_worker.messages import FindBoards
 from app.messages import ChangeCalibration
 from app.station import FieldError, Station
@@ -126,6 +127,7 @@ async def post_images(
         archive = FilePath(folder) / "images.zip"
         await asyncio.to_thread(_write, file, archive)
         try:
+            await asyncio.to_thread(check_archive, archive)
             await station.calibrate_images(FindBoards(archive, board))
         except CalibrationError as error:
             raise FieldError(("body", "file"), str(error)) from error
