@@ -55,7 +55,7 @@ class CameraSource:
 
     Each camera has a process of its own (``grabber``). Both frames of a pair are there before
     either is decoded; what is further apart than half a frame is never decoded. All decisions are
-    made while ``read`` is called; no thread is needed.
+    made while ``read`` or ``tend`` is called; no thread is needed.
 
     Args:
         spec: what to open.
@@ -74,6 +74,7 @@ class CameraSource:
         self._last_time: float | None = None
         self._told: str | None = None
         self._closed = False
+        self._ahead = False
         now = time.monotonic()
         self._last_read = now
         self._pairless_since = now
@@ -118,6 +119,10 @@ class CameraSource:
         while True:
             for camera in self._cameras:
                 camera.poll(now)
+            if self._ahead:
+                # Once only, or cameras faster than their images are decoded would never be read.
+                self._ahead = False
+                self._ask(now)
             frame = self._decide(now)
             if frame is not None:
                 self._told = None
@@ -130,6 +135,21 @@ class CameraSource:
                 return NoFrame(trouble)
             self._wait(min(deadline - now, _GLANCE_S))
             now = time.monotonic()
+
+    def tend(self) -> None:
+        """Have the newest pair decoded while there is other work to do; never waits.
+
+        For the thread that reads, every few milliseconds between two reads: ``read`` then finds
+        the pair decoded. A pair that nobody took gives way to the next one, so that what is read
+        is as new as ever. Who never calls it waits in ``read`` for the decoding.
+        """
+        if self._closed:
+            return
+        now = time.monotonic()
+        for camera in self._cameras:
+            camera.poll(now)
+        self._ahead = True
+        self._ask(now)
 
     def rewind(self) -> None:
         """Raises SourceError: what was live is over."""
@@ -162,13 +182,21 @@ class CameraSource:
         """Pair what is pending, and hand out what is decoded."""
         if any(camera.decoding is not None for camera in self._cameras):
             return self._collect()
+        self._ask(now)
+        return None
+
+    def _ask(self, now: float) -> None:
+        """Have what is pending decoded where it is a pair; one decoded before gives way to it."""
+        if any(each.decoding is not None and not each.is_decoded for each in self._cameras):
+            # It lies in the same memory as the next.
+            return
         pending = [camera.pending for camera in self._cameras]
         left, right = pending[0], pending[-1]
         if left is None or right is None or now > min(left.until, right.until) - _HASTE_S:
-            return None
+            return
         if len(pending) == 1:
             self._cameras[0].decode()
-            return None
+            return
         period = min(camera.period.seconds for camera in self._cameras)
         match judge(left.stamp, right.stamp, period):
             case "pair":
@@ -178,7 +206,6 @@ class CameraSource:
                 self._drop(left, self._cameras[0], self._cameras[1], period)
             case "drop right":
                 self._drop(right, self._cameras[1], self._cameras[0], period)
-        return None
 
     def _drop(self, older: Grabbed, own: LiveCamera, other: LiveCamera, period: float) -> None:
         own.drop()

@@ -2,8 +2,8 @@
 
 The file is JSON, read before each frame: ``mode`` (below), ``size`` [width, height], ``rate``,
 ``phase`` (part of a period by which frames come later than the host's whole periods), ``stamps``
-(``exposure``, ``standing`` or ``none``) and ``late`` (part of a period by which each fifth frame
-comes later still).
+(``exposure``, ``standing`` or ``none``), ``late`` (part of a period by which each fifth frame
+comes later still) and ``decoding_s`` (how long it takes to decode a frame).
 """
 
 from __future__ import annotations
@@ -95,6 +95,7 @@ class ScriptedCapture:
             return None
         if mode == "hang in retrieve":
             ctypes.PyDLL(None).sleep(3600)
+        time.sleep(script.get("decoding_s", 0.0))
         if mode == "black":
             return np.zeros((height, width, 3), np.uint8)
         # One noise, shifted from frame to frame: quick to make, and never the same twice.

@@ -1,0 +1,158 @@
+"""Pairs that are decoded while the observer works, by cameras that do what a test says."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from observer.sources.cameras.source import CameraSource
+from observer.sources.contract import NoFrame
+from observer.types import StereoFrame
+
+from .scripted_camera import OPENER, scripted_spec, write_script
+from .watching import Watch, grabbers
+
+PERIOD_S = 1 / 30
+LATE_S = 0.05
+
+
+@pytest.fixture
+def left(tmp_path: Path) -> Path:
+    write_script(tmp_path / "left")
+    return tmp_path / "left"
+
+
+@pytest.fixture
+def right(tmp_path: Path) -> Path:
+    write_script(tmp_path / "right", phase=0.2)
+    return tmp_path / "right"
+
+
+@pytest.fixture
+def watch(left: Path, right: Path) -> Iterator[Watch]:
+    source = CameraSource(scripted_spec(left, right), opener=OPENER)
+    yield Watch(source)
+    source.close()
+    assert grabbers() == []
+
+
+def tend_for(source: CameraSource, seconds: float) -> float:
+    """Work with a look at the cameras between; the longest look, seconds."""
+    longest, until = 0.0, time.monotonic() + seconds
+    while (began := time.monotonic()) < until:
+        source.tend()
+        longest = max(longest, time.monotonic() - began)
+        time.sleep(0.003)
+    return longest
+
+
+def read_while_stopped(source: CameraSource) -> StereoFrame | NoFrame:
+    """What a read gives while no camera process can do anything."""
+    children = grabbers()
+    for child in children:
+        child.send_signal(signal.SIGSTOP)
+    try:
+        return source.read()
+    finally:
+        for child in children:
+            child.send_signal(signal.SIGCONT)
+
+
+def test_a_tended_pair_is_there_without_its_cameras(watch: Watch) -> None:
+    got: dict[bool, list[bool]] = {False: [], True: []}
+    for tended in (False, True, True, True, True, True):
+        # What comes after a stop is late, and an old pair must not pass for a tended one.
+        watch.read_frames(2)
+        if tended:
+            tend_for(watch.source, 4 * PERIOD_S)
+        else:
+            time.sleep(4 * PERIOD_S)
+        frame = read_while_stopped(watch.source)
+        got[tended].append(isinstance(frame, StereoFrame))
+        if isinstance(frame, StereoFrame):
+            assert frame.time > watch.frames[-1].time + 2 * PERIOD_S
+    assert not any(got[False]), "nobody had asked for decoding"
+    # Decoding may just have begun when they were stopped.
+    assert sum(got[True]) >= 3
+
+
+def test_what_is_read_is_the_newest_and_the_others_do_not_count(watch: Watch) -> None:
+    watch.read_frames(5)
+    for busy_s in (0.05, 0.3, 1.2):
+        before = watch.source.report()
+        longest = tend_for(watch.source, busy_s)
+        assert longest < LATE_S, "tending never waits"
+        watch.read_frames(1)
+        frame, after = watch.frames[-1], watch.source.report()
+        assert time.monotonic() - frame.time < 2 * PERIOD_S + LATE_S
+        assert after.pairs == before.pairs + 1
+        assert after.dropped == before.dropped
+        assert frame.index == watch.frames[-2].index + 1
+    times = [frame.time for frame in watch.frames]
+    assert times == sorted(set(times))
+    assert watch.troubles == []
+
+
+def test_images_too_far_apart_are_dropped_while_tending_too(watch: Watch, right: Path) -> None:
+    watch.read_frames(5)
+    write_script(right, phase=0.2, late=0.6)
+    time.sleep(2 * PERIOD_S)
+    before = watch.source.report().dropped
+    until = time.monotonic() + 8.0
+    while watch.source.report().dropped < before + 3 and time.monotonic() < until:
+        tend_for(watch.source, 2 * PERIOD_S)
+        watch.read()
+    assert watch.source.report().dropped >= before + 3
+    for frame in watch.frames:
+        assert frame.right_time is not None
+        assert abs(frame.right_time - frame.time) <= 0.5 * PERIOD_S + 1e-6
+
+
+def test_images_slower_to_decode_than_to_come_are_read_all_the_same(
+    watch: Watch, left: Path, right: Path
+) -> None:
+    watch.read_frames(5)
+    write_script(left, decoding_s=0.045)
+    write_script(right, phase=0.2, decoding_s=0.045)
+    for _ in range(4):
+        tend_for(watch.source, 3 * PERIOD_S)
+        watch.read_frames(1)
+    assert watch.troubles == []
+
+
+def test_one_camera_lost_after_decoding_leaves_no_odd_pair(watch: Watch) -> None:
+    watch.read_frames(5)
+    tend_for(watch.source, 4 * PERIOD_S)
+    last = watch.frames[-1].time
+    grabbers()[-1].kill()
+    time.sleep(0.02)
+    tend_for(watch.source, 2 * PERIOD_S)
+    began = time.monotonic()
+    watch.read_until(lambda: watch.troubles)
+    assert "its process ended unexpectedly" in watch.troubles[0][1]
+    assert time.monotonic() - began < 0.2 + LATE_S
+    count = len(watch.frames)
+    watch.read_until(lambda: len(watch.frames) >= count + 3)
+    assert watch.frames[-1].time > last
+    for frame in watch.frames:
+        assert frame.right_time is not None
+        assert abs(frame.right_time - frame.time) <= 0.5 * PERIOD_S + 1e-6
+
+
+def test_one_device_and_a_closed_one(left: Path) -> None:
+    write_script(left, size=[128, 48])
+    source = CameraSource(scripted_spec(left), opener=OPENER)
+    try:
+        watch = Watch(source)
+        watch.read_frames(2)
+        tend_for(source, 3 * PERIOD_S)
+        watch.read_frames(2)
+        assert watch.frames[-1].left.shape == (48, 64, 3)
+    finally:
+        source.close()
+    source.tend()
+    assert grabbers() == []
