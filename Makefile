@@ -45,10 +45,16 @@ setup-dev: setup $(INSTALLED_DEV)
 run: setup
 	@exec $(BIN)/dynamic-observer serve $(ARGS)
 
+# In two processes, but for the page's: a browser wants both cores to itself.
 test: setup-dev
 	@( $(install_chromium) ) || true
 	@( $(install_ffmpeg) ) || true
+ifeq ($(strip $(ARGS)),)
+	$(BIN)/pytest -n 2 --dist loadfile -m "not browser"
+	$(BIN)/pytest -m browser
+else
 	$(BIN)/pytest $(ARGS)
+endif
 
 lint: setup-dev
 	$(BIN)/ruff check .

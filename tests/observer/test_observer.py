@@ -136,14 +136,14 @@ PLANAR_ONLY = {
     "points_previous", "points_current", "detections",
 }  # fmt: skip
 
-
+RIGID_ONLY = {"evidence", "rows"}
 # What one camera leaves is tested with its method.
 ONE_CAMERA_ONLY = {"rays", "ray_evidence"}
 
 
 @pytest.mark.parametrize(
     ("parameters", "own"),
-    [(PLANAR, PLANAR_ONLY), (preset("paper"), PLANAR_ONLY), (Parameters(), {"evidence"})],
+    [(PLANAR, PLANAR_ONLY), (preset("paper"), PLANAR_ONLY), (Parameters(), RIGID_ONLY)],
 )
 def test_the_trace_holds_every_step_that_its_table_names(moving, parameters, own) -> None:
     trace = FullTrace()
@@ -161,7 +161,7 @@ def test_the_trace_holds_every_step_that_its_table_names(moving, parameters, own
     named = set()
     for first, second in re.findall(r"^(\w+)(?:, (_?right))? ", table, re.MULTILINE):
         named |= {first} | ({re.sub("_?left", second, first)} if second else set())
-    assert named == BOTH | PLANAR_ONLY | {"evidence"} | ONE_CAMERA_ONLY
+    assert named == BOTH | PLANAR_ONLY | RIGID_ONLY | ONE_CAMERA_ONLY
 
 
 @pytest.mark.parametrize("parameters", [PLANAR, Parameters()])
