@@ -169,8 +169,7 @@ ANY_JSON = st.recursive(
     lambda inner: (
         st.lists(inner, max_size=3)
         | st.dictionaries(
-            st.sampled_from(["name", "source", "rate", "step", "preset", "parameters", THRESHOLD])
-            | st.text(max_size=10),
+            st.deferred(lambda: st.sampled_from(KNOWN_KEYS)) | st.text(max_size=10),
             inner,
             max_size=4,
         )
@@ -183,6 +182,19 @@ TAKE_JSON = [
     ("POST", "/api/presets"),
     ("POST", "/api/runs"),
     ("PUT", "/api/source"),
+    ("POST", "/api/calibrating"),
+    ("PATCH", "/api/calibrating"),
+    ("POST", "/api/calibrating/compute"),
+    ("POST", "/api/calibrating/save"),
+    ("PATCH", "/api/calibrations/none"),
+    ("POST", "/api/calibrations/none/tape-checks"),
+    ("PUT", "/api/rig"),
+    ("PUT", "/api/rig/file"),
+]
+KNOWN_KEYS = [
+    *("name", "source", "rate", "step", "preset", "parameters", THRESHOLD),
+    *("square_mm", "columns", "capture", "remove", "automatic", "activate", "u", "v"),
+    *("measured_m", "mount", "height_m", "value", "sigma", "models", "text"),
 ]
 
 
@@ -192,7 +204,7 @@ def test_no_json_breaks_the_server(serve: Any) -> None:
         served = runner.run(serving.__aenter__())
         try:
 
-            @settings(deadline=None, max_examples=60)
+            @settings(deadline=None, max_examples=100)
             @given(st.sampled_from(TAKE_JSON), ANY_JSON)
             def check(route: tuple[str, str], value: Any) -> None:
                 body = json.dumps(value)
