@@ -21,6 +21,8 @@ const NUMBERS = [
   ["left_m", "Left", "m", 3, "of the middle of the axle"],
 ];
 
+const DRIVE_ASKED_MS = 2000;
+
 class RigPanel extends Part {
   #inputs = new Map(NUMBERS.map(([key]) => [key, h("input", { type: "text", inputmode: "decimal", id: `rig-${key}`, autocomplete: "off", placeholder: "unknown", "aria-describedby": `rig-help-${key} rig-error` })]));
   #notes = new Map(NUMBERS.map(([key]) => [key, h("span", { class: "hint" })]));
@@ -28,10 +30,16 @@ class RigPanel extends Part {
   #inUse = h("p", { class: "hint", role: "status" });
   #error = h("p", { class: "field-error", role: "alert", id: "rig-error" });
   #floor = h("button", { type: "button", class: "button" }, "Estimate from the floor");
+  #drive = h("button", { type: "button", class: "button", "aria-pressed": "false" }, "Estimate from a drive");
   #words = h("p", { role: "status" });
+  #needed = h("ul", { class: "plain-list" });
+  /** Asks how far the drive is, while one is noted. */
+  #asking = 0;
   /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
   #estimated = new Map();
   #looking = false;
+  /** What was filled in by a drive. @type {Set<string>} */
+  #driven = new Set();
 
   build() {
     const form = h("form", { class: "stack", novalidate: true },
@@ -41,9 +49,9 @@ class RigPanel extends Part {
       })),
       h("label", { class: "check", for: "rig-simulated" }, this.#simulated, "Use it for simulated sources too"),
       this.#error,
-      h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Use this rig"), this.#floor,
+      h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Use this rig"), this.#floor, this.#drive,
         h("a", { class: "button", href: "/api/rig/file", download: "rig.yaml" }, "Download rig.yaml")),
-      this.#words);
+      this.#words, this.#needed);
     this.append(h("h3", {}, "The rig"),
       h("p", { class: "hint" }, "How the camera stands on its robot. It levels the 3D scene, gives one camera its scale, and tells the guard where the floor is."),
       this.#inUse, form);
@@ -58,9 +66,47 @@ class RigPanel extends Part {
       void this.#save();
     });
     this.#floor.addEventListener("click", () => void this.#estimate());
+    this.#drive.addEventListener("click", () => void this.#toggleDrive());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => this.#renderInUse());
     void this.#load();
+  }
+
+  disconnectedCallback() {
+    super.disconnectedCallback();
+    clearInterval(this.#asking);
+  }
+
+  /** A drive is noted from the first press to the second; its figures are shown meanwhile. */
+  async #toggleDrive() {
+    const ending = this.#asking !== 0;
+    clearInterval(this.#asking);
+    this.#asking = 0;
+    try {
+      await this.#showDrive(ending ? "DELETE" : "POST");
+      if (!ending) this.#asking = setInterval(() => void this.#showDrive("GET").catch(() => {}), DRIVE_ASKED_MS);
+    } catch (error) {
+      notifyError(error);
+    }
+    const noting = this.#asking !== 0;
+    setAttribute(this.#drive, "aria-pressed", String(noting));
+    setText(this.#drive, noting ? "End the drive" : "Estimate from a drive");
+  }
+
+  /** @param {"GET" | "POST" | "DELETE"} method */
+  async #showDrive(method) {
+    /** @type {{noting: boolean, values: Record<string, RigNumber>, still_needed: string[], sentence: string}} */
+    const found = await request(method, "/rig/drive");
+    for (const [key, , , digits] of NUMBERS) {
+      const number = found.values[key];
+      // What was typed or estimated from the floor is better known than by a drive.
+      const known = this.#inputs.get(key)?.value !== "" && !this.#driven.has(key);
+      if (!number || known) continue;
+      this.#driven.add(key);
+      this.#fill(key, number, digits);
+    }
+    setText(this.#words, found.sentence);
+    this.#needed.replaceChildren(...found.still_needed.map((need) => h("li", {}, need)));
   }
 
   async #load() {
@@ -72,6 +118,7 @@ class RigPanel extends Part {
   /** @param {Rig} rig */
   #show(rig) {
     this.#estimated.clear();
+    this.#driven.clear();
     for (const [key, , , digits] of NUMBERS) this.#fill(key, rig.mount[key] ?? null, digits);
     this.#simulated.checked = rig.for_simulated;
   }
