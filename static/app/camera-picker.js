@@ -121,7 +121,7 @@ function nameOf(camera) {
 
 /** @param {Camera} camera */
 function option(camera) {
-  return h("option", { value: nameOf(camera) }, `${camera.card ?? "Camera"} (${camera.path})`);
+  return h("option", { value: nameOf(camera) }, `${camera.path}: ${camera.card ?? "camera"}`);
 }
 
 /** @param {string} words @param {HTMLElement} control @param {string} [help] */

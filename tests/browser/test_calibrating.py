@@ -339,6 +339,20 @@ def test_depth_of_the_lab_with_it_is_right_at_three_metres(server, made):
     assert np.median(error) < 0.02
 
 
+# How often a screen reader is spoken to in three seconds, and whether what can be pressed stayed.
+_CALM = """async () => {
+  let spoken = 0;
+  const status = document.querySelector("observer-capture-step .capture-main [role=status]");
+  new MutationObserver(() => spoken++).observe(status, { childList: true, subtree: true });
+  let shown = 0;
+  const words = document.querySelector("observer-capture-step .capture-words");
+  new MutationObserver(() => shown++).observe(words, { childList: true, subtree: true });
+  const held = [...document.querySelectorAll(".wizard-step, .view-list li, .view-list button")];
+  await new Promise((resolve) => setTimeout(resolve, 3000));
+  return [spoken, shown, held.every((element) => element.isConnected)];
+}"""
+
+
 @pytest.mark.slow
 def test_views_outlive_reloads_and_engines_and_are_seen_by_all(server, open_panel, eventually):
     page, other = open_panel(), open_panel()
@@ -351,6 +365,10 @@ def test_views_outlive_reloads_and_engines_and_are_seen_by_all(server, open_pane
     expect(other.get_by_role("heading", name="Calibrate: Views")).to_be_visible(timeout=20_000)
     _hurry(server)
     eventually(lambda: len(_now(server)["views"]) >= 2, 60)
+    spoken, shown, stayed = page.evaluate(_CALM)
+    assert spoken <= 4
+    assert 0 < shown <= 9
+    assert stayed
     _play(server, paused=True)
     names = [view["name"] for view in _now(server)["views"]]
 

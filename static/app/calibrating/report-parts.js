@@ -18,7 +18,7 @@ export function verdictTable({ rows, frame_rate }) {
       h("caption", {}, `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`),
       h("thead", {}, h("tr", {}, ...["At", "Depth error", "Slowest seen across", "Slowest seen towards"].map((text) => h("th", { scope: "col" }, text)))),
       h("tbody", {}, ...rows.map((row) => h("tr", {},
-        h("th", { scope: "row" }, `${fixed(row.distance_m, 0)} m`),
+        h("th", { scope: "row" }, `${fixed(row.distance_m, 0)}\u00a0m`),
         h("td", {}, `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`),
         h("td", {}, detectable(row.across)),
         h("td", {}, detectable(row.towards)))))));
