@@ -32,7 +32,6 @@ class RigPanel extends Part {
   #floor = h("button", { type: "button", class: "button" }, "Estimate from the floor");
   #drive = h("button", { type: "button", class: "button", "aria-pressed": "false" }, "Estimate from a drive");
   #words = h("p", { role: "status" });
-  #needed = h("ul", { class: "plain-list" });
   /** Asks how far the drive is, while one is noted. */
   #asking = 0;
   /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
@@ -51,7 +50,7 @@ class RigPanel extends Part {
       this.#error,
       h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Use this rig"), this.#floor, this.#drive,
         h("a", { class: "button", href: "/api/rig/file", download: "rig.yaml" }, "Download rig.yaml")),
-      this.#words, this.#needed);
+      this.#words);
     this.append(h("h3", {}, "The rig"),
       h("p", { class: "hint" }, "How the camera stands on its robot. It levels the 3D scene, gives one camera its scale, and tells the guard where the floor is."),
       this.#inUse, form);
@@ -95,7 +94,7 @@ class RigPanel extends Part {
 
   /** @param {"GET" | "POST" | "DELETE"} method */
   async #showDrive(method) {
-    /** @type {{noting: boolean, values: Record<string, RigNumber>, still_needed: string[], sentence: string}} */
+    /** @type {{noting: boolean, values: Record<string, RigNumber>, sentence: string}} */
     const found = await request(method, "/rig/drive");
     for (const [key, , , digits] of NUMBERS) {
       const number = found.values[key];
@@ -105,8 +104,7 @@ class RigPanel extends Part {
       this.#driven.add(key);
       this.#fill(key, number, digits);
     }
-    setText(this.#words, found.sentence);
-    this.#needed.replaceChildren(...found.still_needed.map((need) => h("li", {}, need)));
+    setText(this.#words, `${found.sentence.charAt(0).toUpperCase()}${found.sentence.slice(1)}.`);
   }
 
   async #load() {
