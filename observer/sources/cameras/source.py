@@ -30,6 +30,8 @@ _PAIRLESS_PERIODS = 2.5
 # A frame about to give way to the next one would be missed on the way to its process.
 _HASTE_S = 0.002
 _REAPING_S = 1.0
+# A pair decoded ahead is followed by the next within a period and what decoding takes.
+_OLD_PERIODS = 1.5
 
 
 def open_devices(rest: str) -> CameraSource:
@@ -123,6 +125,7 @@ class CameraSource:
                 # Once only, or cameras faster than their images are decoded would never be read.
                 self._ahead = False
                 self._ask(now)
+                self._leave_old(now)
             frame = self._decide(now)
             if frame is not None:
                 self._told = None
@@ -206,6 +209,17 @@ class CameraSource:
                 self._drop(left, self._cameras[0], self._cameras[1], period)
             case "drop right":
                 self._drop(right, self._cameras[1], self._cameras[0], period)
+
+    def _leave_old(self, now: float) -> None:
+        """Do without a pair decoded ahead if newer ones came meanwhile and were missed."""
+        period = min(camera.period.seconds for camera in self._cameras)
+        for camera in self._cameras:
+            if camera.decoding is None or not camera.is_decoded:
+                return
+            if now - camera.decoding.arrival <= _OLD_PERIODS * period:
+                return
+        for camera in self._cameras:
+            camera.release()
 
     def _drop(self, older: Grabbed, own: LiveCamera, other: LiveCamera, period: float) -> None:
         own.drop()

@@ -96,6 +96,17 @@ def test_what_is_read_is_the_newest_and_the_others_do_not_count(watch: Watch) ->
     assert watch.troubles == []
 
 
+def test_a_pair_that_became_old_gives_way(watch: Watch) -> None:
+    watch.read_frames(5)
+    for _ in range(3):
+        tend_for(watch.source, 3 * PERIOD_S)
+        # Nobody looks after the cameras for so long: what was decoded is no news any more.
+        time.sleep(10 * PERIOD_S)
+        asked = time.monotonic()
+        watch.read_frames(1)
+        assert watch.frames[-1].received > asked - 2 * PERIOD_S
+
+
 def test_images_too_far_apart_are_dropped_while_tending_too(watch: Watch, right: Path) -> None:
     watch.read_frames(5)
     write_script(right, phase=0.2, late=0.6)
