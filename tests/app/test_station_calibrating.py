@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import psutil
 import pytest
 
@@ -20,7 +21,7 @@ from app.storage import Storage, StorageBusy, StorageFull
 from app.supervisor import EngineRefused
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_id
-from observer.calibration.views import BoardView
+from observer.calibration.views import BoardSighting, BoardView
 from observer.errors import CalibrationError
 
 BOARD = Board("chessboard", 9, 6, 0.025)
@@ -61,6 +62,12 @@ async def captured(peer: Any, station: Station, count: int = 3) -> None:
     peer.board_seen = True
     for _ in range(count):
         await station.change_calibration(CAPTURE)
+
+
+def sighting_of(board: Board) -> BoardSighting:
+    """All corners of a board, somewhere in an image."""
+    px = board.object_points[:, :2] / board.square_m * 20.0 + 50.0
+    return BoardSighting(np.arange(len(px), dtype=np.int32), px)
 
 
 def names(station: Station) -> list[str]:
@@ -686,5 +693,65 @@ def test_a_new_name_is_told_everywhere(
             assert storage.get_calibration(record.id) == renamed
             with pytest.raises(NotThere):
                 await station.rename_calibration("0" * 64, "x")
+
+    run(scenario())
+
+
+# --- left and right -------------------------------------------------------------------------
+
+
+def test_swapping_turns_the_views_round_and_forgets_the_result(
+    peer: Any, storage: Storage, computing: Computing
+) -> None:
+    async def scenario() -> None:
+        async with started(peer, storage) as station:
+            with pytest.raises(Conflict, match="begin a calibration first"):
+                await station.swap_cameras()
+            await station.begin_calibration("camera:0,2", BOARD)
+            both = sighting_of(BOARD)
+            other = BoardSighting(both.ids, both.px + 7.0)
+            peer.capture(BoardView("1", both, other))
+            peer.capture(BoardView("2", both, None))
+            computing.release.set()
+            station.calibrating.compute("radtan")
+            await until(lambda: station.calibrating.result)
+            await station.swap_cameras()
+            again = begun(peer)[-1]
+            assert (again.source, again.board) == ("camera:2,0", BOARD)
+            first, second = again.views
+            assert (first.left, first.right) == (other, both)
+            assert (second.left, second.right) == (None, both)
+            assert names(station) == ["1", "2"]
+            # What was computed was of cameras the other way round.
+            assert station.calibrating.result is None
+            # Gone with the engine, they come back swapped.
+            peer.lose()
+            peer.start_process()
+            await until(lambda: peer.calibrating)
+            assert begun(peer)[-1].source == "camera:2,0"
+            assert begun(peer)[-1].views == again.views
+
+    run(scenario())
+
+
+def test_what_cannot_be_swapped_stays_as_it_is(
+    peer: Any, storage: Storage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unplugged(_: BeginCalibration) -> Any:
+        raise EngineRefused("the left camera is not plugged in", "input")
+
+    async def scenario() -> None:
+        async with started(peer, storage) as station:
+            await captured(peer, station)
+            with pytest.raises(Conflict):
+                await station.swap_cameras()
+            await station.begin_calibration("camera:0,2", BOARD)
+            await station.change_calibration(CAPTURE)
+            before = station.calibrating.facts()
+            monkeypatch.setattr(peer, "_begin", unplugged)
+            with pytest.raises(FieldError, match="not plugged in"):
+                await station.swap_cameras()
+            assert station.calibrating.source == "camera:0,2"
+            assert station.calibrating.facts() == before
 
     run(scenario())
