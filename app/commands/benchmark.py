@@ -14,6 +14,7 @@ import cv2
 import typer
 
 from app.benchmark.browser import PageFigures
+from app.benchmark.parts import measured_parts
 from app.benchmark.served import DenseCloudRates, ServedFigures, served_figures
 from app.commands.output import whole_file
 from app.commands.progress import progress_bar
@@ -77,10 +78,43 @@ def benchmark(
         float, typer.Option(min=2, help="Length of each measurement on the server.")
     ] = 15.0,
     viewers: Annotated[int, typer.Option(min=1, max=50, help="Viewers on the server.")] = 5,
+    calibration: Annotated[
+        bool,
+        typer.Option(
+            "--calibration",
+            help="Calibrate simulated cameras with a board, once for each seed, in place of all "
+            "else: about 10 s each.",
+        ),
+    ] = False,
+    capture: Annotated[
+        bool,
+        typer.Option(
+            "--capture",
+            help="Measure what live capture adds to the loop, in place of all else: about a "
+            "minute.",
+        ),
+    ] = False,
 ) -> None:
-    """Compare the presets over scenarios and seeds, and time the loop and the server."""
-    figures_to = _figure_paths(figure, output)
+    """Compare the presets over scenarios and seeds, and time the loop and the server.
+
+    Calibration and live capture are measured only where they are asked for, and then alone.
+    """
     drawn = seed or random.SystemRandom().sample(range(1, 10_000), seeds)
+    if calibration or capture:
+        if source is not None or figure is not None:
+            raise InputError(
+                "--calibration and --capture bring their own source and draw no figure; leave "
+                "SOURCE and --figure out"
+            )
+        _make_folder(output)
+        parts = measured_parts(drawn if calibration else (), capture=capture)
+        machine: dict[str, Any] = {"machine": _machine()}
+        as_text = f"{_machine_line()}\n\n{parts.markdown()}".rstrip()
+        as_data = json.dumps(machine | parts.as_dict(), indent=2, allow_nan=False)
+        _write_results(output, as_data, as_text)
+        typer.echo(as_data if as_json else as_text)
+        return
+    figures_to = _figure_paths(figure, output)
     sources = [source] if source else list(simulated_sources(_benchmark_scenarios(), drawn))
     with progress_bar("observing") as progress:
 
@@ -106,10 +140,7 @@ def benchmark(
     shown_seeds = None if source else drawn
     as_text = _markdown(method, figures, shown_seeds)
     as_data = json.dumps(_as_dict(method, figures, shown_seeds), indent=2, allow_nan=False)
-    if output is not None:
-        for name, text in (("benchmark.json", as_data), ("benchmark.md", as_text)):
-            with whole_file(output / name) as file:
-                file.write(text + "\n")
+    _write_results(output, as_data, as_text)
     if figures_to:
         # Imported where it is needed: matplotlib would slow down the start of every command.
         from observer.evaluation.figure import benchmark_figure, save_figure
@@ -122,11 +153,8 @@ def benchmark(
 def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
     """Where to draw; refused before hours of work rather than after them."""
     paths = [] if figure is None else [figure]
+    _make_folder(output)
     if output is not None:
-        try:
-            output.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot make the folder {output}: {error.strerror}") from None
         paths.append(output / "benchmark.png")
     for path in paths:
         if path.suffix.lower() not in FIGURE_SUFFIXES:
@@ -136,6 +164,23 @@ def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
         if not path.parent.is_dir():
             raise InputError(f"cannot write {path}: the folder {path.parent} does not exist")
     return paths
+
+
+def _make_folder(output: Path | None) -> None:
+    if output is None:
+        return
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {output}: {error.strerror}") from None
+
+
+def _write_results(output: Path | None, as_data: str, as_text: str) -> None:
+    if output is None:
+        return
+    for name, text in (("benchmark.json", as_data), ("benchmark.md", as_text)):
+        with whole_file(output / name) as file:
+            file.write(text + "\n")
 
 
 def _benchmark_scenarios() -> list[str]:
@@ -149,6 +194,10 @@ def _machine() -> dict[str, Any]:
         "opencv": cv2.__version__,
         "cores": os.cpu_count(),
     }
+
+
+def _machine_line() -> str:
+    return f"Machine: {', '.join(f'{key} {value}' for key, value in _machine().items())}."
 
 
 def _as_dict(
@@ -165,8 +214,7 @@ def _as_dict(
 
 
 def _markdown(method: Benchmark, served: ServedFigures | None, seeds: list[int] | None) -> str:
-    machine = ", ".join(f"{key} {value}" for key, value in _machine().items())
-    parts = [f"Machine: {machine}."]
+    parts = [_machine_line()]
     if seeds:
         parts.append(f"Seeds: {', '.join(map(str, seeds))}.")
     parts += ["", benchmark_markdown(method)]

@@ -121,3 +121,9 @@ def test_evaluate_breaks_down_as_benchmark_does(tmp_path: Path) -> None:
     road = dynamic_observer("evaluate", tracks, "--truth", truth, "--road").stdout
     assert "| < 10 m | 14 |" in road
     assert "| < 5 m/s | 14 |" in road
+
+
+def test_calibration_and_capture_stand_for_themselves() -> None:
+    done = dynamic_observer("benchmark", "simulated:lateral", "--calibration")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "leave SOURCE and --figure out" in done.stderr
