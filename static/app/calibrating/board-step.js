@@ -36,7 +36,9 @@ export class BoardStep extends Part {
   #scaled = h("p", { class: "hint", role: "status" });
   #error = h("p", { class: "field-error", role: "alert", id: "board-error" });
   #start = h("button", { class: "button primary", type: "submit" }, "Begin with these cameras");
-  #zip = h("input", { type: "file", id: "board-zip", accept: ".zip", "aria-describedby": "board-zip-help" });
+  #zip = h("input", { type: "file", id: "board-zip", accept: ".zip", "aria-describedby": "board-zip-help board-zip-error" });
+  #sending = h("p", { role: "status" });
+  #unsent = h("p", { class: "field-error", role: "alert", id: "board-zip-error" });
   #busy = false;
   #suggested = "";
 
@@ -63,7 +65,7 @@ export class BoardStep extends Part {
       h("fieldset", { class: "wizard-block" },
         h("legend", {}, "Or send in images"),
         h("label", { for: "board-zip" }, "A ZIP archive with left/ and right/, equal file names in both"),
-        this.#zip,
+        this.#zip, this.#sending, this.#unsent,
         h("p", { class: "hint", id: "board-zip-help" }, "The board above is looked for in every pair; 15 to 30 pairs are enough.")));
     this.append(form);
     this.#fill();
@@ -150,7 +152,7 @@ export class BoardStep extends Part {
     const views = this.hub.status?.calibrating?.views.length ?? 0;
     const consequence = `${views} captured view${views === 1 ? "" : "s"} would be forgotten.`;
     if (views > 0 && !(await confirmed("Begin anew?", consequence, "Begin anew"))) return;
-    await this.#ask("Opening the cameras…", async () => {
+    await this.#ask(this.#start, "Opening the cameras…", this.#error, async () => {
       /** @type {{calibrating: import("../types.js").Calibrating}} */
       const begun = await request("POST", "/calibrating", { source, kind, columns, rows, square_mm });
       this.hub.uncalibrated = "";
@@ -166,31 +168,33 @@ export class BoardStep extends Part {
     form.append("file", file);
     for (const name of /** @type {const} */ (["kind", "columns", "rows"])) form.append(name, String(choice[name]));
     form.append("square_mm", String(squareOf(choice)));
-    await this.#ask("Looking for the board in every image…", () => request("POST", "/calibrating/images", form));
+    await this.#ask(this.#sending, "Looking for the board in every image…", this.#unsent, () => request("POST", "/calibrating/images", form));
     this.#zip.value = "";
   }
 
   /**
+   * @param {HTMLElement} place says what goes on
    * @param {string} words
+   * @param {HTMLElement} error says why it did not go
    * @param {() => Promise<{calibrating: import("../types.js").Calibrating}>} action
    */
-  async #ask(words, action) {
+  async #ask(place, words, error, action) {
     if (this.#busy) return;
     this.#busy = true;
-    setText(this.#error, "");
-    const before = this.#start.textContent ?? "";
-    setText(this.#start, words);
+    setText(error, "");
+    const before = place.textContent ?? "";
+    setText(place, words);
     // Not disabled: that would take the focus away.
     setAttribute(this.#start, "aria-disabled", "true");
     try {
       this.begun((await action()).calibrating);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
+    } catch (refusal) {
+      if (!(refusal instanceof ApiError)) throw refusal;
+      setText(error, refusal.message);
     } finally {
       this.#busy = false;
       setAttribute(this.#start, "aria-disabled", null);
-      setText(this.#start, before);
+      setText(place, before);
     }
   }
 }

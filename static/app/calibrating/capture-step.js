@@ -33,6 +33,7 @@ export class CaptureStep extends Part {
   #next = h("p", { class: "capture-next" });
   #cameras = h("div", { class: "capture-cameras" });
   #bars = new Map(BARS.map(([name, words]) => [name, bar(words)]));
+  #covered = h("div", { class: "stack" }, h("h3", {}, "What is covered"), h("dl", { class: "coverage" }, ...this.#bars.values()));
   #capture = h("button", { class: "button", type: "button" }, "Capture now");
   #undo = h("button", { class: "button", type: "button" }, icon("undo"), "Undo");
   #automatic = h("input", { type: "checkbox", id: "capture-automatic" });
@@ -62,8 +63,7 @@ export class CaptureStep extends Part {
     this.append(
       h("div", { class: "capture-main" }, this.#words, this.#next, this.#spoken, this.#cameras, controls),
       h("div", { class: "capture-side" },
-        h("h3", {}, "What is covered"),
-        h("dl", { class: "coverage" }, ...this.#bars.values()),
+        this.#covered,
         this.#compute, this.#computing, this.#trouble,
         this.#cover, this.#count, this.#list, this.#refused));
     this.#capture.addEventListener("click", () => void this.#change({ capture: true }));
@@ -95,9 +95,11 @@ export class CaptureStep extends Part {
     if (!this.#shown || !now) return;
     const live = now.source !== null;
     const trouble = this.hub.status?.live?.trouble ?? null;
-    for (const part of [this.#words, this.#next, this.#cameras, this.#capture.parentElement, this.#cover]) {
+    // Of images that were sent in there is nothing to hold, to see or to cover.
+    for (const part of [this.#words.parentElement, this.#covered, this.#cover]) {
       if (part) part.hidden = !live;
     }
+    this.toggleAttribute("data-sent-in", !live);
     this.#say(now, trouble);
     const { width, height } = this.hub.status?.source ?? {};
     if (width && height) this.#cameras.style.setProperty("--camera", `${width} / ${height}`);

@@ -32,6 +32,10 @@ export class ResultStep extends Part {
   #again = h("button", { class: "button", type: "button" }, "Capture more");
   #recompute = h("button", { class: "button", type: "button", hidden: true }, "Compute again");
   #refresh = h("button", { class: "button", type: "button" }, "Newest pair");
+  #rectified = h("div", { class: "stack" },
+    h("h3", {}, "Rectified"), this.#canvas,
+    h("p", { class: "hint" }, "A point of the left image must lie on the same level line in the right one."),
+    this.#rows, h("div", { class: "row" }, this.#refresh));
   #saving = false;
   #shown = false;
   #read = "";
@@ -48,9 +52,7 @@ export class ResultStep extends Part {
       h("div", { class: "result-columns" },
         h("div", { class: "stack" }, h("h3", {}, "What to expect"), this.#verdict, this.#figures),
         h("div", { class: "stack" }, h("h3", {}, "Error of each view"), this.#chart, this.#refused, h("div", { class: "row" }, this.#recompute))),
-      h("h3", {}, "Rectified"), this.#canvas,
-      h("p", { class: "hint" }, "A point of the left image must lie on the same level line in the right one."),
-      this.#rows, h("div", { class: "row" }, this.#refresh),
+      this.#rectified,
       h("h3", {}, "Keep it"), form);
     form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -59,7 +61,7 @@ export class ResultStep extends Part {
     this.#keep.addEventListener("click", () => void this.#save(false));
     this.#again.addEventListener("click", () => this.again());
     this.#recompute.addEventListener("click", () => this.compute());
-    this.#refresh.addEventListener("click", () => this.#paint());
+    this.#refresh.addEventListener("click", () => void this.#paint());
     this.hear("status", () => void this.#load());
   }
 
@@ -87,7 +89,7 @@ export class ResultStep extends Part {
     const { report } = /** @type {{report: Record<string, any>}} */ (await request("GET", "/calibrating/result"));
     if (!this.#name.value) this.#name.value = suggestedName(now?.source ?? null);
     this.#show(report, new Set(now?.views.map((view) => view.name)));
-    this.#paint();
+    void this.#paint();
   }
 
   /** @param {Record<string, any>} report @param {Set<string>} present names of views that are still there */
@@ -130,10 +132,13 @@ export class ResultStep extends Part {
     return h("li", { class: "row" }, h("span", {}, `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`), present.has(view.name) ? remove : null);
   }
 
-  #paint() {
+  async #paint() {
     const live = this.hub.status?.calibrating?.source !== null;
-    this.#refresh.hidden = !live;
-    void paintPreview("/calibrating/preview", this.#canvas, this.#rows, this.#report);
+    this.#rectified.hidden = false;
+    setText(this.#again, live ? "Capture more" : "Back to the views");
+    await paintPreview("/calibrating/preview", this.#canvas, this.#rows, this.#report);
+    // Images that were sent in need not be of the cameras that are open.
+    if (!live && this.#canvas.hidden) this.#rectified.hidden = true;
   }
 
   /** @param {boolean} activate */
