@@ -61,7 +61,7 @@ def test_streams_that_cannot_be_served_are_told(tmp_path: Path) -> None:
 
 def test_the_loop_is_measured_by_cameras_and_from_memory() -> None:
     said: list[str] = []
-    figures = capture_figures(seconds=2.0, pictures=8, say=said.append)
+    figures = capture_figures(seconds=1.2, pictures=6, say=said.append)
     assert figures.image_size == (640, 480)
     for loop in (figures.live, figures.memory, figures.slow, figures.tending):
         assert loop.frames >= 2
