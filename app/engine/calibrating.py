@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from app.engine.board_pictures import draw_board, small_picture
@@ -66,12 +67,17 @@ class CalibrationSession(PlayedSource):
         skipped: tuple[SkippedFrame, ...],
         publisher: BoardPublisher,
     ) -> None:
-        super().__init__(source, player, skipped)
+        super().__init__(command.source, source, player, skipped)
+        self._command = command
         self.watch = BoardWatch(command, source, publisher)
 
     @property
     def state(self) -> EngineState:
         return EngineState.CALIBRATING
+
+    def again(self) -> BeginCalibration:
+        """What would open it anew with the views so far."""
+        return replace(self._command, views=self.watch.views, automatic=self.watch.automatic)
 
 
 def open_calibration(
@@ -111,6 +117,16 @@ class BoardWatch:
         self._collector.automatic = command.automatic
         self._cover = CoverCheck()
         self._newest: StereoFrame | None = None
+
+    @property
+    def views(self) -> tuple[BoardView, ...]:
+        """All that were captured and not removed."""
+        return self._collector.views
+
+    @property
+    def automatic(self) -> bool:
+        """Whether new poses are captured by themselves."""
+        return self._collector.automatic
 
     def change(self, command: ChangeCalibration) -> dict[str, Any]:
         """Carry it out; see ``ChangeCalibration``.

@@ -8,11 +8,13 @@ from dataclasses import asdict, replace
 
 from app.engine.calibrating import BoardPublisher, CalibrationSession, open_calibration
 from app.engine.errors import NotNow
+from app.engine.lending import LentSource, lent
 from app.engine.opening import Opening
 from app.engine.replies import refusal, unexpected
 from app.engine.session import (
     NotCalibrated,
     ObserverFactory,
+    OpeningCommand,
     PlayedSource,
     Session,
     SourceOpener,
@@ -27,10 +29,13 @@ from app.messages import (
     StateEvent,
 )
 from observer.errors import DynamicObserverError
-from observer.opening import shown_spec
+from observer.opening import live_devices, shown_spec
 from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
+
+# Requests are counted from 1.
+_NOBODYS = 0
 
 
 class CurrentSource:
@@ -81,7 +86,7 @@ class CurrentSource:
         """The session that looks for a board, where one is."""
         return self.session if isinstance(self.session, CalibrationSession) else None
 
-    def begin(self, request: Request, command: OpenSource | BeginCalibration) -> None:
+    def begin(self, request: Request, command: OpeningCommand) -> None:
         """Open in a thread of its own; the request is answered by what ``finish`` returns.
 
         Raises:
@@ -94,25 +99,44 @@ class CurrentSource:
             )
         if self.session is not None and self.session.run_id is not None:
             raise NotNow("a run is going; stop it before another source is opened")
-        self.opening = Opening(request, command)
-        self.opening.start(lambda: self._open(command), self._opened)
+        opening = self.opening = Opening(request, command)
+        open_source = self._open_source
+        session = self.session
+        if session is not None and _share_cameras(session.spec, command.source):
+            # A camera delivers to one program, and that only once: what is open cannot be opened
+            # a second time.
+            if session.spec == command.source:
+                opening.lender, session.resting = session, True
+                source = session.source
+                open_source = lambda _: lent(source)  # noqa: E731
+            else:
+                opening.before = session.again()
+                self.close()
+        opening.start(lambda: self._open(command, open_source), self._opened)
 
-    def _open(self, command: OpenSource | BeginCalibration) -> PlayedSource:
+    def _open(self, command: OpeningCommand, open_source: SourceOpener) -> PlayedSource:
         if isinstance(command, BeginCalibration):
-            return open_calibration(command, self._open_source, self._boards)
-        return open_session(command, self._open_source, self._make_observer, self._stage_clock)
+            return open_calibration(command, open_source, self._boards)
+        return open_session(command, open_source, self._make_observer, self._stage_clock)
 
     def finish(self, opening: Opening) -> Reply | None:
         """Observe from now on what was opened, or say why it was not; None if it was given up."""
         session = opening.session
         if opening.abandoned:
-            if session is not None:
-                session.close()
+            for left in (session, opening.lender):
+                if left is not None:
+                    left.close()
             return None
         self.opening = None
         if session is None:
             return self._not_opened(opening)
-        self.close()
+        if opening.lender is None:
+            self.close()
+        else:
+            self.session = None
+            self._closed()
+            assert isinstance(session.source, LentSource)
+            session.source.keep()
         self.session = session
         facts = asdict(self.state())
         if isinstance(session, Session):
@@ -132,7 +156,12 @@ class CurrentSource:
             _log.error("opening %s failed", source, exc_info=error)
             what = f"opening {source} failed: {unexpected(error)}"
             reply = Reply(number, error=what, refusal="failure")
-        if self.session is None:
+        if opening.lender is not None:
+            opening.lender.resting = False
+        if opening.before is not None:
+            # Nobody waits for this one: its reply has a number that nobody asked with.
+            self.begin(Request(_NOBODYS, opening.before), opening.before)
+        elif self.session is None:
             self._failed = StateEvent(EngineState.FAILED, reply.error)
             if isinstance(command, OpenSource):
                 self._failed = replace(
@@ -146,6 +175,10 @@ class CurrentSource:
         if opening is None:
             return None
         opening.abandoned = True
+        if opening.lender is not None:
+            # What was lent is closed once the opening, which may still use it, is done with it.
+            self.session = None
+            self._closed()
         source = shown_spec(opening.command.source)
         what = f"opening {source} was given up, because it was closed meanwhile"
         return Reply(opening.request.number, error=what, refusal="state")
@@ -187,3 +220,8 @@ class CurrentSource:
             mount=session.mount_facts(),
             ageing=session.ageing_facts(),
         )
+
+
+def _share_cameras(a: str, b: str) -> bool:
+    """Whether two texts name a live camera that is the same."""
+    return not set(live_devices(a)).isdisjoint(live_devices(b))

@@ -149,9 +149,10 @@ class Engine:
                 self._answer(message)
 
     def _due_in_s(self, now: float) -> float:
-        if self._current.session is None:
+        session = self._current.session
+        if session is None or session.resting:
             return float("inf")
-        player = self._current.session.player
+        player = session.player
         if player.wants_reading:
             return 0.0
         wait = player.wait_s(now)
@@ -178,7 +179,7 @@ class Engine:
     def _advance(self) -> None:
         """Read or observe at most one frame, whichever is due."""
         session = self._current.session
-        if session is None or self._leaving:
+        if session is None or session.resting or self._leaving:
             return
         source = session.source.info.spec
         try:

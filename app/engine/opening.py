@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from app.engine.session import PlayedSource
-from app.messages import BeginCalibration, OpenSource, Request
+from app.engine.session import OpeningCommand, PlayedSource
+from app.messages import Request
 from observer.parameters import Parameters
 
 
@@ -17,15 +17,19 @@ class Opening:
         request, command: what asked for it.
         session, error: the result, one of them, once it is done.
         abandoned: nobody waits for it any more; its session is only to be closed.
+        lender: the session whose source it was given, and which goes on if it is refused.
+        before: what was open and had to be closed for it, to be opened again if it is refused.
         parameters: with their revision, where they were set meanwhile.
     """
 
-    def __init__(self, request: Request, command: OpenSource | BeginCalibration) -> None:
+    def __init__(self, request: Request, command: OpeningCommand) -> None:
         self.request = request
         self.command = command
         self.session: PlayedSource | None = None
         self.error: Exception | None = None
         self.abandoned = False
+        self.lender: PlayedSource | None = None
+        self.before: OpeningCommand | None = None
         self.parameters: tuple[Parameters, int] | None = None
 
     def start(self, work: Callable[[], PlayedSource], done: Callable[[Opening], None]) -> None:

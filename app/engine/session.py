@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Protocol
 
 from app.engine.ageing import CalibrationAgeing
 from app.engine.playback import Player
 from app.engine.truth_matching import TruthMatcher
-from app.messages import EngineState, OpenSource
+from app.messages import BeginCalibration, EngineState, OpenSource
 from observer.calibration.formats.opencv_file import (
     calibration_id,
     calibration_text,
@@ -62,6 +62,8 @@ class ObserverFactory(Protocol):
     ) -> FrameObserver: ...
 
 
+# What opens a source.
+OpeningCommand = OpenSource | BeginCalibration
 SourceOpener = Callable[[str], OpenedSource]
 
 
@@ -82,12 +84,18 @@ class PlayedSource:
     """A source and its player. Used by one thread at a time.
 
     Attributes:
+        spec: the text it was opened by, passwords included.
+        resting: whether it is not read, because its source is being handed on.
         skipped: frames that could not be read while opening, before the first one.
         run_id, segment: of what is kept; None and 0 where nothing is.
         has_truth: whether truth belongs to the source.
     """
 
-    def __init__(self, source: Source, player: Player, skipped: tuple[SkippedFrame, ...]) -> None:
+    def __init__(
+        self, spec: str, source: Source, player: Player, skipped: tuple[SkippedFrame, ...]
+    ) -> None:
+        self.spec = spec
+        self.resting = False
         self.source = source
         self.player = player
         self.skipped = skipped
@@ -132,6 +140,10 @@ class PlayedSource:
             return None
         return {**asdict(self.source.report()), "trouble": self.player.trouble}
 
+    def again(self) -> OpeningCommand:
+        """What would open it anew as it is now."""
+        raise NotImplementedError
+
     def close(self) -> None:
         self.source.close()
 
@@ -153,7 +165,8 @@ class Session(PlayedSource):
         Args:
             calibration_yaml, mount: what the observer was made with.
         """
-        super().__init__(opened.source, player, skipped)
+        super().__init__(command.source, opened.source, player, skipped)
+        self._command = command
         self.calibration_yaml = calibration_yaml
         self._mount = mount
         self.ageing = CalibrationAgeing(observer.camera, mount)
@@ -168,6 +181,16 @@ class Session(PlayedSource):
     @property
     def state(self) -> EngineState:
         return EngineState.PREVIEW if self.run_id is None else EngineState.RUNNING
+
+    def again(self) -> OpenSource:
+        """What would open it anew as it is now, with nothing kept."""
+        return replace(
+            self._command,
+            parameters=dict(self.observer.parameters.flat()),
+            parameters_revision=self.parameters_revision,
+            run_id=None,
+            segment=0,
+        )
 
     def use(self, parameters: Parameters, revision: int) -> None:
         """Observe with these parameters from the next frame on."""

@@ -1,0 +1,55 @@
+"""A live source handed from one session to the next: its cameras open for one program only once."""
+
+from __future__ import annotations
+
+from observer.camera import StereoCalibration
+from observer.opening import OpenedSource
+from observer.sources.contract import (
+    LiveReport,
+    LiveSource,
+    NoFrame,
+    SkippedFrame,
+    Source,
+    SourceInfo,
+)
+from observer.types import StereoFrame
+
+
+class LentSource:
+    """A live source that stays open for its old session until the new one has it for good."""
+
+    def __init__(self, source: Source) -> None:
+        self._source: Source = source._source if isinstance(source, LentSource) else source
+        self._kept = False
+
+    def keep(self) -> None:
+        """From now on closing this closes the source."""
+        self._kept = True
+
+    @property
+    def info(self) -> SourceInfo:
+        return self._source.info
+
+    @property
+    def calibration(self) -> StereoCalibration | None:
+        return self._source.calibration
+
+    def read(self) -> StereoFrame | SkippedFrame | NoFrame | None:
+        return self._source.read()
+
+    def rewind(self) -> None:
+        self._source.rewind()
+
+    def report(self) -> LiveReport:
+        """How its cameras are."""
+        assert isinstance(self._source, LiveSource)
+        return self._source.report()
+
+    def close(self) -> None:
+        if self._kept:
+            self._source.close()
+
+
+def lent(source: Source) -> OpenedSource:
+    """The source as if it had been opened anew; nothing live has truth."""
+    return OpenedSource(LentSource(source), None)
