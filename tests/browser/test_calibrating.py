@@ -115,11 +115,12 @@ def _as_before(server):
 
 
 @pytest.fixture(autouse=True)
-def _the_lab_is_open(server, eventually):
-    def is_ready() -> bool:
-        return server.get("/status")["engine"]["state"] == "preview"
-
-    eventually(is_ready, 40)
+def _nothing_is_calibrated(server, eventually):
+    """Also behind a test that failed half-way."""
+    eventually(lambda: server.get("/status")["source"], 40)
+    if _now(server):
+        server.api.delete("/api/calibrating").raise_for_status()
+    eventually(lambda: server.get("/status")["engine"]["state"] == "preview", 40)
 
 
 @pytest.mark.slow
