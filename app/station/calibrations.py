@@ -201,13 +201,11 @@ async def check_by_tape(
     report = record.info.get("report") or {}
     bias, lasting_px = depth_bias_of(report)
     board = report.get("board") or {}
-    # A tape goes straight to the place, the calibration's errors are those of depth.
-    along = place["depth_m"] / place["range_m"]
     try:
         check = tape_check(
             calibration,
-            place["depth_m"],
-            tape_m * along,
+            place["range_m"],
+            tape_m,
             square_m=board.get("square_m"),
             bias=bias,
             lasting_px=lasting_px,
@@ -217,7 +215,7 @@ async def check_by_tape(
     entry = {
         "measured_m": tape_m,
         "stated_m": place["range_m"],
-        "expected_m": check.expected_m / along,
+        "expected_m": check.expected_m,
         "agrees": check.agrees,
         "sentence": check.sentence,
         "at": utc_now(),

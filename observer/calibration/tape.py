@@ -13,8 +13,9 @@ from observer.errors import InputError
 # One standard deviation of a person with a tape, who does not know where inside the lens depth
 # begins: metres, and a share of the length.
 _TAPE_M, _TAPE_SHARE = 0.01, 0.002
-# Of a disparity that is the median over a spot, pixels.
-_SPOT_PX = 0.05
+# Of a disparity that is the median over a spot, pixels: semi-global matching is drawn towards whole
+# pixels, by up to 0.2 px on a plane that faces the cameras.
+_SPOT_PX = 0.12
 _RANGE_M = (0.05, 200.0)
 # Within this share of what a scaled print would do it is worth to say so.
 _SIGMAS = 2.0
@@ -61,7 +62,7 @@ def tape_check(
     a print whose squares are 97 % of that makes all depths 1 / 0.97 times too large.
 
     Args:
-        rig_m, tape_m: metres along the camera's axis.
+        rig_m, tape_m: metres, both along the camera's axis or both straight to the place.
         square_m: side of the board's squares as typed in. bias, lasting_px: of the fit.
 
     Raises:
