@@ -103,13 +103,16 @@ class BoardWatch:
 
     In the loop's own thread: a board is found or missed in about 15 ms an image, and a live
     source meanwhile keeps its newest pair only.
+
+    Attributes:
+        board: what is looked for.
     """
 
     def __init__(
         self, command: BeginCalibration, source: Source, publisher: BoardPublisher
     ) -> None:
         info = source.info
-        self._board: Board = command.board
+        self.board: Board = command.board
         self._publisher = publisher
         self._collector = ViewCollector(
             command.board, (info.width, info.height), command.views
@@ -166,9 +169,9 @@ class BoardWatch:
             self._publisher.send(BoardLookEvent({"words": words}, frame.received))
 
     def _look_at(self, frame: StereoFrame) -> None:
-        left = detect_board(as_gray(frame.left), self._board, quick=True)
+        left = detect_board(as_gray(frame.left), self.board, quick=True)
         self._publisher.beat()
-        right = detect_board(as_gray(frame.right), self._board, quick=True)
+        right = detect_board(as_gray(frame.right), self.board, quick=True)
         self._publisher.beat()
         skew = 0.0 if frame.right_time is None else abs(frame.right_time - frame.time)
         self._newest = frame
@@ -230,7 +233,7 @@ class BoardWatch:
             kept = [seen for view in views if (seen := getattr(view, side)) is not None]
             # What to do next is told in the left image only: it has one place there.
             outline = look.ghost if side == "left" else None
-            return draw_board(image, self._board, sightings[side], kept, outline)
+            return draw_board(image, self.board, sightings[side], kept, outline)
 
         facts = {"frame": frame.index, "time": frame.time, "received": frame.received}
         self._publisher.show(facts, draw)

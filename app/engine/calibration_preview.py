@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 
 from app.engine.views import encode_jpeg
+from observer.calibration.board import Board
+from observer.calibration.detection import detect_board, same_numbering
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import as_gray
 from observer.geometry import Float64Array
@@ -50,11 +52,16 @@ class CalibrationPreview:
 
 
 def preview_calibration(
-    frame: StereoFrame, calibration_yaml: str, beat: Callable[[], None]
+    frame: StereoFrame,
+    calibration_yaml: str,
+    beat: Callable[[], None],
+    board: Board | None = None,
 ) -> CalibrationPreview:
     """Rectify a raw pair and measure how well the rows of both images agree.
 
     Args:
+        board: what is shown to the cameras, if anything: its corners look all alike, so that
+            they are matched by their numbers and not as features.
         beat: called between the steps, each of which takes some ten milliseconds.
 
     Raises:
@@ -64,7 +71,11 @@ def preview_calibration(
     beat()
     left, right = rectification.apply(frame.left, frame.right)
     beat()
-    error, count = vertical_error(left, right)
+    rows = None if board is None else _board_rows(frame, rectification, board)
+    if rows is None:
+        error, count = vertical_error(left, right)
+    else:
+        error, count = float(np.median(np.abs(rows))), len(rows)
     beat()
     return CalibrationPreview(encode_jpeg(_side_by_side(left, right)), error, count)
 
@@ -80,6 +91,23 @@ def vertical_error(left: Image, right: Image) -> tuple[float | None, int]:
     if len(rows) < _MIN_MATCHES:
         return None, len(rows)
     return float(np.median(np.abs(rows))), len(rows)
+
+
+def _board_rows(
+    frame: StereoFrame, rectification: Rectification, board: Board
+) -> Float64Array | None:
+    """(N,) rows of the board's corners, left minus right; None where both do not show it."""
+    left = detect_board(as_gray(frame.left), board, quick=True)
+    right = detect_board(as_gray(frame.right), board, quick=True)
+    if left is None or right is None:
+        return None
+    right = same_numbering(left, right, board)
+    common, a, b = np.intersect1d(left.ids, right.ids, return_indices=True)
+    if len(common) < _MIN_MATCHES:
+        return None
+    left_px, right_px = rectification.rectify_points(left.px[a], right.px[b])
+    rows = left_px[:, 1] - right_px[:, 1]
+    return np.asarray(rows[np.isfinite(rows)], dtype=np.float64)
 
 
 def _row_differences(left: Image, right: Image) -> Float64Array:

@@ -170,7 +170,10 @@ class CommandDesk:
         return measure_depth(pair, command.calibration_yaml, command.u, command.v, self._beat)
 
     def _preview(self, calibration_yaml: str) -> dict[str, Any]:
-        return preview_calibration(self._newest_pair(), calibration_yaml, self._beat).reply()
+        session = self._current.calibrating
+        board = None if session is None else session.watch.board
+        pair = self._newest_pair()
+        return preview_calibration(pair, calibration_yaml, self._beat, board).reply()
 
     def _newest_pair(self) -> StereoFrame:
         session, pair = self._current.session, self._current.raw_pair

@@ -40,6 +40,11 @@ class LentSource:
     def rewind(self) -> None:
         self._source.rewind()
 
+    def tend(self) -> None:
+        """Have the next pair decoded ahead."""
+        assert isinstance(self._source, LiveSource)
+        self._source.tend()
+
     def report(self) -> LiveReport:
         """How its cameras are."""
         assert isinstance(self._source, LiveSource)

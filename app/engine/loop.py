@@ -114,6 +114,10 @@ class Engine:
         # The observer reads its clock between its stages, so that even a slow frame beats while
         # it makes progress, and only a stage that hangs looks like one.
         self.beat()
+        # Nor do the cameras' processes wait until it is done.
+        session = self._current.session
+        if session is not None and threading.get_ident() == self._thread:
+            session.tend()
         return time.perf_counter()
 
     @property

@@ -97,6 +97,7 @@ class PlayedSource:
         self.spec = spec
         self.resting = False
         self.source = source
+        self._live = source if isinstance(source, LiveSource) else None
         self.player = player
         self.skipped = skipped
         self.run_id: str | None = None
@@ -134,11 +135,16 @@ class PlayedSource:
             "achieved_rate": None if achieved is None else round(achieved, 2),
         }
 
+    def tend(self) -> None:
+        """Let a live source decode ahead; for the thread that reads, between two reads."""
+        if self._live is not None:
+            self._live.tend()
+
     def live_facts(self) -> dict[str, Any] | None:
         """As ``StateEvent.live`` holds it."""
-        if not isinstance(self.source, LiveSource):
+        if self._live is None:
             return None
-        return {**asdict(self.source.report()), "trouble": self.player.trouble}
+        return {**asdict(self._live.report()), "trouble": self.player.trouble}
 
     def again(self) -> OpeningCommand:
         """What would open it anew as it is now."""

@@ -155,14 +155,16 @@ def find_calibration(storage: Storage, id: str) -> CalibrationRecord:
 def exported(record: CalibrationRecord, kind: Literal["opencv", "ros", "kalibr"]) -> NamedFile:
     """The calibration as another tool reads it; several files come as one ZIP archive."""
     calibration = read_calibration(record.text, name=record.name)
-    files = export_calibration(calibration, kind, name=f"calibration-{record.id[:12]}")
+    name = f"calibration-{record.id[:12]}"
+    files = export_calibration(calibration, kind, name=name)
     if len(files) == 1:
         return files[0]
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
         for each in files:
-            file.writestr(each.name, each.content)
-    return NamedFile(f"calibration-{record.id[:12]}-{kind}.zip", archive.getvalue())
+            # Tools look for left.yaml and right.yaml.
+            file.writestr(each.name.removeprefix(f"{name}-"), each.content)
+    return NamedFile(f"{name}-{kind}.zip", archive.getvalue())
 
 
 async def measure_depth(

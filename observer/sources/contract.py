@@ -129,7 +129,15 @@ class LiveReport:
 
 @runtime_checkable
 class LiveSource(Protocol):
-    """What a live source can tell beside its frames."""
+    """What a live source can do beside delivering frames."""
+
+    def tend(self) -> None:
+        """Have the next pair decoded ahead; never waits.
+
+        For the thread that reads, between two reads, as often as it likes: while it observes,
+        the cameras' processes decode.
+        """
+        ...
 
     def report(self) -> LiveReport:
         """How it is at this moment; returns at once, from any thread."""

@@ -78,6 +78,9 @@ class Camera:
     def rewind(self) -> None:
         raise SourceError("a live source cannot be rewound")
 
+    def tend(self) -> None:
+        assert not self.closed, "a closed camera was tended"
+
     def report(self) -> LiveReport:
         return LiveReport((), self._index, 0, None, None, 0)
 

@@ -14,11 +14,15 @@ from app.engine.dense_stereo import PairKeeper, dense_stereo
 from app.engine.views import MAX_WIDTH, draw_disparity, draw_view
 from app.engine.watched import Observed
 from app.messages import CAMERA_NAMES, VIEW_NAMES
+from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
 from observer.geometry import Pose
 from observer.parameters import Parameters
+from observer.simulation.scenarios import load_scenario
+from observer.simulation.source import SimulatedSource
+from observer.simulation.world import World
 from observer.types import (
     Matches,
     MotionState,
@@ -211,3 +215,17 @@ def test_a_preview_of_another_size_is_refused() -> None:
     frame = StereoFrame(0, 0.0, scene(640, 480), scene(640, 480), received=0.0)
     with pytest.raises(CalibrationError, match="640x480"):
         preview_calibration(frame, calibration_text(rectified()), lambda: None)
+
+
+def test_the_rows_of_a_board_are_those_of_its_corners() -> None:
+    # Its squares look all alike, so features are matched across them.
+    world = World(load_scenario("calibration"), 0)
+    frame = SimulatedSource(world).read()
+    assert frame is not None
+    text = calibration_text(world.true_calibration)
+    preview = preview_calibration(frame, text, lambda: None, Board())
+    assert preview.matches == 54
+    assert preview.vertical_error_px is not None
+    assert 0 < preview.vertical_error_px < 0.15
+    # Another board is not there; then features are all there is.
+    assert preview_calibration(frame, text, lambda: None, Board(rows=5)).matches != 54
