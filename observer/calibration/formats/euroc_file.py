@@ -10,10 +10,10 @@ import numpy as np
 
 from observer.calibration.formats.numbers import image_size, shaped_numbers, transformation
 from observer.calibration.formats.plain_data import PlainData, parse_plain_data, read_text
-from observer.calibration.formats.understanding import Draft
+from observer.calibration.formats.understanding import Draft, FileCamera, check_alike
 from observer.camera import DistortionModel, StereoCalibration
 from observer.errors import CalibrationError
-from observer.geometry import Float64Array, Pose
+from observer.geometry import Pose
 
 _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
     "radial-tangential": "radtan",
@@ -50,26 +50,20 @@ def euroc_draft(
 
 
 @dataclass(frozen=True, eq=False)
-class _Camera:
+class _Camera(FileCamera):
     name: str
-    size: tuple[int, int]
-    K: Float64Array
-    D: Float64Array
-    model: DistortionModel
     T_body_camera: Pose
 
 
 def _draft(left: _Camera, right: _Camera, *notes: str) -> Draft:
-    if left.size != right.size:
-        raise CalibrationError(
-            f"{right.name}: resolution is {right.size[0]}x{right.size[1]}, but the left camera's "
-            f"is {left.size[0]}x{left.size[1]}; a pair must have one size"
-        )
-    if left.model != right.model:
-        raise CalibrationError(
-            f"{right.name}: distortion_model must be that of the left camera, {left.model}, "
-            f"not {right.model}"
-        )
+    check_alike(
+        left,
+        right,
+        name=right.name,
+        size="resolution",
+        model="distortion_model",
+        other="the left camera's",
+    )
     # T_BS maps a camera's coordinates into the body's.
     T_right_left = right.T_body_camera.inverse() @ left.T_body_camera
     return Draft(

@@ -13,10 +13,9 @@ import numpy as np
 
 from observer.calibration.formats.numbers import image_size, shaped_numbers, transformation
 from observer.calibration.formats.plain_data import PlainData
-from observer.calibration.formats.understanding import Draft
+from observer.calibration.formats.understanding import Draft, FileCamera, check_alike
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
-from observer.geometry import Float64Array
 
 _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
     "radtan": "radtan",
@@ -26,12 +25,8 @@ _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
 
 
 @dataclass(frozen=True, eq=False)
-class _Camera:
+class _Camera(FileCamera):
     key: str
-    size: tuple[int, int]
-    K: Float64Array
-    D: Float64Array
-    model: DistortionModel
 
 
 def kalibr_draft(name: str, data: dict[str, PlainData]) -> Draft:
@@ -46,16 +41,14 @@ def kalibr_draft(name: str, data: dict[str, PlainData]) -> Draft:
             f"holds cam0 and cam1"
         )
     cam0, cam1 = (_read_camera(name, data, key) for key in ("cam0", "cam1"))
-    if cam0.size != cam1.size:
-        raise CalibrationError(
-            f"{name}: cam1.resolution is {cam1.size[0]}x{cam1.size[1]}, but cam0's is "
-            f"{cam0.size[0]}x{cam0.size[1]}; a pair must have one size"
-        )
-    if cam0.model != cam1.model:
-        raise CalibrationError(
-            f"{name}: cam1.distortion_model is {cam1.model}, but cam0's is {cam0.model}; "
-            f"a pair must have one model"
-        )
+    check_alike(
+        cam0,
+        cam1,
+        name=name,
+        size="cam1.resolution",
+        model="cam1.distortion_model",
+        other="cam0's",
+    )
     T_cam1_cam0 = transformation(
         _mapping(name, data, "cam1"), "T_cn_cnm1", name=name, label="cam1.T_cn_cnm1"
     )

@@ -17,7 +17,7 @@ from observer.calibration.formats.numbers import (
     whole_number,
 )
 from observer.calibration.formats.plain_data import PlainData
-from observer.calibration.formats.understanding import Draft
+from observer.calibration.formats.understanding import Draft, FileCamera, check_alike
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, is_rotation
@@ -34,13 +34,9 @@ _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
 
 
 @dataclass(frozen=True, eq=False)
-class _Camera:
+class _Camera(FileCamera):
     name: str
     camera_name: str
-    size: tuple[int, int]
-    K: Float64Array
-    D: Float64Array
-    model: DistortionModel
     R_rectified: Float64Array
     offset: float
 
@@ -66,16 +62,14 @@ def ros_draft(
             f"{right.name}: projection_matrix has the same offset P[3] in both files, so there "
             f"is no baseline; calibrate the two cameras together as a stereo pair"
         )
-    if left.size != right.size:
-        raise CalibrationError(
-            f"{right.name}: image_width and image_height are {right.size[0]}x{right.size[1]}, "
-            f"but the left camera's are {left.size[0]}x{left.size[1]}; a pair must have one size"
-        )
-    if left.model != right.model:
-        raise CalibrationError(
-            f"{right.name}: distortion_model is {right.model}, but the left camera's is "
-            f"{left.model}; a pair must have one model"
-        )
+    check_alike(
+        left,
+        right,
+        name=right.name,
+        size="image_width x image_height",
+        model="distortion_model",
+        other="the left camera's",
+    )
     notes = [
         f"{left.name} is the left camera (projection_matrix)",
         "rotation and baseline follow from rectification_matrix and projection_matrix",

@@ -96,6 +96,44 @@ class UnderstoodCalibration:
 
 
 @dataclass(frozen=True, eq=False)
+class FileCamera:
+    """One camera of a pair, as its file or section tells it.
+
+    Attributes:
+        size: width and height, pixels. K, D, model: as in ``StereoCalibration``.
+    """
+
+    size: Size
+    K: Float64Array
+    D: Float64Array
+    model: DistortionModel
+
+
+def check_alike(
+    first: FileCamera, second: FileCamera, *, name: str, size: str, model: str, other: str
+) -> None:
+    """Two cameras of one pair must have images of one size and lenses of one model.
+
+    Args:
+        name: the file of ``second``. size, model: how its keys are called there. other: how the
+            sentence calls those of ``first``, as in ``the left camera's``.
+
+    Raises:
+        CalibrationError: naming file, key and both values.
+    """
+    if first.size != second.size:
+        raise CalibrationError(
+            f"{name}: {size} is {second.size[0]}x{second.size[1]}, but {other} is "
+            f"{first.size[0]}x{first.size[1]}; a pair must have one size"
+        )
+    if first.model != second.model:
+        raise CalibrationError(
+            f"{name}: {model} is {second.model}, but {other} is {first.model}; "
+            f"a pair must have one model"
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class Draft:
     """A calibration as a reader took it from its files, not yet checked as a whole.
 

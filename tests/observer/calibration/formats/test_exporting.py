@@ -59,9 +59,13 @@ def test_round_trip(made: StereoCalibration, kind: ExportKind) -> None:
     assert all(file.name.startswith("my_rig_1") for file in files)
 
 
+# OpenCV's rectification takes turns below single precision for none.
+ANGLES = st.floats(-0.1, 0.1).map(lambda angle: 0.0 if abs(angle) < 1e-6 else angle)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @given(
-    rotvec=st.tuples(*[st.floats(-0.1, 0.1)] * 3),
+    rotvec=st.tuples(*[ANGLES] * 3),
     t=st.tuples(st.floats(-1.5, -0.02), st.floats(-0.01, 0.01), st.floats(-0.01, 0.01)),
     focal=st.floats(300, 900),
     model=st.sampled_from(["radtan", "equidistant"]),

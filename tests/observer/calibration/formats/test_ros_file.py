@@ -99,7 +99,7 @@ GOOD = {side: camera_info(side) for side in ("left", "right")}
     ("left", "right", "expected"),
     [
         (GOOD["left"], GOOD["left"], r"projection_matrix has the same offset P\[3\]"),
-        (GOOD["left"], camera_info("right", width=320), "image_width and image_height are 320x480"),
+        (GOOD["left"], camera_info("right", width=320), "image_width x image_height is 320x480"),
         (GOOD["left"], camera_info("right", "equidistant", [0, 0, 0, 0.1]),
          "distortion_model is equidistant, but the left camera's is radtan"),
         (GOOD["left"], camera_info("right", "thin_prism"), "distortion_model must be plumb_bob"),
