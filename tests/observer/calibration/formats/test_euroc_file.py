@@ -58,7 +58,7 @@ def test_fisheye_lenses_are_understood() -> None:
     ("right", "expected"),
     [
         (sensor(T_BODY_RIGHT, 459, size="640, 480"), "resolution is 640x480, but the left"),
-        (sensor(T_BODY_RIGHT, 459, "equidistant"), "distortion_model is equidistant, but the left camera.s is radtan"),
+        (sensor(T_BODY_RIGHT, 459, "equidistant"), "distortion_model is equidistant, but the left"),
         (sensor(T_BODY_RIGHT, 459, "fov"), "distortion_model must be radial-tangential or equi"),
         (sensor(T_BODY_LEFT, 459), "T must not be zero.*T follows from T_BS of both cameras"),
         (sensor(T_BODY_RIGHT, -459), "intrinsics must be a camera matrix"),
