@@ -11,8 +11,8 @@ const KEY = "dynamic-observer.board";
 
 /** @typedef {{kind: string, columns: number, rows: number, square_mm: number, paper: string, bar_mm: number}} BoardChoice */
 
-/** @type {BoardChoice} */
-const USUAL = { kind: "chessboard", columns: 9, rows: 6, square_mm: 24, paper: "A4", bar_mm: BAR_MM };
+/** What fits on A4 with the white margin that detection needs. @type {BoardChoice} */
+const USUAL = { kind: "chessboard", columns: 9, rows: 6, square_mm: 21, paper: "A4", bar_mm: BAR_MM };
 
 export class BoardStep extends Part {
   /**
