@@ -67,10 +67,13 @@ def test_a_pixel_of_it_is_answered_with_numbers(server, confirmed):
     verdicts = {answer["verdict"] for answer in answers}
     assert {"dynamic", "static", "too_few_features"} <= verdicts
     of_it = [a for a in answers if a["obstacle"] and a["obstacle"]["id"] == number]
-    told = of_it[len(of_it) // 2]
+    # What stands out beside it and is no point of it yet is told otherwise.
+    ending = re.compile(r"obstacles\.min_points at \d+ or above")
+    points = [a for a in of_it if ending.search(a["would_change"])]
+    assert points, [a["would_change"] for a in of_it]
+    told = points[len(points) // 2]
     assert told["numbers"]["speed_mps"] > 0.05
     assert told["numbers"]["significance"] > told["numbers"]["threshold"]
-    assert re.search(r"obstacles\.min_points at \d+ or above", told["would_change"])
 
     pick = page.locator(".pixel-pick")
     pick.scroll_into_view_if_needed()

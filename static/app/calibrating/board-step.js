@@ -58,7 +58,7 @@ export class BoardStep extends Part {
         this.#scaled),
       h("fieldset", { class: "wizard-block" },
         h("legend", {}, "Which cameras"),
-        h("div", { class: "wizard-fields wide" }, field("Source", this.#source), field("Lenses", this.#lens)),
+        h("div", { class: "wizard-fields wide" }, field("Cameras", this.#source), field("Lenses", this.#lens)),
         h("p", { class: "hint" }, "camera:0,1 for two webcams, camera:sbs:0 for one that shows both images, or two rtsp:// or http:// addresses with a comma between them. The tab Source lists what is plugged in."),
         this.#error,
         h("div", { class: "row" }, this.#start)),
