@@ -217,6 +217,18 @@ def test_a_preview_of_another_size_is_refused() -> None:
         preview_calibration(frame, calibration_text(rectified()), lambda: None)
 
 
+@pytest.mark.parametrize("shift_px", [0.0, 0.3, 1.2])
+def test_small_vertical_errors_are_measured_below_a_pixel(shift_px: float) -> None:
+    noise = np.random.default_rng(3).integers(0, 256, (200, 320)).astype(np.uint8)
+    left = np.asarray(cv2.GaussianBlur(noise, (0, 0), 2.0), np.uint8)
+    left = np.asarray(cv2.normalize(left, None, 0, 255, cv2.NORM_MINMAX), np.uint8)
+    move = np.array([[1.0, 0.0, -6.0], [0.0, 1.0, shift_px]])
+    right = np.asarray(cv2.warpAffine(left, move, (320, 200)), np.uint8)
+    error, count = vertical_error(left, right)
+    assert count > 100
+    assert error == pytest.approx(shift_px, abs=0.05)
+
+
 def test_the_rows_of_a_board_are_those_of_its_corners() -> None:
     # Its squares look all alike, so features are matched across them.
     world = World(load_scenario("calibration"), 0)
