@@ -248,6 +248,9 @@ class CameraSource:
         if is_news and not any(camera.is_frozen for camera in cameras):
             both = len(cameras) == 1
             received = max(left.arrival, right.arrival)
+            if not self._pairs:
+                # The first pair may come with the very news of what the cameras opened with.
+                self._check_sizes()
             left_image, right_image = self._images()
             frame = StereoFrame(
                 index=self._index,
