@@ -141,7 +141,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(server, open_panel, eventually,
 
     hands.go("Square, mm")
     hands.enter("25")
-    hands.go("Source")
+    hands.go("Cameras")
     hands.enter(_SOURCE)
     hands.go("Begin with these cameras")
     hands.press("Enter")

@@ -178,7 +178,7 @@ export class CaptureStep extends Part {
     remove.addEventListener("click", () => void this.#change({ remove: view.name }));
     const path = `/api/calibrating/views/${encodeURIComponent(view.name)}`;
     const picture = view.picture
-      ? h("img", { src: `${path}/left.jpg`, alt: "", width: 80, loading: "lazy" })
+      ? h("img", { src: `${path}/left.jpg`, alt: "", width: 80 })
       : null;
     const seen = view.left && view.right ? "" : view.left ? "left only" : "right only";
     return h("li", {}, picture, h("span", {}, h("b", {}, view.name), " ", seen), remove);
