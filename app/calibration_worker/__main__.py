@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
-import struct
 import sys
 
 from app.engine.lifeline import die_with_parent
@@ -19,13 +17,15 @@ def main() -> None:
     os.nice(_NICENESS)
 
     from app.calibration_worker.work import do_job
-    from app.channel.pipe import encode
+    from app.channel.pipe import encode, load_message
 
     # Messages go out by this descriptor alone: what a library prints must not come between.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    (length,) = struct.unpack(">I", sys.stdin.buffer.read(4))
-    job = pickle.loads(sys.stdin.buffer.read(length))
+    job = load_message(sys.stdin.buffer)
+    if job is None:
+        # Who asked is gone.
+        return
 
     def send(message: object) -> None:
         out.write(encode(message))

@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 
 from observer.errors import CalibrationError
 from observer.sources.image_files import IMAGE_SUFFIXES
+from observer.sources.listing import natural_order
 
 MAX_ENTRIES = 1000
 MAX_IMAGE_BYTES = 40 * 1024 * 1024
@@ -172,7 +173,7 @@ def pair_names(names: list[str]) -> tuple[tuple[ArchivedPair, ...], tuple[str, .
     """Which names belong together, and one sentence for each that has no partner."""
     for left, right in _SIDES:
         sides = dict(_sorted_by_side(names, left, right))
-        keys = sorted({key for key, _ in sides}, key=_natural)
+        keys = sorted({key for key, _ in sides}, key=natural_order)
         both = [key for key in keys if (key, 0) in sides and (key, 1) in sides]
         pairs = tuple(
             ArchivedPair(name, sides[key, 0], sides[key, 1])
@@ -246,9 +247,3 @@ def _refuse_dangerous(entries: list[zipfile.ZipInfo]) -> None:
             f"the archive would take {total // 2**20} MB unpacked; send at most "
             f"{MAX_EXPANDED_BYTES // 2**20} MB"
         )
-
-
-def _natural(text: str) -> list[tuple[int, str]]:
-    return [
-        (int(digits or 0), words) for digits, words in re.findall(r"(\d+)|(\D+)", text, re.ASCII)
-    ]

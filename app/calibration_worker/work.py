@@ -6,9 +6,6 @@ from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 
-import cv2
-import numpy as np
-
 from app.calibration_worker.image_archive import ArchivedPair, ImageArchive
 from app.calibration_worker.messages import (
     BoardsFound,
@@ -32,6 +29,7 @@ from observer.calibration.report import fit_report
 from observer.calibration.verdict import judge
 from observer.calibration.views import BoardSighting
 from observer.errors import CalibrationError, DynamicObserverError
+from observer.sources.image_files import decoded_image
 
 
 def do_job(job: Job, send: Callable[[Message], None]) -> None:
@@ -123,7 +121,4 @@ def _pictures(
 
 
 def _picture(archive: ImageArchive, name: str, seen: BoardSighting | None) -> bytes:
-    content = np.frombuffer(archive.read(name), np.uint8)
-    # It was decoded before, when the board was looked for.
-    image = np.asarray(cv2.imdecode(content, cv2.IMREAD_GRAYSCALE), np.uint8)
-    return small_picture(image, seen)
+    return small_picture(decoded_image(archive.read(name), name=name, grey=True), seen)

@@ -12,7 +12,7 @@ import socket
 import struct
 import threading
 from collections import deque
-from typing import Any
+from typing import Any, BinaryIO
 
 from app.channel.errors import ChannelError
 from app.messages import (
@@ -77,6 +77,16 @@ def receive_message(sock: socket.socket) -> Any:
     head = _receive_exactly(sock, _LENGTH.size)
     body = None if head is None else _receive_exactly(sock, _checked_length(head))
     return None if body is None else pickle.loads(body)
+
+
+def load_message(stream: BinaryIO) -> Any:
+    """The next message of a blocking stream; None at its end, also in the middle of a message."""
+    head = stream.read(_LENGTH.size)
+    if len(head) < _LENGTH.size:
+        return None
+    length = _checked_length(head)
+    body = stream.read(length)
+    return pickle.loads(body) if len(body) == length else None
 
 
 def _receive_exactly(sock: socket.socket, size: int) -> bytes | None:

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from app.engine.views import color_copy
 from observer.calibration.board import Board
 from observer.calibration.views import BoardSighting
 from observer.geometry import Float64Array
@@ -39,7 +40,7 @@ def draw_board(
         seen: the board in this image. kept: as captured before, drawn faintly.
         ghost: (4, 2) pixels, the outline of where it should go next; None draws none.
     """
-    canvas = _color(image)
+    canvas = color_copy(image)
     # Lines as wide as a hair would vanish when a large image is shown small.
     width = max(1, round(canvas.shape[1] / 400))
     # Where the board has been is one faint area, so that what is missing stands out.
@@ -63,7 +64,7 @@ def small_picture(image: Image, seen: BoardSighting | None) -> bytes:
     """A small JPEG of the image with the board's corners, by which a view is recognised."""
     factor = _PICTURE_WIDTH / image.shape[1]
     size = (_PICTURE_WIDTH, max(1, round(image.shape[0] * factor)))
-    small = _color(np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8))
+    small = color_copy(np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8))
     if seen is not None:
         # Pixel centres lie on whole numbers, so it is the pixels' edges that scale.
         px = (seen.px + 0.5) * factor - 0.5
@@ -97,9 +98,3 @@ def _fixed(px: Float64Array) -> NDArray[np.int32]:
 
 def _blended(canvas: Image, shade: Image, share: float) -> Image:
     return np.asarray(cv2.addWeighted(shade, share, canvas, 1 - share, 0), np.uint8)
-
-
-def _color(image: Image) -> Image:
-    if image.ndim == 2:
-        return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
-    return image.copy()

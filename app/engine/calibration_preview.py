@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from app.engine.views import encode_jpeg
+from app.engine.views import color_copy, encode_jpeg
 from observer.calibration.ageing.row_refinement import matched_points
 from observer.calibration.board import Board
 from observer.calibration.detection import detect_board, same_numbering
@@ -154,14 +154,8 @@ def _row_differences(left: Image, right: Image) -> Float64Array:
 
 
 def _side_by_side(left: Image, right: Image) -> Image:
-    canvas = np.ascontiguousarray(np.hstack([_color(left), _color(right)]))
+    canvas = np.ascontiguousarray(np.hstack([color_copy(left), color_copy(right)]))
     height, width = canvas.shape[:2]
     for row in np.linspace(0, height, _LINES + 2)[1:-1].round().astype(int).tolist():
         cv2.line(canvas, (0, row), (width - 1, row), _LINE_COLOR, 1)
     return canvas
-
-
-def _color(image: Image) -> Image:
-    if image.ndim == 3:
-        return image
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)

@@ -92,7 +92,7 @@ def jpeg_size(width: int, height: int) -> tuple[int, int]:
 def _left(observed: Observed) -> Image:
     """The left image with feature stars, their flow since t, and the obstacles' rectangles."""
     trace = observed.trace
-    canvas = _color_copy(trace["left"])
+    canvas = color_copy(trace["left"])
     matches, ego_motion = trace.get("matches"), trace.get("ego_motion")
     if matches is not None and len(matches):
         inliers = None if ego_motion is None else ego_motion.inliers
@@ -142,7 +142,7 @@ def _residual(observed: Observed) -> Image:
         return _nothing_of(observed, "no residual flow in this frame")
     base = trace.get("previous_left")
     base = trace["left"] if base is None else base
-    canvas = _color_copy(np.asarray(cv2.convertScaleAbs(base, alpha=0.45), dtype=np.uint8))
+    canvas = color_copy(np.asarray(cv2.convertScaleAbs(base, alpha=0.45), dtype=np.uint8))
     threshold = observed.parameters.flow.residual_threshold_px
     dynamic = trace.get("dynamic")
     if dynamic is None or len(dynamic) != len(start):
@@ -166,7 +166,8 @@ _VIEWS: Mapping[str, Callable[[Observed], Image]] = {
 _FINELY_DRAWN = ("left", "residual")
 
 
-def _color_copy(image: Image) -> Image:
+def color_copy(image: Image) -> Image:
+    """A BGR image of its own, to draw on."""
     if image.ndim == 2:
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     return image.copy()

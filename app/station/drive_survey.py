@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from dataclasses import asdict
 from typing import Any
 
 from app.messages import ObservationEvent
@@ -11,7 +12,7 @@ from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.rig.drive_estimate import estimate_drive
 from observer.rig.drive_stretches import DriveSample
-from observer.rig.estimates import Estimated, Refused
+from observer.rig.estimates import Refused
 from observer.types import Odometry
 
 # Ten minutes at 15 frames a second; a survey takes one.
@@ -80,15 +81,11 @@ class DriveSurvey:
             "tilt_deg": found.tilt_rad,
             "roll_deg": found.roll_rad,
         }
-        values = {key: _pair(each) for key, each in lengths.items() if each is not None}
-        values |= {key: _pair(each.degrees) for key, each in angles.items() if each is not None}
+        values = {key: asdict(each) for key, each in lengths.items() if each is not None}
+        values |= {key: asdict(each.degrees) for key, each in angles.items() if each is not None}
         return {
             "noting": self.noting,
             "values": values,
             "still_needed": list(found.still_needed),
             "sentence": found.sentence,
         }
-
-
-def _pair(estimated: Estimated) -> dict[str, float]:
-    return {"value": estimated.value, "sigma": estimated.sigma}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import asdict
 from typing import Any
 
 from app.messages import LookAtFloor
@@ -10,7 +11,7 @@ from app.station.asking import ask
 from app.station.contracts import Engine
 from app.station.errors import Conflict
 from observer.camera import StereoCamera
-from observer.rig.estimates import Estimated, Refused
+from observer.rig.estimates import Refused
 from observer.rig.floor_estimate import estimate_floor
 
 _LOOKS = 6
@@ -46,14 +47,10 @@ async def survey_floor(engine: Engine, camera: dict[str, Any] | None) -> dict[st
     if isinstance(estimate, Refused):
         raise Conflict(estimate.sentence)
     return {
-        "height_m": _pair(estimate.height_m),
-        "tilt_deg": _pair(estimate.tilt_rad.degrees),
-        "roll_deg": _pair(estimate.roll_rad.degrees),
+        "height_m": asdict(estimate.height_m),
+        "tilt_deg": asdict(estimate.tilt_rad.degrees),
+        "roll_deg": asdict(estimate.roll_rad.degrees),
         "share": estimate.share,
         "views": estimate.views,
         "sentence": estimate.sentence,
     }
-
-
-def _pair(estimated: Estimated) -> dict[str, float]:
-    return {"value": estimated.value, "sigma": estimated.sigma}

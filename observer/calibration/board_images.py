@@ -10,15 +10,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
-import numpy as np
-
 from observer.calibration.board import Board
 from observer.calibration.detection import detect_board, same_numbering, size_shown
 from observer.calibration.views import BoardSighting, BoardView
 from observer.camera import as_gray
 from observer.errors import CalibrationError, InputError
-from observer.sources.image_files import IMAGE_SUFFIXES, damage
+from observer.sources.image_files import IMAGE_SUFFIXES, decoded_image
 from observer.sources.listing import natural_order
 from observer.types import Image
 
@@ -201,16 +198,7 @@ def _look(pair: BoardPair, board: Board) -> _Looked | RefusedImage:
 def _gray(name: str, raw: RawImage) -> Image:
     if not isinstance(raw, bytes):
         return as_gray(raw)
-    problem = damage(raw)
-    if problem:
-        raise InputError(f"{name} {problem}")
-    try:
-        image = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_GRAYSCALE)
-    except cv2.error:
-        image = None
-    if image is None:
-        raise InputError(f"{name} is damaged or no image that OpenCV can decode")
-    return np.asarray(image, dtype=np.uint8)
+    return decoded_image(raw, name=name, grey=True)
 
 
 def _nothing_found(pairs: Sequence[BoardPair], board: Board, found: int, count: int) -> str:

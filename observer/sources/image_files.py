@@ -39,15 +39,25 @@ def read_image(path: Path) -> Image:
         raise SourceError(f"{_named(path)} is missing") from None
     except OSError as error:
         raise SourceError(f"{_named(path)} cannot be read: {error.strerror}") from None
+    return decoded_image(content, name=_named(path))
+
+
+def decoded_image(content: bytes, *, name: str, grey: bool = False) -> Image:
+    """The image that a file holds, as ``read_image`` gives it; ``grey`` makes it (H, W).
+
+    Raises:
+        SourceError: it is cut off, damaged or no image; the sentence begins with ``name``.
+    """
     problem = damage(content)
     if problem:
-        raise SourceError(f"{_named(path)} {problem}")
+        raise SourceError(f"{name} {problem}")
+    flag = cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_ANYCOLOR
     try:
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_ANYCOLOR)
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), flag)
     except cv2.error:
         image = None
     if image is None:
-        raise SourceError(f"{_named(path)} is damaged or no image that OpenCV can decode")
+        raise SourceError(f"{name} is damaged or no image that OpenCV can decode")
     return np.asarray(image, dtype=np.uint8)
 
 
