@@ -5,7 +5,7 @@ import { previewed } from "./calibration-preview.js";
 import { h, setAttribute, setText } from "./dom.js";
 import { notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
-import { fixed } from "./words.js";
+import { fixed, sentence } from "./words.js";
 
 /** @typedef {import("./types.js").RowDrift} RowDrift */
 
@@ -102,11 +102,6 @@ function trend(rows) {
   if (rows.trend_px_per_min === null) return "No trend is to be seen.";
   const course = rows.trend_px_per_min > 0 ? "growing" : "shrinking";
   return `It is ${course} by ${fixed(60 * Math.abs(rows.trend_px_per_min), 2)} px an hour.`;
-}
-
-/** @param {string} text */
-function sentence(text) {
-  return `${text.charAt(0).toUpperCase()}${text.slice(1).replace(/\.$/, "")}.`;
 }
 
 customElements.define("observer-calibration-health", CalibrationHealth);

@@ -2,7 +2,7 @@
 
 import { ApiError, request } from "./api.js";
 import { compared, describe, previewed } from "./calibration-preview.js";
-import { h, icon, setText } from "./dom.js";
+import { field, h, icon, setText } from "./dom.js";
 import { KeptList, passFocus } from "./focus-place.js";
 import { answered, confirmed, notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
@@ -185,11 +185,6 @@ class CalibrationPanel extends Part {
     }
     this.hub.tell("calibrations");
   }
-}
-
-/** @param {string} words @param {HTMLElement} control */
-function field(words, control) {
-  return h("div", { class: "field" }, h("label", { for: control.id }, words), control);
 }
 
 customElements.define("observer-calibration", CalibrationPanel);

@@ -4,7 +4,7 @@ import { requestImage } from "./api.js";
 import { verdictTable, viewChart } from "./calibrating/report-parts.js";
 import { h, setText } from "./dom.js";
 import { TapeCheck } from "./tape-check.js";
-import { fixed } from "./words.js";
+import { fixed, sentence } from "./words.js";
 
 /** @typedef {import("./types.js").Calibration} Calibration */
 
@@ -191,10 +191,4 @@ function judge(verdict, px, heldOut) {
   }[tone];
   verdict.dataset.tone = tone;
   setText(verdict, `Vertical error ${px.toFixed(2)} px: ${words}.`);
-}
-
-/** @param {string} text */
-function sentence(text) {
-  const end = /[.!?]$/.test(text) ? "" : ".";
-  return `${text.charAt(0).toUpperCase()}${text.slice(1)}${end}`;
 }

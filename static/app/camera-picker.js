@@ -1,7 +1,7 @@
 /** The cameras that are plugged in: which is left, which right, and how they are set. */
 
 import { request } from "./api.js";
-import { h, setText } from "./dom.js";
+import { field, h, setText } from "./dom.js";
 import { Part } from "./part.js";
 
 /** @typedef {{pixel_format: string, width: number, height: number, rates: number[]}} Mode */
@@ -122,11 +122,6 @@ function nameOf(camera) {
 /** @param {Camera} camera */
 function option(camera) {
   return h("option", { value: nameOf(camera) }, `${camera.path}: ${camera.card ?? "camera"}`);
-}
-
-/** @param {string} words @param {HTMLElement} control @param {string} [help] */
-function field(words, control, help) {
-  return h("div", { class: "field" }, h("label", { for: control.id }, words), control, help ? h("p", { class: "hint" }, help) : null);
 }
 
 customElements.define("observer-camera-picker", CameraPicker);

@@ -31,6 +31,17 @@ export function h(tag, attributes = {}, ...children) {
 }
 
 /**
+ * A control under its label, with a line of help where there is one.
+ *
+ * @param {string} words
+ * @param {HTMLElement} control
+ * @param {string} [help]
+ */
+export function field(words, control, help) {
+  return h("div", { class: "field" }, h("label", { for: control.id }, words), control, help ? h("p", { class: "hint" }, help) : null);
+}
+
+/**
  * Set the text only where it differs, so that nothing is laid out without need.
  *
  * @param {Node} node

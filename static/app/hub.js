@@ -1,6 +1,7 @@
 /** What the page knows of the server, and the events by which its parts hear of changes. */
 
 import { LiveSocket } from "./live-socket.js";
+import { sentence } from "./words.js";
 
 /** @typedef {import("./types.js").Status} Status */
 /** @typedef {import("./types.js").ObservationMessage} ObservationMessage */
@@ -160,9 +161,4 @@ export function judge(connection, status, beat, now) {
   if (playback?.paused) return { state: "held", age_s, reason: playback.frame === null ? "Paused." : `Paused at frame ${playback.frame}.` };
   if (!seen) return { state: "none", age_s, reason: "Waiting for the first frame." };
   return { state: "stale", age_s, reason: "No new frame arrives." };
-}
-
-/** @param {string} text */
-function sentence(text) {
-  return `${text.charAt(0).toUpperCase()}${text.slice(1).replace(/\.\s*$/, "")}.`;
 }

@@ -148,3 +148,13 @@ function rotateInverse(q, v) {
     c + w * tz + (tx * y - ty * x),
   ];
 }
+
+/**
+ * What the server says, which begins small and mostly ends without a stop, as a sentence.
+ *
+ * @param {string} text
+ */
+export function sentence(text) {
+  const words = text.trimEnd();
+  return `${words.charAt(0).toUpperCase()}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
+}

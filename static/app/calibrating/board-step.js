@@ -1,7 +1,7 @@
 /** The first step: which board, printed how large, before which cameras. */
 
 import { ApiError, request, requestImage } from "../api.js";
-import { h, icon, setAttribute, setText } from "../dom.js";
+import { field, h, icon, setAttribute, setText } from "../dom.js";
 import { confirmed } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed } from "../words.js";
@@ -211,11 +211,6 @@ function remembered() {
   } catch {
     return {};
   }
-}
-
-/** @param {string} words @param {HTMLElement} control */
-function field(words, control) {
-  return h("div", { class: "field" }, h("label", { for: control.id }, words), control);
 }
 
 /** @param {string} id @param {[string, string][]} options */
