@@ -290,7 +290,8 @@ class StateEvent:
     delivering at this moment; None for what is not live. ``mount`` holds the fields of
     ``CameraMount`` as the observer uses it, None where it is not known. ``ageing`` holds
     ``rows`` and ``vergence``, the fields of ``RowDrift`` and ``VergenceCheck``; None before the
-    first frame.
+    first frame. ``world`` is that of ``observer.guard.sight.Sight``; ``robots`` holds the fields of
+    each ``RobotPort`` that belongs to the source's own world.
     """
 
     state: EngineState
@@ -304,6 +305,8 @@ class StateEvent:
     live: dict[str, Any] | None = None
     mount: dict[str, Any] | None = None
     ageing: dict[str, Any] | None = None
+    world: str | None = None
+    robots: tuple[dict[str, Any], ...] = ()
 
 
 @dataclass(frozen=True)

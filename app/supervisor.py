@@ -13,7 +13,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from app.channel.latest import LatestReader, create_slot
 from app.engine.launch import ENGINE_COMMAND, EngineEnded, EngineProcess
@@ -26,7 +26,7 @@ from app.messages import (
     Event,
     Shutdown,
 )
-from observer.errors import DynamicObserverError
+from app.processes.errors import ProcessRefused, ProcessUnavailable
 
 _log = logging.getLogger(__name__)
 
@@ -35,20 +35,11 @@ _log = logging.getLogger(__name__)
 _SLOT_BYTES = 4 * 1024 * 1024
 
 
-class EngineRefused(DynamicObserverError):
-    """The engine answered that it will not or could not.
-
-    Attributes:
-        refusal: ``input`` (what was asked is wrong), ``state`` (not possible now) or ``failure``
-            (it was tried and failed).
-    """
-
-    def __init__(self, message: str, refusal: Literal["input", "state", "failure"]) -> None:
-        self.refusal = refusal
-        super().__init__(message)
+class EngineRefused(ProcessRefused):
+    """The engine answered that it will not or could not."""
 
 
-class EngineUnavailable(DynamicObserverError):
+class EngineUnavailable(ProcessUnavailable):
     """There is no engine that could answer at this moment."""
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from observer.errors import SourceError
+from observer.robots.contract import RobotWorld
 from observer.sources.contract import Source
 from observer.truth.contract import Truth
 
@@ -21,10 +22,16 @@ _NETWORK_KINDS = ("rtsp", "rtsps", "http", "https", "sbs", "sbs_swapped")
 
 @dataclass(frozen=True, eq=False)
 class OpenedSource:
-    """A source and the truth that belongs to it; the method only ever sees the source's frames."""
+    """A source and what belongs to it; the method only ever sees the source's frames.
+
+    Attributes:
+        truth: about the same world, where somebody knows it.
+        robots: that drive in the same world, where it has any of its own.
+    """
 
     source: Source
     truth: Truth | None
+    robots: RobotWorld | None = None
 
 
 def open_source(spec: str) -> OpenedSource:

@@ -6,7 +6,15 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from app.channel.latest import Latest
+from app.drive.messages import (
+    DriveLostEvent,
+    DriveProcessCommand,
+    DriveProcessEvent,
+    DriveStartedEvent,
+)
 from app.messages import Command, Event, ObservationEvent
+
+DriveEvents = DriveProcessEvent | DriveStartedEvent | DriveLostEvent
 
 
 class LatestValue(Protocol):
@@ -71,6 +79,36 @@ class Engine(Protocol):
 
     @property
     def cloud(self) -> LatestValue: ...
+
+
+class Drive(Protocol):
+    """The drive process as the web process sees it; ``app.drive.supervisor`` fulfils it."""
+
+    async def start(self) -> None:
+        """Start the process; ``DriveStartedEvent`` follows."""
+        ...
+
+    async def stop(self) -> None:
+        """Stop all robots and end the process; safe to call twice."""
+        ...
+
+    async def request(
+        self, command: DriveProcessCommand, timeout_s: float = 1.0
+    ) -> dict[str, Any]:
+        """Send a command and wait for its reply's value.
+
+        Raises:
+            ProcessRefused: it said why not.
+            ProcessUnavailable: there is none at this moment, or it did not answer in time.
+        """
+        ...
+
+    def subscribe(self, callback: Callable[[DriveEvents], None]) -> Callable[[], None]:
+        """Have every event handed to ``callback`` in the event loop; returns the unsubscription."""
+        ...
+
+    @property
+    def health(self) -> Health: ...
 
 
 class Listener(Protocol):

@@ -1,0 +1,1 @@
+"""The drive process: sole writer of both robots, with the guard inside it."""

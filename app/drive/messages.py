@@ -1,0 +1,272 @@
+"""What the web process and the drive process say to each other; see ``app.channel.pipe``.
+
+Sight reaches the drive process from the engine directly, as a latest value in shared memory
+(``SIGHT_NAME``), and what the robots' wheels tell goes back the same way (``WHEELS_NAME``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from observer.programmes.programme import Programme
+from observer.rig.rig import Role
+
+# Slots of latest values, beside the engine's views.
+#   sight   engine to drive: ``observer.guard.sight.Sight.facts`` as the header, no payload
+#   wheels  drive to engine: ``{role: [[time, x, y, yaw], ...]}``, oldest first, the last second
+#           of each robot's odometry on the host's monotonic clock; no payload
+SIGHT_NAME = "sight"
+WHEELS_NAME = "wheels"
+
+# A command or a sign of presence counts for this long after it was given.
+COMMAND_FRESH_S = 0.25
+# So old may the reception of the newest frame be.
+SIGHT_FRESH_S = 0.2
+
+
+# --- commands, web to drive ------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ConnectRobot:
+    """Connect the robot of a role; one that was connected before is let go first.
+
+    Attributes:
+        port: as ``observer.robots.opening.open_robot`` takes it.
+        model: of ``observer.robots.models``; None: as the robot says of itself.
+        world: in which it drives, as ``Sight.world``.
+        name: shown to people.
+    """
+
+    role: Role
+    port: str
+    model: str | None
+    world: str
+    name: str | None = None
+
+
+@dataclass(frozen=True)
+class DisconnectRobot:
+    """Stop it, say goodbye and forget its port."""
+
+    role: Role
+
+
+@dataclass(frozen=True)
+class TakeLease:
+    """Become the one who drives a role. The reply's value is ``{"lease": id}``.
+
+    Refused (``state``) while somebody else holds it, unless ``takeover``; who takes over gets it
+    with the robot at zero and disarmed.
+    """
+
+    role: Role
+    operator: str
+    takeover: bool = False
+
+
+@dataclass(frozen=True)
+class ReleaseLease:
+    """Give it back; the robot stops and is disarmed."""
+
+    role: Role
+    lease: str
+
+
+@dataclass(frozen=True)
+class ArmRobot:
+    """Switch the motors on, at zero. Refused (``state``) with one sentence of what is missing.
+
+    ``lease``: of who arms; may be None where nobody holds the role.
+    """
+
+    role: Role
+    lease: str | None
+
+
+@dataclass(frozen=True)
+class DisarmRobot:
+    """Zero and motors off; anyone may."""
+
+    role: Role
+
+
+@dataclass(frozen=True)
+class StopRobots:
+    """Stop all robots; it latches until ``ResetStop``. ``by``: who, in words. Anyone may."""
+
+    by: str
+
+
+@dataclass(frozen=True)
+class ResetStop:
+    """Undo the latch and forget the robots' faults; all stay disarmed."""
+
+    by: str
+
+
+@dataclass(frozen=True)
+class DriveCommand:
+    """A velocity while somebody holds a key: also a sign of presence.
+
+    The reply's value is ``{"speed_mps", "turn_rate_radps", "limited_by": str | None,
+    "age_s": float}``: what is really sent. One that is older than ``COMMAND_FRESH_S``, of an old
+    sequence number or of a lease that is not in force is refused (``state``) and changes nothing.
+
+    Attributes:
+        sequence: rises with every command and presence of a lease.
+        issued: when it was given, host's monotonic clock.
+        speed_mps: forward. turn_rate_radps: positive to the left.
+    """
+
+    role: Role
+    lease: str
+    sequence: int
+    issued: float
+    speed_mps: float
+    turn_rate_radps: float
+
+
+@dataclass(frozen=True)
+class Presence:
+    """The operator is there and consents, without a velocity. The reply's value is ``{}``."""
+
+    role: Role
+    lease: str
+    sequence: int
+    issued: float
+
+
+@dataclass(frozen=True)
+class StartProgramme:
+    """Drive timed velocities, as long as the operator of every role in it stays present.
+
+    ``leases``: by role, for every role that the programme moves; each must be armed.
+    """
+
+    programme: Programme
+    leases: dict[str, str]
+    repeat: int = 1
+    reverse: bool = False
+
+
+@dataclass(frozen=True)
+class StopProgramme:
+    """End it at zero; the robots stay armed."""
+
+
+@dataclass(frozen=True)
+class SetGuard:
+    """Use these ``guard.*`` parameters from the next tick on, by dotted name."""
+
+    parameters: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class LeaveDrive:
+    """Stop all robots, let them go and leave."""
+
+
+DriveProcessCommand = (
+    ConnectRobot
+    | DisconnectRobot
+    | TakeLease
+    | ReleaseLease
+    | ArmRobot
+    | DisarmRobot
+    | StopRobots
+    | ResetStop
+    | DriveCommand
+    | Presence
+    | StartProgramme
+    | StopProgramme
+    | SetGuard
+    | LeaveDrive
+)
+
+
+# --- events, drive to web --------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DriveEvent:
+    """How everything is; ten times a second, and at once when anything but a figure changes.
+
+    Attributes:
+        facts: plain values, ready for JSON::
+
+            stopped: None | {"by": str, "since": s}                    the latch
+            sight: {"age_s": s | None, "status": str | None, "world": str | None}
+            loop: {"ticks": n, "late_p99_ms": ms, "late_max_ms": ms, "priority": str}
+            programme: None | {"name", "elapsed_s", "duration_s", "round", "repeat", "reverse",
+                               "phase": "gesture" | "driving"}
+            robots: {"observer": None | {...}, "obstacle": None | {...}}, each with
+                port, name, world, state ("connecting" | "disarmed" | "armed" | "moving" |
+                    "waiting" | "refused"),
+                operator: None | str, present: bool,
+                why: None | str      one sentence: why it does not move as asked or is disarmed
+                commanded: {"speed_mps", "turn_rate_radps"}           as asked
+                sent: {"speed_mps", "turn_rate_radps"}                as really sent
+                guard: None | {"level": "clear" | "slow" | "stop", "reason": str | None,
+                    "limit_mps": float | None, "stop_zone": [[x, y], ...],
+                    "slow_zone": [[x, y], ...]}                       base frame, metres
+                report: the fields of ``RobotReport``
+    """
+
+    facts: dict[str, Any]
+    monotonic: float
+
+
+@dataclass(frozen=True)
+class WheelSpeedEvent:
+    """Commanded and measured speed of one robot; ten times a second while it is armed.
+
+    Attributes:
+        time: host's monotonic clock of the measurement.
+        sent_mps: as sent. encoder_mps: None where the robot tells none.
+    """
+
+    role: Role
+    time: float
+    sent_mps: float
+    encoder_mps: float | None
+
+
+@dataclass(frozen=True)
+class IncidentEvent:
+    """Something stopped a robot or took its motors away.
+
+    Attributes:
+        kind: ``stop``, ``expired``, ``sight``, ``guard``, ``fault``, ``lease``, ``programme``.
+        sentence: for people. time: host's monotonic clock.
+        speed_mps: at that moment, by its encoders.
+    """
+
+    role: Role | None
+    kind: Literal["stop", "expired", "sight", "guard", "fault", "lease", "programme"]
+    sentence: str
+    time: float
+    speed_mps: float | None
+
+
+DriveProcessEvent = DriveEvent | WheelSpeedEvent | IncidentEvent
+
+
+# --- made by the supervisor ------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DriveStartedEvent:
+    """A new drive process is ready, with no robot connected. ``generation`` counts from 1."""
+
+    generation: int
+    pid: int
+
+
+@dataclass(frozen=True)
+class DriveLostEvent:
+    """The drive process ended or hung, and why in one sentence; robots' firmware stops them."""
+
+    generation: int
+    reason: str

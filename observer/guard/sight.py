@@ -1,0 +1,103 @@
+"""What the drive process is told of each observed frame: small, and in the robot's own frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from observer.types import Status
+
+
+@dataclass(frozen=True)
+class SeenObstacle:
+    """A tracked obstacle over the floor, in the robot's base frame at the frame's instant.
+
+    Attributes:
+        x, y: of its centre, metres. vx, vy: over ground, m/s, in the base's axes.
+        radius_m: of a circle about the centre that holds it as far as seen.
+        position_sigma_m, velocity_sigma_mps: largest standard deviation over all directions;
+            None where unknown.
+        coasting: not seen in this frame.
+    """
+
+    id: int
+    x: float
+    y: float
+    vx: float
+    vy: float
+    radius_m: float
+    position_sigma_m: float | None
+    velocity_sigma_mps: float | None
+    coasting: bool
+
+
+@dataclass(frozen=True)
+class FreeScan:
+    """How far the floor ahead is known to be free, by direction from the base's origin.
+
+    Between two neighbouring bearings the worse one counts. Directions outside are unknown.
+
+    Attributes:
+        bearings: radians to the left, ascending.
+        blocked_m: distance of the nearest surface that stands in the way, None where none is
+            seen.
+        known_from_m, known_to_m: between these distances the direction is seen to be free; equal
+            where nothing is known.
+    """
+
+    bearings: tuple[float, ...]
+    blocked_m: tuple[float | None, ...]
+    known_from_m: tuple[float, ...]
+    known_to_m: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Sight:
+    """One frame, as far as driving needs it.
+
+    Attributes:
+        frame: its number. received, published: the host's monotonic clock at its reception and
+            behind observing it.
+        world: which world it shows; a robot is moved by sight of its own world only. ``real`` for
+            live cameras, another text for each simulated world, None for what is only replayed.
+        status, reasons: of the observation.
+        mount_known: whether the cameras' place on the robot is known; without it there are no
+            obstacles and no scan here.
+    """
+
+    frame: int
+    received: float
+    published: float
+    world: str | None
+    status: Status
+    reasons: tuple[str, ...]
+    mount_known: bool
+    obstacles: tuple[SeenObstacle, ...] = ()
+    scan: FreeScan | None = None
+
+    def facts(self) -> dict[str, Any]:
+        """As plain values, for JSON."""
+        return asdict(self)
+
+
+def sight_of(facts: Mapping[str, Any]) -> Sight:
+    """The opposite of ``Sight.facts``.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is not one.
+    """
+    scan = facts["scan"]
+    return Sight(
+        frame=int(facts["frame"]),
+        received=float(facts["received"]),
+        published=float(facts["published"]),
+        world=facts["world"],
+        status=Status(facts["status"]),
+        reasons=tuple(facts["reasons"]),
+        mount_known=bool(facts["mount_known"]),
+        obstacles=tuple(SeenObstacle(**one) for one in facts["obstacles"]),
+        scan=None
+        if scan is None
+        else FreeScan(**{name: tuple(values) for name, values in scan.items()}),
+    )

@@ -1,0 +1,1 @@
+"""Timed velocities for robots, as data."""

@@ -1,0 +1,1 @@
+"""Robots that are driven: one contract, one driver per protocol, the models that are known."""

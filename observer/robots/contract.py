@@ -1,0 +1,204 @@
+"""What a robot is to whoever drives it: a thing that takes velocities and tells how it is.
+
+A robot owns its port and the threads that wait for it. Every method here returns at once,
+whatever the port does, and is called from one thread (the drive loop), ``report`` from any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Literal, Protocol
+
+from observer.types import Odometry
+
+# A velocity that is not repeated for so long is replaced by zero by the port's own thread, so
+# that a drive loop that hangs moves nothing.
+SETPOINT_FRESH_S = 0.15
+
+
+class RobotPhase(StrEnum):
+    """Where the connection stands."""
+
+    CONNECTING = "connecting"
+    CONNECTED = "connected"
+    # It was or could not be connected, and is tried again by itself.
+    WAITING = "waiting"
+    # It is not tried again: what is wrong does not mend itself (an unknown robot, say).
+    REFUSED = "refused"
+    CLOSED = "closed"
+
+
+@dataclass(frozen=True)
+class RobotLimits:
+    """Largest values the robot takes: m/s, rad/s, m/s^2, rad/s^2; all positive."""
+
+    speed_mps: float
+    turn_rate_radps: float
+    acceleration_mps2: float
+    turn_acceleration_radps2: float
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A velocity that really went out.
+
+    Attributes:
+        speed_mps: forward. turn_rate_radps: positive to the left.
+        time: the host's monotonic clock when it was handed to the port.
+    """
+
+    speed_mps: float
+    turn_rate_radps: float
+    time: float
+
+
+@dataclass(frozen=True)
+class SonarReading:
+    """One sonar's newest echo.
+
+    Attributes:
+        index: its number. x, y, heading: of the sonar in the base frame, metres and radians.
+        range_m: from the sonar to the nearest surface in its cone; None where nothing echoed
+            within its reach.
+        received: the host's monotonic clock.
+    """
+
+    index: int
+    x: float
+    y: float
+    heading: float
+    range_m: float | None
+    received: float
+
+
+@dataclass(frozen=True)
+class RobotReport:
+    """How a robot is at this moment. What it does not tell is None.
+
+    Attributes:
+        phase: of the connection. trouble: one sentence of what is wrong with it, None while
+            nothing is.
+        fault: one sentence of what happened that forbids to move (a stall, a bumper, silence, a
+            lost port, motors that went off by themselves); it stays until ``clear``.
+        warnings: sentences that forbid nothing (an old packet, a weak battery).
+        received: the newest status packet, host's monotonic clock.
+        name, model, subtype: as the robot tells, and the model it is driven as.
+        odometry: summed up since it was connected, in host floats.
+        speed_mps, turn_rate_radps: by its encoders.
+        motors_enabled: as it says itself.
+        stalled: left and right wheel. front_bumpers, rear_bumpers: pressed or not; empty where
+            none are fitted. stop_pressed: its own hardware button.
+        battery_v: averaged. battery: how that is to be taken. charging: in words.
+        sonars: those it has, in order; a reading keeps its time.
+        watchdog_s: after how long without a command its firmware stops it, as it says.
+        limits: in force: the least of what is known, asked for and allowed.
+        sent: the newest velocity that really went out.
+        radius_m, width_m, length_m: its outline.
+        counters: by name: ``packets``, ``bad_packets``, ``unknown_packets``, ``reconnects``.
+    """
+
+    phase: RobotPhase
+    trouble: str | None = None
+    fault: str | None = None
+    warnings: tuple[str, ...] = ()
+    received: float | None = None
+    name: str | None = None
+    model: str | None = None
+    subtype: str | None = None
+    odometry: Odometry | None = None
+    speed_mps: float | None = None
+    turn_rate_radps: float | None = None
+    motors_enabled: bool | None = None
+    stalled: tuple[bool, bool] | None = None
+    front_bumpers: tuple[bool, ...] = ()
+    rear_bumpers: tuple[bool, ...] = ()
+    stop_pressed: bool | None = None
+    battery_v: float | None = None
+    battery: Literal["good", "low", "critical"] | None = None
+    charging: str | None = None
+    temperature_c: float | None = None
+    sonars: tuple[SonarReading, ...] = ()
+    watchdog_s: float | None = None
+    limits: RobotLimits | None = None
+    sent: Sent | None = None
+    radius_m: float | None = None
+    width_m: float | None = None
+    length_m: float | None = None
+    counters: Mapping[str, int] = field(default_factory=dict)
+
+
+class Robot(Protocol):
+    """See the module. A robot connects by itself from its construction on, with motors off."""
+
+    def report(self) -> RobotReport:
+        """How it is; from any thread."""
+        ...
+
+    def enable(self) -> None:
+        """Motors on, at zero velocity. Nothing else ever switches them on."""
+        ...
+
+    def disable(self) -> None:
+        """Zero velocity, motors off."""
+        ...
+
+    def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
+        """Take this velocity until the next one, for ``SETPOINT_FRESH_S`` at most.
+
+        Args:
+            speed_mps, turn_rate_radps: finite; anything else is taken for zero.
+
+        Returns:
+            What it is clamped to, as it goes out; zero while it has a fault, is not connected or
+            its motors are off.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Stop as hard as it can (overriding its deceleration), zero velocity, motors off."""
+        ...
+
+    def clear(self) -> None:
+        """Forget the fault, if what caused it is over; motors stay off."""
+        ...
+
+    def close(self) -> None:
+        """Stop, motors off, say goodbye, release the port; waits for at most 2 s.
+
+        Safe to call twice.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class RobotPort:
+    """A robot that belongs to a source's own world, as a simulated one does.
+
+    Attributes:
+        role: which of the two. port: as ``observer.robots.opening.open_robot`` takes it.
+        model: of ``observer.robots.models``. name: shown to people.
+    """
+
+    role: Literal["observer", "obstacle"]
+    port: str
+    model: str
+    name: str
+
+
+class RobotWorld(Protocol):
+    """The robots that belong to a source's own world; nothing runs until ``serve``."""
+
+    @property
+    def world(self) -> str:
+        """Its name, unlike that of any other world, as in ``observer.guard.sight.Sight.world``."""
+        ...
+
+    def serve(self) -> tuple[RobotPort, ...]:
+        """Make the robots reachable and tell where; a second call answers the same."""
+        ...
+
+    def close(self) -> None:
+        """The robots are gone; safe to call twice."""
+        ...

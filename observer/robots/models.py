@@ -1,0 +1,112 @@
+"""What is known of each robot model: conversion factors, limits, outline and sonar.
+
+Factors as MobileRobots' parameter files give them; where sources disagree the choice stands in
+the comment beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from observer.errors import InputError
+from observer.rig.rig import RobotModel
+
+
+@dataclass(frozen=True)
+class SonarPose:
+    """Where one sonar sits: metres and radians in the robot's base frame, z left out."""
+
+    x: float
+    y: float
+    heading: float
+
+
+@dataclass(frozen=True)
+class RobotSpec:
+    """A robot's constants.
+
+    Attributes:
+        model: its name, as in ``rig.yaml``. title: as people call it.
+        distance_mm: millimetres per unit of X and Y. speed_mmps: mm/s per unit of wheel speed.
+        angle_rad: radians per unit of TH. wheel_turn: rad/s per half of the difference of the
+            wheels' speeds in mm/s, by which the turn rate is found where none is told.
+        speed_max_mps, turn_rate_max_radps: what it never exceeds.
+        radius_m: within which it turns. width_m, length_m: its outline; the axle is taken to be
+            in its middle.
+        sonars: empty where it has none.
+        high_speed_serial: rate that may be asked for beyond 9600 baud, None where none may.
+    """
+
+    model: RobotModel
+    title: str
+    distance_mm: float
+    speed_mmps: float
+    angle_rad: float
+    wheel_turn: float
+    speed_max_mps: float
+    turn_rate_max_radps: float
+    radius_m: float
+    width_m: float
+    length_m: float
+    sonars: tuple[SonarPose, ...]
+    high_speed_serial: int | None = 38400
+
+
+def robot_spec(model: str) -> RobotSpec:
+    """The constants of a model.
+
+    Raises:
+        InputError: it is not known; the sentence lists those that are.
+    """
+    found = SPECS.get(model)  # type: ignore[call-overload]
+    if found is None:
+        raise InputError(f"there is no robot model {model!r}; there are {', '.join(SPECS)}")
+    assert isinstance(found, RobotSpec)
+    return found
+
+
+def _ring(*poses: tuple[float, float, float]) -> tuple[SonarPose, ...]:
+    """Of x and y in millimetres and the heading in degrees."""
+    return tuple(SonarPose(x / 1000, y / 1000, math.radians(deg)) for x, y, deg in poses)
+
+
+_P3DX_SONARS = _ring(
+    (69, 136, 90), (114, 119, 50), (148, 78, 30), (166, 27, 10),
+    (166, -27, -10), (148, -78, -30), (114, -119, -50), (69, -136, -90),
+    (-157, -136, -90), (-203, -119, -130), (-237, -78, -150), (-255, -27, -170),
+    (-255, 27, 170), (-237, 78, 150), (-203, 119, 130), (-157, 136, 90),
+)  # fmt: skip
+_AMIGO_SONARS = _ring(
+    (70, 100, 90), (125, 75, 41), (144, 30, 15), (144, -30, -15),
+    (120, -75, -41), (70, -100, -90), (-146, -58, -145), (-146, 58, 145),
+)  # fmt: skip
+# SH manuals give TH in degrees; ARIA and p2os use this, and it is what the firmware sends.
+_ANGLE_RAD = 0.001534
+
+
+def _p3dx(model: RobotModel, distance_mm: float) -> RobotSpec:
+    return RobotSpec(
+        model, "Pioneer P3-DX", distance_mm, 1.0, _ANGLE_RAD, 0.0056, 2.2, math.radians(500),
+        0.250, 0.425, 0.511, _P3DX_SONARS,
+    )  # fmt: skip
+
+
+def _amigo(model: RobotModel, distance_mm: float, speed_mmps: float) -> RobotSpec:
+    return RobotSpec(
+        model, "AmigoBot", distance_mm, speed_mmps, _ANGLE_RAD, 0.011, 1.0, math.radians(300),
+        0.180, 0.279, 0.330, _AMIGO_SONARS,
+    )  # fmt: skip
+
+
+SPECS: Mapping[RobotModel, RobotSpec] = MappingProxyType(
+    {
+        "p3dx-sh": _p3dx("p3dx-sh", 1.0),
+        "p3dx": _p3dx("p3dx", 0.485),
+        # p2os takes 1.3746 for the speed; the vendor's own file says 1.
+        "amigo-sh": _amigo("amigo-sh", 1.0, 1.0),
+        "amigo": _amigo("amigo", 0.5083, 0.6154),
+    }
+)
