@@ -35,6 +35,8 @@ _LARGEST_BODY_OFFSET_M = 10.0
 # As mocap systems name bodies; no quotes, backslashes or control characters.
 _BODY_NAME = re.compile(r"[\w][\w .:/()#+-]{0,63}")
 _CALIBRATION_ID = re.compile(r"[0-9A-Za-z][0-9A-Za-z._:-]{0,127}")
+# Paths and addresses; which of them name a port is known to ``observer.robots.opening``.
+_PORT = re.compile(r"(?=\S)[^\x00-\x1f\x7f\"\\]{1,200}(?<=\S)")
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,8 @@ class Rig:
         T_body_base: for each body of a mocap system, by its name there, the robot's base in the
             body's axes.
         models: of the robots by role; a role without a model is unknown.
+        ports: by which real robots are reached, by role, as
+            ``observer.robots.opening.open_robot`` takes them.
         for_simulated: whether simulated sources, which know their own mount exactly, take this
             rig's instead; to try the rig out.
 
@@ -127,6 +131,7 @@ class Rig:
     T_body_base: Mapping[str, Pose] = field(default_factory=dict)
     models: Mapping[Role, RobotModel] = field(default_factory=dict)
     for_simulated: bool = False
+    ports: Mapping[Role, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.calibration is not None and not _CALIBRATION_ID.fullmatch(self.calibration):
@@ -155,8 +160,21 @@ class Rig:
                     f"models.{role} must be one of {', '.join(ROBOT_MODELS)}, "
                     f"not {str(model)[:40]!r}"
                 )
+        for role, port in self.ports.items():
+            if role not in ROLES:
+                raise InputError(
+                    f"ports.{str(role)[:40]} is no role; the roles are {' and '.join(ROLES)}"
+                )
+            if not _PORT.fullmatch(port) or not port.isprintable():
+                raise InputError(
+                    f"ports.{role} must be a path or address of up to 200 characters without "
+                    f"quotes or backslashes, as in /dev/ttyUSB0 or socket://192.168.1.20:8101"
+                )
+        if len(set(self.ports.values())) < len(self.ports):
+            raise InputError("ports must name two different ports, one for each robot")
         object.__setattr__(self, "T_body_base", MappingProxyType(dict(self.T_body_base)))
         object.__setattr__(self, "models", MappingProxyType(dict(self.models)))
+        object.__setattr__(self, "ports", MappingProxyType(dict(self.ports)))
 
     @property
     def camera_mount(self) -> CameraMount | None:

@@ -11,6 +11,7 @@
     T_body_base:
       amigo: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -0.15]]    # rotation and metres
     models: {observer: amigo-sh, obstacle: p3dx-sh}
+    ports: {observer: "/dev/ttyUSB0", obstacle: "socket://192.168.1.20:8101"}
     for_simulated: false
 """
 
@@ -28,7 +29,7 @@ from observer.rig.rig import MOUNT_KEYS, ROLES, Rig, RigMount, RigValue, RobotMo
 
 # A rig with a hundred mocap bodies has 15 kB.
 _MAX_CHARACTERS = 100_000
-_KEYS = ("mount", "calibration", "T_body_base", "models", "for_simulated")
+_KEYS = ("mount", "calibration", "T_body_base", "models", "ports", "for_simulated")
 _UNKNOWN = ("", "~", "null", "Null", "NULL", "None")
 _ANGLE_OR_LENGTH = re.compile(r"(height|forward|left|tilt|roll|pan)(_\w+)?")
 
@@ -56,12 +57,13 @@ def read_rig(text: str, name: str) -> Rig:
         calibration = _text(data, "calibration", name)
         bodies = _bodies(_mapping(data, "T_body_base", name), name)
         models = _models(_mapping(data, "models", name), name)
+        ports = _ports(_mapping(data, "ports", name), name)
         for_simulated = _yes(data, "for_simulated", name)
     except CalibrationError as error:
         # The readers of text and numbers are those of calibrations; their sentences name the key.
         raise InputError(str(error)) from None
     try:
-        return Rig(mount, calibration, bodies, models, for_simulated)
+        return Rig(mount, calibration, bodies, models, for_simulated, ports)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 
@@ -77,6 +79,10 @@ def rig_text(rig: Rig) -> str:
         lines.append(f"  {_quoted(body)}: {T_body_base.matrix[:3].tolist()}")
     models = ", ".join(f"{role}: {rig.models.get(role, 'null')}" for role in ROLES)
     lines.append(f"models: {{{models}}}")
+    ports = ", ".join(
+        f"{role}: {_quoted(rig.ports[role]) if role in rig.ports else 'null'}" for role in ROLES
+    )
+    lines.append(f"ports: {{{ports}}}")
     lines.append(f"for_simulated: {str(rig.for_simulated).lower()}")
     return "\n".join(lines) + "\n"
 
@@ -90,7 +96,7 @@ def _written(value: RigValue | None) -> str:
 
 
 def _quoted(word: str) -> str:
-    # Names hold neither quotes nor backslashes; in quotes, "no" and "12" stay names.
+    # Names and ports hold neither quotes nor backslashes; in quotes, "no" and "12" stay names.
     return f'"{word}"'
 
 
@@ -162,6 +168,15 @@ def _models(data: dict[str, PlainData], name: str) -> dict[Role, RobotModel]:
         if not isinstance(model, str):
             raise InputError(f"{name}: models.{role[:60]} must be a model's name")
     return cast("dict[Role, RobotModel]", found)
+
+
+def _ports(data: dict[str, PlainData], name: str) -> dict[Role, str]:
+    # Checked by Rig, as models are.
+    found = {role: port for role, port in data.items() if not _unknown(port)}
+    for role, port in found.items():
+        if not isinstance(port, str):
+            raise InputError(f"{name}: ports.{role[:60]} must be a path or address")
+    return cast("dict[Role, str]", found)
 
 
 def _mapping(data: dict[str, PlainData], key: str, name: str) -> dict[str, PlainData]:

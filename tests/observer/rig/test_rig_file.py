@@ -42,6 +42,7 @@ def test_the_example_of_the_documentation_can_be_read() -> None:
     rig = read_rig(example, "rig.yaml")
     assert rig.mount.tilt_deg == RigValue(5.2, 0.3)
     assert rig.models == {"observer": "amigo-sh", "obstacle": "p3dx-sh"}
+    assert rig.ports == {"observer": "/dev/ttyUSB0", "obstacle": "socket://192.168.1.20:8101"}
     assert rig.T_body_base["amigo"].translation[2] == -0.15
 
 
@@ -75,6 +76,10 @@ _RIGS = st.builds(
         st.sampled_from(["p3dx-sh", "p3dx", "amigo-sh", "amigo"]),
     ),
     for_simulated=st.booleans(),
+    ports=st.dictionaries(
+        st.sampled_from(["observer", "obstacle"]),
+        st.from_regex(r"\A[/a-z][A-Za-z0-9 é_.:/,#{}\[\]'&*!|>%@~-]{0,40}[a-z0-9]\Z"),
+    ).filter(lambda ports: len(set(ports.values())) == len(ports)),
 )
 
 
@@ -85,6 +90,7 @@ def test_what_is_written_is_read_back_to_the_last_digit(rig: Rig) -> None:
     assert again.mount == rig.mount
     assert again.calibration == rig.calibration
     assert (again.models, again.for_simulated) == (rig.models, rig.for_simulated)
+    assert again.ports == rig.ports
     assert list(again.T_body_base) == list(rig.T_body_base)
     for name, pose in rig.T_body_base.items():
         np.testing.assert_array_equal(again.T_body_base[name].matrix, pose.matrix)
@@ -114,6 +120,13 @@ def test_what_is_written_is_read_back_to_the_last_digit(rig: Rig) -> None:
         ("models: {observer: roomba}", "models.observer must be one of p3dx-sh, p3dx, amigo-sh"),
         ("models: {leader: p3dx}", "the roles are observer and obstacle"),
         ("models: {observer: [p3dx]}", "models.observer must be a model's name"),
+        ("ports: {leader: /dev/ttyUSB0}", "ports.leader is no role"),
+        ("ports: {observer: [/dev/ttyUSB0]}", "ports.observer must be a path or address"),
+        ("ports: {observer: 'a\"b'}", "ports.observer must be a path or address of up to 200"),
+        ("ports: {observer: ' /dev/ttyUSB0'}", "ports.observer must be a path"),
+        (f"ports: {{observer: /{'x' * 200}}}", "ports.observer must be a path"),
+        ("ports: {observer: /dev/a, obstacle: /dev/a}", "two different ports"),
+        ("ports: /dev/ttyUSB0", "ports must hold keys with values"),
         ("T_body_base: {a: [1, 2, 3]}", "T_body_base.a must hold 3 or 4 rows of 4 numbers"),
         ("T_body_base: {a: [[1,0,0,0],[0,1,0,0],[0,0,2,0]]}", "T_body_base.a must be a rotation"),
         ("T_body_base: {a: [[1,0,0,150],[0,1,0,0],[0,0,1,0]]}", "divided by 1000"),
