@@ -222,8 +222,10 @@ Command = (
 
 @dataclass(frozen=True)
 class Request:
+    """What another process is asked for; ``command`` is one of those that it knows."""
+
     number: int
-    command: Command
+    command: Any
 
 
 @dataclass(frozen=True)

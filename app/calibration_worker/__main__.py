@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-from app.engine.lifeline import die_with_parent
+from app.processes.lifeline import die_with_parent
 
 _NICENESS = 5
 

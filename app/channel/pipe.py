@@ -29,6 +29,9 @@ _LENGTH = struct.Struct(">I")
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 # Four seconds at 15 frames/s: who is behind further than that wants the present.
 DEFAULT_BACKLOG = 64
+# What an engine sends: of these only the newest waits, of those the oldest are dropped.
+_ENGINE_LATEST = (HeartbeatEvent, DenseStereoEvent, BoardLookEvent)
+_ENGINE_DROPPABLE = (ObservationEvent, SkippedFrameEvent)
 
 
 def encode(message: object) -> bytes:
@@ -105,21 +108,33 @@ def _receive_exactly(sock: socket.socket, size: int) -> bytes | None:
 class MessageSender:
     """Sends messages from a thread of its own, so that a slow reader never delays the caller.
 
-    The queue is bounded: of observations and skipped frames the oldest are dropped and counted,
-    of heartbeats, of news of dense stereo and of looks at a board only the newest waits. Replies
-    and states are never dropped; there are only as many of them as there were requests.
+    The queue is bounded: of some kinds only the newest waits (an engine's heartbeats, its news of
+    dense stereo and looks at a board), of others the oldest are dropped and counted (observations
+    and skipped frames). Replies and states are never dropped; there are only as many of them as
+    there were requests.
     """
 
-    def __init__(self, sock: socket.socket, *, backlog: int = DEFAULT_BACKLOG) -> None:
+    def __init__(
+        self,
+        sock: socket.socket,
+        *,
+        backlog: int = DEFAULT_BACKLOG,
+        latest: tuple[type, ...] = _ENGINE_LATEST,
+        droppable: tuple[type, ...] = _ENGINE_DROPPABLE,
+    ) -> None:
         """
         Args:
             sock: connected; closed by whoever made it.
-            backlog: most observations that wait.
+            backlog: most messages of the droppable kinds that wait.
+            latest: kinds of message of which only the newest waits.
+            droppable: kinds of message of which the oldest may be dropped.
         """
         self._sock = sock
         self._backlog = backlog
+        self._latest = latest
+        self._droppable = droppable
         self._queue: deque[object] = deque()
-        self._waiting_observations = 0
+        self._waiting_droppable = 0
         self._changed = threading.Condition()
         self._closing = False
         self._broken = False
@@ -137,14 +152,14 @@ class MessageSender:
         with self._changed:
             if self._closing or self._broken:
                 return
-            if isinstance(message, HeartbeatEvent | DenseStereoEvent | BoardLookEvent):
+            if isinstance(message, self._latest):
                 self._drop_first(type(message))
-            elif isinstance(message, ObservationEvent | SkippedFrameEvent):
-                if self._waiting_observations >= self._backlog:
-                    dropped = self._drop_first(ObservationEvent, SkippedFrameEvent)
-                    self._waiting_observations -= 1
+            elif isinstance(message, self._droppable):
+                if self._waiting_droppable >= self._backlog:
+                    dropped = self._drop_first(*self._droppable)
+                    self._waiting_droppable -= 1
                     self._observations_lost += isinstance(dropped, ObservationEvent)
-                self._waiting_observations += 1
+                self._waiting_droppable += 1
             self._queue.append(message)
             self._changed.notify()
 
@@ -174,8 +189,8 @@ class MessageSender:
                         return
                     self._changed.wait()
                 message = self._queue.popleft()
-                if isinstance(message, ObservationEvent | SkippedFrameEvent):
-                    self._waiting_observations -= 1
+                if isinstance(message, self._droppable):
+                    self._waiting_droppable -= 1
             try:
                 self._sock.sendall(_encode_or_refuse(message))
             except OSError:

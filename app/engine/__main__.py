@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import sys
 
-from app.engine.arguments import parse_arguments
-from app.engine.lifeline import die_with_parent
+from app.processes.arguments import parse_arguments
+from app.processes.lifeline import die_with_parent
 
 
 def main() -> None:

@@ -12,15 +12,15 @@ from typing import NoReturn
 
 from app.channel.latest import LatestWriter
 from app.channel.pipe import MessageSender
-from app.engine.arguments import EngineArguments
-from app.engine.lifeline import receive_until_parent_ends
 from app.engine.loop import Engine, Inbox
 from app.engine.publishing import Publisher
 from app.engine.session import ObserverFactory, SourceOpener
+from app.processes.arguments import ProcessArguments
+from app.processes.lifeline import receive_until_parent_ends
 
 
 def run_engine(
-    arguments: EngineArguments, *, open_source: SourceOpener, make_observer: ObserverFactory
+    arguments: ProcessArguments, *, open_source: SourceOpener, make_observer: ObserverFactory
 ) -> NoReturn:
     """Run an engine in this process until it is told to leave, and leave the process.
 

@@ -15,9 +15,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from app.engine.arguments import parse_arguments
-from app.engine.lifeline import die_with_parent
 from app.engine.process import run_engine
+from app.processes.arguments import parse_arguments
+from app.processes.lifeline import die_with_parent
 from observer.camera import StereoCalibration, StereoCamera
 from observer.geometry import Pose
 from observer.mount import CameraMount

@@ -1,4 +1,4 @@
-"""The parent's hold of one engine process: start it, hear it, ask it, end it.
+"""The parent's hold of one child process: start it, hear it, ask it, end it.
 
 Imported by the web process, so nothing of the method is imported here.
 """
@@ -10,71 +10,79 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from app.channel.pipe import encode, read_message
-from app.engine.arguments import EngineArguments
-from app.messages import Command, HeartbeatEvent, Reply, Request, StateEvent
+from app.messages import Reply, Request
 from app.native_environment import program_environment
+from app.processes.arguments import ProcessArguments
 
-# -P: the folder somebody starts the server in must not supply the modules.
-ENGINE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.engine")
 # How long a process that closed its channel, or was killed, is given to be gone.
 _GRACE_S = 0.3
 
+_Event = TypeVar("_Event")
 
-class EngineEnded(Exception):
+
+class ChildEnded(Exception):
     """The process ended before it answered."""
 
 
-class EngineProcess:
-    """One engine process. All methods belong to the event loop's thread.
+class ChildProcess:
+    """One child process. All methods belong to the event loop's thread.
 
     Attributes:
         ready: it sent something, so its loop runs.
         ended: its channel is closed; the process is gone or about to go.
         silent_s: seconds without any message, as far as this event loop was there to hear one.
-        last_state: the newest ``StateEvent``.
-        heartbeat: the newest heartbeat.
     """
 
-    def __init__(self, process: subprocess.Popen[bytes], on_event: Callable[[Any], None]) -> None:
+    def __init__(
+        self,
+        process: subprocess.Popen[bytes],
+        kept: Sequence[type],
+        on_event: Callable[[Any], None],
+    ) -> None:
         self._process = process
+        self._kept = tuple(kept)
         self._on_event = on_event
         self._writer: asyncio.StreamWriter | None = None
         self._reading: asyncio.Task[None] | None = None
         self._waiting: dict[int, asyncio.Future[Reply]] = {}
+        self._newest: dict[type, Any] = {}
         self._number = 0
         self.started = time.monotonic()
         self.ready = False
         self.ended = False
         self.silent_s = 0.0
-        self.last_state: StateEvent | None = None
-        self.heartbeat: HeartbeatEvent | None = None
 
     @classmethod
     async def start(
         cls,
         command: Sequence[str],
         slots: Mapping[str, int],
-        on_event: Callable[[EngineProcess, Any], None],
-    ) -> EngineProcess:
-        """Start an engine; it inherits nothing but its channel and the slots.
+        on_event: Callable[[ChildProcess, Any], None],
+        kept: Sequence[type] = (),
+    ) -> ChildProcess:
+        """Start a process; it inherits nothing but its channel and the slots.
 
         The kernel ends it with the *thread* that calls this, so call it where the event loop
         lives.
 
         Args:
+            command: starts it; its arguments are put behind it.
             slots: descriptor of each latest-value slot by name.
-            on_event: called for every event with the engine it came from, and with None when
+            on_event: called for every event with the process it came from, and with None when
                 the channel ends.
+            kept: kinds of event of which ``newest`` tells the last one.
+
+        Raises:
+            OSError: it cannot be started.
         """
         here, there = socket.socketpair()
         with there:
-            arguments = EngineArguments(there.fileno(), os.getpid(), slots).as_command_line()
+            arguments = ProcessArguments(there.fileno(), os.getpid(), slots).as_command_line()
             try:
                 process = subprocess.Popen(
                     [*command, *arguments],
@@ -82,26 +90,31 @@ class EngineProcess:
                     pass_fds=[there.fileno(), *slots.values()],
                     env=program_environment(),
                     # A terminal's Ctrl-C and a kill of the whole group are the parent's to
-                    # answer; it ends the engine in good order.
+                    # answer; it ends the process in good order.
                     start_new_session=True,
                 )
             except OSError:
                 here.close()
                 raise
-        engine = cls(process, lambda event: on_event(engine, event))
+        child = cls(process, kept, lambda event: on_event(child, event))
         try:
-            reader, engine._writer = await asyncio.open_unix_connection(sock=here)
+            reader, child._writer = await asyncio.open_unix_connection(sock=here)
         except BaseException:
             here.close()
             process.kill()
             process.wait()
             raise
-        engine._reading = asyncio.create_task(engine._read(reader), name="hear the engine")
-        return engine
+        child._reading = asyncio.create_task(child._read(reader), name="hear a process")
+        return child
 
     @property
     def pid(self) -> int:
         return self._process.pid
+
+    def newest(self, kind: type[_Event]) -> _Event | None:
+        """The newest event of a kind in ``kept``."""
+        event = self._newest.get(kind)
+        return event if isinstance(event, kind) else None
 
     async def _read(self, reader: asyncio.StreamReader) -> None:
         try:
@@ -113,28 +126,26 @@ class EngineProcess:
                     if waiting is not None and not waiting.done():
                         waiting.set_result(message)
                     continue
-                if isinstance(message, HeartbeatEvent):
-                    self.heartbeat = message
-                elif isinstance(message, StateEvent):
-                    self.last_state = message
+                if isinstance(message, self._kept):
+                    self._newest[type(message)] = message
                 self._on_event(message)
         finally:
             self.ended = True
             for waiting in self._waiting.values():
                 if not waiting.done():
-                    waiting.set_exception(EngineEnded())
+                    waiting.set_exception(ChildEnded())
             self._waiting.clear()
         self._on_event(None)
 
-    async def request(self, command: Command, timeout_s: float) -> Reply:
+    async def request(self, command: object, timeout_s: float) -> Reply:
         """Ask and wait for the answer.
 
         Raises:
-            EngineEnded: it ended before it answered.
+            ChildEnded: it ended before it answered.
             TimeoutError: it did not answer in time; a later answer is ignored.
         """
         if self.ended or self._writer is None:
-            raise EngineEnded
+            raise ChildEnded
         self._number += 1
         number = self._number
         waiting: asyncio.Future[Reply] = asyncio.get_running_loop().create_future()

@@ -1,4 +1,4 @@
-"""The engine's command line, as ``app.engine.launch`` writes it. Imports nothing slow."""
+"""A child process's command line, as ``app.processes.child`` writes it. Imports nothing slow."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class EngineArguments:
-    """What an engine inherits.
+class ProcessArguments:
+    """What a child process inherits.
 
     Attributes:
         channel: descriptor of the messages' socket.
@@ -28,11 +28,15 @@ class EngineArguments:
         return words
 
 
-def parse_arguments(words: Sequence[str]) -> EngineArguments:
-    """The opposite of ``as_command_line``; ends the process with exit code 2 on anything else."""
+def parse_arguments(words: Sequence[str], name: str = "engine") -> ProcessArguments:
+    """The opposite of ``as_command_line``; ends the process with exit code 2 on anything else.
+
+    Args:
+        name: of the process, and of its package in ``app``.
+    """
     parser = argparse.ArgumentParser(
-        prog="python -m app.engine",
-        description="The engine process of dynamic-observer; started by the server only.",
+        prog=f"python -m app.{name}",
+        description=f"The {name} process of dynamic-observer; started by the server only.",
     )
     parser.add_argument("--channel", type=int, required=True, help="descriptor of the messages")
     parser.add_argument("--parent", type=int, required=True, help="process id of the server")
@@ -41,4 +45,4 @@ def parse_arguments(words: Sequence[str]) -> EngineArguments:
     )
     options = parser.parse_args(words)
     slots = {name: int(fd) for name, _, fd in (text.partition("=") for text in options.slot)}
-    return EngineArguments(options.channel, options.parent, slots)
+    return ProcessArguments(options.channel, options.parent, slots)
