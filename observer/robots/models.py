@@ -38,6 +38,9 @@ class RobotSpec:
             in its middle.
         sonars: empty where it has none.
         high_speed_serial: rate that may be asked for beyond 9600 baud, None where none may.
+        flag_bits: those of the status packet's flags that mean something.
+        acceleration_max_mps2, turn_acceleration_max_radps2: the steepest that is asked for, also
+            of braking, where the robot tells nothing lower of itself.
     """
 
     model: RobotModel
@@ -53,6 +56,9 @@ class RobotSpec:
     length_m: float
     sonars: tuple[SonarPose, ...]
     high_speed_serial: int | None = 38400
+    flag_bits: int = 0xFFFF
+    acceleration_max_mps2: float = 2.0
+    turn_acceleration_max_radps2: float = math.radians(300)
 
 
 def robot_spec(model: str) -> RobotSpec:
@@ -97,7 +103,7 @@ def _p3dx(model: RobotModel, distance_mm: float) -> RobotSpec:
 def _amigo(model: RobotModel, distance_mm: float, speed_mmps: float) -> RobotSpec:
     return RobotSpec(
         model, "AmigoBot", distance_mm, speed_mmps, _ANGLE_RAD, 0.011, 1.0, math.radians(300),
-        0.180, 0.279, 0.330, _AMIGO_SONARS,
+        0.180, 0.279, 0.330, _AMIGO_SONARS, flag_bits=0b11,
     )  # fmt: skip
 
 

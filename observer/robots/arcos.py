@@ -1,0 +1,209 @@
+"""The packets of ARCOS and AmigOS robots: bytes to payloads and back. Pure.
+
+A packet is ``FA FB count data checksum`` with ``count`` the length of data and checksum. Numbers
+in data are little-endian, the checksum is big-endian: the sum of data's big-endian 16-bit words
+modulo 2^16, a byte left over at the end exclusive-ored into the low byte (Pioneer 3 operations
+manual, "ARCOS").
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+
+HEADER = b"\xfa\xfb"
+# The count is one byte and includes the checksum.
+LONGEST_PAYLOAD = 255 - 2
+_SHORTEST_COUNT = 3
+
+_POSITIVE, _NEGATIVE, _TEXT = 0x3B, 0x1B, 0x2B
+
+
+class Command(IntEnum):
+    """What a robot is told. RESET and MAINTENANCE are left out: they are never sent."""
+
+    PULSE = 0
+    OPEN = 1
+    CLOSE = 2
+    ENABLE = 4
+    SETA = 5
+    SETV = 6
+    SETO = 7
+    MOVE = 8
+    SETRV = 10
+    VEL = 11
+    HEAD = 12
+    DHEAD = 13
+    CONFIG = 18
+    ENCODER = 19
+    RVEL = 21
+    SETRA = 23
+    SONAR = 28
+    STOP = 29
+    VEL2 = 32
+    IOREQUEST = 40
+    BUMPSTALL = 44
+    HOSTBAUD = 50
+    E_STOP = 55
+    E_STALL = 56
+    BATTEST = 250
+
+
+def checksum(data: bytes) -> int:
+    """Of a packet's data, 0 to 0xFFFF; see the module."""
+    even = len(data) & ~1
+    words: tuple[int, ...] = struct.unpack(f">{even // 2}H", data[:even])
+    total = sum(words) & 0xFFFF
+    if len(data) > even:
+        total ^= data[-1]
+    return total
+
+
+def packet(data: bytes) -> bytes:
+    """Frame a payload.
+
+    Raises:
+        ValueError: it is empty or longer than ``LONGEST_PAYLOAD``.
+    """
+    if not 1 <= len(data) <= LONGEST_PAYLOAD:
+        raise ValueError(f"a packet carries 1 to {LONGEST_PAYLOAD} bytes, not {len(data)}")
+    return HEADER + bytes([len(data) + 2]) + data + checksum(data).to_bytes(2, "big")
+
+
+def command(number: int, argument: int | bytes | None = None) -> bytes:
+    """One command as a packet.
+
+    Args:
+        number: of ``Command``, 0 to 255. argument: None, a number of 16 bits with sign (up to
+            65535 where it is positive), or text of at most 200 bytes.
+
+    Raises:
+        ValueError: the number or the argument does not fit.
+    """
+    if not 0 <= number <= 255:
+        raise ValueError(f"a command's number is 0 to 255, not {number}")
+    if argument is None:
+        return packet(bytes([number]))
+    if isinstance(argument, bytes):
+        if len(argument) > 200:
+            raise ValueError(f"a command's text has at most 200 bytes, not {len(argument)}")
+        return packet(bytes([number, _TEXT, len(argument)]) + argument)
+    if not -32768 <= argument <= 65535:
+        raise ValueError(f"a command's number is -32768 to 65535, not {argument}")
+    kind = _POSITIVE if argument >= 0 else _NEGATIVE
+    return packet(struct.pack("<BBH", number, kind, abs(argument)))
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """A command as a robot reads it.
+
+    Attributes:
+        number: of ``Command``. argument: None, a signed number or text.
+    """
+
+    number: int
+    argument: int | bytes | None = None
+
+
+def decode_command(payload: bytes) -> Decoded:
+    """The command of a payload.
+
+    Raises:
+        ValueError: it is empty, or its argument is cut off or of an unknown type.
+    """
+    if not payload:
+        raise ValueError("a command has at least one byte")
+    if len(payload) == 1:
+        return Decoded(payload[0])
+    kind, rest = payload[1], payload[2:]
+    if kind in (_POSITIVE, _NEGATIVE) and len(rest) >= 2:
+        magnitude = int.from_bytes(rest[:2], "little")
+        return Decoded(payload[0], magnitude if kind == _POSITIVE else -magnitude)
+    if kind == _TEXT and rest and len(rest) > rest[0]:
+        return Decoded(payload[0], bytes(rest[1 : 1 + rest[0]]))
+    raise ValueError(f"command {payload[0]} has an argument that cannot be read: {payload.hex()}")
+
+
+class PacketParser:
+    """Finds the packets in a stream that may be damaged anywhere.
+
+    Whatever fails, the search goes on at the byte behind the header that failed, so that a
+    damaged packet never takes a whole one behind it away.
+
+    Attributes:
+        packets, bad_packets: with a right checksum, and headers that none follows from.
+        skipped_bytes: that belonged to no packet.
+    """
+
+    def __init__(self) -> None:
+        self.packets = 0
+        self.bad_packets = 0
+        self.skipped_bytes = 0
+        self._rest = bytearray()
+
+    @property
+    def pending(self) -> bool:
+        """Whether a packet has begun that has not ended."""
+        return bool(self._rest)
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """The payloads that end in these bytes, in order."""
+        self._rest += data
+        return self._scan()
+
+    def abandon(self) -> list[bytes]:
+        """Give up the packet that has begun, and tell what is whole behind its header.
+
+        A count that was damaged may announce more than ever comes; who waits and sees that
+        nothing follows calls this.
+        """
+        found: list[bytes] = []
+        while self._rest:
+            # A header that is cut off itself is no packet's loss.
+            if len(self._rest) > 2:
+                self.bad_packets += 1
+            self._skip(1)
+            found += self._scan()
+        return found
+
+    def clear(self) -> None:
+        """Forget what has begun."""
+        self.skipped_bytes += len(self._rest)
+        self._rest.clear()
+
+    def _scan(self) -> list[bytes]:
+        found: list[bytes] = []
+        rest = self._rest
+        while True:
+            self._skip_to_header()
+            if len(rest) < 3:
+                return found
+            count = rest[2]
+            if count < _SHORTEST_COUNT:
+                self.bad_packets += 1
+                self._skip(1)
+                continue
+            if len(rest) < 3 + count:
+                return found
+            data = bytes(rest[3 : 1 + count])
+            if checksum(data) != int.from_bytes(rest[1 + count : 3 + count], "big"):
+                self.bad_packets += 1
+                self._skip(1)
+                continue
+            self.packets += 1
+            del rest[: 3 + count]
+            found.append(data)
+
+    def _skip_to_header(self) -> None:
+        at = self._rest.find(HEADER)
+        if at < 0:
+            # The last byte may be a header's first.
+            at = len(self._rest) - self._rest.endswith(HEADER[:1])
+        if at:
+            self._skip(at)
+
+    def _skip(self, count: int) -> None:
+        self.skipped_bytes += count
+        del self._rest[:count]

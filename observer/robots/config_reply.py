@@ -1,0 +1,95 @@
+"""What a robot says of its settings: the reply to CONFIG. Pure."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+CONFIG_REPLY = 0x20
+
+# In order of the reply: name, and "s" for text that ends in a zero byte, "B" or "H" for a number.
+_FIELDS: tuple[tuple[str, str], ...] = (
+    ("type", "s"), ("subtype", "s"), ("serial", "s"), ("motors_4", "B"),
+    ("turn_rate_top", "H"), ("speed_top", "H"), ("turn_acceleration_top", "H"),
+    ("acceleration_top", "H"), ("pwm_max", "H"), ("name", "s"),
+    ("sip_cycle", "B"), ("host_baud", "B"), ("aux1_baud", "B"),
+    ("gripper", "H"), ("front_sonar", "H"), ("rear_sonar", "B"),
+    ("low_battery", "H"), ("rev_count", "H"), ("watchdog", "H"), ("p2mpacs", "B"),
+    ("stall_value", "H"), ("stall_count", "H"), ("joy_speed", "H"), ("joy_turn_rate", "H"),
+    ("turn_rate_max", "H"), ("speed_max", "H"), ("turn_acceleration", "H"),
+    ("turn_deceleration", "H"), ("turn_kp", "H"), ("turn_kv", "H"), ("turn_ki", "H"),
+    ("acceleration", "H"), ("deceleration", "H"), ("kp", "H"), ("kv", "H"), ("ki", "H"),
+    ("front_bumpers", "B"), ("rear_bumpers", "B"), ("charger", "B"), ("sonar_cycle", "B"),
+    ("autobaud", "B"), ("gyro", "B"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ConfigReply:
+    """As far as it was told; None for what was cut off.
+
+    Attributes:
+        type, subtype, name: its texts.
+        turn_rate_top, turn_rate_max: deg/s, beyond which nothing is taken, and as set.
+        speed_top, speed_max: mm/s. acceleration_top: mm/s^2. turn_acceleration_top: deg/s^2.
+        watchdog_ms: after which the motors are stopped where no command comes; 0: never.
+        front_bumpers, rear_bumpers: how many segments are fitted.
+    """
+
+    type: str | None = None
+    subtype: str | None = None
+    name: str | None = None
+    turn_rate_top: int | None = None
+    turn_rate_max: int | None = None
+    speed_top: int | None = None
+    speed_max: int | None = None
+    acceleration_top: int | None = None
+    turn_acceleration_top: int | None = None
+    watchdog_ms: int | None = None
+    front_bumpers: int | None = None
+    rear_bumpers: int | None = None
+
+
+def decode_config(payload: bytes) -> ConfigReply:
+    """The reply's payload, its type byte first; what is missing at its end is None.
+
+    Raises:
+        ValueError: it is no such reply.
+    """
+    if not payload or payload[0] != CONFIG_REPLY:
+        raise ValueError(f"a reply to CONFIG begins with 20, not {payload[:1].hex() or 'nothing'}")
+    texts: dict[str, str] = {}
+    numbers: dict[str, int] = {}
+    at = 1
+    for name, kind in _FIELDS:
+        if kind == "s":
+            end = payload.find(b"\0", at)
+            if end < 0:
+                break
+            texts[name] = as_text(payload[at:end])
+            at = end + 1
+        else:
+            size = struct.calcsize(kind)
+            if at + size > len(payload):
+                break
+            (numbers[name],) = struct.unpack_from("<" + kind, payload, at)
+            at += size
+    return ConfigReply(
+        type=texts.get("type"),
+        subtype=texts.get("subtype"),
+        name=texts.get("name"),
+        turn_rate_top=numbers.get("turn_rate_top"),
+        turn_rate_max=numbers.get("turn_rate_max"),
+        speed_top=numbers.get("speed_top"),
+        speed_max=numbers.get("speed_max"),
+        acceleration_top=numbers.get("acceleration_top"),
+        turn_acceleration_top=numbers.get("turn_acceleration_top"),
+        watchdog_ms=numbers.get("watchdog"),
+        front_bumpers=numbers.get("front_bumpers"),
+        rear_bumpers=numbers.get("rear_bumpers"),
+    )
+
+
+def as_text(data: bytes) -> str:
+    """Printable ASCII of what a robot calls itself; anything else becomes ``?``."""
+    return "".join(chr(each) if 32 <= each < 127 else "?" for each in data).strip()

@@ -1,0 +1,76 @@
+"""A robot's place by its own wheels, summed up on the host. Pure."""
+
+from __future__ import annotations
+
+import math
+
+from observer.robots.models import RobotSpec
+from observer.types import Odometry
+
+# X and Y have 15 bits. What seems to jump farther than this between two packets went around.
+_WRAP = 0x8000
+_WRAPPED_BEYOND = 0x1000
+# Packets wait in buffers: two that arrive together may be a period and more apart.
+_LATE_S = 0.3
+_SLACK_M = 0.05
+
+
+class WheelOdometry:
+    """Sums up what the robot tells in numbers that go around.
+
+    Attributes:
+        place: as the robot stood when the first packet came, forward and left.
+        jumps: how often the robot's own numbers jumped as no driving can explain (they were set
+            to zero, or the robot was started anew); a jump counts as standing still.
+    """
+
+    def __init__(self, spec: RobotSpec) -> None:
+        self.place = Odometry(0.0, 0.0, 0.0)
+        self.jumps = 0
+        self._spec = spec
+        # One turn has a whole number of units; the factor is rounded in the robot's papers.
+        self._units_per_turn = round(math.tau / spec.angle_rad)
+        self._last: tuple[int, int, int, float] | None = None
+        # Turns the robot's own axes into ours.
+        self._axes = 0.0
+
+    def rebaseline(self) -> None:
+        """The next packet's numbers are where the robot stands now."""
+        self._last = None
+
+    def add(self, x: int, y: int, heading: int, time: float) -> Odometry:
+        """One packet's numbers.
+
+        Args:
+            x, y: 0 to 0x7FFF. heading: units of angle, in any turn. time: of its reception,
+                seconds on a clock that never goes back.
+        """
+        last, self._last = self._last, (x, y, heading, time)
+        unit = math.tau / self._units_per_turn
+        if last is None:
+            self._axes = self.place.yaw - heading * unit
+            return self.place
+        step = [_unwrapped(now - before) for now, before in zip((x, y), last[:2], strict=True)]
+        dx, dy = (each * self._spec.distance_mm / 1000 for each in step)
+        farthest = self._spec.speed_max_mps * (time - last[3] + _LATE_S) + _SLACK_M
+        if max(map(abs, step)) > _WRAPPED_BEYOND or math.hypot(dx, dy) > farthest:
+            self.jumps += 1
+            self._axes = self.place.yaw - heading * unit
+            return self.place
+        turned = (heading - last[2] + self._units_per_turn // 2) % self._units_per_turn
+        turned -= self._units_per_turn // 2
+        cos, sin = math.cos(self._axes), math.sin(self._axes)
+        self.place = Odometry(
+            self.place.x + cos * dx - sin * dy,
+            self.place.y + sin * dx + cos * dy,
+            self.place.yaw + turned * unit,
+        )
+        return self.place
+
+
+def _unwrapped(step: int) -> int:
+    if step > _WRAPPED_BEYOND:
+        return step - _WRAP
+    if step < -_WRAPPED_BEYOND:
+        return step + _WRAP
+    return step
