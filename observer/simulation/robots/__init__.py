@@ -1,0 +1,1 @@
+"""Simulated robots: firmware, vehicle, sonar, and how they are reached as real ones are."""

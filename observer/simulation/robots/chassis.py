@@ -1,0 +1,67 @@
+"""What a robot's firmware and the machine below it are to each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What the firmware asks of its motors.
+
+    Attributes:
+        speed_mps, turn_rate_radps: to be reached by constant ramps; positive forward and left.
+        acceleration_mps2, deceleration_mps2: > 0, of the speed.
+        turn_acceleration_radps2, turn_deceleration_radps2: > 0, of the turn rate.
+        powered: whether the motors are on; off, the machine runs out against its friction.
+    """
+
+    speed_mps: float = 0.0
+    turn_rate_radps: float = 0.0
+    acceleration_mps2: float = 0.3
+    deceleration_mps2: float = 0.3
+    turn_acceleration_radps2: float = 1.75
+    turn_deceleration_radps2: float = 1.75
+    powered: bool = False
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """What the firmware measures of its own machine.
+
+    Attributes:
+        x, y: metres, summed up by the encoders since the machine was built. yaw: rad, likewise,
+            not wrapped.
+        left_m, right_m: way of each wheel, metres.
+        speed_mps, turn_rate_radps: by the encoders.
+        stalled: left and right wheel pushed and did not turn.
+        front_bumpers, rear_bumpers: bit k is bumper k; 0 where none are fitted.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+    left_m: float = 0.0
+    right_m: float = 0.0
+    speed_mps: float = 0.0
+    turn_rate_radps: float = 0.0
+    stalled: tuple[bool, bool] = (False, False)
+    front_bumpers: int = 0
+    rear_bumpers: int = 0
+
+
+class Chassis(Protocol):
+    """The machine below a firmware; every method may be called from the firmware's thread."""
+
+    def drive(self, drive: Drive) -> None:
+        """Ask this of the motors from now on."""
+        ...
+
+    def wheels(self) -> Wheels:
+        """How the machine is at this moment."""
+        ...
+
+    def sonar(self, index: int) -> float | None:
+        """Metres from a sonar to the nearest surface in its cone, None where nothing echoes."""
+        ...

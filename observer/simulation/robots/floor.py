@@ -1,0 +1,106 @@
+"""What stands on a floor, seen from above: convex outlines, and whether they touch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.simulation.motion import PlanarState
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A convex polygon on the floor, corners counter-clockwise, metres."""
+
+    corners: tuple[Point, ...]
+
+    @staticmethod
+    def of_box(x: float, y: float, heading: float, length: float, width: float) -> Outline:
+        """Of a thing whose length lies along its heading, about its centre."""
+        c, s = math.cos(heading), math.sin(heading)
+        a, b = length / 2, width / 2
+        around = ((a, b), (-a, b), (-a, -b), (a, -b))
+        return Outline(tuple((x + c * u - s * v, y + s * u + c * v) for u, v in around))
+
+    @property
+    def centre(self) -> Point:
+        n = len(self.corners)
+        return sum(x for x, _ in self.corners) / n, sum(y for _, y in self.corners) / n
+
+    def depth(self, other: Outline) -> float:
+        """How deep the two overlap, metres; 0 where they do not.
+
+        The least way by which one leaves the other: separating axes, which are the edges'
+        normals of both (Gottschalk, Lin and Manocha, "OBBTree", 1996).
+        """
+        least = math.inf
+        for one in (self.corners, other.corners):
+            for k, (ax, ay) in enumerate(one):
+                bx, by = one[k - 1]
+                length = math.hypot(bx - ax, by - ay)
+                nx, ny = (by - ay) / length, (ax - bx) / length
+                mine = [nx * x + ny * y for x, y in self.corners]
+                theirs = [nx * x + ny * y for x, y in other.corners]
+                overlap = min(max(mine) - min(theirs), max(theirs) - min(mine))
+                if overlap <= 0:
+                    return 0.0
+                least = min(least, overlap)
+        return least
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a vehicle may run into, without itself.
+
+    Attributes:
+        room: lowest and highest x, lowest and highest y of the walls; None on an endless floor.
+        outlines: everything else at this instant.
+    """
+
+    room: tuple[float, float, float, float] | None = None
+    outlines: tuple[Outline, ...] = ()
+    _reach: tuple[tuple[float, float, float], ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        reach = []
+        for outline in self.outlines:
+            x, y = outline.centre
+            radius = max(math.hypot(u - x, v - y) for u, v in outline.corners)
+            reach.append((x, y, radius))
+        object.__setattr__(self, "_reach", tuple(reach))
+
+    def depth(self, outline: Outline) -> float:
+        """How deep an outline is in what is around it, the worst of all; metres, 0 for not."""
+        worst = 0.0
+        if self.room is not None:
+            x0, x1, y0, y1 = self.room
+            for x, y in outline.corners:
+                worst = max(worst, x0 - x, x - x1, y0 - y, y - y1)
+        x, y = outline.centre
+        radius = max(math.hypot(u - x, v - y) for u, v in outline.corners)
+        for other, (u, v, far) in zip(self.outlines, self._reach, strict=True):
+            if math.hypot(u - x, v - y) < far + radius:
+                worst = max(worst, outline.depth(other))
+        return worst
+
+    def edges(self) -> Float64Array:
+        """(N, 4) float64: x, y of both ends of every edge, the walls' included."""
+        edges: list[tuple[float, float, float, float]] = []
+        polygons: list[Sequence[Point]] = [outline.corners for outline in self.outlines]
+        if self.room is not None:
+            x0, x1, y0, y1 = self.room
+            polygons.append(((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+        for corners in polygons:
+            edges += [(*corners[k - 1], *corners[k]) for k in range(len(corners))]
+        return np.array(edges, dtype=np.float64).reshape(-1, 4)
+
+
+def outline_at(state: PlanarState, length: float, width: float) -> Outline:
+    """Of a vehicle in a state."""
+    return Outline.of_box(state.x, state.y, state.heading, length, width)

@@ -1,0 +1,73 @@
+"""The line between a simulated robot and its client, with all that can happen on one."""
+
+from __future__ import annotations
+
+import random
+
+from observer.simulation.robots.faults import Faults
+
+_PIECE = 7
+
+
+class Line:
+    """Bytes on their way out, and what noise does to those that come in.
+
+    Args:
+        faults: looked at each time. seed: of noise and of the sizes of pieces.
+    """
+
+    def __init__(self, faults: Faults, seed: int = 0) -> None:
+        self._faults = faults
+        self._random = random.Random(seed)
+        self._held = bytearray()
+        self._since: float | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether something waits to go out."""
+        return bool(self._held)
+
+    def arriving(self, data: bytes) -> bytes:
+        """What the robot gets of what was sent to it."""
+        return b"" if self._faults.deaf else self.noisy(data)
+
+    def send(self, data: bytes, now: float) -> None:
+        """The robot sends this."""
+        if self._faults.silent or not data:
+            return
+        if self._since is None:
+            self._since = now
+        self._held += self.noisy(data)
+
+    def due(self, now: float) -> bytes:
+        """What goes out at this moment, one piece."""
+        faults = self._faults
+        if faults.silent:
+            self.clear()
+        if self._since is None or now - self._since < faults.merge_s:
+            return b""
+        size = self._random.randint(1, _PIECE) if faults.split else len(self._held)
+        piece = bytes(self._held[:size])
+        del self._held[:size]
+        if not self._held:
+            self._since = None
+        return piece
+
+    def clear(self) -> None:
+        """Nobody is there to get what waits."""
+        self._held.clear()
+        self._since = None
+
+    def noisy(self, data: bytes) -> bytes:
+        """``data`` with a share of its bytes altered."""
+        share = self._faults.noise
+        if not share:
+            return data
+        draw = self._random
+        return bytes(
+            each ^ draw.randint(1, 255) if draw.random() < share else each for each in data
+        )
+
+    def garbage(self, count: int) -> bytes:
+        """Bytes that mean nothing, as one hears at the wrong rate."""
+        return self._random.randbytes(count)

@@ -1,0 +1,362 @@
+"""A simulated robot behind a TCP port of loopback or a pseudo terminal, as a real one is reached.
+
+    with serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic())) as serving:
+        serving.port                    # socket://127.0.0.1:41234, for open_robot
+        serving.robot.faults.noise = 0.01
+        serving.robot.log.since(moment) # every command with the time it came
+        serving.unplug(); serving.replug()
+
+One thread each, which waits for bytes and ticks the robot every 10 ms.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import termios
+import threading
+import time
+import tty
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Generic, Protocol, Self, TypeVar
+
+from observer.errors import InputError
+from observer.simulation.robots.command_log import CommandLog
+from observer.simulation.robots.faults import Faults
+from observer.simulation.robots.line import Line
+
+TICK_S = 0.01
+# Between two pieces of what is sent in pieces.
+_PIECE_S = 0.002
+_CHUNK = 4096
+_RATES = {
+    9600: termios.B9600, 19200: termios.B19200, 38400: termios.B38400, 57600: termios.B57600,
+    115200: termios.B115200,
+}  # fmt: skip
+
+
+class ServedRobot(Protocol):
+    """What can be served: ``EmulatedRobot``, or a ``Firmware`` alone."""
+
+    @property
+    def log(self) -> CommandLog: ...
+
+    @property
+    def faults(self) -> Faults: ...
+
+    @property
+    def baud(self) -> int: ...
+
+    def receive(self, data: bytes, now: float) -> bytes: ...
+
+    def tick(self, now: float) -> bytes: ...
+
+    def cut_off(self) -> None: ...
+
+
+class _Door(Protocol):
+    """How the bytes come and go; used by the serving thread only."""
+
+    @property
+    def port(self) -> str: ...
+
+    def waiting_for(self) -> list[int]:
+        """File descriptors that tell when there is something to do."""
+        ...
+
+    def take(self, ready: list[int]) -> tuple[bytes, bool]:
+        """What came, and whether the client went."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """To the client, if there is one; what does not fit is lost."""
+        ...
+
+    def tend(self, welcome: bool) -> bool:
+        """Take clients or none; True where one was sent away by it."""
+        ...
+
+    @property
+    def has_client(self) -> bool: ...
+
+    def close(self) -> None: ...
+
+
+R = TypeVar("R", bound=ServedRobot)
+
+
+class Serving(Generic[R]):
+    """A robot that is served from its construction on, until ``close``.
+
+    Args:
+        robot: ticked by this thread alone. clock: monotonic seconds.
+
+    Attributes:
+        robot: with its ``faults`` and its ``log``. port: as ``open_robot`` takes it.
+    """
+
+    def __init__(
+        self, robot: R, door: _Door, *, clock: Callable[[], float] = time.monotonic, seed: int = 0
+    ) -> None:
+        self.robot = robot
+        self.port = door.port
+        self._door = door
+        self._clock = clock
+        self._line = Line(robot.faults, seed)
+        self._plugged = True
+        self._ending = False
+        self._wake_read, self._wake_write = os.pipe()
+        os.set_blocking(self._wake_write, False)
+        self._thread = threading.Thread(target=self._run, name=f"robot {door.port}", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def connected(self) -> bool:
+        """Whether a client holds the connection; always on a pseudo terminal that is plugged."""
+        return self._door.has_client
+
+    def unplug(self) -> None:
+        """The cable is pulled out: the client's reads fail, and nothing can be opened."""
+        self._plugged = False
+        self._wake()
+
+    def replug(self) -> None:
+        """The cable is back, under the same name."""
+        self._plugged = True
+        self._wake()
+
+    def close(self) -> None:
+        """Stop serving; safe to call twice."""
+        if self._ending:
+            return
+        self._ending = True
+        self._wake()
+        self._thread.join(5)
+        os.close(self._wake_read)
+        os.close(self._wake_write)
+
+    def _wake(self) -> None:
+        with suppress(OSError):
+            os.write(self._wake_write, b"x")
+
+    def _run(self) -> None:
+        try:
+            while not self._ending:
+                self._turn()
+        finally:
+            self._door.close()
+
+    def _turn(self) -> None:
+        robot, door, line = self.robot, self._door, self._line
+        if door.tend(self._plugged and not robot.faults.refuse):
+            self._gone()
+        wait = _PIECE_S if line.busy else TICK_S
+        ready = select.select([self._wake_read, *door.waiting_for()], [], [], wait)[0]
+        if self._wake_read in ready:
+            os.read(self._wake_read, _CHUNK)
+        data, went = door.take(ready)
+        now = self._clock()
+        if data:
+            line.send(robot.receive(line.arriving(data), now), now)
+        if went:
+            self._gone()
+        line.send(robot.tick(now), now)
+        if not door.has_client:
+            line.clear()
+        piece = line.due(now)
+        if piece:
+            door.write(piece)
+
+    def _gone(self) -> None:
+        self.robot.cut_off()
+        self._line.clear()
+
+
+class _TcpDoor:
+    """One client at a time: while it is there, the port is closed to others."""
+
+    def __init__(self, port: int) -> None:
+        self._listener: socket.socket | None = None
+        self._client: socket.socket | None = None
+        try:
+            self._listener = socket.create_server(("127.0.0.1", port))
+        except OSError as error:
+            raise InputError(f"port {port} of this machine cannot be used: {error}") from None
+        self._address = self._listener.getsockname()
+        self._listener.setblocking(False)
+
+    @property
+    def port(self) -> str:
+        return f"socket://{self._address[0]}:{self._address[1]}"
+
+    @property
+    def has_client(self) -> bool:
+        return self._client is not None
+
+    def waiting_for(self) -> list[int]:
+        return [each.fileno() for each in (self._listener, self._client) if each is not None]
+
+    def take(self, ready: list[int]) -> tuple[bytes, bool]:
+        if self._listener is not None and self._listener.fileno() in ready:
+            with suppress(OSError):
+                self._client = self._listener.accept()[0]
+                self._client.setblocking(False)
+                self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._close_listener()
+            return b"", False
+        if self._client is None or self._client.fileno() not in ready:
+            return b"", False
+        try:
+            data = self._client.recv(_CHUNK)
+        except BlockingIOError:
+            return b"", False
+        except OSError:
+            data = b""
+        if not data:
+            self._send_away()
+        return data, not data
+
+    def write(self, data: bytes) -> None:
+        if self._client is not None:
+            with suppress(OSError):
+                self._client.send(data)
+
+    def tend(self, welcome: bool) -> bool:
+        had = self._client is not None
+        if not welcome:
+            self._send_away()
+            self._close_listener()
+        elif self._client is None and self._listener is None:
+            # Somebody may have taken the port meanwhile; then it is tried again at the next tick.
+            with suppress(OSError):
+                self._listener = socket.create_server(self._address)
+                self._listener.setblocking(False)
+        return had and self._client is None
+
+    def close(self) -> None:
+        self._send_away()
+        self._close_listener()
+
+    def _send_away(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def _close_listener(self) -> None:
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+
+
+class _PtyDoor:
+    """A pseudo terminal under a name that stays while it is unplugged and plugged again."""
+
+    def __init__(self, link: Path | None, baud: Callable[[], int] | None) -> None:
+        self._link = link
+        self._baud = baud
+        self._master = self._slave = -1
+        self._garbage = Line(Faults(), 1)
+        self._plug()
+
+    @property
+    def port(self) -> str:
+        return os.ttyname(self._slave) if self._link is None else str(self._link)
+
+    @property
+    def has_client(self) -> bool:
+        return self._master >= 0
+
+    def waiting_for(self) -> list[int]:
+        return [self._master] if self._master >= 0 else []
+
+    def take(self, ready: list[int]) -> tuple[bytes, bool]:
+        if self._master not in ready:
+            return b"", False
+        try:
+            data = os.read(self._master, _CHUNK)
+        except OSError:
+            return b"", False
+        return (data if self._understood() else self._garbage.garbage(len(data))), False
+
+    def write(self, data: bytes) -> None:
+        # Nobody reads: a serial line keeps nothing for later, either.
+        with suppress(BlockingIOError):
+            os.write(self._master, data if self._understood() else self._garbage.garbage(len(data)))
+
+    def tend(self, welcome: bool) -> bool:
+        if welcome and self._master < 0:
+            self._plug()
+        elif not welcome and self._master >= 0:
+            self.close()
+            return True
+        return False
+
+    def close(self) -> None:
+        if self._master < 0:
+            return
+        if self._link is not None:
+            self._link.unlink(missing_ok=True)
+        os.close(self._master)
+        os.close(self._slave)
+        self._master = self._slave = -1
+
+    def _plug(self) -> None:
+        self._master, self._slave = os.openpty()
+        # Without this the terminal echoes and edits what is sent before the client sets it up.
+        tty.setraw(self._slave)
+        settings = termios.tcgetattr(self._slave)
+        settings[4] = settings[5] = _RATES[9600]
+        termios.tcsetattr(self._slave, termios.TCSANOW, settings)
+        os.set_blocking(self._master, False)
+        if self._link is not None:
+            self._link.unlink(missing_ok=True)
+            self._link.symlink_to(os.ttyname(self._slave))
+
+    def _understood(self) -> bool:
+        """Whether both ends are set to one rate."""
+        if self._baud is None:
+            return True
+        return bool(termios.tcgetattr(self._slave)[5] == _RATES.get(self._baud()))
+
+
+def serve_tcp(
+    robot: R, port: int = 0, *, clock: Callable[[], float] = time.monotonic, seed: int = 0
+) -> Serving[R]:
+    """Serve on a TCP port of 127.0.0.1; 0 is a free one. A second client is refused.
+
+    A session that its client did not end by CLOSE stays open for the next client, as a serial
+    adapter knows nothing of sessions.
+
+    Raises:
+        InputError: the port cannot be used.
+    """
+    return Serving(robot, _TcpDoor(port), clock=clock, seed=seed)
+
+
+def serve_pty(
+    robot: R,
+    link: Path | None = None,
+    *,
+    rates: bool = False,
+    clock: Callable[[], float] = time.monotonic,
+    seed: int = 0,
+) -> Serving[R]:
+    """Serve on a pseudo terminal.
+
+    Args:
+        link: a symbolic link to it, which is gone while it is unplugged, as udev's are; without
+            one the name changes at every plugging and ``Serving.port`` is the first.
+        rates: whether the client must talk at the rate that the firmware is set to (9600 baud
+            until HOSTBAUD), and hears garbage otherwise.
+    """
+    baud = (lambda: robot.baud) if rates else None
+    return Serving(robot, _PtyDoor(link, baud), clock=clock, seed=seed)
