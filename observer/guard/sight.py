@@ -8,6 +8,9 @@ from typing import Any
 
 from observer.types import Status
 
+# So old may the reception of the newest frame be, seconds.
+SIGHT_FRESH_S = 0.2
+
 
 @dataclass(frozen=True)
 class SeenObstacle:

@@ -7,6 +7,7 @@ documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px
 from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters
 from observer.parameters.fields import MODELS, ParameterValue
 from observer.parameters.groups import Parameters, describe_range, parameter_schema
+from observer.parameters.guard import GuardParameters
 from observer.parameters.one_camera import OneCameraParameters
 from observer.parameters.planar import (
     ClusteringParameters,
@@ -29,6 +30,7 @@ __all__ = [
     "FlowParameters",
     "FollowingParameters",
     "FramesParameters",
+    "GuardParameters",
     "MatchingParameters",
     "MotionParameters",
     "ObstacleParameters",

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from observer.errors import InputError, ParameterError
 from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters
 from observer.parameters.fields import ParameterValue, Stage
+from observer.parameters.guard import GuardParameters
 from observer.parameters.one_camera import OneCameraParameters
 from observer.parameters.planar import (
     ClusteringParameters,
@@ -43,6 +44,7 @@ class Parameters(Stage):
     motion: MotionParameters = MotionParameters()
     clustering: ClusteringParameters = ClusteringParameters()
     tracking: TrackingParameters = TrackingParameters()
+    guard: GuardParameters = GuardParameters()
 
     def flat(self) -> dict[str, ParameterValue]:
         """All values by dotted name, in the order of declaration."""

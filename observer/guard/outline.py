@@ -1,0 +1,129 @@
+"""A robot's outline and the ground it passes over along an arc."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+
+# A robot that nobody has measured is taken for a large one, metres.
+_UNKNOWN_LENGTH_M = 0.55
+_UNKNOWN_WIDTH_M = 0.45
+# Between two samples of ground: less than half of anything that would be run into.
+_STEP_M = 0.05
+_MOST_STEPS = 40
+_EDGE_M = 0.1
+_RING = 24
+# Below this way per radian a motion is a turn on the spot: the axle hardly leaves its place.
+_SPOT_M = 0.02
+
+
+@dataclass(frozen=True)
+class Outline:
+    """Length and width about the middle of the axle, and within which radius it turns; metres."""
+
+    length_m: float
+    width_m: float
+    radius_m: float
+
+    @staticmethod
+    def of(length_m: float | None, width_m: float | None, radius_m: float | None) -> Outline:
+        """What is not known is taken for large."""
+        length = _UNKNOWN_LENGTH_M if length_m is None else length_m
+        width = _UNKNOWN_WIDTH_M if width_m is None else width_m
+        diagonal = math.hypot(length, width) / 2
+        return Outline(length, width, diagonal if radius_m is None else radius_m)
+
+    def distance(self, x: Float64Array, y: Float64Array) -> Float64Array:
+        """Distance of points in the base frame from the outline, metres; 0 within."""
+        dx = np.abs(x) - self.length_m / 2
+        dy = np.abs(y) - self.width_m / 2
+        return np.asarray(np.hypot(np.maximum(dx, 0.0), np.maximum(dy, 0.0)))
+
+
+def poses_along(speed_mps: float, turn_rate_radps: float, times: Float64Array) -> Float64Array:
+    """Poses (..., 3) x, y, yaw after driving an arc for ``times`` seconds, from the base frame.
+
+    The exact motion of a base with two wheels at steady speeds (Siegwart et al., Introduction to
+    Autonomous Mobile Robots, 3.2).
+    """
+    yaw = turn_rate_radps * times
+    way = speed_mps * times
+    half = yaw / 2
+    # The chord of an arc; sinc takes pi times its argument.
+    chord = way * np.sinc(half / math.pi)
+    return np.stack([chord * np.cos(half), chord * np.sin(half), yaw], axis=-1)
+
+
+def is_spot_turn(speed_mps: float, turn_rate_radps: float) -> bool:
+    """Whether a motion turns about a place within the axle's own."""
+    return abs(speed_mps) <= _SPOT_M * abs(turn_rate_radps)
+
+
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """Ground that a robot will pass over, sampled.
+
+    Attributes:
+        times: (K,) seconds at the wanted velocity until each pose, from 0 on.
+        points: (K, P, 2) in the base frame as it stands now.
+        outside: (K, P) which of them the robot, with its margin, does not stand on now.
+    """
+
+    times: Float64Array
+    points: Float64Array
+    outside: NDArray[np.bool_]
+
+    def listed(self) -> tuple[Float64Array, Float64Array, float]:
+        """The points (N, 2) outside, their times (N,) and the time from pose to pose."""
+        rows, columns = np.nonzero(self.outside)
+        step = float(self.times[1]) if len(self.times) > 1 else 0.0
+        return self.points[rows, columns], self.times[rows], step
+
+
+def swept(
+    outline: Outline, speed_mps: float, turn_rate_radps: float, seconds: float, margin_m: float
+) -> Swept:
+    """The ground under the outline with its margin, along an arc of so many seconds.
+
+    Of a motion forth or back: the leading edge, the middles of the sides and the trailing corners,
+    which swing out in a bend. Of a turn on the spot: the turning circle, all of it at once.
+    """
+    if is_spot_turn(speed_mps, turn_rate_radps):
+        angle = np.arange(_RING) * (2 * math.pi / _RING)
+        ring = (outline.radius_m + margin_m) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return Swept(np.zeros(1), ring[None], np.ones((1, _RING), np.bool_))
+    body = _edge(outline, margin_m, speed_mps)
+    reach = math.hypot(*body[0])
+    way = (abs(speed_mps) + abs(turn_rate_radps) * reach) * seconds
+    count = min(_MOST_STEPS, max(2, math.ceil(way / _STEP_M) + 1))
+    times = np.linspace(0.0, seconds, count)
+    poses = poses_along(speed_mps, turn_rate_radps, times)
+    points = placed(body, poses)
+    x, y = points[..., 0], points[..., 1]
+    own = (np.abs(x) <= outline.length_m / 2 + margin_m + 1e-6) & (
+        np.abs(y) <= outline.width_m / 2 + margin_m + 1e-6
+    )
+    own |= np.hypot(x, y) <= outline.radius_m
+    return Swept(times, points, ~own)
+
+
+def placed(body: Float64Array, poses: Float64Array) -> Float64Array:
+    """Points (P, 2) of a body at each of its poses (K, 3): (K, P, 2)."""
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x = poses[:, :1] + c[:, None] * body[:, 0] - s[:, None] * body[:, 1]
+    y = poses[:, 1:2] + s[:, None] * body[:, 0] + c[:, None] * body[:, 1]
+    return np.stack([x, y], axis=-1)
+
+
+def _edge(outline: Outline, margin_m: float, speed_mps: float) -> Float64Array:
+    front = math.copysign(outline.length_m / 2 + margin_m, speed_mps)
+    side = outline.width_m / 2 + margin_m
+    count = max(3, math.ceil(2 * side / _EDGE_M) + 1)
+    leading = [(front, y) for y in np.linspace(-side, side, count)]
+    rest = [(0.0, side), (0.0, -side), (-front, side), (-front, -side)]
+    return np.array(leading + rest)

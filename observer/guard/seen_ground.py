@@ -1,0 +1,122 @@
+"""Which ground is seen to be free, now and a moment ago."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.guard.dead_reckoning import DeadReckoning, moved
+from observer.guard.sight import FreeScan
+from observer.parameters import GuardParameters
+
+# A surface is taken to begin this much nearer than told, beside its uncertainty.
+_SURFACE_ERROR_M = 0.03
+# Remembered scans are this far apart, and so many of them are asked.
+_APART_S = 0.15
+_ASKED = 3
+# Whoever may have come from further away than this is not followed up: the memory is too old.
+_FARTHEST_INTRUSION_M = 0.6
+_AROUND = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ScanView:
+    """A scan with the worse of every two neighbouring bearings, ready to be asked.
+
+    Attributes:
+        bearings: (N,) ascending. near, far, blocked: (N + 1,) of the gap below each bearing; the
+            first and the last are outside the view, where nothing is known.
+    """
+
+    bearings: Float64Array
+    near: Float64Array
+    far: Float64Array
+    blocked: Float64Array
+
+    @staticmethod
+    def of(scan: FreeScan) -> ScanView:
+        near, far = np.array(scan.known_from_m), np.array(scan.known_to_m)
+        blocked = np.array([np.inf if b is None else b for b in scan.blocked_m])
+        # In places beyond a surface nothing is seen.
+        far = np.minimum(far, blocked)
+        outside = ([np.inf], [-np.inf], [np.inf])
+        pairs = [
+            np.maximum(near[:-1], near[1:]),
+            np.minimum(far[:-1], far[1:]),
+            np.minimum(blocked[:-1], blocked[1:]),
+        ]
+        joined = [
+            np.concatenate([ends, pair, ends]) for ends, pair in zip(outside, pairs, strict=True)
+        ]
+        return ScanView(np.array(scan.bearings), *joined)
+
+    def look(self, points: Float64Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which points (N, 2) of the scan's base frame are seen to be free, which are blocked."""
+        if len(self.bearings) < 2:
+            nothing = np.zeros(len(points), np.bool_)
+            return nothing, nothing
+        x, y = points[:, 0], points[:, 1]
+        gap = np.searchsorted(self.bearings, np.arctan2(y, x))
+        distance = np.hypot(x, y)
+        free = (distance >= self.near[gap]) & (distance <= self.far[gap])
+        blocked = distance >= self.blocked[gap] - _SURFACE_ERROR_M
+        return free & ~blocked, blocked
+
+
+class RememberedGround:
+    """Scans of the last moments, and what of them still counts."""
+
+    def __init__(self) -> None:
+        self._scans: deque[tuple[float, ScanView]] = deque(maxlen=64)
+
+    def forget(self) -> None:
+        self._scans.clear()
+
+    def remember(self, received: float, view: ScanView) -> None:
+        """Keep a scan, unless the last one was kept a moment ago."""
+        if not self._scans or received - self._scans[-1][0] >= _APART_S:
+            self._scans.append((received, view))
+
+    def free(
+        self, points: Float64Array, now: float, past: DeadReckoning, p: GuardParameters
+    ) -> NDArray[np.bool_]:
+        """Which points (N, 2) of the base frame of now were seen free, and must be so still.
+
+        All ground around a point must have been free as far as something unseen may have come
+        since, at ``intruder_mps``.
+        """
+        found = np.zeros(len(points), np.bool_)
+        while self._scans and now - self._scans[0][0] > p.memory_s:
+            self._scans.popleft()
+        angle = np.arange(_AROUND) * (2 * math.pi / _AROUND)
+        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        near_enough = [
+            (received, view)
+            for received, view in self._scans
+            if (now - received) * p.intruder_mps <= _FARTHEST_INTRUSION_M
+        ]
+        for received, view in _spread(near_enough):
+            left = ~found
+            if not left.any():
+                break
+            pose = past.then_from_now(np.array([received]))[0]
+            then = moved(points[left], pose)
+            radius = (now - received) * p.intruder_mps
+            around = then[:, None, :] + radius * circle
+            free, _ = view.look(np.concatenate([then, around.reshape(-1, 2)]))
+            whole = free[: len(then)] & free[len(then) :].reshape(len(then), _AROUND).all(axis=1)
+            found[left] = whole
+        return found
+
+
+def _spread(scans: list[tuple[float, ScanView]]) -> list[tuple[float, ScanView]]:
+    """At most ``_ASKED`` of them, from the newest to the oldest."""
+    if len(scans) <= _ASKED:
+        return scans[::-1]
+    picked = np.linspace(len(scans) - 1, 0, _ASKED).round().astype(int)
+    return [scans[k] for k in picked]

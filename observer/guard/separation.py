@@ -1,0 +1,218 @@
+"""Speed and separation: how far a robot must keep off, and how fast it may be for the space it has.
+
+The protective separation distance of ISO/TS 15066:2016, 5.5.4 (with the words of ISO 13855 for
+what approaches), as Marvel and Norcross write it out (Implementing speed and separation monitoring
+in collaborative robot workcells, Robotics and Computer-Integrated Manufacturing 44, 2017)::
+
+    S_p = S_h + S_r + S_s + C + Z_d + Z_r
+
+    S_h   way of the obstacle until the robot stands: its speed times (reaction + braking time)
+    S_r   way of the robot during its reaction time: speed times reaction time
+    S_s   way of the robot while it brakes: speed^2 / (2 deceleration)
+    C     distance kept all the same: the margin
+    Z_d   uncertainty of where the obstacle is (sigmas times its standard deviation, which grows
+          with that of its velocity and the time)
+    Z_r   uncertainty of the robot's own way: a share of S_r + S_s
+
+The standard adds the speeds up as if both drove straight at each other. Here the robot's way is
+the commanded arc and the obstacle's its measured velocity, so what passes behind the robot does
+not stop it. This is a help for careful people, not a certified safety function: neither the
+cameras nor the computer are safety rated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.guard.outline import Outline, poses_along
+from observer.guard.sight import SeenObstacle
+from observer.parameters import GuardParameters
+
+# One standard deviation of the robot's own way, as a share of it: wheels slip, floors differ.
+WAY_SIGMA = 0.05
+# Where no uncertainty is told.
+_UNKNOWN_POSITION_SIGMA_M = 0.2
+_UNKNOWN_VELOCITY_SIGMA_MPS = 0.3
+_SHARES = 13
+_INSTANTS = 12
+# Coming this much nearer than one would by standing is no approach.
+_NO_APPROACH_M = 0.01
+
+
+@dataclass(frozen=True)
+class ProtectiveDistance:
+    """The parts of the protective separation distance, metres; see the module."""
+
+    S_h: float
+    S_r: float
+    S_s: float
+    C: float
+    Z_d: float
+    Z_r: float
+
+    @property
+    def total(self) -> float:
+        return self.S_h + self.S_r + self.S_s + self.C + self.Z_d + self.Z_r
+
+
+def protective_distance(
+    speed_mps: float,
+    p: GuardParameters,
+    *,
+    closing_mps: float = 0.0,
+    position_sigma_m: float = 0.0,
+) -> ProtectiveDistance:
+    """How far off something must be for a robot that drives straight at it.
+
+    Args:
+        speed_mps: of the robot, 0 or more. closing_mps: of the obstacle towards the robot.
+        position_sigma_m: of the obstacle along the line between them, when the robot stands.
+    """
+    braking_s = speed_mps / p.deceleration_mps2
+    S_r = speed_mps * p.reaction_s
+    S_s = speed_mps * braking_s / 2
+    return ProtectiveDistance(
+        S_h=max(0.0, closing_mps) * (p.reaction_s + braking_s),
+        S_r=S_r,
+        S_s=S_s,
+        C=p.margin_m,
+        Z_d=p.sigmas * position_sigma_m,
+        Z_r=p.sigmas * WAY_SIGMA * (S_r + S_s),
+    )
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """How a motion along one arc comes to its end.
+
+    Speed and turn rate are scaled together by a *share* from 0 to 1, so the robot stays on the
+    arc; its way is told in seconds at the wanted velocity.
+
+    Attributes:
+        reaction_s: before it brakes. braking_s: from the wanted velocity to standing.
+        stretch: by which the way may turn out longer than planned (Z_r).
+    """
+
+    reaction_s: float
+    braking_s: float
+    stretch: float
+
+    @staticmethod
+    def of(speed_mps: float, turn_rate_radps: float, p: GuardParameters) -> Stopping:
+        braking_s = max(
+            abs(speed_mps) / p.deceleration_mps2,
+            abs(turn_rate_radps) / p.turn_acceleration_radps2,
+            1e-6,
+        )
+        return Stopping(p.reaction_s, braking_s, 1 + p.sigmas * WAY_SIGMA)
+
+    def way_s(self, share: float = 1.0) -> float:
+        """S_r + S_s + Z_r of a share of the wanted velocity."""
+        return self.stretch * (share * self.reaction_s + share**2 * self.braking_s / 2)
+
+    def share_within(self, way_s: float) -> float:
+        """The largest share, at most 1, that stops within a way: the inverse of ``way_s``."""
+        if way_s <= 0:
+            return 0.0
+        root = self.reaction_s**2 + 2 * self.braking_s * way_s / self.stretch
+        return float(min(1.0, (root**0.5 - self.reaction_s) / self.braking_s))
+
+    def progress(self, shares: Float64Array, times: Float64Array) -> Float64Array:
+        """Way (M, K) at instants (M, K), each row braking from its share (M, 1) after reacting."""
+        braking = np.clip(times - self.reaction_s, 0.0, shares * self.braking_s)
+        rolling = shares * (np.minimum(times, self.reaction_s) + braking)
+        return np.asarray(self.stretch * (rolling - braking**2 / (2 * self.braking_s)))
+
+
+@dataclass(frozen=True)
+class Approach:
+    """What tracked obstacles permit.
+
+    Attributes:
+        stop_share: of the wanted velocity, with which the separation is kept to the end of
+            braking. stopper: the obstacle that sets it, None where none does.
+        contact_s: until the separation would be used up at the wanted velocity, None where it
+            would not be within the time looked at. nearest: the obstacle of it.
+    """
+
+    stop_share: float
+    stopper: int | None
+    contact_s: float | None
+    nearest: int | None
+
+
+CLEAR = Approach(1.0, None, None, None)
+
+
+def approach(
+    obstacles: Sequence[SeenObstacle],
+    T_now_then: tuple[float, float, float],
+    age_s: float,
+    wanted: tuple[float, float],
+    outline: Outline,
+    p: GuardParameters,
+) -> Approach:
+    """How tracked obstacles limit a motion along an arc, their own motion included.
+
+    A motion that comes no nearer to an obstacle than standing would is never limited by it, so
+    that a robot can always make way.
+
+    Args:
+        obstacles: in the base frame of ``age_s`` ago. T_now_then: that frame as x, y, yaw in the
+            base frame of now.
+        wanted: m/s and rad/s.
+    """
+    if not obstacles:
+        return CLEAR
+    values = np.array([_numbers(one) for one in obstacles])
+    x0, y0, yaw = T_now_then
+    c, s = np.cos(yaw), np.sin(yaw)
+    x, y, vx, vy, radius, sigma_p, sigma_v = values.T
+    ox, oy = x0 + c * x - s * y, y0 + s * x + c * y
+    wx, wy = c * vx - s * vy, s * vx + c * vy
+    stopping = Stopping.of(*wanted, p)
+
+    def separation(way_s: Float64Array, times: Float64Array) -> Float64Array:
+        """(..., O) from outline to obstacle at instants from now, uncertainty taken off."""
+        poses = poses_along(*wanted, way_s)[..., None, :]
+        dx = ox + wx * (age_s + times[..., None]) - poses[..., 0]
+        dy = oy + wy * (age_s + times[..., None]) - poses[..., 1]
+        cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
+        gap = outline.distance(cos * dx + sin * dy, cos * dy - sin * dx)
+        # Within the outline the distance of the centres goes on falling.
+        gap = gap + np.minimum(0.0, np.hypot(dx, dy) - outline.width_m / 2)
+        sigma = np.hypot(sigma_p, sigma_v * (age_s + times[..., None]))
+        return np.asarray(gap - radius - p.margin_m - p.sigmas * sigma)
+
+    shares = np.linspace(0.0, 1.0, _SHARES)[:, None]
+    times = np.linspace(0.0, 1.0, _INSTANTS) * (p.reaction_s + shares * stopping.braking_s)
+    driving = separation(stopping.progress(shares, times), times)
+    standing = separation(np.zeros_like(times), times)
+    worse = np.asarray((driving < 0) & (driving < standing - _NO_APPROACH_M))
+    refused = np.asarray(worse.any(axis=1), np.bool_)
+    stop_share, stopper = 1.0, None
+    if refused.any():
+        first = int(np.argmax(refused.any(axis=1)))
+        stop_share = float(shares[max(0, first - 1), 0])
+        stopper = obstacles[int(np.argmax(refused[first]))].id
+    ahead = np.linspace(0.0, p.slow_time_s, 2 * _INSTANTS)
+    meets = separation(ahead, ahead)
+    still = separation(np.zeros_like(ahead), ahead)
+    near = np.asarray((meets < 0) & (meets < still - _NO_APPROACH_M))
+    if not near.any():
+        return Approach(stop_share, stopper, None, stopper)
+    k = int(np.argmax(near.any(axis=1)))
+    return Approach(stop_share, stopper, float(ahead[k]), obstacles[int(np.argmax(near[k]))].id)
+
+
+def _numbers(one: SeenObstacle) -> tuple[float, ...]:
+    sigma_p, sigma_v = one.position_sigma_m, one.velocity_sigma_mps
+    return (
+        one.x, one.y, one.vx, one.vy, one.radius_m,
+        _UNKNOWN_POSITION_SIGMA_M if sigma_p is None else sigma_p,
+        _UNKNOWN_VELOCITY_SIGMA_MPS if sigma_v is None else sigma_v,
+    )  # fmt: skip

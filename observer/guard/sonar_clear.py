@@ -1,0 +1,111 @@
+"""What fresh sonar readings say of ground: clear, an echo, or nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.guard.dead_reckoning import DeadReckoning
+from observer.parameters import GuardParameters
+from observer.robots.contract import SonarReading
+
+# An echo's range may be wrong by so much.
+_RANGE_ERROR_M = 0.04
+# Beside its own face a sonar notices nothing; what is level with it is noticed by its neighbour.
+_BEHIND_FACE_M = 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class SonarView:
+    """Fresh readings, carried to where the robot stands now.
+
+    Attributes:
+        index: (S,) their numbers. x, y, heading: (S,) of each sonar when it was asked, in the
+            base frame of now. echo_m: (S,) range of the echo, infinite where none came.
+        clear_m: (S,) how far its cone counts as clear still.
+    """
+
+    index: tuple[int, ...]
+    x: Float64Array
+    y: Float64Array
+    heading: Float64Array
+    echo_m: Float64Array
+    clear_m: Float64Array
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+
+def fresh_sonar(
+    sonars: Sequence[SonarReading], now: float, past: DeadReckoning, p: GuardParameters
+) -> SonarView | None:
+    """The readings that still count; None where there are none.
+
+    What a sonar told before is worth less by what may have come in since at ``intruder_mps``.
+    """
+    fresh = [one for one in sonars if 0 <= now - one.received <= p.sonar_fresh_s]
+    if not fresh:
+        return None
+    rows = np.array(
+        [
+            (one.x, one.y, one.heading, math.inf if one.range_m is None else one.range_m,
+             one.received)
+            for one in fresh
+        ]
+    )  # fmt: skip
+    x, y, heading, echo, received = rows.T
+    # The base as it stands now in the base frame of each reading; here its inverse is needed.
+    dx, dy, yaw = past.then_from_now(received).T
+    c, s = np.cos(yaw), np.sin(yaw)
+    rx, ry = x - dx, y - dy
+    reach = np.minimum(echo - _RANGE_ERROR_M, p.sonar_reach_m)
+    return SonarView(
+        tuple(one.index for one in fresh),
+        c * rx + s * ry,
+        c * ry - s * rx,
+        heading - yaw,
+        echo,
+        reach - p.intruder_mps * (now - received),
+    )
+
+
+def clear_by_sonar(points: Float64Array, view: SonarView, p: GuardParameters) -> NDArray[np.bool_]:
+    """Which points (N, 2) of the base frame lie in ground that sonar says is clear.
+
+    In a clear cone, or between two clear cones whose gap there is narrower than
+    ``thing_width_m``: whatever stands in it reaches into one of them.
+    """
+    along, aside, distance = _local(points, view)
+    half = math.radians(p.sonar_half_angle_deg)
+    valid = (distance <= view.clear_m[:, None]) & (along >= -_BEHIND_FACE_M)
+    gap = np.maximum(np.abs(aside) * math.cos(half) - along * math.sin(half), 0.0)
+    gap = np.where(valid, gap, np.inf)
+    left = np.where(aside >= 0, gap, np.inf).min(axis=0)
+    right = np.where(aside <= 0, gap, np.inf).min(axis=0)
+    inside = np.minimum(left, right) <= 0
+    return np.asarray(inside | (left + right <= p.thing_width_m), np.bool_)
+
+
+def echo_at(points: Float64Array, view: SonarView, p: GuardParameters) -> NDArray[np.bool_]:
+    """(S, N): at which points (N, 2) of the base frame the thing may be that echoed, or behind it.
+
+    An echo does not tell where in the cone it came from, so it may be anywhere across.
+    """
+    along, aside, distance = _local(points, view)
+    half = math.radians(p.sonar_half_angle_deg)
+    inside = (along > 0) & (np.abs(aside) <= along * math.tan(half))
+    return np.asarray(inside & (distance >= view.echo_m[:, None] - _RANGE_ERROR_M), np.bool_)
+
+
+def _local(
+    points: Float64Array, view: SonarView
+) -> tuple[Float64Array, Float64Array, Float64Array]:
+    dx = points[:, 0] - view.x[:, None]
+    dy = points[:, 1] - view.y[:, None]
+    c, s = np.cos(view.heading)[:, None], np.sin(view.heading)[:, None]
+    return c * dx + s * dy, c * dy - s * dx, np.hypot(dx, dy)
