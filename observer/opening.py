@@ -41,9 +41,9 @@ def open_source(spec: str) -> OpenedSource:
         spec: ``simulated:SCENARIO`` (optionally ``?seed=N``), ``video:LEFT,RIGHT`` or
             ``video:SIDE_BY_SIDE``; ``camera:0,1``, two device paths or ``camera:sbs:0`` (settings
             after ``?``); two ``rtsp://`` or ``http://`` addresses with a comma between them, or
-            ``sbs:`` and one (``sbs_swapped:`` where the left image is in the right half); or the
-            path of a folder: stereo folder, KITTI odometry, KITTI raw or EuRoC, recognised by its
-            content.
+            ``sbs:`` and one (``sbs_swapped:`` where the left image is in the right half);
+            ``coppeliasim:HOST:PORT``; or the path of a folder: stereo folder, KITTI odometry,
+            KITTI raw or EuRoC, recognised by its content.
 
     Raises:
         SourceError: one sentence that says what is wrong and what would be right.
@@ -66,11 +66,15 @@ def open_source(spec: str) -> OpenedSource:
         from observer.sources.cameras.source import open_urls
 
         return OpenedSource(open_urls(spec), None)
+    if kind == "coppeliasim":
+        from observer.coppeliasim.opening import open_coppeliasim
+
+        return OpenedSource(*open_coppeliasim(rest))
     if kind:
         raise SourceError(
             f"there is no kind of source {kind!r}; use simulated:SCENARIO, video:LEFT,RIGHT, "
-            f"camera:0,1, two addresses of network cameras or the path of a folder with stereo "
-            f"images"
+            f"camera:0,1, two addresses of network cameras, coppeliasim:HOST:PORT or the path of "
+            f"a folder with stereo images"
         )
     return _open_folder(Path(rest))
 
@@ -107,6 +111,19 @@ def live_devices(spec: str) -> tuple[str, ...]:
     except SourceError:
         return ()
     return tuple(target.name for target in parsed.targets)
+
+
+def exclusive_world(spec: str) -> str | None:
+    """The world that ``spec`` names, where it takes one source at a time; nothing is opened."""
+    scheme = _SCHEME.match(spec)
+    if scheme is None or scheme.group(1).lower() != "coppeliasim":
+        return None
+    from observer.coppeliasim.address import parse_address
+
+    try:
+        return parse_address(spec[scheme.end() :]).world
+    except SourceError:
+        return None
 
 
 def _open_simulated(rest: str) -> OpenedSource:

@@ -1,0 +1,45 @@
+"""From the angles of two wheels to the way of their robot."""
+
+from __future__ import annotations
+
+import math
+
+from observer.types import Odometry
+
+# A wheel that seems to turn by more within one reading did not: its joint was reset.
+_MOST_TURN_RAD = 20.0
+
+
+class WheelOdometry:
+    """Sums up how the wheels turned, as an arc between two readings.
+
+    A circle's chord and turn (Siegwart and Nourbakhsh, Introduction to Autonomous Mobile Robots,
+    section 5.2.4).
+    """
+
+    def __init__(self, radius_m: float, track_m: float) -> None:
+        self._radius, self._track = radius_m, track_m
+        self._before: tuple[float, float] | None = None
+        self._x = self._y = self._yaw = 0.0
+
+    def add(self, left_rad: float, right_rad: float) -> Odometry:
+        """Of the wheels' angles as they are now; the first ones are the beginning."""
+        before, self._before = self._before, (left_rad, right_rad)
+        if before is None:
+            return self.odometry
+        left, right = left_rad - before[0], right_rad - before[1]
+        if max(abs(left), abs(right)) > _MOST_TURN_RAD:
+            return self.odometry
+        way = (left + right) / 2 * self._radius
+        turn = (right - left) * self._radius / self._track
+        half = turn / 2
+        chord = way * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+        self._x += chord * math.cos(self._yaw + half)
+        self._y += chord * math.sin(self._yaw + half)
+        self._yaw += turn
+        return self.odometry
+
+    @property
+    def odometry(self) -> Odometry:
+        """Since the first angles."""
+        return Odometry(self._x, self._y, self._yaw)

@@ -1,0 +1,213 @@
+"""The two vision sensors that are the stereo camera: found, or put onto a robot; their images.
+
+Names are tried first, without regard to case; then any two sensors that lie side by side.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.camera import StereoCalibration
+from observer.coppeliasim.connection import Connection, CoppeliaSimError
+from observer.coppeliasim.pioneers import Pioneer
+from observer.coppeliasim.poses import R_SENSOR_CAMERA, handles, number, pose_numbers, pose_of
+from observer.errors import CalibrationError
+from observer.geometry import Float64Array, Pose
+from observer.types import Image
+
+LEFT_NAME, RIGHT_NAME = "leftCamera", "rightCamera"
+WIDTH, HEIGHT, VIEW_ANGLE_DEG = 512, 256, 60.0
+# Where sensors that are created stand on their robot, metres and radians: the simulated lab's.
+BASELINE_M, FORWARD_M, ABOVE_FLOOR_M, TILT_RAD = 0.12, 0.14, 0.34, math.radians(6.0)
+NEAR_M, FAR_M = 0.05, 20.0
+# Bits of sim.createVisionSensor: handled explicitly, with perspective.
+_EXPLICIT, _PERSPECTIVE = 1, 2
+_LARGEST_BASELINE_M = 1.0
+# A pair that deviates by less is exactly parallel, as far as anybody could tell from its images.
+_ROUNDING = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """A vision sensor: its handle, path and alias, size in pixels, view angle in radians."""
+
+    handle: int
+    path: str
+    name: str
+    width: int
+    height: int
+    view_angle: float
+
+    @property
+    def focal_px(self) -> float:
+        """The view angle is that of the larger dimension."""
+        return max(self.width, self.height) / 2 / math.tan(self.view_angle / 2)
+
+    @property
+    def K(self) -> Float64Array:
+        """(3, 3) camera matrix; pixel centres at whole numbers, so the middle is at 255.5."""
+        f = self.focal_px
+        return np.array([[f, 0, (self.width - 1) / 2], [0, f, (self.height - 1) / 2], [0, 0, 1]])
+
+    def T_room_camera(self, connection: Connection) -> Pose:
+        """Where it is at this moment, with OpenCV's axes."""
+        return pose_of(connection, self.handle) @ Pose(R_SENSOR_CAMERA, np.zeros(3))
+
+    def image(self, connection: Connection) -> Image:
+        """(H, W, 3) BGR, upper row first, of what it saw when it was handled last.
+
+        Raises:
+            CoppeliaSimError: it is not of the size that it was when it was opened.
+        """
+        given = connection.call("getVisionSensorImg", self.handle)
+        content, size = given if isinstance(given, tuple) and len(given) == 2 else (None, None)
+        expected = self.width * self.height * 3
+        if not isinstance(content, bytes) or len(content) != expected or size is None:
+            got = f"{len(content)} bytes" if isinstance(content, bytes) else "no image"
+            raise CoppeliaSimError(
+                f"{self.path} of CoppeliaSim at {connection.address} gives {got} "
+                f"(told size {size}), not {self.width}x{self.height} pixels in colour; open the "
+                f"source again after changing a vision sensor"
+            )
+        if list(size) != [self.width, self.height]:
+            raise CoppeliaSimError(
+                f"{self.path} of CoppeliaSim at {connection.address} is now of "
+                f"{'x'.join(str(n) for n in size)} pixels, not {self.width}x{self.height} as it "
+                f"was opened; open the source again"
+            )
+        rgb = np.frombuffer(content, np.uint8).reshape(self.height, self.width, 3)
+        return np.ascontiguousarray(rgb[::-1, :, ::-1])
+
+
+@dataclass(frozen=True, eq=False)
+class StereoSensors:
+    """Left and right sensor, and their calibration."""
+
+    left: Sensor
+    right: Sensor
+    calibration: StereoCalibration
+
+
+def find_sensors(connection: Connection) -> StereoSensors | None:
+    """The scene's stereo camera; None where no two sensors lie side by side.
+
+    Raises:
+        CoppeliaSimError: two sensors have the names, but are no stereo camera.
+    """
+    every = _all_sensors(connection)
+    named = [
+        next((s for s in every if s.name.lower() == name.lower()), None)
+        for name in (LEFT_NAME, RIGHT_NAME)
+    ]
+    left, right = named
+    if left is not None and right is not None:
+        return _stereo(connection, left, right)
+    poses = {sensor.handle: sensor.T_room_camera(connection) for sensor in every}
+    pairs = []
+    for left, right in itertools.permutations(every, 2):
+        T = poses[left.handle].inverse() @ poses[right.handle]
+        x, y, z = T.translation.tolist()
+        side_by_side = 0 < x <= _LARGEST_BASELINE_M and math.hypot(y, z) < x / 10
+        if side_by_side and _alike(left, right) and np.linalg.norm(T.rotvec) < math.radians(5):
+            pairs.append((x, left, right))
+    if not pairs:
+        return None
+    _, left, right = min(pairs, key=lambda pair: pair[0])
+    return _stereo(connection, left, right)
+
+
+def create_sensors(connection: Connection, robot: Pioneer) -> StereoSensors:
+    """Put a stereo camera onto a robot: 512x256 pixels at 60 degrees."""
+    T_room_base = robot.T_room_base(connection)
+    tilt = Pose.from_rotvec([0.0, TILT_RAD, 0.0], np.zeros(3)).rotation
+    # A sensor that looks ahead along the base's x, its y up and its x left.
+    R_base_sensor = tilt @ np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    for name, side in ((LEFT_NAME, 0.5), (RIGHT_NAME, -0.5)):
+        handle = connection.call(
+            "createVisionSensor",
+            _EXPLICIT | _PERSPECTIVE,
+            [WIDTH, HEIGHT, 0, 0],
+            [NEAR_M, FAR_M, math.radians(VIEW_ANGLE_DEG), 0.02, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        )
+        at = np.array([FORWARD_M, side * BASELINE_M, ABOVE_FLOOR_M])
+        T_room_sensor = T_room_base @ Pose(R_base_sensor, at)
+        connection.call("setObjectAlias", handle, name)
+        connection.call("setObjectPose", handle, pose_numbers(T_room_sensor))
+        connection.call("setObjectParent", handle, robot.handle, True)
+    made = find_sensors(connection)
+    if made is None:
+        raise CoppeliaSimError(
+            f"vision sensors were created on {robot.path} of CoppeliaSim at "
+            f"{connection.address}, but are not there; create {LEFT_NAME} and {RIGHT_NAME} by hand"
+        )
+    return made
+
+
+def _all_sensors(connection: Connection) -> list[Sensor]:
+    """Those with perspective; the others are no cameras."""
+    kind = connection.constant("sceneobject_visionsensor", "object_visionsensor_type")
+    perspective = connection.constant("visionintparam_perspective_operation")
+    found = connection.call("getObjectsInTree", connection.constant("handle_scene"), kind, 0)
+    return [
+        _sensor(connection, handle)
+        for handle in handles(found)
+        if connection.call("getObjectInt32Param", handle, perspective)
+    ]
+
+
+def _sensor(connection: Connection, handle: int) -> Sensor:
+    width, height = (
+        int(
+            number(
+                connection.call(
+                    "getObjectInt32Param",
+                    handle,
+                    connection.constant(f"visionintparam_resolution_{axis}"),
+                ),
+                connection,
+            )
+        )
+        for axis in "xy"
+    )
+    angle = connection.call(
+        "getObjectFloatParam", handle, connection.constant("visionfloatparam_perspective_angle")
+    )
+    path = str(connection.call("getObjectAlias", handle, 1))
+    name = str(connection.call("getObjectAlias", handle))
+    return Sensor(handle, path, name, width, height, number(angle, connection))
+
+
+def _alike(a: Sensor, b: Sensor) -> bool:
+    return (a.width, a.height) == (b.width, b.height) and abs(a.view_angle - b.view_angle) < 1e-4
+
+
+def _stereo(connection: Connection, left: Sensor, right: Sensor) -> StereoSensors:
+    if not _alike(left, right):
+        sizes = [
+            f"{s.path} {s.width}x{s.height} at {math.degrees(s.view_angle):.4g} degrees"
+            for s in (left, right)
+        ]
+        raise CoppeliaSimError(
+            f"the vision sensors of CoppeliaSim at {connection.address} differ: "
+            f"{' and '.join(sizes)}; give both one resolution and view angle"
+        )
+    T_right_left = right.T_room_camera(connection).inverse() @ left.T_room_camera(connection)
+    R, T = T_right_left.rotation, T_right_left.translation
+    if np.abs(R - np.eye(3)).max() < _ROUNDING:
+        R = np.eye(3)
+        if np.abs(T[1:]).max() < _ROUNDING:
+            T = np.array([T[0], 0.0, 0.0])
+    K, D = left.K, np.zeros(5)
+    try:
+        calibration = StereoCalibration(left.width, left.height, K, D, K, D, R, T)
+        calibration.check_side_by_side()
+    except CalibrationError as error:
+        raise CoppeliaSimError(
+            f"{left.path} and {right.path} of CoppeliaSim at {connection.address} are no stereo "
+            f"camera: {error}"
+        ) from None
+    return StereoSensors(left, right, calibration)

@@ -1,0 +1,162 @@
+"""The simulation's course: started, stepped by us and nobody else, stopped where we started it.
+
+In stepping mode the simulator waits for us, so what is read between two steps is of one instant.
+It forgets clients that are silent, so while nothing is read a thread shows that we are there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable
+
+from observer.coppeliasim.connection import (
+    ANSWER_WITHIN_S,
+    FORGOTTEN_AFTER_S,
+    Connection,
+    CoppeliaSimError,
+    CoppeliaSimUnreachable,
+)
+from observer.coppeliasim.poses import number
+
+# A stepping client that died holds the simulator until it is forgotten; we wait that long.
+STEP_WITHIN_S = FORGOTTEN_AFTER_S + 0.4
+_STARTED_WITHIN_S = 2.0
+_POLL_S = 0.01
+_SHOW_EVERY_S = FORGOTTEN_AFTER_S / 4
+
+
+class Simulation:
+    """Steps a simulator; used by one thread.
+
+    Attributes:
+        time_step_s: of the simulated time.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._started = False
+        self._stepping = False
+        self._closing = threading.Event()
+        self._shower: threading.Thread | None = None
+        self.time_step_s = number(connection.call("getSimulationTimeStep"), connection)
+        if not self.time_step_s > 0:
+            raise CoppeliaSimError(
+                f"CoppeliaSim at {connection.address} steps by {self.time_step_s} s; "
+                f"set a positive time step"
+            )
+
+    @property
+    def time(self) -> float:
+        """The simulated time, seconds."""
+        return number(self._connection.call("getSimulationTime"), self._connection)
+
+    def start(self) -> None:
+        """From now on it stands still between steps; it is started where it was stopped."""
+        connection = self._connection
+        stopped = connection.constant("simulation_stopped")
+        advancing = connection.constant("simulation_advancing")
+        self._wait_while_stopping()
+        self._step_alone()
+        state = connection.call("getSimulationState")
+        if not state & advancing:
+            self._started = state == stopped
+            connection.call("startSimulation")
+            self._await(lambda: bool(connection.call("getSimulationState") & advancing), "start")
+        if self._shower is None:
+            self._shower = threading.Thread(
+                target=self._show, name="showing CoppeliaSim that we are there", daemon=True
+            )
+            self._shower.start()
+
+    def step(self) -> float:
+        """One step further; the simulated time then, seconds.
+
+        Raises:
+            CoppeliaSimError: it does not go on, because somebody stopped or paused it.
+        """
+        connection = self._connection
+        before = self.time
+        try:
+            connection.call("step", within_s=STEP_WITHIN_S)
+        except CoppeliaSimUnreachable as error:
+            raise CoppeliaSimUnreachable(
+                f"{error}, such as a second program that steps it"
+            ) from None
+        after = self.time
+        if after > before:
+            return after
+        raise CoppeliaSimError(
+            f"the simulation at {connection.address} does not go on from {after:.3f} s, as if it "
+            f"had been stopped or paused there; start it, or open the source again"
+        )
+
+    def hold_again(self) -> None:
+        """Stand still between steps again, after the simulator forgot us."""
+        self._stepping = False
+        self._step_alone()
+
+    def restart(self) -> None:
+        """Begin anew: the simulator puts everything back to where it started."""
+        connection = self._connection
+        stopped = connection.constant("simulation_stopped")
+        self._release()
+        connection.call("stopSimulation")
+        self._await(lambda: connection.call("getSimulationState") == stopped, "stop")
+
+    def close(self) -> None:
+        """Let it run by itself, or stop it where it was started here; safe to call twice."""
+        self._closing.set()
+        if self._shower is not None:
+            self._shower.join()
+            self._shower = None
+        if self._connection.closed:
+            return
+        with contextlib.suppress(CoppeliaSimError):
+            self._release()
+            if self._started:
+                self._connection.call("stopSimulation")
+        self._started = False
+
+    def _step_alone(self) -> None:
+        # It counts: somebody who asked twice must give back twice.
+        if not self._stepping:
+            self._connection.call("setStepping", True)
+            self._stepping = True
+
+    def _release(self) -> None:
+        if self._stepping:
+            self._stepping = False
+            self._connection.call("setStepping", False)
+
+    def _wait_while_stopping(self) -> None:
+        connection = self._connection
+        stopping = [
+            connection.constant(f"simulation_advancing_{name}")
+            for name in ("abouttostop", "lastbeforestop")
+        ]
+        self._await(lambda: connection.call("getSimulationState") not in stopping, "stop")
+
+    def _await(self, done: Callable[[], bool], what: str) -> None:
+        deadline = time.monotonic() + _STARTED_WITHIN_S
+        while not done():
+            if time.monotonic() > deadline:
+                raise CoppeliaSimError(
+                    f"the simulation at {self._connection.address} did not {what} within "
+                    f"{_STARTED_WITHIN_S:g} s; {what} it by hand and see what it says"
+                )
+            time.sleep(_POLL_S)
+
+    def _show(self) -> None:
+        while not self._closing.wait(_SHOW_EVERY_S / 2):
+            silent = time.monotonic() - self._connection.last_call
+            if silent < _SHOW_EVERY_S:
+                continue
+            try:
+                self._connection.call("getSimulationTime", within_s=ANSWER_WITHIN_S)
+            except CoppeliaSimUnreachable:
+                # Who reads next is told.
+                return
+            except CoppeliaSimError:
+                continue

@@ -1,0 +1,164 @@
+"""The vision sensors of a CoppeliaSim scene as a source of stereo frames.
+
+It is paced like a recording, not live: the simulator stands still until the next frame is asked
+for, so it can be paused and stepped. It never ends by itself.
+"""
+
+from __future__ import annotations
+
+import time as clock
+
+from observer.camera import StereoCalibration
+from observer.coppeliasim.connection import Connection, CoppeliaSimError
+from observer.coppeliasim.odometry import WheelOdometry
+from observer.coppeliasim.pioneers import Pioneer
+from observer.coppeliasim.sensors import StereoSensors
+from observer.coppeliasim.simulation import Simulation
+from observer.coppeliasim.truth import CoppeliaSimTruth
+from observer.geometry import Pose
+from observer.mount import CameraMount
+from observer.sources.contract import SourceInfo
+from observer.types import Image, StereoFrame
+
+_EXPLICITLY_HANDLED = 1
+
+
+class CoppeliaSimSource:
+    """Frames of a scene, one for each step; a frame's time is the simulated time.
+
+    Args:
+        robot: that carries the sensors, None where none does.
+        truth: told of every frame's instant.
+
+    Raises:
+        CoppeliaSimError: the simulation cannot be started or stepped.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        sensors: StereoSensors,
+        robot: Pioneer | None,
+        truth: CoppeliaSimTruth,
+    ) -> None:
+        self._connection = connection
+        self._sensors = sensors
+        self._robot = robot
+        self._truth = truth
+        self._simulation = Simulation(connection)
+        self._odometry = _odometry(robot)
+        self._next = 0
+        self._info = self._described()
+        self._begin()
+
+    @property
+    def info(self) -> SourceInfo:
+        return self._info
+
+    @property
+    def calibration(self) -> StereoCalibration | None:
+        """By the sensors' own resolution, view angle and poses: exact."""
+        return self._sensors.calibration
+
+    def read(self) -> StereoFrame:
+        """The next frame. The step that leads to it is made now, not after the one before, so
+        that what was commanded meanwhile is in it.
+
+        Raises:
+            CoppeliaSimError: the simulator does not answer, or not as it should.
+        """
+        if self._next:
+            self._simulation.step()
+        for _ in range(2):
+            frame = self._read_here()
+            if frame is not None:
+                self._next += 1
+                return frame
+            # The simulator forgot that we step it, and went on by itself.
+            self._simulation.hold_again()
+        raise CoppeliaSimError(
+            f"CoppeliaSim at {self._connection.address} goes on by itself while it is read; "
+            f"see that no other program starts and stops its stepping mode"
+        )
+
+    def rewind(self) -> None:
+        """Begin the simulation anew."""
+        self._simulation.restart()
+        self._truth.begin_again()
+        self._odometry = _odometry(self._robot)
+        self._next = 0
+        self._begin()
+
+    def close(self) -> None:
+        """Let the simulator go; what was started here is stopped."""
+        self._simulation.close()
+        self._connection.close()
+
+    def _begin(self) -> None:
+        for sensor in (self._sensors.left, self._sensors.right):
+            self._connection.call("setExplicitHandling", sensor.handle, _EXPLICITLY_HANDLED)
+        self._simulation.start()
+
+    def _read_here(self) -> StereoFrame | None:
+        """All that belongs to one instant; None where it was not one."""
+        before = self._simulation.time
+        left, right = self._images()
+        T_room_left = self._sensors.left.T_room_camera(self._connection)
+        self._truth.note(self._connection, before, T_room_left)
+        odometry = None
+        if self._robot is not None and self._odometry is not None:
+            odometry = self._odometry.add(*self._robot.wheel_angles(self._connection))
+        if self._simulation.time != before:
+            return None
+        return StereoFrame(
+            index=self._next,
+            time=before,
+            left=left,
+            right=right,
+            received=clock.monotonic(),
+            odometry=odometry,
+        )
+
+    def _images(self) -> tuple[Image, Image]:
+        sensors = (self._sensors.left, self._sensors.right)
+        for sensor in sensors:
+            self._connection.call("handleVisionSensor", sensor.handle)
+        left, right = (sensor.image(self._connection) for sensor in sensors)
+        return left, right
+
+    def _described(self) -> SourceInfo:
+        mount = self._mount()
+        calibration = self._sensors.calibration
+        return SourceInfo(
+            spec=self._connection.address.world,
+            kind="coppeliasim",
+            width=calibration.width,
+            height=calibration.height,
+            frame_rate=1 / self._simulation.time_step_s,
+            frame_count=None,
+            mount_height_m=None if mount is None else mount.height_m,
+            mount_tilt_rad=None if mount is None else mount.tilt_rad,
+            mount_forward_m=None if mount is None else mount.forward_m,
+            mount_left_m=None if mount is None else mount.left_m,
+        )
+
+    def _mount(self) -> CameraMount | None:
+        """How the left sensor stands on its robot; None where that is no mount."""
+        if self._robot is None:
+            return None
+        T_room_base = self._robot.T_room_base(self._connection)
+        T_base_camera = T_room_base.inverse() @ self._left_camera()
+        down = T_base_camera.inverse().rotate([0.0, 0.0, -1.0])
+        tilt, _ = CameraMount.angles_of(down)
+        forward, left, height = T_base_camera.translation.tolist()
+        try:
+            return CameraMount(height, tilt, forward, left)
+        except ValueError:
+            return None
+
+    def _left_camera(self) -> Pose:
+        return self._sensors.left.T_room_camera(self._connection)
+
+
+def _odometry(robot: Pioneer | None) -> WheelOdometry | None:
+    return None if robot is None else WheelOdometry(robot.wheel_radius_m, robot.track_m)

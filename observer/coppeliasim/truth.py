@@ -1,0 +1,120 @@
+"""The truth about CoppeliaSim's scene, as it was at each frame's instant.
+
+The simulator knows only its present, so whoever reads a frame notes what there was. World frame:
+the rectified left camera at the first frame.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import OrderedDict
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from observer.camera import StereoCalibration
+from observer.coppeliasim.connection import Connection
+from observer.coppeliasim.pioneers import Pioneer
+from observer.coppeliasim.poses import finite, number
+from observer.geometry import Float64Array, Pose
+from observer.truth.contract import TrueBody
+
+# The page, the recorder and a test may ask for the same instant; a stream never asks further back.
+_REMEMBERED_INSTANTS = 256
+
+
+class CoppeliaSimTruth:
+    """True states of the robots at the instants of frames, and at no others.
+
+    Args:
+        robots: with their roles, the observer first where there is one.
+    """
+
+    def __init__(
+        self, robots: Sequence[tuple[str, Pioneer]], calibration: StereoCalibration
+    ) -> None:
+        self._robots = tuple(robots)
+        self._T_left_camera = Pose(_rectifying_rotation(calibration).T, np.zeros(3))
+        self._T_world_room: Pose | None = None
+        self._lock = threading.Lock()
+        self._instants: OrderedDict[float, tuple[Pose, tuple[TrueBody, ...]]] = OrderedDict()
+
+    def note(self, connection: Connection, time: float, T_room_left: Pose) -> None:
+        """Ask how everything is at this moment, which is a frame's ``time``.
+
+        Args:
+            T_room_left: the left camera, not rectified.
+        """
+        T_room_camera = T_room_left @ self._T_left_camera
+        if self._T_world_room is None:
+            self._T_world_room = T_room_camera.inverse()
+        T_world_room = self._T_world_room
+        bodies = tuple(
+            _state(connection, index, role, robot, T_world_room)
+            for index, (role, robot) in enumerate(self._robots)
+        )
+        with self._lock:
+            self._instants[time] = (T_world_room @ T_room_camera, bodies)
+            while len(self._instants) > _REMEMBERED_INSTANTS:
+                self._instants.popitem(last=False)
+
+    def begin_again(self) -> None:
+        """The source was rewound: the next frame is the first."""
+        with self._lock:
+            self._instants.clear()
+            self._T_world_room = None
+
+    def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        """The observer first, then the obstacles; empty where no frame was of ``time``."""
+        with self._lock:
+            found = self._instants.get(time)
+        return () if found is None else found[1]
+
+    def camera_pose(self, time: float) -> Pose | None:
+        """``T_world_camera`` of the rectified left camera."""
+        with self._lock:
+            found = self._instants.get(time)
+        return None if found is None else found[0]
+
+
+def _state(
+    connection: Connection, index: int, role: str, robot: Pioneer, T_world_room: Pose
+) -> TrueBody:
+    # Without this flag the angular part would be rates of Euler angles.
+    flagged = robot.handle | connection.constant("handleflag_axis")
+    moving = connection.call("getObjectVelocity", flagged)
+    linear, angular = (
+        finite(part, 3, connection)
+        for part in (moving if isinstance(moving, tuple) and len(moving) == 2 else (None, None))
+    )
+    T_room_base = robot.T_room_base(connection)
+    T_room_robot = T_room_base @ robot.T_robot_base.inverse()
+    centre = T_room_base.apply(robot.centre)
+    velocity = linear + np.cross(angular, centre - T_room_robot.translation)
+    ahead = T_world_room.rotate(T_room_base.rotation[:, 0])
+    targets = [
+        number(connection.call("getJointTargetVelocity", joint), connection)
+        for joint in (robot.left, robot.right)
+    ]
+    return TrueBody(
+        id=index,
+        name=robot.name,
+        role=role,
+        position=T_world_room.apply(centre),
+        velocity=T_world_room.rotate(velocity),
+        size=robot.size,
+        yaw=math.atan2(float(ahead[0]), float(ahead[2])),
+        visible=None,
+        commanded_speed=sum(targets) / 2 * robot.wheel_radius_m,
+    )
+
+
+def _rectifying_rotation(c: StereoCalibration) -> Float64Array:
+    """(3, 3) from the left camera's axes to the rectified ones."""
+    if c.is_rectified:
+        return np.eye(3)
+    size = (c.width, c.height)
+    R1 = cv2.stereoRectify(c.K1, c.D1, c.K2, c.D2, size, c.R, c.T, alpha=0)[0]
+    return np.asarray(R1, dtype=np.float64)
