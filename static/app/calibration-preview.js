@@ -3,6 +3,7 @@
 import { requestImage } from "./api.js";
 import { verdictTable, viewChart } from "./calibrating/report-parts.js";
 import { h, setText } from "./dom.js";
+import { showModal } from "./driving/modal.js";
 import { TapeCheck } from "./tape-check.js";
 import { fixed, sentence } from "./words.js";
 
@@ -46,7 +47,7 @@ export function previewed(calibration, active) {
     ),
   );
   document.body.append(dialog);
-  dialog.showModal();
+  showModal(dialog);
   void paintPreview(`/calibrations/${encodeURIComponent(calibration.id)}/preview`, canvas, verdict, report);
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {
@@ -117,7 +118,7 @@ export function compared(calibrations) {
       h("div", { class: "row end" }, h("button", { value: "close", class: "button" }, "Close"))));
   dialog.addEventListener("close", () => dialog.remove());
   document.body.append(dialog);
-  dialog.showModal();
+  showModal(dialog);
   const cells = body.rows[rows.findIndex(([term]) => term === "Rows now")]?.cells;
   for (const [place, calibration] of calibrations.entries()) {
     const cell = cells?.[place + 1];

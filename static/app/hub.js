@@ -1,5 +1,6 @@
 /** What the page knows of the server, and the events by which its parts hear of changes. */
 
+import { Driver } from "./driving/driver.js";
 import { LiveSocket } from "./live-socket.js";
 import { sentence } from "./words.js";
 
@@ -15,13 +16,15 @@ const JUDGE_EVERY_MS = 200;
  * `status`, `observation` (inside an animation frame), `painted` (right after that frame),
  * `connection`, `freshness`, `reconnected` (the socket is back after a loss), `runs`, `calibrations`, `parameters`
  * (somebody changed what that list shows: read it again), `calibrate` (somebody wants to make a
- * calibration).
+ * calibration), `robots` (how robots and driving are).
  */
 export class Hub extends EventTarget {
   /** @type {Status | null} */
   status = null;
   /** @type {ObservationMessage | null} */
   observation = null;
+  /** How robots and driving are; null where nothing was told yet. @type {import("./driving/types.js").DrivingFacts | null} */
+  robots = null;
   /** A source that could not be opened for want of a calibration. */
   uncalibrated = "";
   /** @type {import("./types.js").Connection} */
@@ -44,6 +47,7 @@ export class Hub extends EventTarget {
       message: (message) => this.#receive(message),
       state: (state) => this.#connectionChanged(state),
     });
+    this.driver = new Driver(this);
     this.#afterPaint.port1.onmessage = () => this.#acknowledge();
     let judged = performance.now();
     setInterval(() => {
@@ -82,6 +86,9 @@ export class Hub extends EventTarget {
       this.#beat = { at: performance.now(), age_s: message.observation_age_s };
     } else if (message.type === "status") {
       this.takeStatus(message);
+    } else if (message.type === "robots") {
+      this.robots = message;
+      this.tell("robots");
     }
     // Told only once the server speaks: one that accepts and hangs up is not back yet.
     if (this.#lost) {

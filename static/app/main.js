@@ -3,6 +3,9 @@
 import "./calibrating/wizard.js";
 import "./calibration-health.js";
 import "./calibration-panel.js";
+import "./driving/programmes.js";
+import "./driving/robots-panel.js";
+import "./driving/stop-bar.js";
 import "./ego-motion.js";
 import "./first-line.js";
 import "./freshness-banner.js";

@@ -1,6 +1,7 @@
 /** Short messages that pass, and the question before something is deleted. */
 
 import { h, icon } from "./dom.js";
+import { showModal } from "./driving/modal.js";
 
 const SHOWN_MS = { done: 5000, error: 12000 };
 
@@ -57,7 +58,7 @@ export function confirmed(question, consequence, action) {
       resolve(dialog.returnValue === "yes");
     });
     document.body.append(dialog);
-    dialog.showModal();
+    showModal(dialog);
   });
 }
 
@@ -80,7 +81,7 @@ export function answered(question, label, first) {
         h("button", { value: "yes", class: "button primary" }, "Take it"),
         h("button", { value: "no", class: "button", formnovalidate: true }, "Leave"))));
   document.body.append(dialog);
-  dialog.showModal();
+  showModal(dialog);
   input.select();
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {

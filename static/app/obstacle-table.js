@@ -71,7 +71,9 @@ function makeRow(id, opened) {
     opened();
   };
   const close = (/** @type {KeyboardEvent} */ event) => {
-    if (event.key === "Escape" && !behind.hidden) toggle();
+    if (event.key !== "Escape" || behind.hidden) return;
+    event.preventDefault();
+    toggle();
   };
   for (const row of [figures, why]) {
     row.addEventListener("click", toggle);

@@ -186,7 +186,9 @@ export class PixelQuestion extends Part {
   /** @param {KeyboardEvent} event */
   #closeByKey(event) {
     if (event.key !== "Escape" || event.defaultPrevented || document.querySelector("dialog[open]")) return;
-    if (!this.#mark.hidden) this.#close();
+    if (this.#mark.hidden) return;
+    event.preventDefault();
+    this.#close();
   }
 
   /** What was answered of one source says nothing of another. */

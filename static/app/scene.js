@@ -1,6 +1,7 @@
 /** The 3D scene: the viewer in a frame, covered while what it shows is old. */
 
 import { h, setAttribute, setText } from "./dom.js";
+import { listenForStop } from "./driving/stop-keys.js";
 import { paceFrames } from "./frame-pace.js";
 import { Part } from "./part.js";
 
@@ -40,6 +41,7 @@ class Scene extends Part {
     if (!inside?.head || !contentWindow) return;
     this.#style = inside.head.appendChild(inside.createElement("style"));
     this.#restyle();
+    listenForStop(contentWindow, this.hub.driver);
     paceFrames(/** @type {Window & typeof globalThis} */ (contentWindow), this.hub);
   }
 

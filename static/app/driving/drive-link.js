@@ -1,0 +1,154 @@
+/** The drive socket: leases, velocities, signs of presence, and how good the link is. */
+
+import { LiveSocket } from "../live-socket.js";
+
+/** @typedef {import("./types.js").Role} Role */
+/** @typedef {import("./types.js").SentReply} SentReply */
+
+const ANSWER_MS = 4000;
+
+/**
+ * One socket is one operator; its leases end with it and are never asked for again by themselves.
+ *
+ * Events: `lease` (a lease came, was refused or lost), `sent`, `refused` (a command was not taken;
+ * see `refusal`), `link` (its quality, or whether it is open).
+ */
+export class DriveLink extends EventTarget {
+  /** Leases in force. @type {Map<Role, string>} */
+  leases = new Map();
+  /** @type {import("../types.js").Connection} */
+  connection = "closed";
+  /** @type {import("./types.js").LinkWord | null} */
+  quality = null;
+  /** What went out for the newest command. @type {Map<Role, SentReply>} */
+  sent = new Map();
+  /** Why the newest command was not taken. */
+  refusal = "";
+
+  #sequence = 0;
+  /** Asked for, not answered yet. @type {Map<Role, {takeover: boolean, done: (sentence: string | null) => void}>} */
+  #asked = new Map();
+  #socket = new LiveSocket("/api/drive", {
+    message: (message) => this.#receive(message),
+    state: (state) => this.#connectionChanged(state),
+  });
+
+  /**
+   * Become the one who drives a role.
+   *
+   * @param {Role} role
+   * @param {boolean} takeover also where somebody else does
+   * @returns {Promise<string | null>} one sentence of why not; null: it is ours
+   */
+  take(role, takeover) {
+    if (this.leases.has(role)) return Promise.resolve(null);
+    this.#answer(role, "It was asked for again.");
+    return new Promise((resolve) => {
+      const timer = setTimeout(() => this.#answer(role, "The server does not answer."), ANSWER_MS);
+      this.#asked.set(role, {
+        takeover,
+        done: (sentence) => {
+          clearTimeout(timer);
+          resolve(sentence);
+        },
+      });
+      if (this.connection === "open") this.#ask(role);
+      else this.#socket.open();
+    });
+  }
+
+  /** @param {Role} role */
+  release(role) {
+    this.#socket.send({ type: "release", role });
+    this.leases.delete(role);
+    this.#tell("lease");
+  }
+
+  /**
+   * @param {Role} role
+   * @param {import("./types.js").Velocity} velocity
+   */
+  drive(role, { speed_mps, turn_rate_radps }) {
+    this.#send({ type: "drive", role, sequence: this.#next(), time: performance.now(), speed_mps, turn_rate_radps });
+  }
+
+  /** @param {Role} role */
+  present(role) {
+    this.#send({ type: "present", role, sequence: this.#next(), time: performance.now() });
+  }
+
+  stop() {
+    this.#send({ type: "stop" });
+  }
+
+  #next() {
+    this.#sequence += 1;
+    return this.#sequence;
+  }
+
+  /** @param {object} message */
+  #send(message) {
+    this.#socket.send(message);
+  }
+
+  /** @param {Role} role */
+  #ask(role) {
+    this.#send({ type: "take", role, takeover: this.#asked.get(role)?.takeover ?? false });
+  }
+
+  /**
+   * @param {Role} role
+   * @param {string | null} sentence
+   */
+  #answer(role, sentence) {
+    const asked = this.#asked.get(role);
+    this.#asked.delete(role);
+    asked?.done(sentence);
+  }
+
+  /** @param {any} message */
+  #receive(message) {
+    if (message.type === "ping") {
+      this.#send({ type: "pong", id: message.id, time: performance.now() });
+    } else if (message.type === "lease") {
+      this.#leaseChanged(message);
+    } else if (message.type === "sent") {
+      this.sent.set(message.role, message);
+      this.#tell("sent");
+    } else if (message.type === "refused") {
+      this.refusal = message.sentence;
+      this.#tell("refused");
+    } else if (message.type === "link") {
+      this.quality = message;
+      this.#tell("link");
+    }
+  }
+
+  /** @param {{role: Role, state: string, lease: string | null, holder: string | null, sentence: string | null}} message */
+  #leaseChanged({ role, state, lease, holder, sentence }) {
+    if (state === "yours" && lease) this.leases.set(role, lease);
+    else if (state === "lost") this.leases.delete(role);
+    const why = sentence ?? (holder ? `${holder} drives it.` : "It was refused.");
+    if (state !== "lost") this.#answer(role, state === "yours" ? null : why);
+    this.#tell("lease");
+  }
+
+  /** @param {import("../types.js").Connection} state */
+  #connectionChanged(state) {
+    this.connection = state;
+    if (state === "open") {
+      for (const role of this.#asked.keys()) this.#ask(role);
+    } else if (state === "closed") {
+      this.leases.clear();
+      this.sent.clear();
+      this.quality = null;
+      this.#tell("lease");
+    }
+    this.#tell("link");
+  }
+
+  /** @param {string} type */
+  #tell(type) {
+    this.dispatchEvent(new Event(type));
+  }
+}

@@ -1,0 +1,182 @@
+/** Driving by hand: the pad to hold, how fast, what was sent, and what limits it. */
+
+import { h, setAttribute, setText } from "../dom.js";
+import { Part } from "../part.js";
+import { fixed, sentence } from "../words.js";
+import { connected, followGamepad } from "./hold-gamepad.js";
+import { followKeys } from "./hold-keys.js";
+import { degrees, ROLE_WORDS, turnInWords } from "./robot-words.js";
+import { SonarRing, sonarInWords } from "./sonar-ring.js";
+
+// Nearer to its middle the pad is held, but moves nothing.
+const STILL = 0.12;
+
+/** @type {Record<string, string>} */
+const LEVELS = { clear: "The way is clear", slow: "Slowed", stop: "Stopped" };
+/** @type {Record<string, string>} */
+const LINKS = { good: "Link good", slow: "Link slow", lost: "Link lost" };
+/** @type {Record<string, string>} */
+const LINK_CHIPS = { good: "running", slow: "connecting", lost: "failed" };
+
+export class DrivePad extends Part {
+  #knob = h("span", { class: "pad-knob", "aria-hidden": "true" });
+  #pad = h("div", { class: "drive-pad", tabindex: "0", role: "application", "aria-labelledby": "pad-name", "aria-describedby": "pad-help pad-state" },
+    h("span", { class: "pad-cross", "aria-hidden": "true" }), this.#knob);
+  #ring = new SonarRing();
+  #sonar = h("p", { class: "hint figure" });
+  #state = h("p", { class: "pad-state", id: "pad-state", role: "status" });
+  #share = h("input", { type: "range", id: "drive-share", min: "5", max: "100", step: "5" });
+  #fastest = h("span", { class: "figure" });
+  #sent = h("p", { class: "figure drive-sent" });
+  #limit = h("p", { class: "drive-limit" });
+  #link = h("span", { class: "state-chip" });
+  #delay = h("span", { class: "hint figure" });
+  #guard = h("p", { class: "guard-words" });
+  #guardNumbers = h("p", { class: "hint figure" });
+  /** The pointer that holds the pad. @type {number | null} */
+  #pointer = null;
+
+  build() {
+    const { driver } = this.hub;
+    this.append(
+      h("h3", { id: "pad-name" }, "Drive by hand"),
+      h("div", { class: "pad-row" },
+        h("div", { class: "pad-cell" }, this.#pad, h("p", { class: "hint" }, "Press, hold and drag")),
+        h("div", { class: "pad-cell" }, this.#ring.element, this.#sonar)),
+      this.#state,
+      h("div", { class: "field" },
+        h("label", { for: "drive-share" }, "Speed at full deflection ", this.#fastest), this.#share),
+      this.#sent, this.#limit,
+      h("div", { class: "row" }, this.#link, this.#delay),
+      this.#guard, this.#guardNumbers,
+      h("p", { class: "hint", id: "pad-help" },
+        "It moves only while you hold: the pad, W A S D or the arrow keys, or a gamepad's shoulder button and left stick. Let go, and it stops. While a robot is armed, Space and Esc stop everything, also where you type."));
+    this.#share.value = String(Math.round(driver.share * 100));
+    this.#share.addEventListener("input", () => {
+      driver.share = Number(this.#share.value) / 100;
+    });
+    this.#followPointer();
+    followKeys(driver);
+    followGamepad(driver);
+    this.hear("forgotten", () => this.#drop(), driver.hold);
+    this.hear("change", () => this.#render(), driver);
+    this.hear("robots", () => this.#render());
+    for (const type of ["gamepadconnected", "gamepaddisconnected"]) this.hear(type, () => this.#render(), window);
+    this.#render();
+  }
+
+  #followPointer() {
+    const pad = this.#pad;
+    pad.addEventListener("pointerdown", (event) => {
+      if (this.#pointer !== null || event.button !== 0 || !event.isPrimary) return;
+      event.preventDefault();
+      pad.focus({ preventScroll: true });
+      pad.setPointerCapture(event.pointerId);
+      this.#pointer = event.pointerId;
+      this.#deflect(event);
+    });
+    pad.addEventListener("pointermove", (event) => {
+      if (event.pointerId !== this.#pointer) return;
+      // Let go somewhere where nobody told us.
+      if (event.buttons === 0) this.#release();
+      else this.#deflect(event);
+    });
+    for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) {
+      pad.addEventListener(type, (event) => {
+        if (event instanceof PointerEvent && event.pointerId === this.#pointer) this.#release();
+      });
+    }
+    pad.addEventListener("contextmenu", (event) => {
+      event.preventDefault();
+      this.#release();
+    });
+    pad.addEventListener("blur", () => this.#release());
+  }
+
+  /** @param {PointerEvent} event */
+  #deflect(event) {
+    const box = this.#pad.getBoundingClientRect();
+    const right = (2 * (event.clientX - box.left)) / box.width - 1;
+    const down = (2 * (event.clientY - box.top)) / box.height - 1;
+    this.hub.driver.hold.set("pad", { forward: -beyond(down), left: -beyond(right) });
+  }
+
+  #release() {
+    this.#drop();
+    this.hub.driver.hold.release("pad");
+  }
+
+  #drop() {
+    const pointer = this.#pointer;
+    this.#pointer = null;
+    if (pointer !== null && this.#pad.hasPointerCapture(pointer)) this.#pad.releasePointerCapture(pointer);
+  }
+
+  #render() {
+    if (this.offsetParent === null) return;
+    const { driver } = this.hub;
+    const robot = driver.robot();
+    const { hold, fastest, hindrance } = driver;
+    const deflection = hold.deflection;
+    setAttribute(this, "data-held", hold.counts ? "" : hold.isHeld ? "barred" : null);
+    setAttribute(this.#pad, "aria-disabled", hindrance ? "true" : null);
+    this.#knob.style.left = `${50 - 50 * (deflection?.left ?? 0)}%`;
+    this.#knob.style.top = `${50 - 50 * (deflection?.forward ?? 0)}%`;
+    this.#ring.show(robot);
+    setText(this.#sonar, robot ? sonarInWords(robot) : "");
+    setText(this.#state, hold.barred || hindrance || driver.note || (hold.counts ? `Driving the ${ROLE_WORDS[driver.role].toLowerCase()}` : `Ready to drive the ${ROLE_WORDS[driver.role].toLowerCase()}${connected() ? ", gamepad too" : ""}`));
+    setAttribute(this.#state, "data-tone", hold.barred || (driver.note && !hindrance && !hold.counts) ? "bad" : hindrance ? "calm" : "ready");
+    setText(this.#fastest, fastest.speed_mps > 0 ? `${fixed(fastest.speed_mps, 2)} m/s, ${fixed(degrees(fastest.turn_rate_radps), 0)} °/s` : `${Math.round(driver.share * 100)} %`);
+    this.#renderSent();
+    this.#renderLink();
+    this.#renderGuard(robot);
+  }
+
+  #renderSent() {
+    const { driver } = this.hub;
+    const robot = driver.robot();
+    const reply = driver.hold.counts ? driver.link.sent.get(driver.role) : null;
+    const sent = reply ?? robot?.sent;
+    setText(this.#sent, sent ? `Sent: ${fixed(sent.speed_mps, 2)} m/s, ${turnInWords(sent.turn_rate_radps)}` : "Sent: –");
+    const limit = reply?.limited_by;
+    setText(this.#limit, limit ? `Limited by ${limit}` : "");
+    this.#limit.hidden = !limit;
+  }
+
+  #renderLink() {
+    const { connection, quality, leases } = this.hub.driver.link;
+    const open = connection === "open";
+    const state = !open ? "none" : (quality?.quality ?? "good");
+    setText(this.#link, open ? (LINKS[state] ?? state) : leases.size ? "Link lost" : "No link yet");
+    setAttribute(this.#link, "data-state", LINK_CHIPS[state] ?? "idle");
+    const parts = [];
+    if (open && quality?.rtt_ms != null) parts.push(`${fixed(quality.rtt_ms, 0)} ms there and back`);
+    if (open && quality?.sentence) parts.push(sentence(quality.sentence));
+    setText(this.#delay, parts.join(" · "));
+  }
+
+  /** @param {import("./types.js").RobotFacts | null} robot */
+  #renderGuard(robot) {
+    const guard = robot?.guard ?? null;
+    setAttribute(this.#guard, "data-level", guard?.level ?? null);
+    const why = guard?.reason ? `: ${guard.reason}` : "";
+    setText(this.#guard, guard ? `Guard: ${LEVELS[guard.level] ?? guard.level}${why}` : "Guard: nothing told yet");
+    this.#guard.hidden = !robot;
+    const sight = this.hub.robots?.sight;
+    const parts = [];
+    if (guard && guard.limit_mps !== null) parts.push(`at most ${fixed(guard.limit_mps, 2)} m/s`);
+    if (this.hub.driver.role === "observer" && sight) {
+      parts.push(sight.age_s === null ? "no sight" : `sight ${fixed(1000 * sight.age_s, 0)} ms old${sight.status ? `, ${sight.status}` : ""}`);
+    }
+    setText(this.#guardNumbers, parts.join(" · "));
+    this.#guardNumbers.hidden = parts.length === 0;
+  }
+}
+
+/** @param {number} value of the pad's half width */
+function beyond(value) {
+  const size = Math.min(1, Math.abs(value));
+  return size < STILL ? 0 : Math.sign(value) * ((size - STILL) / (1 - STILL));
+}
+
+customElements.define("observer-drive-pad", DrivePad);

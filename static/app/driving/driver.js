@@ -1,0 +1,204 @@
+/** Driving by this page: what is held becomes velocities ten times a second, and silence else. */
+
+import { request } from "../api.js";
+import { sentence } from "../words.js";
+import { DriveLink } from "./drive-link.js";
+import { Hold } from "./hold.js";
+import { ROLES } from "./types.js";
+
+/** @typedef {import("./types.js").Role} Role */
+/** @typedef {import("./types.js").RobotFacts} RobotFacts */
+
+const EVERY_MS = 100;
+// The server stops a robot whose operator was silent for 250 ms; the page then asks for a new press.
+const HELD_UP_MS = 250;
+// Nobody turns faster by hand, whatever the robot could do.
+const FASTEST_TURN_RADPS = Math.PI / 2;
+const KEY = "dynamic-observer.driving";
+
+/**
+ * Events: `change` (role, share, lease, what is held or sent, the link: read it again), `stopping`
+ * (stop was pressed here), `stop-failed` (it did not reach the server).
+ */
+export class Driver extends EventTarget {
+  link = new DriveLink();
+  hold = new Hold();
+  /** What the server knows, and whether it still tells. */
+  #hub;
+  #ticked = performance.now();
+  /** Why what was held last came to count for nothing, until something is pressed again. */
+  note = "";
+  /** @type {{role: Role, share: number}} */
+  #choice = remembered();
+
+  /** @param {import("../hub.js").Hub} hub */
+  constructor(hub) {
+    super();
+    this.#hub = hub;
+    setInterval(() => this.#tick(), EVERY_MS);
+    this.hold.addEventListener("pressed", () => this.#pressed());
+    this.hold.addEventListener("released", () => this.#send(0, 0));
+    this.hold.addEventListener("change", () => this.#tell("change"));
+    for (const type of ["lease", "sent", "link"]) this.link.addEventListener(type, () => this.#linkChanged());
+    this.link.addEventListener("refused", () => this.#bar(sentence(this.link.refusal)));
+    hub.addEventListener("robots", () => this.#robotsChanged());
+    hub.addEventListener("connection", () => this.#tell("change"));
+    // Browsers slow the timers of what is not seen: it lets go, and then it is silent.
+    document.addEventListener("visibilitychange", () => document.hidden && this.hold.forget());
+    for (const type of ["blur", "pagehide", "freeze"]) window.addEventListener(type, () => this.hold.forget());
+  }
+
+  /** Which robot is driven by hand. */
+  get role() {
+    return this.#choice.role;
+  }
+
+  set role(role) {
+    if (role === this.role) return;
+    this.hold.forget();
+    this.#choose({ role, share: this.share });
+  }
+
+  /** Of the largest permitted speed, 0 to 1. */
+  get share() {
+    return this.#choice.share;
+  }
+
+  set share(share) {
+    this.#choose({ role: this.role, share });
+  }
+
+  /** @param {Role} [role] @returns {RobotFacts | null} */
+  robot(role = this.role) {
+    return this.#hub.robots?.robots?.[role] ?? null;
+  }
+
+  /** Whether a robot is armed, by the newest that is known. */
+  get anyArmed() {
+    return ROLES.some((role) => ["armed", "moving"].includes(this.robot(role)?.state ?? ""));
+  }
+
+  get anyConnected() {
+    return ROLES.some((role) => this.robot(role) !== null);
+  }
+
+  /** The largest speed and turn rate that are asked for at full deflection. */
+  get fastest() {
+    const limits = this.robot()?.report.limits;
+    return {
+      speed_mps: (limits?.speed_mps ?? 0) * this.share,
+      turn_rate_radps: Math.min(limits?.turn_rate_radps ?? 0, FASTEST_TURN_RADPS) * this.share,
+    };
+  }
+
+  /** Why holding something would not move the chosen robot; empty where it would. */
+  get hindrance() {
+    const robot = this.robot();
+    const { robots, connection } = this.#hub;
+    if (connection !== "open") return "The server is not reached.";
+    if (!robot) return "No robot is connected.";
+    if (robots?.stopped) return "Everything is stopped: reset it first.";
+    if (!this.link.leases.has(this.role)) return robot.operator ? `${robot.operator} drives it: take over, or wait.` : "Arm it to drive it.";
+    if (!["armed", "moving"].includes(robot.state)) return "Arm it first.";
+    if (robots?.programme) return "A programme drives: stop it first.";
+    return "";
+  }
+
+  /**
+   * Switch motors on, asking for the lease first.
+   *
+   * @param {Role} role
+   * @throws {Error} one sentence of why not
+   */
+  async arm(role) {
+    const refusal = await this.link.take(role, false);
+    if (refusal) throw new Error(refusal);
+    this.link.present(role);
+    await request("POST", `/robots/${role}/arm`, { lease: this.link.leases.get(role) ?? null });
+  }
+
+  /** Stop everything, by every way there is. */
+  async stop() {
+    this.hold.forget();
+    this.link.stop();
+    this.#tell("stopping");
+    try {
+      await request("POST", "/robots/stop");
+    } catch (error) {
+      this.#tell("stop-failed");
+      throw error;
+    }
+  }
+
+  #pressed() {
+    const { hindrance } = this;
+    if (hindrance) return this.hold.bar(hindrance);
+    this.note = "";
+    // Nothing was held until now, which is what the server wants to know after any expiry.
+    this.#send(0, 0);
+    this.#tick();
+  }
+
+  #tick() {
+    const now = performance.now();
+    const heldUp = now - this.#ticked > HELD_UP_MS;
+    this.#ticked = now;
+    if (document.hidden) return;
+    if (heldUp) this.#bar("This page was held up for a moment: let go and press again.");
+    const { fastest } = this;
+    const held = this.hold.deflection;
+    for (const role of this.link.leases.keys()) {
+      if (role === this.role && held) this.#send(held.forward * fastest.speed_mps, held.left * fastest.turn_rate_radps);
+      else this.link.present(role);
+    }
+  }
+
+  /** What is held counts no longer, by no will of whoever holds it. @param {string} why */
+  #bar(why) {
+    if (!this.hold.counts) return;
+    this.note = why;
+    this.hold.bar(why);
+  }
+
+  /** @param {number} speed_mps @param {number} turn_rate_radps */
+  #send(speed_mps, turn_rate_radps) {
+    if (this.link.leases.has(this.role)) this.link.drive(this.role, { speed_mps, turn_rate_radps });
+  }
+
+  #linkChanged() {
+    const { connection, quality, leases } = this.link;
+    if (connection !== "open") this.#bar("The link was lost: let go and press again.");
+    else if (quality?.sentence) this.#bar(`${quality.sentence}: let go and press again.`);
+    else if (!leases.has(this.role)) this.#bar("You do not drive it any more.");
+    this.#tell("change");
+  }
+
+  #robotsChanged() {
+    // An older message may be on its way while it is armed and held at once.
+    if (this.#hub.robots?.stopped) this.#bar("Everything was stopped.");
+    else if (this.robot()?.state === "disarmed") this.#bar(this.robot()?.why ?? "It was disarmed.");
+    this.#tell("change");
+  }
+
+  /** @param {{role: Role, share: number}} choice */
+  #choose(choice) {
+    this.#choice = choice;
+    localStorage.setItem(KEY, JSON.stringify(choice));
+    this.#tell("change");
+  }
+
+  /** @param {string} type */
+  #tell(type) {
+    this.dispatchEvent(new Event(type));
+  }
+}
+
+/** @returns {{role: Role, share: number}} */
+function remembered() {
+  try {
+    const { role, share } = JSON.parse(localStorage.getItem(KEY) ?? "{}");
+    return { role: ROLES.includes(role) ? role : "observer", share: share >= 0.05 && share <= 1 ? share : 0.25 };
+  } catch {
+    return { role: "observer", share: 0.25 };
+  }
+}

@@ -1,0 +1,71 @@
+/** Driving by W, A, S, D and the arrow keys. */
+
+import { writesText } from "./stop-keys.js";
+
+/** Key by its place on the keyboard, whatever letter stands on it. @type {Record<string, [number, number]>} */
+const DIRECTIONS = {
+  KeyW: [1, 0],
+  ArrowUp: [1, 0],
+  KeyS: [-1, 0],
+  ArrowDown: [-1, 0],
+  KeyA: [0, 1],
+  ArrowLeft: [0, 1],
+  KeyD: [0, -1],
+  ArrowRight: [0, -1],
+};
+// What the arrow keys move by themselves.
+const OWN_ARROWS = 'input, select, [role="tab"], [role="listbox"], [role="radio"], .pixel-pick, .uplot, dialog';
+
+/**
+ * Follow the keys of a window as long as the page lives.
+ *
+ * @param {import("./driver.js").Driver} driver
+ */
+export function followKeys(driver) {
+  const { hold } = driver;
+  /** @type {Set<string>} */
+  const down = new Set();
+
+  const show = () => {
+    if (down.size === 0) return hold.release("keys");
+    let [forward, left] = [0, 0];
+    for (const code of down) {
+      const [ahead, turn] = DIRECTIONS[code] ?? [0, 0];
+      forward += ahead;
+      left += turn;
+    }
+    hold.set("keys", { forward: clamp(forward), left: clamp(left) });
+  };
+  const letGo = () => {
+    down.clear();
+    show();
+  };
+
+  window.addEventListener("keydown", (event) => {
+    // With one of these the letter is a command to the browser, and some never tell of its release.
+    if (event.ctrlKey || event.metaKey || event.altKey) return letGo();
+    if (!(event.code in DIRECTIONS) || event.defaultPrevented) return;
+    const target = event.target instanceof HTMLElement ? event.target : document.body;
+    if (writesText(target)) return;
+    if (target.closest(OWN_ARROWS) && (event.code.startsWith("Arrow") || target.closest("select, dialog"))) return;
+    const drives = down.size > 0 || driver.hindrance === "" || target.closest("observer-drive-pad") !== null;
+    if (!drives) return;
+    // The page is not scrolled meanwhile.
+    event.preventDefault();
+    if (event.repeat) return;
+    down.add(event.code);
+    show();
+  });
+  window.addEventListener("keyup", (event) => {
+    if (down.delete(event.code)) show();
+  });
+  window.addEventListener("focusin", (event) => {
+    if (event.target instanceof HTMLElement && writesText(event.target)) letGo();
+  });
+  hold.addEventListener("forgotten", () => down.clear());
+}
+
+/** @param {number} value */
+function clamp(value) {
+  return Math.max(-1, Math.min(1, value));
+}

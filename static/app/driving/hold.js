@@ -1,0 +1,88 @@
+/** What a person holds at this moment: pad, keys, gamepad. No timer, no socket here. */
+
+/**
+ * How far something is deflected, each from -1 to 1.
+ *
+ * @typedef {object} Deflection
+ * @property {number} forward
+ * @property {number} left
+ *
+ * @typedef {"pad" | "keys" | "gamepad"} Holder
+ */
+
+/**
+ * Joins everything by which a robot is held moving.
+ *
+ * Events: `pressed` (nothing was held before), `released` (nothing is held any more, or what is
+ * held counts no longer), `forgotten` (whoever watches a holder must see it released before it is
+ * pressed again), `change`.
+ */
+export class Hold extends EventTarget {
+  /** @type {Map<Holder, Deflection>} */
+  #held = new Map();
+  /** Why what is held counts for nothing until all of it is let go. */
+  barred = "";
+
+  /** Whether it is held and counts. */
+  get counts() {
+    return this.#held.size > 0 && !this.barred;
+  }
+
+  get isHeld() {
+    return this.#held.size > 0;
+  }
+
+  /** Of what was pressed last; null where nothing is held or it counts for nothing. */
+  get deflection() {
+    return this.counts ? ([...this.#held.values()].at(-1) ?? null) : null;
+  }
+
+  /**
+   * Something is pressed, or what is pressed is moved.
+   *
+   * @param {Holder} holder
+   * @param {Deflection} deflection
+   */
+  set(holder, deflection) {
+    const first = this.#held.size === 0;
+    this.#held.set(holder, deflection);
+    if (first) this.#tell("pressed");
+    this.#tell("change");
+  }
+
+  /** @param {Holder} holder */
+  release(holder) {
+    const counted = this.counts;
+    if (!this.#held.delete(holder)) return;
+    if (this.#held.size === 0) this.barred = "";
+    if (counted && !this.counts) this.#tell("released");
+    this.#tell("change");
+  }
+
+  /** Nobody is there to let go: the window lost its focus, the page was hidden, a robot stopped. */
+  forget() {
+    const counted = this.counts;
+    this.#held.clear();
+    this.barred = "";
+    this.#tell("forgotten");
+    if (counted) this.#tell("released");
+    this.#tell("change");
+  }
+
+  /**
+   * What is held counts for nothing until all of it was let go.
+   *
+   * @param {string} why one sentence
+   */
+  bar(why) {
+    if (!this.counts) return;
+    this.barred = why;
+    this.#tell("released");
+    this.#tell("change");
+  }
+
+  /** @param {string} type */
+  #tell(type) {
+    this.dispatchEvent(new Event(type));
+  }
+}

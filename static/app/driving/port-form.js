@@ -1,0 +1,100 @@
+/** Where a role's robot is reached, and as which model it is driven. */
+
+import { ApiError, request } from "../api.js";
+import { field, h, setAttribute, setText } from "../dom.js";
+import { notify, notifyError } from "../notice.js";
+import { Part } from "../part.js";
+import { ROLE_WORDS } from "./robot-words.js";
+
+/** @typedef {import("./types.js").Role} Role */
+
+const MODELS = [
+  ["", "As the robot says of itself"],
+  ["p3dx-sh", "Pioneer P3-DX, SH controller"],
+  ["p3dx", "Pioneer P3-DX, older"],
+  ["amigo-sh", "AmigoBot, SH controller"],
+  ["amigo", "AmigoBot, older"],
+];
+const USUAL = ["/dev/ttyUSB0", "/dev/ttyACM0", "socket://localhost:8101", "external:127.0.0.1:8765"];
+
+export class PortForm extends Part {
+  #port = h("input", { type: "text", id: "robot-port", list: "robot-ports", autocomplete: "off", spellcheck: "false", required: true, "aria-describedby": "robot-port-error" });
+  #ports = h("datalist", { id: "robot-ports" }, ...USUAL.map((value) => h("option", { value })));
+  #model = h("select", { id: "robot-model" }, ...MODELS.map(([value, words]) => h("option", { value }, words ?? "")));
+  #error = h("p", { class: "field-error", role: "alert", id: "robot-port-error" });
+  #connect = h("button", { type: "submit", class: "button primary" }, "Connect");
+  #forget = h("button", { type: "button", class: "button" }, "Forget");
+  #own = h("p", { class: "hint" });
+  /** @type {Role} */
+  #role = "observer";
+  #shown = "";
+
+  build() {
+    const form = h("form", { class: "stack", novalidate: true },
+      field("Port", this.#port, "A serial port of the server, socket://HOST:8101, coppeliasim:HOST:PORT/OBJECT, or external:HOST:PORT for a robot of your own."),
+      this.#ports,
+      field("Model", this.#model), this.#error,
+      h("div", { class: "row" }, this.#connect, this.#forget), this.#own);
+    this.append(form);
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#save();
+    });
+    this.#forget.addEventListener("click", () => void this.#drop());
+    this.hear("change", () => this.#render(), this.hub.driver);
+    this.hear("robots", () => this.#render());
+    this.#render();
+  }
+
+  /** Offer what the server has. @param {string[]} ports */
+  suggest(ports) {
+    this.#ports.replaceChildren(...[...new Set([...ports, ...USUAL])].map((value) => h("option", { value })));
+  }
+
+  #render() {
+    const { driver, robots } = this.hub;
+    const kept = robots?.ports?.[driver.role] ?? null;
+    const robot = driver.robot();
+    const key = `${driver.role} ${kept?.port} ${kept?.model} ${robot?.port}`;
+    this.#forget.disabled = !kept;
+    if (key === this.#shown) return;
+    const typing = this.#role === driver.role && document.activeElement === this.#port;
+    this.#shown = key;
+    this.#role = driver.role;
+    setText(this.#own, robot && robot.port !== kept?.port ? `The ${ROLE_WORDS[driver.role].toLowerCase()} at ${robot.port} belongs to the open source's own world.` : "");
+    if (typing) return;
+    this.#fail("");
+    this.#port.value = kept?.port ?? "";
+    this.#model.value = kept?.model ?? "";
+  }
+
+  async #save() {
+    const port = this.#port.value.trim();
+    if (!port) return this.#fail("Give the port of the robot.");
+    this.#fail("");
+    try {
+      await request("PUT", `/robots/${this.#role}/port`, { port, model: this.#model.value || null });
+      notify(`The ${ROLE_WORDS[this.#role].toLowerCase()} is being connected at ${port}.`);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      this.#fail(error.message);
+    }
+  }
+
+  async #drop() {
+    try {
+      await request("DELETE", `/robots/${this.#role}/port`);
+      notify(`The ${ROLE_WORDS[this.#role].toLowerCase()}'s port is forgotten.`);
+    } catch (error) {
+      notifyError(error);
+    }
+  }
+
+  /** @param {string} message empty takes the error away */
+  #fail(message) {
+    setText(this.#error, message);
+    setAttribute(this.#port, "aria-invalid", message ? "true" : null);
+  }
+}
+
+customElements.define("observer-robot-port", PortForm);

@@ -1,0 +1,131 @@
+/** Robots in words. Pure functions. */
+
+import { fixed, sentence } from "../words.js";
+
+/** @typedef {import("./types.js").RobotFacts} RobotFacts */
+/** @typedef {import("./types.js").RobotReport} RobotReport */
+
+/** @type {Record<import("./types.js").Role, string>} */
+export const ROLE_WORDS = { observer: "Observer", obstacle: "Obstacle" };
+
+/** @type {Record<RobotFacts["state"], string>} */
+const STATES = {
+  connecting: "Connecting",
+  disarmed: "Disarmed",
+  armed: "Armed",
+  moving: "Moving",
+  waiting: "Not reached",
+  refused: "Refused",
+};
+
+/** @param {RobotFacts | null} robot */
+export function stateInWords(robot) {
+  return robot ? (STATES[robot.state] ?? robot.state) : "No robot";
+}
+
+/**
+ * Why a robot stands, one sentence.
+ *
+ * @param {RobotFacts | null} robot
+ * @param {import("./types.js").DrivingFacts | null} facts
+ * @param {boolean} ours whether this page holds its lease
+ */
+export function standsBecause(robot, facts, ours) {
+  if (!robot) return "No robot is connected: give its port below.";
+  if (facts?.stopped) return `Stopped by ${facts.stopped.by}: reset it at the top of the page to go on.`;
+  const { fault, trouble } = robot.report;
+  if (fault) return sentence(fault);
+  if (["connecting", "waiting", "refused"].includes(robot.state)) {
+    return sentence(trouble ?? robot.why ?? "it is being connected");
+  }
+  if (robot.why) return sentence(robot.why);
+  if (robot.state === "moving") return "It drives.";
+  if (robot.state === "armed") return ours ? "Armed: it waits for you to hold something." : "Armed, and somebody else drives it.";
+  return "Its motors are off: arm it to drive.";
+}
+
+/**
+ * @param {RobotFacts | null} robot
+ * @param {boolean} ours
+ */
+export function driverInWords(robot, ours) {
+  if (!robot) return "";
+  if (ours) return "You drive it";
+  if (!robot.operator) return "Nobody drives it";
+  return `${robot.operator} drives it${robot.present ? "" : ", but is not there"}`;
+}
+
+/** @param {RobotReport} report */
+export function batteryInWords({ battery_v, battery, charging }) {
+  if (battery_v === null) return "–";
+  const parts = [`${fixed(battery_v, 1)} V`];
+  if (battery && battery !== "good") parts.push(battery);
+  if (charging && !["no", "none", "not charging"].includes(charging)) parts.push(charging);
+  return parts.join(", ");
+}
+
+/**
+ * Term, value, help of everything that is told of a robot.
+ *
+ * @param {RobotFacts} robot
+ * @returns {[string, string, string][]}
+ */
+export function figuresOf({ report, sent }) {
+  const { odometry, limits, counters } = report;
+  return [
+    ["Speed sent", `${fixed(sent.speed_mps, 2)} m/s`, "what really goes to the robot"],
+    ["By its encoders", report.speed_mps === null ? "–" : `${fixed(report.speed_mps, 2)} m/s`, "as its wheels turn"],
+    ["Turn sent", `${fixed(degrees(sent.turn_rate_radps), 0)} °/s`, "positive to the left"],
+    ["Turn measured", report.turn_rate_radps === null ? "–" : `${fixed(degrees(report.turn_rate_radps), 0)} °/s`, "positive to the left"],
+    ["Pose by its wheels", odometry ? `${fixed(odometry.x, 2)}, ${fixed(odometry.y, 2)} m, ${fixed(degrees(odometry.yaw), 0)}°` : "–", "since it was connected: ahead, to the left, heading"],
+    ["Battery", batteryInWords(report), "averaged"],
+    ["Motors", onOff(report.motors_enabled), "as the robot says"],
+    ["Wheels", stallInWords(report.stalled), "a wheel stalls where something holds the robot"],
+    ["Bumpers", bumpersInWords(report), "pressed ones by number, from the left"],
+    ["Hardware stop", report.stop_pressed === null ? "–" : report.stop_pressed ? "pressed" : "not pressed", "the button on the robot itself"],
+    ["Its own watchdog", report.watchdog_s === null ? "–" : `${fixed(report.watchdog_s, 1)} s`, "so long after the last command its firmware stops it by itself"],
+    ["Fastest permitted", limits ? `${fixed(limits.speed_mps, 2)} m/s` : "–", "the least of what robot, model and settings allow"],
+    ["Temperature", report.temperature_c === null ? "–" : `${fixed(report.temperature_c, 0)} °C`, "within the robot"],
+    ["Packets, bad ones", `${counters.packets ?? 0}, ${counters.bad_packets ?? 0}`, "status packets received, and those that were damaged"],
+  ];
+}
+
+/** @param {number} radians */
+export function degrees(radians) {
+  return (radians * 180) / Math.PI;
+}
+
+/** @param {number} radps positive to the left @returns {string} as in "12 °/s to the left" */
+export function turnInWords(radps) {
+  const whole = Math.round(Math.abs(degrees(radps)));
+  return whole === 0 ? "straight" : `${whole} °/s to the ${radps > 0 ? "left" : "right"}`;
+}
+
+/** @param {boolean | null} value */
+function onOff(value) {
+  return value === null ? "–" : value ? "on" : "off";
+}
+
+/** @param {RobotReport["stalled"]} stalled */
+function stallInWords(stalled) {
+  if (!stalled) return "–";
+  const [left, right] = stalled;
+  if (left && right) return "both stalled";
+  return left || right ? `${left ? "left" : "right"} one stalled` : "turn freely";
+}
+
+/** @param {RobotReport} report */
+function bumpersInWords({ front_bumpers, rear_bumpers }) {
+  if (front_bumpers.length + rear_bumpers.length === 0) return "none fitted";
+  const words = [["front", front_bumpers], ["rear", rear_bumpers]].flatMap(([name, pressed]) => {
+    const numbers = /** @type {boolean[]} */ (pressed).flatMap((each, index) => (each ? [index + 1] : []));
+    return numbers.length ? [`${name} ${numbers.join(", ")}`] : [];
+  });
+  return words.join("; ") || "free";
+}
+
+/** @param {number} seconds @returns {string} as in "1:05" */
+export function clock(seconds) {
+  const whole = Math.max(0, Math.round(seconds));
+  return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
+}

@@ -1,0 +1,149 @@
+/** Both robots: how they are, who drives them, and driving the chosen one. */
+
+import { request } from "../api.js";
+import { h, setAttribute, setText } from "../dom.js";
+import { passFocus } from "../focus-place.js";
+import { notifyError } from "../notice.js";
+import { Part } from "../part.js";
+import { sentence } from "../words.js";
+import { DrivePad } from "./drive-pad.js";
+import { PortForm } from "./port-form.js";
+import { batteryInWords, driverInWords, figuresOf, ROLE_WORDS, standsBecause, stateInWords } from "./robot-words.js";
+import { ROLES } from "./types.js";
+
+/** @typedef {import("./types.js").Role} Role */
+
+class RobotsPanel extends Part {
+  #cards = new Map(ROLES.map((role) => [role, makeCard(role)]));
+  #why = h("p", { class: "robot-why", role: "status" });
+  #arm = h("button", { type: "button", class: "button primary" }, "Arm");
+  #disarm = h("button", { type: "button", class: "button" }, "Disarm");
+  #takeOver = h("button", { type: "button", class: "button" }, "Take over");
+  #giveBack = h("button", { type: "button", class: "button", title: "It is stopped and disarmed; others may drive it" }, "Give back");
+  #trouble = h("p", { class: "robot-trouble", role: "alert", hidden: true });
+  #warnings = h("ul", { class: "plain-list warnings", "aria-label": "Warnings" });
+  #figures = h("dl", { class: "figures" });
+  #pad = new DrivePad();
+  #port = new PortForm();
+  #place = h("details", {}, h("summary", {}, "Port and model"), this.#port);
+  #busy = false;
+  #placed = false;
+
+  build() {
+    const { driver } = this.hub;
+    this.append(
+      h("h2", {}, "Robots"),
+      this.#trouble,
+      h("fieldset", { class: "role-cards" }, h("legend", { class: "visually-hidden" }, "Which robot"),
+        ...[...this.#cards.values()].map(({ element }) => element)),
+      h("div", { class: "robot-act" },
+        this.#why, this.#warnings,
+        h("div", { class: "row" }, this.#arm, this.#disarm, this.#takeOver, this.#giveBack)),
+      this.#pad,
+      h("details", {}, h("summary", {}, "Everything it tells"), this.#figures),
+      this.#place);
+    for (const [role, { input }] of this.#cards) {
+      input.addEventListener("change", () => {
+        if (input.checked) driver.role = role;
+      });
+    }
+    this.#arm.addEventListener("click", () => void this.#do(() => driver.arm(driver.role)));
+    this.#disarm.addEventListener("click", () => void this.#do(() => request("POST", `/robots/${driver.role}/disarm`)));
+    this.#takeOver.addEventListener("click", () => void this.#do(() => this.#take()));
+    this.#giveBack.addEventListener("click", () => driver.link.release(driver.role));
+    this.#pad.attach(this.hub);
+    this.#port.attach(this.hub);
+    this.hear("robots", () => this.#render());
+    this.hear("connection", () => this.#render());
+    this.hear("change", () => this.#render(), driver);
+    this.#render();
+  }
+
+  async #take() {
+    const { driver } = this.hub;
+    const refusal = await driver.link.take(driver.role, true);
+    if (refusal) throw new Error(refusal);
+  }
+
+  /** @param {() => Promise<unknown>} action */
+  async #do(action) {
+    if (this.#busy) return;
+    this.#busy = true;
+    try {
+      await action();
+    } catch (error) {
+      notifyError(error instanceof Error ? new Error(sentence(error.message)) : error);
+    } finally {
+      this.#busy = false;
+      this.#render();
+    }
+  }
+
+  #render() {
+    const { driver, robots, connection } = this.hub;
+    for (const [role, card] of this.#cards) {
+      const robot = driver.robot(role);
+      card.input.checked = role === driver.role;
+      setText(card.name, robot ? (robot.name ?? robot.report.name ?? robot.port) : "");
+      setText(card.state, stateInWords(robot));
+      setAttribute(card.state, "data-state", robot?.state ?? "none");
+      setText(card.facts, [robot && batteryInWords(robot.report), driverInWords(robot, driver.link.leases.has(role))].filter(Boolean).join(" · "));
+    }
+    if (this.offsetParent === null) return;
+    const robot = driver.robot();
+    const ours = driver.link.leases.has(driver.role);
+    const others = Boolean(robot?.operator) && !ours;
+    const armed = robot?.state === "armed" || robot?.state === "moving";
+    const lost = connection !== "open" || robots?.process?.alive === false;
+    setText(this.#trouble, connection !== "open" ? "The server is not reached: what is shown here is old." : "The drive process is being restarted; the robots' own watchdogs stop them meanwhile.");
+    this.#trouble.hidden = !lost || !robots;
+    setText(this.#why, standsBecause(robot, robots, ours));
+    setAttribute(this.#why, "data-tone", robot?.report.fault || robots?.stopped ? "bad" : null);
+    fillList(this.#warnings, (robot?.report.warnings ?? []).map(sentence));
+    if (armed) passFocus(this.#arm, this.#disarm);
+    this.#arm.disabled = !robot || robot.state !== "disarmed" || Boolean(robots?.stopped);
+    this.#disarm.hidden = !armed;
+    if (!armed) passFocus(this.#disarm, this.#arm);
+    this.#arm.hidden = armed || others;
+    this.#takeOver.hidden = !others;
+    this.#giveBack.hidden = !ours;
+    this.#renderFigures(robot);
+    if (!this.#placed && robots) {
+      this.#placed = true;
+      this.#place.open = !robot;
+    }
+  }
+
+  /** @param {import("./types.js").RobotFacts | null} robot */
+  #renderFigures(robot) {
+    const figures = robot ? figuresOf(robot) : [];
+    if (this.#figures.childElementCount !== figures.length) {
+      this.#figures.replaceChildren(...figures.map(([term, , help]) => h("div", { title: help }, h("dt", {}, term), h("dd", { class: "figure" }))));
+    }
+    figures.forEach(([, value], index) => {
+      const node = this.#figures.children[index]?.lastElementChild;
+      if (node) setText(node, value);
+    });
+  }
+}
+
+/** @param {Role} role */
+function makeCard(role) {
+  const input = h("input", { type: "radio", name: "drive-role", value: role });
+  const name = h("span", { class: "role-name" });
+  const state = h("span", { class: "state-chip" });
+  const facts = h("span", { class: "hint figure" });
+  const element = h("label", { class: "role-card" }, input, h("span", { class: "role-head" }, h("b", {}, ROLE_WORDS[role]), state), name, facts);
+  return { input, name, state, facts, element };
+}
+
+/**
+ * @param {HTMLUListElement} list
+ * @param {string[]} lines
+ */
+function fillList(list, lines) {
+  if (list.childElementCount === lines.length && list.textContent === lines.join("")) return;
+  list.replaceChildren(...lines.map((line) => h("li", {}, line)));
+}
+
+customElements.define("observer-robots", RobotsPanel);

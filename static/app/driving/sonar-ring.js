@@ -1,0 +1,125 @@
+/** The robot from above: its outline, the guard's zones and what its sonar hears. */
+
+import { setAttribute, setText } from "../dom.js";
+
+/** @typedef {import("./types.js").RobotFacts} RobotFacts */
+/** @typedef {import("./types.js").SonarReading} SonarReading */
+
+const SVG = "http://www.w3.org/2000/svg";
+const REACH_M = 2.5;
+const RINGS_M = [1, 2];
+const HALF_CONE_RAD = (15 * Math.PI) / 180;
+const NEAR_M = 0.5;
+const CLOSE_M = 1;
+const OLD_S = 1;
+
+/** x is drawn upwards and y to the left, in metres. */
+export class SonarRing {
+  element = draw("svg", { viewBox: `${-REACH_M - 0.1} ${-REACH_M - 0.1} ${2 * REACH_M + 0.2} ${2 * REACH_M + 0.2}`, class: "sonar-ring", role: "img" });
+  #slow = draw("polygon", { class: "zone slow" });
+  #stop = draw("polygon", { class: "zone stop" });
+  #arcs = draw("g", {});
+  #body = draw("g", { class: "outline" });
+  #drawn = "";
+
+  constructor() {
+    this.element.append(
+      ...RINGS_M.map((r) => draw("circle", { r, class: "scale" })),
+      ...RINGS_M.map((r) => label(r)),
+      this.#slow, this.#stop, this.#arcs, this.#body);
+  }
+
+  /** @param {RobotFacts | null} robot */
+  show(robot) {
+    const { report, guard } = robot ?? {};
+    this.#zone(this.#slow, guard?.slow_zone, guard?.level);
+    this.#zone(this.#stop, guard?.stop_zone, guard?.level);
+    this.#showBody(robot);
+    const now = Math.max(report?.received ?? 0, ...(report?.sonars ?? []).map(({ received }) => received));
+    const heard = (report?.sonars ?? []).filter(({ range_m }) => range_m !== null);
+    while (this.#arcs.childElementCount > heard.length) this.#arcs.lastElementChild?.remove();
+    heard.forEach((reading, index) => {
+      const arc = this.#arcs.children[index] ?? this.#arcs.appendChild(draw("path", {}));
+      const range = reading.range_m ?? 0;
+      const age = now - reading.received;
+      setAttribute(arc, "d", arcOf(reading, Math.min(range, REACH_M)));
+      setAttribute(arc, "data-range", range < NEAR_M ? "near" : range < CLOSE_M ? "close" : range > REACH_M ? "beyond" : "far");
+      setAttribute(arc, "data-old", age > OLD_S ? "" : null);
+      setAttribute(arc, "opacity", Math.max(0.25, 1 - 0.6 * age).toFixed(2));
+    });
+    setAttribute(this.element, "aria-label", this.#words(report?.sonars ?? [], now));
+  }
+
+  /** @param {RobotFacts | null} robot */
+  #showBody(robot) {
+    const { width_m, length_m, radius_m } = robot?.report ?? {};
+    const key = `${width_m} ${length_m} ${radius_m} ${robot?.state}`;
+    if (key === this.#drawn) return;
+    this.#drawn = key;
+    this.#body.replaceChildren();
+    if (!robot) return;
+    const width = width_m ?? 2 * (radius_m ?? 0.2);
+    const length = length_m ?? 2 * (radius_m ?? 0.2);
+    this.#body.append(
+      draw("rect", { x: -width / 2, y: -length / 2, width, height: length, rx: 0.08 }),
+      draw("path", { d: `M0 0V${-length / 2 - 0.22}M-0.1 ${-length / 2 - 0.1}L0 ${-length / 2 - 0.24}L0.1 ${-length / 2 - 0.1}` }));
+  }
+
+  /**
+   * @param {SVGElement} polygon
+   * @param {number[][] | undefined} places
+   * @param {string | undefined} level
+   */
+  #zone(polygon, places, level) {
+    setAttribute(polygon, "points", (places ?? []).map(([x = 0, y = 0]) => `${(-y).toFixed(3)},${(-x).toFixed(3)}`).join(" "));
+    setAttribute(polygon, "data-level", level ?? null);
+  }
+
+  /** @param {SonarReading[]} sonars @param {number} now */
+  #words(sonars, now) {
+    if (sonars.length === 0) return "The robot from above; it tells of no sonar";
+    const nearest = sonars.filter(({ range_m }) => range_m !== null).sort((a, b) => (a.range_m ?? 0) - (b.range_m ?? 0))[0];
+    if (!nearest) return `Sonar ring of ${sonars.length}: nothing near`;
+    return `Sonar ring of ${sonars.length}: the nearest echo ${nearest.range_m?.toFixed(2)} m, ${(now - nearest.received).toFixed(1)} s old`;
+  }
+}
+
+/**
+ * How near the nearest echo is, in words.
+ *
+ * @param {RobotFacts | null} robot
+ */
+export function sonarInWords(robot) {
+  const sonars = robot?.report.sonars ?? [];
+  if (sonars.length === 0) return "no sonar";
+  const now = Math.max(robot?.report.received ?? 0, ...sonars.map(({ received }) => received));
+  const ranges = sonars.flatMap(({ range_m }) => (range_m === null ? [] : [range_m]));
+  const oldest = now - Math.min(...sonars.map(({ received }) => received));
+  const nearest = ranges.length ? `nearest ${Math.min(...ranges).toFixed(2)} m` : "no echo";
+  return `Sonar: ${nearest}, up to ${oldest.toFixed(1)} s old`;
+}
+
+/** @param {SonarReading} reading @param {number} range */
+function arcOf({ x, y, heading }, range) {
+  const at = (/** @type {number} */ angle) => `${(-(y + range * Math.sin(angle))).toFixed(3)} ${(-(x + range * Math.cos(angle))).toFixed(3)}`;
+  // From right to left is clockwise negative on the screen.
+  return `M${at(heading - HALF_CONE_RAD)}A${range.toFixed(3)} ${range.toFixed(3)} 0 0 0 ${at(heading + HALF_CONE_RAD)}`;
+}
+
+/** @param {number} metres */
+function label(metres) {
+  const text = draw("text", { x: 0.06, y: metres - 0.06 });
+  setText(text, `${metres} m`);
+  return text;
+}
+
+/**
+ * @param {string} name
+ * @param {Record<string, string | number>} attributes
+ * @returns {SVGElement}
+ */
+function draw(name, attributes) {
+  const element = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
+  return element;
+}

@@ -1,0 +1,70 @@
+/** The stop button, in sight wherever one is on the page, and what it did. */
+
+import { request } from "../api.js";
+import { h, icon, setAttribute, setText } from "../dom.js";
+import { notify, notifyError } from "../notice.js";
+import { Part } from "../part.js";
+import { listenForStop } from "./stop-keys.js";
+
+const WHAT_IT_IS = "Software stop, no emergency stop: keep the hardware switch in reach";
+const KEYS = "Space and Esc press it; while a robot is armed they do so everywhere on this page.";
+
+class StopBar extends Part {
+  #stop = h("button", { type: "button", class: "stop-button", id: "stop-robots", title: `${WHAT_IT_IS}. ${KEYS}`, "aria-describedby": "stop-what", "aria-keyshortcuts": "Space Escape" },
+    icon("stop"), h("span", {}, "Stop robots"));
+  #what = h("p", { class: "stop-what", id: "stop-what" }, WHAT_IT_IS);
+  #keys = h("p", { class: "stop-keys" });
+  #stopped = h("span", { class: "stop-state" });
+  #reset = h("button", { type: "button", class: "button", title: "Robots may be armed again; none starts by itself" }, "Reset");
+  #latched = h("div", { class: "stop-latched", hidden: true, role: "alert" }, this.#stopped, this.#reset);
+  /** Pressed here and not answered yet. */
+  #pressed = false;
+
+  build() {
+    const { driver } = this.hub;
+    this.#stop.addEventListener("click", () => void driver.stop().catch(() => {}));
+    this.#reset.addEventListener("click", () => void this.#resetStop());
+    this.append(this.#latched, h("div", { class: "stop-words" }, this.#what, this.#keys), this.#stop);
+    listenForStop(window, driver);
+    this.hear("stopping", () => this.#mark(true), driver);
+    this.hear("stop-failed", () => this.#failed(), driver);
+    this.hear("robots", () => this.#mark(this.#pressed && !this.hub.robots?.stopped));
+    this.hear("connection", () => this.#render());
+    this.#render();
+  }
+
+  /** @param {boolean} pressed */
+  #mark(pressed) {
+    this.#pressed = pressed;
+    this.#render();
+  }
+
+  #failed() {
+    this.#pressed = false;
+    this.#render();
+    notify("The stop did not reach the server: use the hardware switch.", "error");
+  }
+
+  #render() {
+    const { robots, driver } = this.hub;
+    const stopped = robots?.stopped ?? null;
+    const robotsState = driver.anyArmed ? "armed" : driver.anyConnected ? "idle" : "none";
+    setAttribute(document.documentElement, "data-robots", robotsState);
+    setAttribute(this, "data-stopped", stopped ? "" : null);
+    setAttribute(this, "data-pressed", this.#pressed ? "" : null);
+    this.#latched.hidden = !stopped;
+    setText(this.#stopped, stopped ? `Stopped by ${stopped.by}` : "");
+    setAttribute(this.#stopped, "title", stopped ? `Stopped by ${stopped.by}` : null);
+    setText(this.#keys, robotsState === "armed" ? "Armed: Space and Esc always stop" : "Space or Esc");
+  }
+
+  async #resetStop() {
+    try {
+      await request("POST", "/robots/reset");
+    } catch (error) {
+      notifyError(error);
+    }
+  }
+}
+
+customElements.define("observer-stop", StopBar);

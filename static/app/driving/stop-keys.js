@@ -1,0 +1,58 @@
+/** Space and Esc stop the robots. */
+
+const WRITTEN_IN = ["text", "search", "number", "password", "url", "email", "tel"];
+// What Space presses or Esc leaves, where no robot is armed.
+const OWN_SPACE = 'button, summary, select, input, a, [role="tab"], [contenteditable]';
+
+/**
+ * Whether what is typed goes into this element.
+ *
+ * @param {HTMLElement} element
+ */
+export function writesText(element) {
+  if (element instanceof HTMLInputElement) return WRITTEN_IN.includes(element.type);
+  // Elements of the viewer's frame are of another window's classes.
+  return element.isContentEditable || ["TEXTAREA", "INPUT"].includes(element.tagName);
+}
+
+/**
+ * Have Space and Esc stop in a window.
+ *
+ * While a robot is armed they always do, also where one types or a button has the focus, and do
+ * nothing else. Otherwise they keep the meaning they have in fields, buttons and dialogs, and stop
+ * everywhere else, as long as there is a robot.
+ *
+ * @param {Window} inside the page's window, or that of a same-origin frame
+ * @param {import("./driver.js").Driver} driver
+ */
+export function listenForStop(inside, driver) {
+  let taken = "";
+  inside.addEventListener("keydown", (event) => {
+    if (!isStop(event) || !driver.anyArmed) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    taken = event.code;
+    if (!event.repeat) void driver.stop().catch(() => {});
+  }, { capture: true });
+  // A button is pressed at the release of Space.
+  inside.addEventListener("keyup", (event) => {
+    if (event.code !== taken) return;
+    taken = "";
+    event.preventDefault();
+    event.stopImmediatePropagation();
+  }, { capture: true });
+  // Behind everything else that wants these keys.
+  inside.addEventListener("keydown", (event) => {
+    if (!isStop(event) || event.defaultPrevented || event.repeat || !driver.anyConnected) return;
+    const target = /** @type {HTMLElement | null} */ (event.target);
+    if (target?.closest?.("dialog") || (target && target.tagName && writesText(target))) return;
+    if (event.code === "Space" && target?.closest?.(OWN_SPACE)) return;
+    event.preventDefault();
+    void driver.stop().catch(() => {});
+  });
+}
+
+/** @param {KeyboardEvent} event */
+function isStop(event) {
+  return (event.code === "Space" || event.key === "Escape") && !event.ctrlKey && !event.metaKey && !event.altKey;
+}

@@ -1,0 +1,107 @@
+/**
+ * What the server says of robots and driving, as types. SI units, in the names or beside them;
+ * places are in the robot's base frame (x forward, y left) unless they say otherwise.
+ *
+ * @typedef {"observer" | "obstacle"} Role
+ *
+ * @typedef {object} Velocity
+ * @property {number} speed_mps forward
+ * @property {number} turn_rate_radps positive to the left
+ *
+ * @typedef {object} SonarReading
+ * @property {number} index
+ * @property {number} x of the sonar
+ * @property {number} y
+ * @property {number} heading
+ * @property {number | null} range_m null: nothing echoed
+ * @property {number} received the host's monotonic clock
+ *
+ * @typedef {object} RobotReport the newest word of the robot itself
+ * @property {string} phase
+ * @property {string | null} trouble
+ * @property {string | null} fault
+ * @property {string[]} warnings
+ * @property {number | null} received
+ * @property {string | null} name
+ * @property {string | null} model
+ * @property {string | null} subtype
+ * @property {{x: number, y: number, yaw: number} | null} odometry
+ * @property {number | null} speed_mps by its encoders
+ * @property {number | null} turn_rate_radps
+ * @property {boolean | null} motors_enabled
+ * @property {[boolean, boolean] | null} stalled left and right wheel
+ * @property {boolean[]} front_bumpers
+ * @property {boolean[]} rear_bumpers
+ * @property {boolean | null} stop_pressed
+ * @property {number | null} battery_v
+ * @property {"good" | "low" | "critical" | null} battery
+ * @property {string | null} charging
+ * @property {number | null} temperature_c
+ * @property {SonarReading[]} sonars
+ * @property {number | null} watchdog_s
+ * @property {{speed_mps: number, turn_rate_radps: number} | null} limits in force
+ * @property {number | null} radius_m
+ * @property {number | null} width_m
+ * @property {number | null} length_m
+ * @property {Record<string, number>} counters
+ *
+ * @typedef {object} GuardWord what the guard allows and why
+ * @property {"clear" | "slow" | "stop"} level
+ * @property {string | null} reason
+ * @property {number | null} limit_mps
+ * @property {number[][]} stop_zone
+ * @property {number[][]} slow_zone
+ *
+ * @typedef {object} RobotFacts
+ * @property {string} port
+ * @property {string | null} name
+ * @property {string | null} world
+ * @property {"connecting" | "disarmed" | "armed" | "moving" | "waiting" | "refused"} state
+ * @property {string | null} operator who holds its lease
+ * @property {boolean} present whether that one gives signs of presence
+ * @property {string | null} why it does not move as asked
+ * @property {Velocity} commanded
+ * @property {Velocity} sent
+ * @property {GuardWord | null} guard
+ * @property {RobotReport} report
+ *
+ * @typedef {object} RunningProgramme
+ * @property {string} name
+ * @property {number} elapsed_s
+ * @property {number} duration_s
+ * @property {number} round
+ * @property {number} repeat
+ * @property {boolean} reverse
+ * @property {"gesture" | "driving"} phase
+ *
+ * @typedef {object} DrivingFacts the live message `robots`
+ * @property {{by: string, since: number} | null} stopped the latch
+ * @property {{age_s: number | null, status: string | null, world: string | null}} [sight]
+ * @property {RunningProgramme | null} programme
+ * @property {Record<Role, RobotFacts | null>} robots
+ * @property {{alive: boolean, pid: number | null, restarts: number}} [process]
+ * @property {Record<Role, {port: string, model: string | null} | null>} [ports] as kept
+ *
+ * @typedef {object} ProgrammeEntry one of GET /api/programmes
+ * @property {string} name
+ * @property {string} title
+ * @property {string} help
+ * @property {Role[]} roles
+ * @property {number} duration_s
+ * @property {boolean} own whether it was uploaded, so that it may be deleted
+ *
+ * @typedef {object} SentReply what really went out for one command
+ * @property {number} speed_mps
+ * @property {number} turn_rate_radps
+ * @property {string | null} limited_by
+ * @property {number} age_ms
+ *
+ * @typedef {object} LinkWord
+ * @property {"good" | "slow" | "lost"} quality
+ * @property {number | null} rtt_ms
+ * @property {number | null} delay_ms
+ * @property {string | null} sentence
+ */
+
+/** @type {import("./types.js").Role[]} */
+export const ROLES = ["observer", "obstacle"];
