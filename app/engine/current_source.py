@@ -29,7 +29,7 @@ from app.messages import (
     StateEvent,
 )
 from observer.errors import DynamicObserverError
-from observer.opening import live_devices, shown_spec
+from observer.opening import exclusive_world, live_devices, shown_spec
 from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
@@ -112,6 +112,10 @@ class CurrentSource:
             else:
                 opening.before = session.again()
                 self.close()
+        elif session is not None and _share_world(session.spec, command.source):
+            # Two that step one simulator would wait for each other.
+            opening.before = session.again()
+            self.close()
         opening.start(lambda: self._open(command, open_source), self._opened)
 
     def _open(self, command: OpeningCommand, open_source: SourceOpener) -> PlayedSource:
@@ -225,3 +229,9 @@ class CurrentSource:
 def _share_cameras(a: str, b: str) -> bool:
     """Whether two texts name a live camera that is the same."""
     return not set(live_devices(a)).isdisjoint(live_devices(b))
+
+
+def _share_world(a: str, b: str) -> bool:
+    """Whether two texts name the same world, and one that only one source can be of at a time."""
+    world = exclusive_world(a)
+    return world is not None and world == exclusive_world(b)
