@@ -6,9 +6,6 @@ import math
 
 from observer.types import Odometry
 
-# A wheel that seems to turn by more within one reading did not: its joint was reset.
-_MOST_TURN_RAD = 20.0
-
 
 class WheelOdometry:
     """Sums up how the wheels turned, as an arc between two readings.
@@ -28,8 +25,6 @@ class WheelOdometry:
         if before is None:
             return self.odometry
         left, right = left_rad - before[0], right_rad - before[1]
-        if max(abs(left), abs(right)) > _MOST_TURN_RAD:
-            return self.odometry
         way = (left + right) / 2 * self._radius
         turn = (right - left) * self._radius / self._track
         half = turn / 2
@@ -38,6 +33,10 @@ class WheelOdometry:
         self._y += chord * math.sin(self._yaw + half)
         self._yaw += turn
         return self.odometry
+
+    def rebase(self) -> None:
+        """The joints are put to other angles before the next ones; that is no way."""
+        self._before = None
 
     @property
     def odometry(self) -> Odometry:

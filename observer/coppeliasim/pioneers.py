@@ -89,6 +89,18 @@ def find_pioneer(connection: Connection, path: str) -> Pioneer:
     )
 
 
+def own_scripts(connection: Connection, robot: int) -> list[int]:
+    """Handles of the scripts that drive a model by themselves, as the simulator's own does."""
+    try:
+        kind = connection.constant("sceneobject_script", "object_script_type")
+    except CoppeliaSimError:
+        # Before version 4.8 a script was no object of the scene.
+        kind = connection.constant("scripttype_childscript", "scripttype_simulation")
+        script = int(connection.call("getScript", kind, robot))
+        return [] if script < 0 else [script]
+    return handles(connection.call("getObjectsInTree", robot, kind, 0))
+
+
 def _measured(connection: Connection, base: int, left: int, right: int) -> Pioneer:
     T_room_robot = pose_of(connection, base)
     at_left, at_right = (pose_of(connection, joint).translation for joint in (left, right))
