@@ -27,6 +27,7 @@ def build() -> typer.Typer:
     from app.commands.benchmark import benchmark
     from app.commands.calibrate import calibrate
     from app.commands.doctor import doctor
+    from app.commands.drive import drive, programmes
     from app.commands.evaluate import evaluate
     from app.commands.observe import observe
     from app.commands.parameters import parameters
@@ -47,6 +48,8 @@ def build() -> typer.Typer:
     cli.command("simulate")(simulate)
     cli.command("calibrate")(calibrate)
     cli.command("parameters")(parameters)
+    cli.command("drive")(drive)
+    cli.command("programmes")(programmes)
     cli.command("benchmark")(benchmark)
     cli.command("doctor")(doctor)
     return cli
