@@ -127,6 +127,7 @@ def exclusive_world(spec: str) -> str | None:
 
 
 def _open_simulated(rest: str) -> OpenedSource:
+    from observer.simulation.robots.world_robots import SimulatedRobots
     from observer.simulation.scenarios import load_scenario
     from observer.simulation.source import SimulatedSource
     from observer.simulation.truth import SimulatedTruth
@@ -140,7 +141,10 @@ def _open_simulated(rest: str) -> OpenedSource:
             raise SourceError(f"a scenario takes ?seed=NUMBER, not ?{query}")
         seed = int(value)
     world = World(load_scenario(name or "lab"), seed)
-    return OpenedSource(SimulatedSource(world), SimulatedTruth(world))
+    source = SimulatedSource(world)
+    # Who shows a board to cameras counts on their standing still.
+    robots = None if world.board else SimulatedRobots(world, source)
+    return OpenedSource(source, SimulatedTruth(world), robots)
 
 
 def _open_folder(path: Path) -> OpenedSource:

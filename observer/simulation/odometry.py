@@ -26,7 +26,7 @@ class WheelOdometry:
     """
 
     def __init__(self, world: World) -> None:
-        self._motion = world.observer.motion
+        self._world = world
         self._rng = np.random.default_rng(np.random.SeedSequence([world.seed, 0x0D0]))
         self._scale = 1 + _SCALE_SIGMA * float(self._rng.standard_normal())
         self._turn = 1 + _TURN_SIGMA * float(self._rng.standard_normal())
@@ -41,7 +41,8 @@ class WheelOdometry:
         return Odometry(self._x, self._y, self._yaw)
 
     def _drive(self, before: float, now: float) -> None:
-        a, b = self._motion.state(before), self._motion.state(now)
+        motion = self._world.observer.motion
+        a, b = motion.state(before), motion.state(now)
         c, s = math.cos(a.heading), math.sin(a.heading)
         dx, dy = b.x - a.x, b.y - a.y
         ahead, aside = c * dx + s * dy, c * dy - s * dx

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
+from typing import Protocol
 
 from observer.camera import StereoCalibration
 from observer.simulation.imaging import StereoImager
@@ -11,6 +12,23 @@ from observer.simulation.odometry import WheelOdometry
 from observer.simulation.world import World
 from observer.sources.contract import SourceInfo
 from observer.types import StereoFrame
+
+
+class DrivenVehicles(Protocol):
+    """What moves in a world by its frames' clock and by somebody's wish."""
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether somebody drives, so that the source does not end at its last frame."""
+        ...
+
+    def advance(self, time: float) -> None:
+        """The next frame's time, seconds; called before it is drawn."""
+        ...
+
+    def restart(self) -> None:
+        """The next frame is the first one again."""
+        ...
 
 
 class SimulatedSource:
@@ -24,6 +42,12 @@ class SimulatedSource:
         self._imager = StereoImager(world)
         self._odometry = WheelOdometry(world)
         self._next = 0
+        self._driven: DrivenVehicles | None = None
+
+    def follow(self, driven: DrivenVehicles) -> None:
+        """Show from the next frame on what is driven; ``World.move`` was called for it."""
+        self._driven = driven
+        self._imager = StereoImager(self._world)
 
     @property
     def info(self) -> SourceInfo:
@@ -48,13 +72,15 @@ class SimulatedSource:
         return self._world.calibration if handed_out else None
 
     def read(self) -> StereoFrame | None:
-        """The next frame, or None after the last one."""
+        """The next frame, or None after the last one; there is none while somebody drives."""
         s = self._world.scenario
-        if self._next >= s.frame_count:
+        if self._next >= s.frame_count and not (self._driven and self._driven.goes_on):
             return None
         index = self._next
         self._next += 1
         now = index / s.frame_rate
+        if self._driven is not None:
+            self._driven.advance(now)
         left, right = self._imager.pair(index, now)
         skewed = s.faults.skew_s != 0
         return StereoFrame(
@@ -71,6 +97,8 @@ class SimulatedSource:
         """Begin again with the first frame."""
         self._odometry = WheelOdometry(self._world)
         self._next = 0
+        if self._driven is not None:
+            self._driven.restart()
 
     def close(self) -> None:
         """Nothing to release."""

@@ -24,11 +24,13 @@ class SimulatedTruth:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._remembered: OrderedDict[float, tuple[TrueBody, ...]] = OrderedDict()
+        self._remembered: OrderedDict[tuple[int, float], tuple[TrueBody, ...]] = OrderedDict()
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
         """The observer first, then the obstacles, at ``time`` seconds."""
-        found = self._remembered.get(time)
+        # A world whose robots are driven is another one each time it begins again.
+        instant = (self._world.beginnings, time)
+        found = self._remembered.get(instant)
         if found is None:
             found = (
                 self._state(self._world.observer, time, None),
@@ -37,7 +39,7 @@ class SimulatedTruth:
                     for body in self._world.obstacles
                 ),
             )
-            self._remembered[time] = found
+            self._remembered[instant] = found
             if len(self._remembered) > _REMEMBERED_INSTANTS:
                 self._remembered.popitem(last=False)
         return found

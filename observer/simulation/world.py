@@ -15,7 +15,8 @@ Frames
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -91,6 +92,10 @@ class World:
         scenario: what there is.
         seed: 0 is the scenario as written; other seeds vary textures, layout and motion.
 
+    Attributes:
+        beginnings: counted up whenever it begins anew and may take another course, as where its
+            robots are driven.
+
     Raises:
         ScenarioError: a vehicle leaves the room, a leg is too short for its speed.
     """
@@ -99,6 +104,7 @@ class World:
         if seed < 0:
             raise ScenarioError(f"the seed must be a whole number from 0 on, not {seed}")
         self.seed = seed
+        self.beginnings = 0
         self.scenario = varied(scenario, seed)
         s = self.scenario
         texture_seed = 1000 * seed
@@ -147,6 +153,14 @@ class World:
         """The text that opens this world as a source."""
         suffix = f"?seed={self.seed}" if self.seed else ""
         return f"simulated:{self.scenario.name}{suffix}"
+
+    def move(self, motions: Mapping[int, PlanarMotion]) -> None:
+        """Let bodies, by their ids, move differently from now on; as before at time 0.
+
+        Who draws the world has to be made anew: it may keep what stands.
+        """
+        self.observer = _moving_as(self.observer, motions)
+        self.bodies = tuple(_moving_as(body, motions) for body in self.bodies)
 
     @property
     def obstacles(self) -> tuple[Body, ...]:
@@ -266,6 +280,10 @@ class World:
                         f"(x {state.x:.2f} m, y {state.y:.2f} m); the room reaches from "
                         f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g}"
                     )
+
+
+def _moving_as(body: Body, motions: Mapping[int, PlanarMotion]) -> Body:
+    return replace(body, motion=motions[body.id]) if body.id in motions else body
 
 
 def _oscillation(spec: SineSpec) -> Oscillation:

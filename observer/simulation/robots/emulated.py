@@ -12,7 +12,7 @@ from observer.simulation.robots.faults import Faults
 from observer.simulation.robots.firmware import WATCHDOG_S, Firmware
 from observer.simulation.robots.floor import Surroundings
 from observer.simulation.robots.sonar import sonar_range
-from observer.simulation.robots.vehicle import Body, Vehicle
+from observer.simulation.robots.vehicle import Hull, Vehicle
 
 # A clock that leapt farther is not made up for: the robot stood still meanwhile.
 _LONGEST_S = 0.5
@@ -50,8 +50,8 @@ class EmulatedRobot:
     ) -> None:
         spec = robot_spec(model)
         bumpers = bumpers_of(model)
-        body = Body(spec.length_m, spec.width_m, bumpers, bumpers)
-        self.vehicle = Vehicle(spec, body, PlanarState(0.0, 0.0, 0.0), seed=seed)
+        hull = Hull(spec.length_m, spec.width_m, bumpers, bumpers)
+        self.vehicle = Vehicle(spec, hull, PlanarState(0.0, 0.0, 0.0), seed=seed)
         self.around = around or Surroundings()
         self._now = now
         self.firmware = Firmware(

@@ -109,6 +109,7 @@ class Firmware:
         self._open = False
         self._next_sync = 0
         self._enabled = False
+        self._to_go_off = False
         self._setpoint = _Setpoint()
         self._limits = _Limits(spec.speed_max_mps, spec.turn_rate_max_radps)
         self._commanded = now
@@ -150,8 +151,11 @@ class Firmware:
         return c * dx + s * dy, c * dy - s * dx, w.yaw - yaw0
 
     def motors_off(self) -> None:
-        """The motors went off by themselves, as after a fault of the machine."""
-        self._disable()
+        """The motors go off by themselves, as after a fault of the machine; from any thread.
+
+        They are off from the next ``receive`` or ``tick`` on.
+        """
+        self._to_go_off = True
 
     def leave_open(self, now: float) -> None:
         """As if the last client had died without saying goodbye: status packets go on."""
@@ -166,11 +170,13 @@ class Firmware:
     def receive(self, data: bytes, now: float) -> bytes:
         """What it answers to these bytes at once."""
         self._received = now
+        self._go_off()
         return self._take_all(self._parser.feed(data), now)
 
     def tick(self, now: float) -> bytes:
         """What it sends by itself by this time; to be called every 20 ms at least."""
         self._now = now
+        self._go_off()
         sent = b""
         if now - self._received > _INCOMPLETE_S:
             sent = self._take_all(self._parser.abandon(), now)
@@ -275,6 +281,11 @@ class Firmware:
     def _set_origin(self) -> None:
         w = self._chassis.wheels()
         self._origin = (w.x, w.y, w.yaw)
+
+    def _go_off(self) -> None:
+        if self._to_go_off:
+            self._to_go_off = False
+            self._disable()
 
     def _disable(self) -> None:
         self._enabled = False

@@ -33,7 +33,7 @@ _SLIP = 0.003
 
 
 @dataclass(frozen=True)
-class Body:
+class Hull:
     """A vehicle's outline and bumpers.
 
     Attributes:
@@ -52,15 +52,15 @@ class Vehicle:
     """One vehicle on a floor.
 
     Args:
-        spec: its model: wheels. body: its outline.
+        spec: its model: wheels. hull: its outline.
         state: where it is and how it moves at the start.
         seed: of its wheels' errors; None for wheels that count exactly.
     """
 
     def __init__(
-        self, spec: RobotSpec, body: Body, state: PlanarState, *, seed: int | None = None
+        self, spec: RobotSpec, hull: Hull, state: PlanarState, *, seed: int | None = None
     ) -> None:
-        self.body = body
+        self.hull = hull
         self.drive = Drive()
         # Of the wheels from each other, by the factor that the model itself uses.
         self._half_track = 1 / (1000 * spec.wheel_turn)
@@ -158,7 +158,7 @@ class Vehicle:
         x = self._x + chord * math.cos(self._heading + half)
         y = self._y + chord * math.sin(self._heading + half)
         new = PlanarState(x, y, self._heading + turned)
-        size = self.body.length_m, self.body.width_m
+        size = self.hull.length_m, self.hull.width_m
         depth = around.depth(outline_at(new, *size))
         # Out of something that came over it, it may leave.
         if depth > _TOUCH_M and depth >= around.depth(outline_at(self.state, *size)):
@@ -191,7 +191,7 @@ class Vehicle:
 
         All bumpers of the end that pushes, without a look at where it touches.
         """
-        front, rear = self.body.front_bumpers, self.body.rear_bumpers
+        front, rear = self.hull.front_bumpers, self.hull.rear_bumpers
         if way == 0 and turned != 0:
             return 0, 0
         return ((1 << front) - 1, 0) if way > 0 else (0, (1 << rear) - 1)

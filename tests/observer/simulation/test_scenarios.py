@@ -27,7 +27,7 @@ REQUIRED = {
 
 UNCALIBRATED = ("calibration", "calibration_charuco", "webcams")
 # Not counted by the benchmark.
-FOR_SHOWING = ("lab", *UNCALIBRATED)
+FOR_SHOWING = ("lab", "drive", *UNCALIBRATED)
 
 MINIMAL = """
 title: A title

@@ -1,0 +1,234 @@
+"""A vehicle of a simulated world that follows its script until it is driven."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from observer.robots.models import RobotSpec
+from observer.simulation.motion import PlanarMotion, PlanarState
+from observer.simulation.robots.chassis import Drive, Wheels
+from observer.simulation.robots.floor import Outline, Surroundings, outline_at
+from observer.simulation.robots.sonar import sonar_range
+from observer.simulation.robots.vehicle import Hull, Vehicle
+
+# Steps of the physics that are kept, 10 ms each: what is asked for is a frame's own time and what
+# lies around it (exposure, shutter, skew).
+_KEPT = 1000
+# Farther than this nobody looks ahead of the newest step.
+_AHEAD_S = 0.25
+
+
+@dataclass(frozen=True)
+class _Step:
+    time: float
+    state: PlanarState
+    commanded: float
+
+
+class Driven:
+    """A motion: a script, and from some moment on what was really driven.
+
+    Args:
+        script: what holds until ``begin``.
+        lock: shared with whoever writes.
+    """
+
+    def __init__(self, script: PlanarMotion, lock: threading.RLock) -> None:
+        self.script = script
+        self._lock = lock
+        self._steps: deque[_Step] = deque(maxlen=_KEPT)
+        self._since: float | None = None
+
+    @property
+    def begun(self) -> bool:
+        """Whether it is driven."""
+        return self._since is not None
+
+    def begin(self, time: float, state: PlanarState) -> None:
+        """From ``time`` on the script holds no longer."""
+        with self._lock:
+            self._since = time
+            self._steps.append(_Step(time, state, self.script.commanded_speed(time)))
+
+    def add(self, time: float, state: PlanarState, commanded: float) -> None:
+        """One more step, later than the last one."""
+        with self._lock:
+            self._steps.append(_Step(time, state, commanded))
+
+    def forget(self) -> None:
+        """The script holds again."""
+        with self._lock:
+            self._since = None
+            self._steps.clear()
+
+    def state(self, time: float) -> PlanarState:
+        """Between two steps what lies between them; behind the last one as it moved there."""
+        with self._lock:
+            if self._since is None or time <= self._since:
+                return self.script.state(time)
+            before, after = self._around(time)
+        if after is None:
+            return _onward(before.state, min(time - before.time, _AHEAD_S))
+        share = (time - before.time) / (after.time - before.time)
+        return _between(before.state, after.state, min(max(share, 0.0), 1.0))
+
+    def commanded_speed(self, time: float) -> float:
+        with self._lock:
+            if self._since is None or time <= self._since:
+                return self.script.commanded_speed(time)
+            before, after = self._around(time)
+        return (after or before).commanded
+
+    def _around(self, time: float) -> tuple[_Step, _Step | None]:
+        """The steps before and behind an instant; the oldest two for what is longer ago."""
+        after: _Step | None = None
+        before = self._steps[-1]
+        for step in reversed(self._steps):
+            before = step
+            if step.time <= time:
+                break
+            after = step
+        else:
+            if len(self._steps) > 1:
+                after = self._steps[1]
+        return before, after
+
+
+class DrivenVehicle:
+    """One robot of a world; fulfils ``chassis.Chassis``.
+
+    Time passes by ``advance`` only. Every method takes the world's lock itself, but those named
+    below for the world's own use.
+
+    Args:
+        spec: the model. size: of the body that is shown, length and width, metres.
+        script: how it moves until its motors are enabled for the first time.
+        clock: monotonic seconds. idle_s: after so long without ``advance`` no simulated time
+            passes, and the wheels stand.
+    """
+
+    def __init__(
+        self,
+        spec: RobotSpec,
+        size: tuple[float, float],
+        script: PlanarMotion,
+        lock: threading.RLock,
+        *,
+        bumpers: int,
+        seed: int,
+        idle_s: float,
+        clock: Callable[[], float],
+    ) -> None:
+        self.motion = Driven(script, lock)
+        self.around: Callable[[], Surroundings] = Surroundings
+        self._spec = spec
+        self._size = size
+        self._lock = lock
+        self._clock = clock
+        self._idle_s = idle_s
+        hull = Hull(*size, bumpers, bumpers)
+        self._vehicle = Vehicle(spec, hull, script.state(0.0), seed=seed)
+        self._time: float | None = None
+        self._wanted = False
+        self._switched_off = False
+        self._advanced = -math.inf
+
+    # ------------------------------------------------------------------ Chassis
+
+    def drive(self, drive: Drive) -> None:
+        with self._lock:
+            if self._switched_off and drive.powered:
+                # The firmware does not know yet.
+                return
+            self._switched_off = False
+            self._vehicle.drive = drive
+            self._wanted = self._wanted or drive.powered
+
+    def wheels(self) -> Wheels:
+        with self._lock:
+            wheels = self._vehicle.wheels()
+            if self._clock() - self._advanced > self._idle_s:
+                wheels = replace(wheels, speed_mps=0.0, turn_rate_radps=0.0)
+            return wheels
+
+    def sonar(self, index: int) -> float | None:
+        with self._lock:
+            edges, state = self.around().edges(), self._vehicle.state
+        return sonar_range(edges, state, self._spec.sonars[index])
+
+    # ------------------------------------------------------------------ the world's own use
+
+    @property
+    def driven(self) -> bool:
+        """Whether it is or will be driven from the next frame on."""
+        return self._wanted or self.motion.begun
+
+    @property
+    def outline(self) -> Outline:
+        """Where it is; the lock is held."""
+        return outline_at(self._vehicle.state, *self._size)
+
+    def prepare(self, time: float) -> None:
+        """``time`` is where the next step begins; the lock is held."""
+        if self._time is None:
+            self._vehicle.place(self.motion.script.state(time))
+            self._time = time
+        self._advanced = self._clock()
+        if self._wanted and not self.motion.begun:
+            self.motion.begin(self._time, self._vehicle.state)
+
+    def advance(self, time: float, around: Surroundings | None) -> None:
+        """One step to ``time``; ``around`` is needed where it is driven. The lock is held."""
+        if self._time is None or time <= self._time:
+            return
+        if self.motion.begun and around is not None:
+            self._vehicle.advance(time - self._time, around)
+            drive = self._vehicle.drive
+            self.motion.add(time, self._vehicle.state, abs(drive.speed_mps))
+        else:
+            self._vehicle.carry(self.motion.script.state(time))
+        self._time = time
+
+    def restart(self) -> None:
+        """The script holds again, from its start; motors count as off. The lock is held."""
+        self.switch_off()
+        self.motion.forget()
+        self._wanted = False
+        self._time = None
+        self._vehicle.place(self.motion.script.state(0.0))
+
+    def switch_off(self) -> None:
+        """No power until the firmware has switched its motors off itself. The lock is held."""
+        self._switched_off = True
+        self._vehicle.drive = Drive()
+
+
+def _onward(state: PlanarState, seconds: float) -> PlanarState:
+    """As it goes on with its velocities: along an arc."""
+    c, s = math.cos(state.heading), math.sin(state.heading)
+    speed = c * state.vx + s * state.vy
+    half = state.turn_rate * seconds / 2
+    chord = speed * seconds * (math.sin(half) / half if abs(half) > 1e-12 else 1.0)
+    heading = state.heading + 2 * half
+    return PlanarState(
+        state.x + chord * math.cos(state.heading + half),
+        state.y + chord * math.sin(state.heading + half),
+        heading,
+        speed * math.cos(heading),
+        speed * math.sin(heading),
+        state.turn_rate,
+    )
+
+
+def _between(a: PlanarState, b: PlanarState, share: float) -> PlanarState:
+    def mixed(first: float, second: float) -> float:
+        return first + share * (second - first)
+
+    return PlanarState(
+        mixed(a.x, b.x), mixed(a.y, b.y), mixed(a.heading, b.heading),
+        mixed(a.vx, b.vx), mixed(a.vy, b.vy), mixed(a.turn_rate, b.turn_rate),
+    )  # fmt: skip

@@ -1,0 +1,176 @@
+"""The robots of a simulated world, reached and driven as real ones are.
+
+The AmigoBot that carries the cameras is the observer, the scenario's first robot the obstacle.
+Their firmware runs by the wall clock, as a driver expects; their wheels turn by the frames'
+clock, so that a slow or paused simulation stays consistent. Each follows its script until its
+motors are enabled for the first time, and is driven from where it is then until the source begins
+again.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time as clocks
+import uuid
+from collections.abc import Callable
+from typing import Literal
+
+from observer.rig.rig import RobotModel
+from observer.robots.contract import RobotPort
+from observer.robots.models import robot_spec
+from observer.simulation.robots.driven import DrivenVehicle
+from observer.simulation.robots.emulated import bumpers_of
+from observer.simulation.robots.firmware import Firmware
+from observer.simulation.robots.floor import Outline, Surroundings
+from observer.simulation.robots.serving import Serving, serve_tcp
+from observer.simulation.robots.vehicle import STEP_S
+from observer.simulation.source import SimulatedSource
+from observer.simulation.world import Body, World
+
+_OBSERVER: RobotModel = "amigo-sh"
+_OBSTACLE: RobotModel = "p3dx-sh"
+# Without a frame for so long, or for three of them, no simulated time passes.
+_IDLE_S = 0.3
+
+_Role = Literal["observer", "obstacle"]
+
+
+class SimulatedRobots:
+    """Fulfils ``observer.robots.contract.RobotWorld``; nothing changes before ``serve``.
+
+    Args:
+        world: of which ``source`` shows the frames; nobody holds a board in it, for who shows one
+            to cameras counts on their standing still.
+        clock: monotonic seconds, of the firmware.
+
+    Attributes:
+        servings: by role, once they are served.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        source: SimulatedSource,
+        *,
+        clock: Callable[[], float] = clocks.monotonic,
+    ) -> None:
+        self._world = world
+        self._source = source
+        self._clock = clock
+        self._name = f"{world.spec}:{uuid.uuid4().hex[:12]}"
+        self._lock = threading.RLock()
+        self._vehicles: dict[_Role, DrivenVehicle] = {}
+        self.servings: dict[_Role, Serving[Firmware]] = {}
+        self._ports: tuple[RobotPort, ...] | None = None
+        self._closed = False
+        self._time: float | None = None
+        room = world.scenario.room
+        self._room = (*room.x, *room.y)
+        self._boxes = tuple(
+            _outline(body, 0.0)
+            for body in world.bodies
+            if body.role == "scenery" and body.bottom == 0.0
+        )
+
+    @property
+    def world(self) -> str:
+        return self._name
+
+    def serve(self) -> tuple[RobotPort, ...]:
+        """Serve each robot's firmware on a free TCP port of loopback.
+
+        To be called by the thread that reads the source, or before it reads.
+
+        Raises:
+            InputError: there is no free port.
+        """
+        if self._ports is None:
+            bodies: list[tuple[_Role, RobotModel, Body]] = [
+                ("observer", _OBSERVER, self._world.observer)
+            ]
+            if self._world.obstacles:
+                bodies.append(("obstacle", _OBSTACLE, self._world.obstacles[0]))
+            self._ports = tuple(self._served(*each) for each in bodies)
+            self._world.move({body.id: self._vehicles[role].motion for role, _, body in bodies})
+            self._source.follow(self)
+        return self._ports
+
+    def close(self) -> None:
+        """The robots are gone and run out; safe to call twice."""
+        self._closed = True
+        for serving in self.servings.values():
+            serving.close()
+        with self._lock:
+            for vehicle in self._vehicles.values():
+                vehicle.switch_off()
+
+    def _served(self, role: _Role, model: RobotModel, body: Body) -> RobotPort:
+        bumpers = bumpers_of(model)
+        spec = robot_spec(model)
+        vehicle = DrivenVehicle(
+            spec,
+            (body.size[0], body.size[1]),
+            body.motion,
+            self._lock,
+            bumpers=bumpers,
+            seed=10 * self._world.seed + body.id,
+            idle_s=max(_IDLE_S, 3 / self._world.scenario.frame_rate),
+            clock=self._clock,
+        )
+        vehicle.around = lambda: self._around(vehicle)
+        self._vehicles[role] = vehicle
+        firmware = Firmware(
+            spec, vehicle, now=self._clock(), name=f"simulated {body.name}",
+            front_bumpers=bumpers, rear_bumpers=bumpers,
+        )  # fmt: skip
+        serving = serve_tcp(firmware, clock=self._clock)
+        self.servings[role] = serving
+        return RobotPort(role, serving.port, model, body.name)
+
+    # ------------------------------------------------------------------ as DrivenVehicles
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether one of them is driven."""
+        return not self._closed and any(each.driven for each in self._vehicles.values())
+
+    def advance(self, time: float) -> None:
+        """From the last frame's time to this one's, in steps of 10 ms at most."""
+        with self._lock:
+            begin = time if self._time is None else self._time
+            vehicles = self._vehicles.values()
+            for vehicle in vehicles:
+                vehicle.prepare(begin)
+            driven = any(vehicle.driven for vehicle in vehicles)
+            steps = max(1, math.ceil((time - begin) / STEP_S - 1e-9)) if driven else 1
+            for k in range(1, steps + 1):
+                self._time = begin + (time - begin) * k / steps
+                for vehicle in vehicles:
+                    around = self._around(vehicle) if vehicle.motion.begun else None
+                    vehicle.advance(self._time, around)
+
+    def restart(self) -> None:
+        """They stand at their start again, motors off."""
+        with self._lock:
+            for vehicle in self._vehicles.values():
+                vehicle.restart()
+            self._time = None
+            self._world.beginnings += 1
+        for serving in self.servings.values():
+            serving.robot.motors_off()
+
+    def _around(self, vehicle: DrivenVehicle) -> Surroundings:
+        """What one of them may run into at this moment; the lock is held."""
+        time = self._time or 0.0
+        mine = {each.motion for each in self._vehicles.values()}
+        others = [each.outline for each in self._vehicles.values() if each is not vehicle]
+        others += [
+            _outline(body, time) for body in self._world.obstacles if body.motion not in mine
+        ]
+        return Surroundings(self._room, (*self._boxes, *others))
+
+
+def _outline(body: Body, time: float) -> Outline:
+    state = body.motion.state(time)
+    return Outline.of_box(state.x, state.y, state.heading, body.size[0], body.size[1])
