@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from app.channel.latest import Latest
 from app.messages import EngineState, ObservationEvent, StateEvent
+from app.viewer.robot_marks import RobotMarks, robot_marks
 from app.viewer.shapes import box_edges, display_from_world, rig_edges, upright_rotation
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
@@ -48,6 +49,7 @@ class Picture:
         boxes, truth: (N, 12, 2, 3) edges. arrows: (N, 2, 3) start and end.
         rig: (N, 2, 3) how the camera stands on its robot.
         tags: one per obstacle. positions: of the obstacles by id.
+        robot: the observing robot, where one is connected and its place is known.
         notice: why what is shown is not fresh; None while it is. stale: whether it is old
             without having been asked to stand still.
     """
@@ -64,14 +66,23 @@ class Picture:
     arrows: Float64Array
     tags: tuple[Tag, ...]
     positions: Mapping[int, Float64Array] = field(default_factory=dict)
+    robot: RobotMarks | None = None
     notice: str | None = None
     stale: bool = False
 
 
 def make_picture(
-    event: ObservationEvent | None, state: StateEvent, generation: int, now: float
+    event: ObservationEvent | None,
+    state: StateEvent,
+    generation: int,
+    now: float,
+    driving: Mapping[str, Any] | None = None,
 ) -> Picture:
-    """The picture of the newest observation, and how fresh it is at ``now``."""
+    """The picture of the newest observation, and how fresh it is at ``now``.
+
+    Args:
+        driving: as ``app.drive.messages.DriveEvent.facts``.
+    """
     mount = None if state.mount is None else CameraMount(**state.mount)
     T_display_world = display_from_world(mount)
     line: Mapping[str, Any] = event.line if event is not None else {"segment": 0, "obstacles": []}
@@ -94,9 +105,15 @@ def make_picture(
         arrows=_stacked([a for o in placed if (a := _arrow(o)) is not None], None),
         tags=tuple(_tag(o, up) for o in placed),
         positions={int(o["id"]): np.array(o["position"]) for o in placed},
+        robot=robot_marks(_observing(driving), mount, T_world_camera),
         notice=notice,
         stale=stale,
     )
+
+
+def _observing(driving: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    found = ((driving or {}).get("robots") or {}).get("observer")
+    return found if isinstance(found, Mapping) else None
 
 
 def read_cloud(value: Latest) -> Cloud:

@@ -13,6 +13,13 @@ import numpy as np
 import viser
 
 from app.viewer.picture import Cloud, Picture, Tag
+from app.viewer.robot_marks import (
+    MOST_OUTLINE_LINES,
+    MOST_SONAR_LINES,
+    MOST_ZONE_LINES,
+    Level,
+    RobotMarks,
+)
 from app.viewer.shapes import EDGES_OF_A_BOX, Follower, floor_lines, greyed, padded, thinned
 from app.viewer.trails import MOST_CAMERA_POINTS, Trails
 from observer.geometry import Float64Array, Pose
@@ -30,6 +37,14 @@ _TRUTH = (112, 150, 150)
 _BLUE = (66, 133, 244)
 _ROSE = (214, 122, 122)
 _FLOOR = (150, 162, 158)
+_SONAR = (36, 160, 148)
+# Colours of the stop zone and of the slow zone by what the guard does.
+_ZONES: dict[Level | None, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
+    None: (_GREY, _GREY),
+    "clear": ((170, 120, 110), (120, 160, 130)),
+    "slow": ((205, 110, 70), _ORANGE),
+    "stop": (_RED, _ORANGE),
+}
 # Behind the robot, above it and somewhat to its left, looking where it looks.
 _EYE = (-1.6, 1.0, 1.5)
 _LOOK_AT = (2.3, -0.1, 0.25)
@@ -86,6 +101,11 @@ class Scene:
         self._rig = self._lines("rig", _MOST_RIG_LINES, _BLUE, 2.0)
         self._trail = self._lines("trail", _TRAIL_LINES, _BLUE, 2.0)
         self._obstacle_trails = self._lines("trails", _OBSTACLE_TRAIL_LINES, _ROSE, 2.0)
+        self._outline = self._lines("robot", MOST_OUTLINE_LINES, _BLUE, 2.5)
+        self._stop_zone = self._lines("stop_zone", MOST_ZONE_LINES, _RED, 3.0)
+        self._slow_zone = self._lines("slow_zone", MOST_ZONE_LINES, _ORANGE, 2.0)
+        self._sonar = self._lines("sonar", MOST_SONAR_LINES, _SONAR, 2.5)
+        self._level: Level | None = None
         self._arrows = scene.add_arrows(
             "/display/world/velocities",
             np.zeros((_MOST_OBSTACLES, 2, 3), np.float32),
@@ -114,6 +134,9 @@ class Scene:
             "/display/world/camera/notice", "", anchor="bottom-center", visible=False
         )
         self._notice.font_screen_scale = 1.2
+        self._guard_label = scene.add_label(
+            "/display/world/guard", "", anchor="bottom-center", visible=False
+        )
 
     def _lines(
         self, name: str, count: int, color: tuple[int, int, int], thickness: float
@@ -149,6 +172,28 @@ class Scene:
             _show_lines(self._trail, self._trails.camera)
             _show_lines(self._obstacle_trails, self._trails.obstacles)
             self._label(picture.tags)
+            self._show_robot(picture.robot, picture.stale)
+
+    def _show_robot(self, robot: RobotMarks | None, stale: bool) -> None:
+        """Where the robot is and what keeps it from going on; nothing of it is shown when old."""
+        nodes = (self._outline, self._stop_zone, self._slow_zone, self._sonar)
+        if robot is None or stale:
+            for node in (*nodes, self._guard_label):
+                node.visible = False
+            return
+        if robot.level != self._level:
+            self._level = robot.level
+            for node, color in zip(
+                (self._stop_zone, self._slow_zone), _ZONES[robot.level], strict=True
+            ):
+                node.colors = np.array(color, np.uint8)
+        parts = (robot.outline, robot.stop_zone, robot.slow_zone, robot.sonar)
+        for node, lines in zip(nodes, parts, strict=True):
+            _show_lines(node, lines)
+        if robot.text is not None:
+            self._guard_label.text = robot.text
+            self._guard_label.position = robot.place
+        self._guard_label.visible = robot.text is not None
 
     def show_cloud(self, cloud: Cloud) -> None:
         """Draw the cloud in the pose of its own instant."""

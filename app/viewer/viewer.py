@@ -155,7 +155,9 @@ class ViserViewer:
         station = self._station
         now = station.clock()
         with self._scene.together():
-            picture = make_picture(station.latest, station.state, station.generation, now)
+            picture = make_picture(
+                station.latest, station.state, station.generation, now, station.driving.facts()
+            )
             self._scene.show(picture, now)
             cloud = station.engine.cloud.read(self._cloud_sequence)
             if cloud is not None:

@@ -18,6 +18,7 @@ from app.station import Station
 from app.storage import Storage
 from app.viewer import ViserViewer
 from app.viewer.picture import make_picture, read_cloud
+from app.viewer.robot_marks import MOST_ZONE_LINES, robot_marks
 from app.viewer.shapes import (
     Follower,
     box_edges,
@@ -211,6 +212,81 @@ def test_clouds_are_read_as_they_are_written(observed: Any) -> None:
     assert cloud.colors.shape == (40, 3)
     assert 1 <= cloud.points.min() <= cloud.points.max() <= 3
     np.testing.assert_allclose(cloud.T_world_camera.matrix, np.eye(4))
+
+
+# --- the observing robot ---------------------------------------------------------------------
+
+_MOUNT = CameraMount(0.4, 0.3, 0.1, 0.06, pan_rad=0.2)
+_ROBOT: dict[str, Any] = {
+    "guard": {
+        "level": "slow",
+        "reason": "obstacle 3 is 1.2 m ahead",
+        "stop_zone": [[0.5, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.5, -0.2]],
+        "slow_zone": [[1.5, 0.3], [-0.2, 0.3], [-0.2, -0.3]],
+    },
+    "report": {
+        "width_m": 0.4,
+        "length_m": 0.6,
+        "received": 10.0,
+        "sonars": [
+            {"x": 0.1, "y": 0.0, "heading": 0.0, "range_m": 1.4, "received": 9.9},
+            {"x": 0.0, "y": 0.1, "heading": 1.5, "range_m": None, "received": 9.9},
+            {"x": 0.0, "y": 0.1, "heading": 1.5, "range_m": 0.8, "received": 8.0},
+        ],
+    },
+}
+
+
+def _in_base(lines: Any, T_world_camera: Pose) -> Any:
+    T_base_world = _MOUNT.T_base_camera @ T_world_camera.inverse()
+    return T_base_world.apply(np.reshape(lines, (-1, 3))).reshape(-1, 2, 3)
+
+
+def test_zones_and_outline_lie_on_the_floor_around_the_robot_wherever_it_is() -> None:
+    T = Pose.from_rotvec([0.0, 0.4, 0.0], [1.0, 0.0, 2.0])
+    marks = robot_marks(_ROBOT, _MOUNT, T)
+    assert marks is not None
+    zone = _in_base(marks.stop_zone, T)
+    np.testing.assert_allclose(zone[:, 0, :2], _ROBOT["guard"]["stop_zone"], atol=1e-9)
+    np.testing.assert_array_equal(zone[:, 1], np.roll(zone[:, 0], -1, axis=0))
+    assert (np.abs(zone[..., 2]) < 0.03).all()
+    assert marks.slow_zone.shape == (3, 2, 3)
+    outline = _in_base(marks.outline, T)
+    np.testing.assert_allclose(np.abs(outline[:4, 0, :2]), [[0.3, 0.2]] * 4, atol=1e-9)
+    # What points ahead begins in the middle of the axle.
+    np.testing.assert_allclose(outline[4, :, :2], [[0, 0], [0.5, 0]], atol=1e-9)
+    assert (marks.level, marks.text) == ("slow", "slowed: obstacle 3 is 1.2 m ahead")
+
+
+def test_only_echoes_that_are_new_are_drawn_at_their_distance() -> None:
+    marks = robot_marks(_ROBOT, _MOUNT, Pose.identity())
+    assert marks is not None
+    ends = _in_base(marks.sonar, Pose.identity())
+    assert ends.shape == (3, 2, 3)
+    np.testing.assert_allclose(np.linalg.norm(ends[..., :2] - (0.1, 0.0), axis=-1), 1.4)
+
+
+def test_a_robot_of_which_little_is_known_is_drawn_as_far_as_it_is() -> None:
+    assert robot_marks(_ROBOT, None, Pose.identity()) is None
+    assert robot_marks(_ROBOT, _MOUNT, None) is None
+    assert robot_marks(None, _MOUNT, Pose.identity()) is None
+    marks = robot_marks({"guard": None, "report": None}, _MOUNT, Pose.identity())
+    assert marks is not None
+    assert len(marks.outline) == len(marks.stop_zone) == len(marks.sonar) == 0
+    assert (marks.level, marks.text) == (None, None)
+    around = np.linspace(0, 2 * math.pi, 200, endpoint=False)
+    many = {"guard": {"stop_zone": np.stack([np.cos(around), np.sin(around)], 1).tolist()}}
+    circle = robot_marks(many, _MOUNT, Pose.identity())
+    assert circle is not None
+    assert 30 < len(circle.stop_zone) <= MOST_ZONE_LINES
+
+
+def test_the_robot_comes_from_what_the_drive_process_tells(observed: Any) -> None:
+    event, state = observed.observe(), observed.state()
+    told = {"robots": {"observer": _ROBOT, "obstacle": None}}
+    assert make_picture(event, state, 1, event.received, told).robot is not None
+    for nothing in (None, {}, {"robots": {"observer": None}}):
+        assert make_picture(event, state, 1, event.received, nothing).robot is None
 
 
 # --- viser's nodes --------------------------------------------------------------------------

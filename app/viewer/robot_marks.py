@@ -1,0 +1,141 @@
+"""The observing robot in the scene: its outline, the guard's zones, its sonar; pure geometry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+from observer.mount import CameraMount
+
+Level = Literal["clear", "slow", "stop"]
+MOST_OUTLINE_LINES = 7
+MOST_ZONE_LINES = 48
+MOST_SONARS = 16
+LINES_OF_A_SONAR = 3
+MOST_SONAR_LINES = MOST_SONARS * LINES_OF_A_SONAR
+
+# Just above the floor, so that its own lines do not cut through.
+_ZONE_HEIGHT_M = 0.012
+_SONAR_HEIGHT_M = 0.16
+_BODY_HEIGHT_M = 0.02
+_TEXT_HEIGHT_M = 0.75
+_SONAR_HALF_CONE_RAD = math.radians(15)
+# Beyond this an echo says nothing of the robot's surroundings.
+_SONAR_REACH_M = 4.0
+_SONAR_OLD_S = 1.0
+_HEADING_M = 0.2
+_ARROW_M = 0.07
+
+
+@dataclass(frozen=True, eq=False)
+class RobotMarks:
+    """Lines (N, 2, 3) and a place in the world frame, metres.
+
+    Attributes:
+        outline: of the robot, and which way it faces. stop_zone, slow_zone: on the floor.
+        sonar: short arcs where something echoed within the last second.
+        level: of the guard; None where it tells nothing. text: why it limits the robot, None while
+            it does not. place: (3,) of the text.
+    """
+
+    outline: Float64Array
+    stop_zone: Float64Array
+    slow_zone: Float64Array
+    sonar: Float64Array
+    level: Level | None
+    text: str | None
+    place: Float64Array
+
+
+def robot_marks(
+    robot: Mapping[str, Any] | None, mount: CameraMount | None, T_world_camera: Pose | None
+) -> RobotMarks | None:
+    """What is drawn of the observing robot; None where nothing is known of it or its place.
+
+    Args:
+        robot: ``robots.observer`` of ``app.drive.messages.DriveEvent.facts``.
+    """
+    if robot is None or mount is None or T_world_camera is None:
+        return None
+    T_world_base = T_world_camera @ mount.T_base_camera.inverse()
+    report = robot.get("report") or {}
+    guard = robot.get("guard") or {}
+
+    def world(lines: Float64Array) -> Float64Array:
+        return np.asarray(T_world_base.apply(lines.reshape(-1, 3)).reshape(-1, 2, 3))
+
+    level = guard.get("level")
+    return RobotMarks(
+        outline=world(_outline(report)),
+        stop_zone=world(_zone(guard.get("stop_zone") or ())),
+        slow_zone=world(_zone(guard.get("slow_zone") or ())),
+        sonar=world(_sonar(report.get("sonars") or (), report.get("received"))),
+        level=level,
+        text=_text(level, guard.get("reason")),
+        place=np.asarray(T_world_base.apply(np.array([0.0, 0.0, _TEXT_HEIGHT_M]))),
+    )
+
+
+def _text(level: Level | None, reason: str | None) -> str | None:
+    if level not in ("slow", "stop"):
+        return None
+    word = "slowed" if level == "slow" else "stopped"
+    return word if reason is None else f"{word}: {reason}"
+
+
+def _outline(report: Mapping[str, Any]) -> Float64Array:
+    width, length = report.get("width_m"), report.get("length_m")
+    if width is None or length is None:
+        return np.zeros((0, 2, 3))
+    ahead, side = length / 2, width / 2
+    tip = ahead + _HEADING_M
+    body = _closed([(ahead, side), (-ahead, side), (-ahead, -side), (ahead, -side)])
+    arrow = [
+        ((0.0, 0.0), (tip, 0.0)),
+        ((tip, 0.0), (tip - _ARROW_M, _ARROW_M)),
+        ((tip, 0.0), (tip - _ARROW_M, -_ARROW_M)),
+    ]
+    return _raised(np.concatenate([body, np.array(arrow)]), _BODY_HEIGHT_M)
+
+
+def _zone(corners: Sequence[Sequence[float]]) -> Float64Array:
+    if len(corners) < 3:
+        return np.zeros((0, 2, 3))
+    step = -(-len(corners) // MOST_ZONE_LINES)
+    return _raised(_closed(corners[::step]), _ZONE_HEIGHT_M)
+
+
+def _sonar(sonars: Sequence[Mapping[str, Any]], received: float | None) -> Float64Array:
+    """Chords along the arc of each echo; the newest word of the robot tells how old one is."""
+    newest = max([each["received"] for each in sonars] + [received or -math.inf], default=0.0)
+    lines = []
+    for each in sonars:
+        distance = each["range_m"]
+        old = newest - each["received"] > _SONAR_OLD_S
+        if distance is None or distance > _SONAR_REACH_M or old:
+            continue
+        angle = each["heading"] + np.linspace(
+            -_SONAR_HALF_CONE_RAD, _SONAR_HALF_CONE_RAD, LINES_OF_A_SONAR + 1
+        )
+        arc = np.stack([np.cos(angle), np.sin(angle)], axis=1) * distance
+        arc += (each["x"], each["y"])
+        lines.append(np.stack([arc[:-1], arc[1:]], axis=1))
+    if not lines:
+        return np.zeros((0, 2, 3))
+    return _raised(np.concatenate(lines), _SONAR_HEIGHT_M)
+
+
+def _closed(corners: Sequence[Sequence[float]]) -> Float64Array:
+    """(N, 2, 2) lines around N corners."""
+    points = np.array(corners, dtype=np.float64)[:, :2]
+    return np.stack([points, np.roll(points, -1, axis=0)], axis=1)
+
+
+def _raised(lines: Float64Array, height_m: float) -> Float64Array:
+    """(N, 2, 3) of flat ones (N, 2, 2)."""
+    return np.concatenate([lines, np.full((*lines.shape[:2], 1), height_m)], axis=2)
