@@ -1,4 +1,4 @@
-/** Speed over the last minute: estimate with its band, truth and commanded speed. */
+/** Speed over the last minute: estimate with its band, truth, and what robots are told and do. */
 
 import uPlot from "../vendor/uplot/uPlot.esm.js";
 import { request } from "./api.js";
@@ -14,7 +14,9 @@ const DRAW_EVERY_MS = 200;
 const HEIGHT_PX = 190;
 // The chart's top is at least this, so that noise around standing still stays small.
 const TOP_AT_LEAST_MPS = 0.5;
-const LEGEND_ORDER = { estimate: 0, truth: 1, commanded: 2 };
+const LEGEND_ORDER = { estimate: 0, truth: 1, commanded: 2, sent: 3, encoder: 4 };
+// Of the observer and of the obstacle.
+const ROBOT_COLOURS = ["--accent", "--warn"];
 
 class SpeedChart extends Part {
   #history = new SpeedHistory(SPAN_S);
@@ -45,7 +47,7 @@ class SpeedChart extends Part {
   }
 
   #observed() {
-    if (this.hub.observation) this.#history.add(this.hub.observation);
+    if (this.hub.observation) this.#history.add(this.hub.observation, this.hub.robots);
     const now = performance.now();
     if (now - this.#drawnAt < DRAW_EVERY_MS) return;
     this.#drawnAt = now;
@@ -148,6 +150,7 @@ class SpeedChart extends Part {
       if (!swatch || !words) return;
       setAttribute(swatch, "data-kind", column.kind);
       setAttribute(swatch, "data-track", column.kind === "estimate" ? String(column.colour) : null);
+      setAttribute(swatch, "data-robot", column.kind === "sent" || column.kind === "encoder" ? String(column.colour) : null);
       setText(words, `${column.label} ${valueInWords(column, at)}`);
     });
     const newest = columns.map((column) => `${column.label} ${valueInWords(column, this.#history.times.length - 1)}`);
@@ -216,6 +219,9 @@ function seriesOf({ kind, label, colour: track }, colour) {
   const points = { show: false };
   if (kind === "truth") return [{ label, stroke: colour("--text"), width: 1.5, dash: [6, 4], points }];
   if (kind === "commanded") return [{ label, stroke: colour("--muted"), width: 1.5, dash: [2, 3], points }];
+  const robot = colour(ROBOT_COLOURS[track] ?? "--muted");
+  if (kind === "sent") return [{ label, stroke: robot, width: 1.5, dash: [2, 3], points }];
+  if (kind === "encoder") return [{ label, stroke: robot, width: 1.5, points }];
   const edge = { stroke: "transparent", width: 0, points };
   return [
     { ...edge, label: `${label}, upper` },

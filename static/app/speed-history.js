@@ -1,15 +1,16 @@
 /** The last minute of speeds, as aligned columns for the chart. No drawing here. */
 
+import { ROLES } from "./driving/types.js";
 import { trackColour } from "./words.js";
 
-/** @typedef {"estimate" | "truth" | "commanded"} Kind */
+/** @typedef {"estimate" | "truth" | "commanded" | "sent" | "encoder"} Kind */
 
 /**
  * @typedef {object} Column
  * @property {string} key
  * @property {Kind} kind
  * @property {string} label
- * @property {number} colour which track colour; 0 for truth and commanded
+ * @property {number} colour which track colour; for sent and encoder 0 the observer, 1 the obstacle
  * @property {(number | null)[]} values m/s; null where there is none, which is drawn as a gap
  * @property {(number | null)[]} stds m/s
  */
@@ -36,8 +37,11 @@ export class SpeedHistory {
     this.span_s = span_s;
   }
 
-  /** @param {import("./types.js").ObservationMessage} message */
-  add({ sequence, line, truth }) {
+  /**
+   * @param {import("./types.js").ObservationMessage} message
+   * @param {import("./driving/types.js").DrivingFacts | null} driving as newest told
+   */
+  add({ sequence, line, truth }, driving) {
     this.#continue(line.time, line.segment, sequence);
     this.#row(line.time + this.#offset);
     for (const obstacle of line.obstacles) {
@@ -53,7 +57,22 @@ export class SpeedHistory {
         this.#put(`commanded/${body.id}`, "commanded", `Commanded ${body.name}`, 0, body.commanded_speed, null);
       }
     }
+    for (const [index, role] of ROLES.entries()) this.#putRobot(role, index, driving?.robots?.[role] ?? null);
     this.#forget();
+  }
+
+  /**
+   * What a robot is told and what its wheels do, while it is armed; size only, as of obstacles.
+   *
+   * @param {import("./driving/types.js").Role} role
+   * @param {number} colour
+   * @param {import("./driving/types.js").RobotFacts | null} robot
+   */
+  #putRobot(role, colour, robot) {
+    if (!robot || !["armed", "moving"].includes(robot.state)) return;
+    this.#put(`sent/${role}`, "sent", `Sent to ${role}`, colour, Math.abs(robot.sent.speed_mps), null);
+    const { speed_mps } = robot.report;
+    if (speed_mps !== null) this.#put(`encoder/${role}`, "encoder", `Wheels of ${role}`, colour, Math.abs(speed_mps), null);
   }
 
   /**

@@ -4,6 +4,8 @@ import { fixed, sentence } from "../words.js";
 
 /** @typedef {import("./types.js").RobotFacts} RobotFacts */
 /** @typedef {import("./types.js").RobotReport} RobotReport */
+/** @typedef {import("./types.js").DrivingFacts} DrivingFacts */
+/** @typedef {import("./types.js").Role} Role */
 
 /** @type {Record<import("./types.js").Role, string>} */
 export const ROLE_WORDS = { observer: "Observer", obstacle: "Obstacle" };
@@ -26,12 +28,13 @@ export function stateInWords(robot) {
 /**
  * Why a robot stands, one sentence.
  *
+ * @param {Role} role
  * @param {RobotFacts | null} robot
- * @param {import("./types.js").DrivingFacts | null} facts
+ * @param {DrivingFacts | null} facts
  * @param {boolean} ours whether this page holds its lease
  */
-export function standsBecause(robot, facts, ours) {
-  if (!robot) return "No robot is connected: give its port below.";
+export function standsBecause(role, robot, facts, ours) {
+  if (!robot) return lackBecause(role, facts);
   if (facts?.stopped) return `Stopped by ${facts.stopped.by}: reset it at the top of the page to go on.`;
   const { fault, trouble } = robot.report;
   if (fault) return sentence(fault);
@@ -42,6 +45,17 @@ export function standsBecause(robot, facts, ours) {
   if (robot.state === "moving") return "It drives.";
   if (robot.state === "armed") return ours ? "Armed: it waits for you to hold something." : "Armed, and somebody else drives it.";
   return "Its motors are off: arm it to drive.";
+}
+
+/** Why there is no robot. @param {Role} role @param {DrivingFacts | null} facts */
+function lackBecause(role, facts) {
+  const trouble = facts?.process?.trouble ?? facts?.trouble?.[role];
+  if (!facts) return "Waiting for word of the robots.";
+  if (trouble) return sentence(trouble);
+  if (facts.ports?.[role] && facts.world !== "real") {
+    return "The open source is of another world: real robots are driven by the sight of live cameras only.";
+  }
+  return facts.world === null ? "What is only replayed brings no robots: open live cameras or a simulated source." : "No robot is connected: give its port below.";
 }
 
 /**
@@ -88,6 +102,14 @@ export function figuresOf({ report, sent }) {
     ["Temperature", report.temperature_c === null ? "–" : `${fixed(report.temperature_c, 0)} °C`, "within the robot"],
     ["Packets, bad ones", `${counters.packets ?? 0}, ${counters.bad_packets ?? 0}`, "status packets received, and those that were damaged"],
   ];
+}
+
+/** @param {import("./types.js").Incident} incident */
+export function incidentInWords({ at, role, sentence: words, speed_mps }) {
+  const date = new Date(at);
+  const time = Number.isNaN(date.getTime()) ? at : date.toLocaleTimeString();
+  const speed = speed_mps === null ? "" : ` (at ${fixed(speed_mps, 2)} m/s)`;
+  return `${time} ${role ? ROLE_WORDS[role] : "All"}${speed}: ${sentence(words)}`;
 }
 
 /** @param {number} radians */

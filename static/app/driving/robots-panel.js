@@ -8,7 +8,7 @@ import { Part } from "../part.js";
 import { sentence } from "../words.js";
 import { DrivePad } from "./drive-pad.js";
 import { PortForm } from "./port-form.js";
-import { batteryInWords, driverInWords, figuresOf, ROLE_WORDS, standsBecause, stateInWords } from "./robot-words.js";
+import { batteryInWords, driverInWords, figuresOf, incidentInWords, ROLE_WORDS, standsBecause, stateInWords } from "./robot-words.js";
 import { ROLES } from "./types.js";
 
 /** @typedef {import("./types.js").Role} Role */
@@ -24,6 +24,8 @@ class RobotsPanel extends Part {
   #warnings = h("ul", { class: "plain-list warnings", "aria-label": "Warnings" });
   #figures = h("dl", { class: "figures" });
   #pad = new DrivePad();
+  #incidents = h("ul", { class: "plain-list" });
+  #happened = h("details", { hidden: true }, h("summary", {}, "What stopped robots lately"), this.#incidents);
   #port = new PortForm();
   #place = h("details", {}, h("summary", {}, "Port and model"), this.#port);
   #busy = false;
@@ -41,6 +43,7 @@ class RobotsPanel extends Part {
         h("div", { class: "row" }, this.#arm, this.#disarm, this.#takeOver, this.#giveBack)),
       this.#pad,
       h("details", {}, h("summary", {}, "Everything it tells"), this.#figures),
+      this.#happened,
       this.#place);
     for (const [role, { input }] of this.#cards) {
       input.addEventListener("change", () => {
@@ -95,9 +98,9 @@ class RobotsPanel extends Part {
     const others = Boolean(robot?.operator) && !ours;
     const armed = robot?.state === "armed" || robot?.state === "moving";
     const lost = connection !== "open" || robots?.process?.alive === false;
-    setText(this.#trouble, connection !== "open" ? "The server is not reached: what is shown here is old." : "The drive process is being restarted; the robots' own watchdogs stop them meanwhile.");
+    setText(this.#trouble, connection !== "open" ? "The server is not reached: what is shown here is old." : sentence(robots?.process?.trouble ?? "the drive process is being started anew; the robots' own watchdogs stop them meanwhile"));
     this.#trouble.hidden = !lost || !robots;
-    setText(this.#why, standsBecause(robot, robots, ours));
+    setText(this.#why, standsBecause(driver.role, robot, robots, ours));
     setAttribute(this.#why, "data-tone", robot?.report.fault || robots?.stopped ? "bad" : null);
     fillList(this.#warnings, (robot?.report.warnings ?? []).map(sentence));
     if (armed) passFocus(this.#arm, this.#disarm);
@@ -108,6 +111,9 @@ class RobotsPanel extends Part {
     this.#takeOver.hidden = !others;
     this.#giveBack.hidden = !ours;
     this.#renderFigures(robot);
+    const incidents = [...(robots?.incidents ?? [])].reverse();
+    this.#happened.hidden = incidents.length === 0;
+    fillList(this.#incidents, incidents.map(incidentInWords));
     if (!this.#placed && robots) {
       this.#placed = true;
       this.#place.open = !robot;

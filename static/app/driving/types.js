@@ -79,8 +79,18 @@
  * @property {{age_s: number | null, status: string | null, world: string | null}} [sight]
  * @property {RunningProgramme | null} programme
  * @property {Record<Role, RobotFacts | null>} robots
- * @property {{alive: boolean, pid: number | null, restarts: number}} [process]
+ * @property {{alive: boolean, pid: number | null, restarts: number, trouble?: string | null}} [process]
+ * @property {string | null} [world] of the open source; null: it is only replayed
+ * @property {Record<Role, string | null>} [trouble] why a role's robot could not be connected
+ * @property {Incident[]} [incidents] oldest first
  * @property {Record<Role, {port: string, model: string | null} | null>} [ports] as kept
+ *
+ * @typedef {object} Incident something stopped a robot
+ * @property {Role | null} role
+ * @property {string} kind
+ * @property {string} sentence
+ * @property {number | null} speed_mps at that moment
+ * @property {string} at ISO 8601
  *
  * @typedef {object} ProgrammeEntry one of GET /api/programmes
  * @property {string} name
