@@ -1,0 +1,87 @@
+"""Opens and closes the robots of one role, in a thread of its own."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+
+from observer.errors import InputError
+from observer.rig.rig import Role
+from observer.robots.contract import Robot
+
+_log = logging.getLogger(__name__)
+
+RobotOpener = Callable[[str, str | None], Robot]
+
+
+class AttendantThread:
+    """Fulfils ``app.drive.roles.Attendant``: saying goodbye to a robot takes seconds, and opening
+    one imports what its port needs. What is asked for is done in order; all methods return at once.
+    """
+
+    def __init__(self, role: Role, open_robot: RobotOpener) -> None:
+        self._role = role
+        self._open_robot = open_robot
+        self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[tuple[int, Robot | str]] = queue.SimpleQueue()
+        self._ticket = 0
+        # Asked for and done; each written by one thread alone.
+        self._asked = 0
+        self._done = 0
+        self._thread: threading.Thread | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether something that was asked for is not done yet."""
+        return self._done < self._asked
+
+    def open(self, port: str, model: str | None) -> None:
+        """Open a robot; whatever was asked to be opened before and is not yet, is given up."""
+        self._ticket += 1
+        ticket = self._ticket
+        self._do(lambda: self._results.put((ticket, self._opened(port, model))))
+
+    def close(self, robot: Robot | None) -> None:
+        """Let a robot go, and whatever is being opened."""
+        self._ticket += 1
+        if robot is not None:
+            self._do(robot.close)
+
+    def opened(self) -> Robot | str | None:
+        """The robot that was asked for, or one sentence of why there is none; told once."""
+        try:
+            ticket, result = self._results.get_nowait()
+        except queue.Empty:
+            return None
+        if ticket == self._ticket:
+            return result
+        if not isinstance(result, str):
+            self._do(result.close)
+        return None
+
+    def _opened(self, port: str, model: str | None) -> Robot | str:
+        try:
+            return self._open_robot(port, model)
+        except InputError as error:
+            return str(error)
+
+    def _do(self, job: Callable[[], None]) -> None:
+        self._asked += 1
+        self._jobs.put(job)
+        if self._thread is None:
+            self._thread = threading.Thread(
+                target=self._run, name=f"attend the {self._role}", daemon=True
+            )
+            self._thread.start()
+
+    def _run(self) -> None:
+        while True:
+            job = self._jobs.get()
+            try:
+                job()
+            except Exception:  # noqa: BLE001
+                # One robot's fault must not leave the next one unopened.
+                _log.exception("a robot of the %s could not be opened or closed", self._role)
+            self._done += 1

@@ -1,0 +1,100 @@
+"""What the one who holds a lease asks for, and whether it still counts."""
+
+from __future__ import annotations
+
+import math
+
+from app.drive.messages import COMMAND_FRESH_S
+from app.processes.errors import ProcessRefused
+
+Velocity = tuple[float, float]
+ZERO: Velocity = (0.0, 0.0)
+
+
+class Consent:
+    """Of one role. Pure: whoever calls tells the time.
+
+    A command or a sign of presence counts for ``COMMAND_FRESH_S`` after it was given. Once one
+    expired, a latch holds: no velocity counts until the operator has let go, so that a link that
+    recovers while a key is held restarts nothing. Letting go is a command with zero velocity, or
+    being present for ``COMMAND_FRESH_S`` without any velocity.
+
+    Attributes:
+        present: a command or sign of presence is in force.
+        released: the latch does not hold.
+    """
+
+    def __init__(self) -> None:
+        self._sequence: int | None = None
+        self._issued = -math.inf
+        self._velocity = ZERO
+        self._velocity_issued = -math.inf
+        self._quiet_since: float | None = None
+        self.present = False
+        self.released = True
+
+    @property
+    def velocity(self) -> Velocity:
+        """As asked for, m/s and rad/s; whether it may be driven is for the caller to say."""
+        return self._velocity
+
+    def take(self, sequence: int, issued: float, velocity: Velocity | None, now: float) -> float:
+        """A command, or with no velocity a sign of presence.
+
+        Returns:
+            Its age, seconds.
+
+        Raises:
+            ProcessRefused: it is too old, not the newest, or no number; nothing was changed.
+        """
+        numbers = (issued, *(velocity or ()))
+        if not all(math.isfinite(number) for number in numbers):
+            raise ProcessRefused("a command's time and velocities must be finite numbers", "input")
+        # What comes from the future would live too long.
+        issued = min(issued, now)
+        age = now - issued
+        if age >= COMMAND_FRESH_S:
+            raise ProcessRefused(
+                f"the command is {1000 * age:.0f} ms old; "
+                f"it must arrive within {1000 * COMMAND_FRESH_S:.0f} ms",
+                "state",
+            )
+        if self._sequence is not None and sequence <= self._sequence:
+            raise ProcessRefused(
+                f"the command's number {sequence} must be above the last one, {self._sequence}",
+                "state",
+            )
+        self._sequence = sequence
+        self._issued = max(self._issued, issued)
+        self.present = True
+        if velocity is not None:
+            self._velocity, self._velocity_issued = velocity, issued
+            if velocity == ZERO:
+                self.released = True
+        if self._velocity != ZERO:
+            self._quiet_since = None
+        elif self._quiet_since is None:
+            self._quiet_since = now
+        elif now - self._quiet_since >= COMMAND_FRESH_S:
+            self.released = True
+        return age
+
+    def look(self, now: float) -> bool:
+        """Let expire what is too old; whether anything did."""
+        moved = self._velocity != ZERO and now - self._velocity_issued >= COMMAND_FRESH_S
+        left = self.present and now - self._issued >= COMMAND_FRESH_S
+        if left:
+            self.present = False
+        if moved or left:
+            self.withdraw()
+        return moved or left
+
+    def withdraw(self) -> None:
+        """Forget the velocity; another one counts only once the operator has let go."""
+        self._velocity = ZERO
+        self._quiet_since = None
+        self.released = False
+
+    def arm(self) -> None:
+        """The robot gets armed: an operator who asks for no velocity need not let go first."""
+        self.released = self._velocity == ZERO

@@ -1,0 +1,51 @@
+"""What the drive process asks of whatever guards its robots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from app.drive.consent import Velocity
+from observer.guard.guard import Verdict
+from observer.guard.sight import Sight
+from observer.parameters import GuardParameters
+from observer.rig.rig import Role
+from observer.robots.contract import SonarReading
+
+
+class Guarding(Protocol):
+    """``observer.guard.guard.Guard`` fulfils it."""
+
+    def use(self, parameters: GuardParameters) -> None: ...
+
+    def forget(self, role: Role) -> None: ...
+
+    def limit(
+        self,
+        role: Role,
+        wanted: Velocity,
+        measured: tuple[float | None, float | None],
+        sight: Sight | None,
+        world: str,
+        sonars: tuple[SonarReading, ...],
+        radius_m: float | None,
+        width_m: float | None,
+        length_m: float | None,
+        now: float,
+    ) -> Verdict: ...
+
+
+# ``observer.guard.guard.sight_trouble``: why a robot of a world cannot go by this sight.
+SightTrouble = Callable[[Sight | None, float, str], str | None]
+
+
+def least(wanted: Velocity, permitted: Velocity) -> Velocity:
+    """What is permitted, should it be wanted as well: never more, never the other way."""
+    return _within(wanted[0], permitted[0]), _within(wanted[1], permitted[1])
+
+
+def _within(wanted: float, permitted: float) -> float:
+    # Also where one of them is no number.
+    if not wanted * permitted > 0.0:
+        return 0.0
+    return permitted if abs(permitted) < abs(wanted) else wanted

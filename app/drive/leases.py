@@ -1,0 +1,66 @@
+"""Who drives which robot: at most one at a time."""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass
+
+from app.processes.errors import ProcessRefused
+from observer.rig.rig import Role
+
+
+@dataclass(frozen=True)
+class Lease:
+    """The right to drive a role. ``id`` is known to its holder alone, ``operator`` to all."""
+
+    id: str
+    operator: str
+
+
+class Leases:
+    """The leases of all roles."""
+
+    def __init__(self) -> None:
+        self._held: dict[Role, Lease] = {}
+
+    def holder(self, role: Role) -> str | None:
+        """Who drives it."""
+        lease = self._held.get(role)
+        return None if lease is None else lease.operator
+
+    def take(self, role: Role, operator: str, takeover: bool) -> tuple[Lease, str | None]:
+        """A new lease, and who lost one by it.
+
+        Raises:
+            ProcessRefused: somebody holds one, and it shall not be taken over.
+        """
+        before = self.holder(role)
+        if before is not None and not takeover:
+            raise ProcessRefused(
+                f"{before} drives the {role}; take over to drive it yourself", "state"
+            )
+        lease = Lease(secrets.token_hex(8), operator)
+        self._held[role] = lease
+        return lease, before
+
+    def check(self, role: Role, lease: str) -> None:
+        """Nothing, if it is the role's lease.
+
+        Raises:
+            ProcessRefused: it is not in force.
+        """
+        held = self._held.get(role)
+        if held is None or held.id != lease:
+            who = "nobody" if held is None else held.operator
+            raise ProcessRefused(
+                f"this lease of the {role} is not in force, {who} drives it; take it anew", "state"
+            )
+
+    def release(self, role: Role, lease: str) -> None:
+        """Give it back.
+
+        Raises:
+            ProcessRefused: it is not in force.
+        """
+        self.check(role, lease)
+        del self._held[role]

@@ -1,0 +1,246 @@
+"""The drive loop: every 20 ms, whatever else happens.
+
+Nothing in it waits: requests come through a queue, answers and events leave by a bounded one,
+robots and guard answer at once, and ports are opened and closed in threads of their own.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from app.drive.attending import AttendantThread
+from app.drive.driven_role import DrivenRole
+from app.drive.facts import drive_facts, outline_of_facts, role_facts
+from app.drive.jitter import Jitter, Lateness
+from app.drive.messages import ArmRobot, DisarmRobot, DriveEvent, LeaveDrive, WheelSpeedEvent
+from app.drive.priority import Priority, tidy
+from app.drive.roles import ConnectAnswer, DriveAnswer, Roles
+from app.drive.wheels import Wheels
+from app.messages import Reply, Request
+from app.processes.errors import ProcessRefused
+from observer.errors import InputError
+from observer.guard.sight import Sight
+from observer.rig.rig import Role
+
+_log = logging.getLogger(__name__)
+
+TICK_S = 0.02
+# In ticks: events, what the wheels tell, statistics of lateness.
+_EVENT_TICKS = 5
+_WHEELS_TICKS = 2
+_LATENESS_TICKS = 50
+# How long robots are given to be let go, at the end.
+_GOODBYE_S = 2.5
+_WORKING = "the drive process, which failed; see its messages"
+
+Inbox = queue.SimpleQueue[Request | None]
+
+
+class DriveLoop:
+    """See the module. None in the inbox, or an end of the parent, ends the loop."""
+
+    def __init__(
+        self,
+        *,
+        roles: Roles,
+        attendants: Mapping[Role, AttendantThread],
+        inbox: Inbox,
+        send: Callable[[object], None],
+        newest_sight: Callable[[float], Sight | None],
+        write_wheels: Callable[[dict[str, Any]], object],
+        orphaned: Callable[[], bool],
+        priority: Priority,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """
+        Args:
+            attendants: those of ``roles``; waited for at the end.
+            send: takes replies and events; returns at once.
+            newest_sight: the newest sight at an instant; returns at once.
+            write_wheels: takes what the slot ``WHEELS_NAME`` has.
+            orphaned: whether the parent is gone.
+            priority: the loop's, to be told.
+            clock: the host's monotonic one.
+        """
+        self._roles = roles
+        self._attendants = attendants
+        self._inbox = inbox
+        self._send = send
+        self._newest_sight = newest_sight
+        self._write_wheels = write_wheels
+        self._orphaned = orphaned
+        self._priority = priority
+        self._clock = clock
+        self._jitter = Jitter()
+        self._lateness = Lateness(None, None, None)
+        self._wheels = Wheels()
+        self._told: object = None
+        self._tick_of_event = -_EVENT_TICKS
+        self._connecting: dict[Role, int] = {}
+        self._failures = 0
+        self.leaving = False
+
+    def run(self) -> None:
+        """Until it shall leave; then all robots are stopped and let go."""
+        deadline = self._clock()
+        while not self.leaving:
+            deadline += TICK_S
+            pause = deadline - self._clock()
+            if pause > 0:
+                time.sleep(pause)
+            now = self._clock()
+            late = max(0.0, now - deadline)
+            # Ticks that were missed are not made up for.
+            deadline += late // TICK_S * TICK_S
+            self.tick(now, late)
+            tidy(self._jitter.ticks)
+        self._say_goodbye()
+
+    def tick(self, now: float, late_s: float = 0.0) -> None:
+        """One turn, so late. What fails in it stops all robots, and the loop goes on to say so."""
+        self._jitter.add(late_s)
+        try:
+            self._turn(now)
+        except Exception:  # noqa: BLE001
+            self._failures += 1
+            if self._failures == 1:
+                _log.exception("a tick failed")
+            self._roles.stop(_WORKING, now)
+
+    def _turn(self, now: float) -> None:
+        answers = self._take_requests(now)
+        if self._orphaned():
+            self.leaving = True
+        if self.leaving:
+            self._roles.stop("the end of the drive process", now)
+        for role, opened in self._roles.step(now, self._newest_sight(now)).items():
+            number = self._connecting.pop(role, None)
+            if number is not None:
+                refusal = opened if isinstance(opened, str) else None
+                self._reply(number, {}, refusal, "input")
+        for number, answer in answers:
+            self._reply(number, answer())
+        self._tell(now)
+
+    # --- requests --------------------------------------------------------------------------
+
+    def _take_requests(self, now: float) -> list[tuple[int, Callable[[], dict[str, Any]]]]:
+        """Take all that came; the answers that are known behind the tick only."""
+        answers: list[tuple[int, Callable[[], dict[str, Any]]]] = []
+        while True:
+            try:
+                request = self._inbox.get_nowait()
+            except queue.Empty:
+                return answers
+            if request is None:
+                self.leaving = True
+                continue
+            try:
+                answer = self._take(request, now)
+            except ProcessRefused as error:
+                self._reply(request.number, {}, str(error), error.refusal)
+            except InputError as error:
+                self._reply(request.number, {}, str(error), "input")
+            except Exception as error:
+                sentence = f"{type(request.command).__name__} failed: {error}"
+                self._reply(request.number, {}, sentence, "failure")
+                raise
+            else:
+                if answer is not None:
+                    answers.append((request.number, answer))
+
+    def _take(self, request: Request, now: float) -> Callable[[], dict[str, Any]] | None:
+        command = request.command
+        if isinstance(command, LeaveDrive):
+            self.leaving = True
+            return dict
+        taken = self._roles.take(command, now)
+        if isinstance(taken, DriveAnswer):
+            driven, age = self._roles.driven[taken.role], taken.age_s
+            return lambda: _drive_answer(driven, age)
+        if isinstance(taken, ConnectAnswer):
+            self._give_up_connecting(taken.role)
+            self._connecting[taken.role] = request.number
+            return None
+        if isinstance(command, ArmRobot | DisarmRobot):
+            role, driven = command.role, self._roles.driven[command.role]
+            holder = self._roles.leases.holder(role)
+            return lambda: {"robot": role_facts(driven, holder)}
+        return lambda: taken
+
+    def _give_up_connecting(self, role: Role) -> None:
+        before = self._connecting.pop(role, None)
+        if before is not None:
+            self._reply(before, {}, f"another port was given for the {role} meanwhile", "state")
+
+    def _reply(
+        self,
+        number: int,
+        value: dict[str, Any],
+        error: str | None = None,
+        refusal: Any = None,
+    ) -> None:
+        if error is None:
+            self._send(Reply(number, value))
+        else:
+            self._send(Reply(number, error=error, refusal=refusal))
+
+    # --- telling ---------------------------------------------------------------------------
+
+    def _tell(self, now: float) -> None:
+        for incident in self._roles.incidents():
+            self._send(incident)
+        ticks = self._jitter.ticks
+        if ticks % _LATENESS_TICKS == 1:
+            self._lateness = self._jitter.lateness()
+        for role, driven in self._roles.driven.items():
+            self._wheels.add(role, driven.report, now)
+        if ticks % _WHEELS_TICKS == 0:
+            self._write_wheels(self._wheels.facts())
+        outline = outline_of_facts(self._roles)
+        due = ticks - self._tick_of_event >= _EVENT_TICKS
+        if due:
+            self._tell_wheel_speeds(now)
+        if due or outline != self._told:
+            if due:
+                self._tick_of_event = ticks
+            self._told = outline
+            facts = drive_facts(self._roles, now, ticks, self._lateness, self._priority)
+            self._send(DriveEvent(facts, now))
+
+    def _tell_wheel_speeds(self, now: float) -> None:
+        for role, driven in self._roles.driven.items():
+            report = driven.report
+            if driven.armed and report is not None:
+                time_of = now if report.received is None else report.received
+                self._send(WheelSpeedEvent(role, time_of, driven.sent[0], report.speed_mps))
+
+    # --- the end ---------------------------------------------------------------------------
+
+    def _say_goodbye(self) -> None:
+        """Every robot was stopped by the last tick; let them go, side by side."""
+        for role, driven in self._roles.driven.items():
+            self._give_up_connecting(role)
+            self._attendants[role].close(driven.connect(None))
+        until = self._clock() + _GOODBYE_S
+        while any(each.busy for each in self._attendants.values()) and self._clock() < until:
+            time.sleep(TICK_S)
+            for each in self._attendants.values():
+                # What was being opened is closed.
+                each.opened()
+            self._jitter.add(0.0)
+            self._tell(self._clock())
+
+
+def _drive_answer(driven: DrivenRole, age_s: float) -> dict[str, Any]:
+    speed, turn_rate = driven.sent
+    return {
+        "speed_mps": speed,
+        "turn_rate_radps": turn_rate,
+        "limited_by": driven.hindrance,
+        "age_s": age_s,
+    }

@@ -1,0 +1,57 @@
+"""A programme while it is played."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from app.drive.consent import ZERO, Velocity
+from observer.programmes.playing import progress_at, velocity_at
+from observer.programmes.programme import Programme
+from observer.rig.rig import Role
+
+
+@dataclass(frozen=True)
+class Playing:
+    """A programme since its beginning.
+
+    Attributes:
+        started: the host's monotonic clock.
+    """
+
+    programme: Programme
+    repeat: int
+    reverse: bool
+    started: float
+
+    @property
+    def roles(self) -> tuple[Role, ...]:
+        """Those it moves."""
+        return self.programme.roles
+
+    def over(self, now: float) -> bool:
+        """Whether it is played to its end."""
+        return self._sample(self.roles[0], now) is None
+
+    def velocity(self, role: Role, now: float) -> Velocity:
+        """What the role shall drive at this instant; zero behind the end."""
+        return self._sample(role, now) or ZERO
+
+    def facts(self, now: float) -> dict[str, Any]:
+        """As ``DriveEvent.facts`` has it."""
+        progress = progress_at(self.programme, now - self.started, self.repeat)
+        return {
+            "name": self.programme.name,
+            **asdict(progress),
+            "repeat": self.repeat,
+            "reverse": self.reverse,
+        }
+
+    def _sample(self, role: Role, now: float) -> Velocity | None:
+        return velocity_at(
+            self.programme,
+            role,
+            now - self.started,
+            repeat=self.repeat,
+            reverse=self.reverse,
+        )

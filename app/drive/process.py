@@ -1,0 +1,81 @@
+"""The drive process: from inherited descriptors to a running loop and back."""
+
+from __future__ import annotations
+
+import logging
+import os
+import queue
+import signal
+import socket
+import time
+from typing import NoReturn
+
+from app.channel.latest import LatestReader, LatestWriter
+from app.channel.pipe import MessageSender
+from app.drive.attending import AttendantThread, RobotOpener
+from app.drive.loop import DriveLoop, Inbox
+from app.drive.messages import (
+    SIGHT_NAME,
+    WHEELS_NAME,
+    DriveEvent,
+    IncidentEvent,
+    WheelSpeedEvent,
+)
+from app.drive.priority import calm_interpreter, raise_priority
+from app.drive.roles import Roles
+from app.drive.sight_feed import SightFeed
+from app.processes.arguments import ProcessArguments
+from app.processes.lifeline import receive_until_parent_ends
+from observer.guard.guard import Guard, sight_trouble
+from observer.parameters import GuardParameters
+from observer.rig.rig import ROLES
+
+# Longer than a loop that works takes to let all robots go.
+_LAST_S = 5.0
+
+
+def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoReturn:
+    """Run the drive loop in this process until it is told to leave, and leave the process.
+
+    Args:
+        open_robot: where robots come from.
+    """
+    logging.basicConfig(level=logging.WARNING, format="drive %(process)d: %(message)s")
+    for fd in (arguments.channel, *arguments.slots.values()):
+        # No program that this one may start shall hold the channel open.
+        os.set_inheritable(fd, False)
+
+    inbox: Inbox = queue.SimpleQueue()
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, lambda *_: inbox.put(None))
+    # Before any thread is started: they all shall have it.
+    priority = raise_priority()
+    sock = socket.socket(fileno=arguments.channel)
+    sender = MessageSender(
+        sock, latest=(DriveEvent,), droppable=(WheelSpeedEvent, IncidentEvent)
+    )
+    parameters = GuardParameters()
+    attendants = {role: AttendantThread(role, open_robot) for role in ROLES}
+    loop = DriveLoop(
+        roles=Roles(Guard(parameters), sight_trouble, attendants, parameters),
+        attendants=attendants,
+        inbox=inbox,
+        send=sender.send,
+        newest_sight=SightFeed(LatestReader(arguments.slots[SIGHT_NAME])).newest,
+        write_wheels=LatestWriter(arguments.slots[WHEELS_NAME]).write,
+        orphaned=lambda: os.getppid() != arguments.parent,
+        priority=priority,
+    )
+    # However the parent ends, the robots are stopped and let go before this process is gone.
+    def leave() -> None:
+        inbox.put(None)
+        # A loop that hangs must not outlive its parent for ever; it sends nothing any more.
+        time.sleep(_LAST_S)
+        os._exit(1)
+
+    receive_until_parent_ends(sock, inbox.put, expects_end=lambda: loop.leaving, leave=leave)
+    calm_interpreter()
+    loop.run()
+    sender.close(0.2)
+    # Without the interpreter's own end: a port's thread that hangs would hold it up.
+    os._exit(0)

@@ -1,0 +1,38 @@
+"""How quickly a velocity may rise; it may fall as quickly as it likes."""
+
+from __future__ import annotations
+
+from app.drive.consent import Velocity
+
+
+def ramped(
+    before: Velocity, wanted: Velocity, acceleration: float, turn_acceleration: float, dt: float
+) -> Velocity:
+    """The next velocity on the way to the wanted one.
+
+    Each of its parts rises by its acceleration at most, and is never larger than wanted. A robot
+    stays on the wanted arc while it gets faster, unless it would have to brake for that: then
+    it turns into the arc as quickly as it may.
+
+    Args:
+        before: what was sent last, m/s and rad/s.
+        wanted: what shall be reached.
+        acceleration, turn_acceleration: m/s^2 and rad/s^2, positive.
+        dt: seconds since ``before`` was sent.
+    """
+    speed = _risen(before[0], wanted[0], acceleration, dt)
+    turn = _risen(before[1], wanted[1], turn_acceleration, dt)
+    if wanted[0] == 0.0 or wanted[1] == 0.0:
+        return speed, turn
+    share = min(speed / wanted[0], turn / wanted[1])
+    brakes = share * abs(wanted[0]) < min(abs(before[0]), abs(wanted[0]))
+    return (speed, turn) if brakes else (share * wanted[0], share * wanted[1])
+
+
+def _risen(before: float, wanted: float, acceleration: float, dt: float) -> float:
+    """Of the wanted sign or zero. What is turned round stops first."""
+    if wanted == 0.0:
+        return 0.0
+    same_way = before * wanted > 0
+    reached = (abs(before) if same_way else 0.0) + acceleration * max(dt, 0.0)
+    return min(abs(wanted), reached) * (1.0 if wanted > 0 else -1.0)

@@ -1,0 +1,108 @@
+"""Why a robot cannot be armed, does not move, or moves slower than asked: one sentence each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from app.drive.connection import Connection, Tick
+from app.drive.consent import Velocity
+from app.drive.guarding import SightTrouble
+from observer.parameters import GuardParameters
+from observer.rig.rig import Role
+from observer.robots.contract import RobotPhase, RobotReport
+
+# Less than this is rounding of what is sent in whole mm/s and degrees/s, not a limit.
+_SAME_MPS, _SAME_RADPS = 0.0011, 0.018
+
+
+def missing_to_arm(
+    role: Role,
+    connection: Connection | None,
+    report: RobotReport | None,
+    tick: Tick,
+    sight_trouble: SightTrouble,
+) -> str | None:
+    """What is missing to switch its motors on; None where nothing is."""
+    if tick.stopped is not None:
+        return stopped_by(tick.stopped)
+    if connection is None:
+        return f"no robot is connected as the {role}; give its port first"
+    if connection.trouble is not None:
+        return connection.trouble
+    if report is None or report.phase is not RobotPhase.CONNECTED:
+        return unconnected(role, report)
+    if report.fault is not None:
+        return f"the {role}'s robot has a fault: {report.fault}; reset it first"
+    if report.stop_pressed:
+        return f"the stop button of the {role}'s robot is pressed; release it first"
+    if role == "observer":
+        return sight_trouble(tick.sight, tick.now, connection.world)
+    return None
+
+
+def why_not_armed(
+    role: Role,
+    connection: Connection | None,
+    report: RobotReport | None,
+    why_disarmed: str | None,
+) -> str:
+    """Of a role that is not armed."""
+    if connection is None:
+        return f"no robot is connected as the {role}"
+    if connection.trouble is not None:
+        return connection.trouble
+    if report is None or report.phase is not RobotPhase.CONNECTED:
+        return unconnected(role, report)
+    if report.fault is not None:
+        return report.fault
+    if why_disarmed is not None:
+        return f"disarmed: {why_disarmed}"
+    return f"the {role} is not armed"
+
+
+@dataclass(frozen=True)
+class Way:
+    """From what is wanted to what was sent: what the guard permitted, what the ramp made of it."""
+
+    wanted: Velocity
+    permitted: Velocity
+    target: Velocity
+    sent: Velocity
+
+
+def why_less(
+    role: Role, way: Way, guard: str | None, report: RobotReport, parameters: GuardParameters
+) -> str | None:
+    """Why less was sent than is wanted; None where it was not less.
+
+    Args:
+        guard: its reason.
+    """
+    if same(way.wanted, way.sent):
+        return None
+    if not same(way.target, way.sent):
+        if report.motors_enabled is False:
+            return f"the motors of the {role}'s robot are not on yet"
+        return f"the {role}'s robot takes no more"
+    if not same(way.permitted, way.target):
+        return "it is still getting faster"
+    return guard or (
+        f"the highest speed is set to {parameters.speed_max_mps:g} m/s and "
+        f"{parameters.turn_rate_max_radps:g} rad/s"
+    )
+
+
+def stopped_by(by: str) -> str:
+    """While the stop is latched."""
+    return f"all robots were stopped by {by}; reset the stop first"
+
+
+def unconnected(role: Role, report: RobotReport | None) -> str:
+    """Of a robot that is not connected (any more)."""
+    trouble = None if report is None else report.fault or report.trouble
+    return f"the {role}'s robot is not connected" + (f": {trouble}" if trouble else "")
+
+
+def same(one: Velocity, other: Velocity) -> bool:
+    """Whether two velocities differ by no more than a port's rounding."""
+    return abs(one[0] - other[0]) <= _SAME_MPS and abs(one[1] - other[1]) <= _SAME_RADPS

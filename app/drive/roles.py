@@ -1,0 +1,374 @@
+"""Both robots together: commands in, velocities out, once a tick.
+
+Nothing here waits or looks at a clock; robots are opened and closed elsewhere (``Attendant``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from pydantic import ValidationError
+
+from app.drive.connection import Connection, Tick
+from app.drive.consent import ZERO, Velocity
+from app.drive.driven_role import DrivenRole
+from app.drive.guarding import Guarding, SightTrouble
+from app.drive.leases import Leases
+from app.drive.messages import (
+    ArmRobot,
+    ConnectRobot,
+    DisarmRobot,
+    DisconnectRobot,
+    DriveCommand,
+    IncidentEvent,
+    Presence,
+    ReleaseLease,
+    ResetStop,
+    SetGuard,
+    StartProgramme,
+    StopProgramme,
+    StopRobots,
+    TakeLease,
+)
+from app.drive.playing import Playing
+from app.processes.errors import ProcessRefused
+from observer.guard.sight import Sight
+from observer.parameters import GuardParameters
+from observer.programmes.playing import duration_s
+from observer.rig.rig import ROLES, Role
+from observer.robots.contract import Robot
+
+_GUARD = "guard."
+
+
+class Attendant(Protocol):
+    """Opens and closes the robots of one role, one after the other, without anybody waiting."""
+
+    def open(self, port: str, model: str | None) -> None:
+        """Open a robot; whatever was asked to be opened before and is not yet, is given up."""
+        ...
+
+    def close(self, robot: Robot | None) -> None:
+        """Let a robot go, and whatever is being opened."""
+        ...
+
+    def opened(self) -> Robot | str | None:
+        """The robot that was asked for, or one sentence of why there is none; told once."""
+        ...
+
+
+@dataclass(frozen=True)
+class StopLatch:
+    """By whom all robots were stopped, and when on the host's monotonic clock."""
+
+    by: str
+    since: float
+
+
+@dataclass(frozen=True)
+class DriveAnswer:
+    """A drive command that was taken; what is sent for it is known behind the tick."""
+
+    role: Role
+    age_s: float
+
+
+@dataclass(frozen=True)
+class ConnectAnswer:
+    """A robot is being opened; whether it can be is known later."""
+
+    role: Role
+
+
+class Roles:
+    """See the module.
+
+    Attributes:
+        stopped: the latch.
+        playing: the programme that is driven.
+        leases: who drives which role.
+        sight: the newest.
+    """
+
+    def __init__(
+        self,
+        guard: Guarding,
+        sight_trouble: SightTrouble,
+        attendants: Mapping[Role, Attendant],
+        parameters: GuardParameters,
+    ) -> None:
+        self._guard = guard
+        self._attendants = attendants
+        self._parameters = parameters
+        self.driven: dict[Role, DrivenRole] = {
+            role: DrivenRole(role, guard, sight_trouble) for role in ROLES
+        }
+        self.leases = Leases()
+        self.stopped: StopLatch | None = None
+        self.playing: Playing | None = None
+        self.sight: Sight | None = None
+        self._before: float | None = None
+        self._incidents: list[IncidentEvent] = []
+
+    # --- every tick ------------------------------------------------------------------------
+
+    def step(self, now: float, sight: Sight | None) -> dict[Role, ConnectAnswer | str]:
+        """See to both robots, once the tick's commands were taken.
+
+        Returns:
+            Of each robot that was opened since the last tick, or could not be: a sentence.
+        """
+        self.sight = sight
+        done = {role: answer for role in ROLES if (answer := self._opened(role)) is not None}
+        tick = self._tick(now)
+        self._before = now
+        self._look(tick)
+        for role, driven in self.driven.items():
+            driven.drive(tick, self._played(role, now))
+        if self.playing is not None and self.playing.over(now):
+            self._end_programme(now, None)
+        return done
+
+    def _look(self, tick: Tick) -> None:
+        for role, driven in self.driven.items():
+            played = self.playing is not None and role in self.playing.roles
+            trouble = driven.look(tick, played=played)
+            if played and trouble is not None:
+                self._end_programme(tick.now, trouble)
+
+    def _played(self, role: Role, now: float) -> Velocity | None:
+        playing = self.playing
+        return None if playing is None or role not in playing.roles else playing.velocity(role, now)
+
+    def _tick(self, now: float) -> Tick:
+        return Tick(
+            now,
+            # A loop that stood still makes up for nothing.
+            0.0 if self._before is None else min(now - self._before, _MOST_DT_S),
+            self.sight,
+            None if self.stopped is None else self.stopped.by,
+            self._parameters,
+        )
+
+    def _opened(self, role: Role) -> ConnectAnswer | str | None:
+        opened = self._attendants[role].opened()
+        connection = self.driven[role].connection
+        if opened is None or connection is None:
+            return None
+        if isinstance(opened, str):
+            self.driven[role].connect(
+                Connection(connection.port, connection.world, connection.name, None, opened)
+            )
+            return opened
+        self.driven[role].connect(
+            Connection(connection.port, connection.world, connection.name, opened)
+        )
+        return ConnectAnswer(role)
+
+    def incidents(self) -> list[IncidentEvent]:
+        """Those since the last call."""
+        told, self._incidents = self._incidents, []
+        for driven in self.driven.values():
+            told += driven.incidents()
+        return told
+
+    # --- commands --------------------------------------------------------------------------
+
+    def take(self, command: object, now: float) -> dict[str, Any] | DriveAnswer | ConnectAnswer:
+        """Do what is asked for; the answer, or what it will be known by.
+
+        Raises:
+            ProcessRefused: one sentence of why not.
+        """
+        match command:
+            case StopRobots():
+                return self.stop(command.by, now)
+            case DriveCommand():
+                return self._drive(command, now)
+            case Presence():
+                self._check_lease(command.role, command.lease)
+                consent = self.driven[command.role].consent
+                consent.take(command.sequence, command.issued, None, now)
+                return {}
+            case ConnectRobot():
+                return self._connect(command, now)
+            case DisconnectRobot():
+                return self._disconnect(command, now)
+            case TakeLease():
+                return self._take_lease(command, now)
+            case ReleaseLease():
+                self.leases.release(_checked(command.role), command.lease)
+                self._lose_lease(command.role, now, "its operator gave the lease back")
+                return {}
+            case ArmRobot():
+                return self._arm(command, now)
+            case DisarmRobot():
+                self._end_programme_of(_checked(command.role), now, "was disarmed")
+                self.driven[command.role].disarm(now)
+                return {}
+            case ResetStop():
+                self.stopped = None
+                for driven in self.driven.values():
+                    driven.clear()
+                return {}
+            case StartProgramme():
+                return self._start_programme(command, now)
+            case StopProgramme():
+                self._end_programme(now, None)
+                return {}
+            case SetGuard():
+                return self._set_guard(command)
+        raise ProcessRefused(
+            f"{type(command).__name__} is nothing the drive process knows", "input"
+        )
+
+    def stop(self, by: str, now: float) -> dict[str, Any]:
+        """Stop all robots; it latches."""
+        for driven in self.driven.values():
+            driven.stop(now)
+        self.playing = None
+        if self.stopped is None:
+            self.stopped = StopLatch(by, now)
+            speeds = [driven.report.speed_mps for driven in self.driven.values() if driven.report]
+            fastest = max((speed for speed in speeds if speed is not None), key=abs, default=None)
+            self._incidents.append(
+                IncidentEvent(None, "stop", f"all robots were stopped by {by}", now, fastest)
+            )
+        return {}
+
+    def _drive(self, command: DriveCommand, now: float) -> DriveAnswer:
+        self._check_lease(command.role, command.lease)
+        driven = self.driven[command.role]
+        velocity = (float(command.speed_mps), float(command.turn_rate_radps))
+        age = driven.consent.take(command.sequence, command.issued, velocity, now)
+        playing = self.playing
+        if playing is not None and command.role in playing.roles and velocity != ZERO:
+            self._end_programme(now, f"the {command.role} was driven by hand meanwhile")
+        return DriveAnswer(command.role, age)
+
+    def _connect(self, command: ConnectRobot, now: float) -> ConnectAnswer:
+        role = _checked(command.role)
+        for other, driven in self.driven.items():
+            if other != role and driven.connection and driven.connection.port == command.port:
+                raise ProcessRefused(
+                    f"{command.port} is the port of the {other}; give the {role} another one",
+                    "input",
+                )
+        self._end_programme_of(role, now, "was connected anew")
+        before = self.driven[role].connect(
+            Connection(command.port, command.world, command.name)
+        )
+        attendant = self._attendants[role]
+        attendant.close(before)
+        attendant.open(command.port, command.model)
+        return ConnectAnswer(role)
+
+    def _disconnect(self, command: DisconnectRobot, now: float) -> dict[str, Any]:
+        role = _checked(command.role)
+        self._end_programme_of(role, now, "was disconnected")
+        self._attendants[role].close(self.driven[role].connect(None))
+        return {}
+
+    def _take_lease(self, command: TakeLease, now: float) -> dict[str, Any]:
+        role = _checked(command.role)
+        lease, before = self.leases.take(role, command.operator, command.takeover)
+        if before is not None:
+            self._lose_lease(role, now, f"{command.operator} took the {role} over from {before}")
+        self.driven[role].new_operator()
+        return {"lease": lease.id}
+
+    def _lose_lease(self, role: Role, now: float, sentence: str) -> None:
+        self._end_programme_of(role, now, "lost its operator")
+        self.driven[role].disarm(now, "lease", sentence)
+        self.driven[role].new_operator()
+
+    def _arm(self, command: ArmRobot, now: float) -> dict[str, Any]:
+        role = _checked(command.role)
+        holder = self.leases.holder(role)
+        if command.lease is not None:
+            self.leases.check(role, command.lease)
+        elif holder is not None:
+            raise ProcessRefused(
+                f"{holder} drives the {role}; only who drives it may arm it", "state"
+            )
+        self.driven[role].arm(self._tick(now))
+        return {}
+
+    def _check_lease(self, role: Role, lease: str) -> None:
+        self.leases.check(_checked(role), lease)
+
+    def _set_guard(self, command: SetGuard) -> dict[str, Any]:
+        values = {name.removeprefix(_GUARD): value for name, value in command.parameters.items()}
+        try:
+            parameters = GuardParameters.model_validate(
+                {**self._parameters.model_dump(), **values}
+            )
+        except ValidationError as error:
+            first = error.errors()[0]
+            name = ".".join(str(part) for part in first["loc"])
+            raise ProcessRefused(f"{_GUARD}{name}: {first['msg']}", "input") from None
+        self._parameters = parameters
+        self._guard.use(parameters)
+        return {}
+
+    # --- programmes ------------------------------------------------------------------------
+
+    def _start_programme(self, command: StartProgramme, now: float) -> dict[str, Any]:
+        programme = command.programme
+        # Refuses what cannot be repeated so often, as ``InputError``.
+        duration = duration_s(programme, command.repeat)
+        if self.playing is not None:
+            raise ProcessRefused(
+                f"the programme {self.playing.programme.name} is being driven; stop it first",
+                "state",
+            )
+        for role in programme.roles:
+            lease = command.leases.get(role)
+            if lease is None:
+                raise ProcessRefused(
+                    f"the programme {programme.name} moves the {role}; give its lease", "input"
+                )
+            self.leases.check(role, lease)
+            driven = self.driven[role]
+            driven.consent.look(now)
+            if not driven.armed:
+                raise ProcessRefused(f"the {role} is not armed; arm it first", "state")
+            if not driven.consent.present:
+                raise ProcessRefused(
+                    f"nobody is present for the {role}; keep the page open and visible", "state"
+                )
+            if driven.consent.velocity != ZERO:
+                raise ProcessRefused(
+                    f"the {role} is being driven by hand; let go of the controls first", "state"
+                )
+        self.playing = Playing(programme, command.repeat, command.reverse, now)
+        return {"duration_s": duration}
+
+    def _end_programme_of(self, role: Role, now: float, why: str) -> None:
+        if self.playing is not None and role in self.playing.roles:
+            self._end_programme(now, f"the {role} {why}")
+
+    def _end_programme(self, now: float, why: str | None) -> None:
+        """At zero. ``why`` it ends before its end, one sentence; None where that is as wanted."""
+        playing, self.playing = self.playing, None
+        if playing is None:
+            return
+        for role in playing.roles:
+            self.driven[role].rest()
+        if why is not None:
+            sentence = f"the programme {playing.programme.name} was ended: {why}"
+            self._incidents.append(IncidentEvent(None, "programme", sentence, now, None))
+
+
+# A ramp rises by this much time at most, however late a tick is.
+_MOST_DT_S = 0.04
+
+
+def _checked(role: Role) -> Role:
+    if role not in ROLES:
+        raise ProcessRefused(
+            f"{str(role)[:40]!r} is no role; the roles are {' and '.join(ROLES)}", "input"
+        )
+    return role

@@ -1,0 +1,77 @@
+"""Keeps one drive process at work, as the web process sees it.
+
+A new process has no robot: who supervises connects them anew, and nobody but a person arms them.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+from app.drive.messages import (
+    DriveEvent,
+    DriveLostEvent,
+    DriveProcessCommand,
+    DriveProcessEvent,
+    DriveStartedEvent,
+    LeaveDrive,
+)
+from app.processes.child import ChildProcess
+from app.processes.supervisor import ProcessSupervisor, SupervisorLimits
+
+# -P: the folder somebody starts the server in must not supply the modules.
+DRIVE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.drive")
+# Events come every 0.1 s. A port's own thread sends zero much sooner than a hung loop is found;
+# a stand-in would have no robots, so it would be ready no sooner.
+DRIVE_LIMITS = SupervisorLimits(
+    hang_s=0.5, start_s=20.0, standby_delay_s=None, most_backoff_s=5.0, stop_s=4.0
+)
+
+DriveEvents = DriveProcessEvent | DriveStartedEvent | DriveLostEvent
+
+
+class DriveSupervisor(ProcessSupervisor[DriveProcessCommand, DriveEvents]):
+    """Fulfils ``app.station.contracts.Drive``. All methods belong to the event loop's thread."""
+
+    what: ClassVar[str] = "drive process"
+    heartbeat = DriveEvent
+    kept = (DriveEvent,)
+
+    def __init__(
+        self,
+        slots: Mapping[str, int],
+        *,
+        command: Sequence[str] = DRIVE_COMMAND,
+        limits: SupervisorLimits = DRIVE_LIMITS,
+    ) -> None:
+        """
+        Args:
+            slots: ``app.supervisor.Supervisor.shared_slots``; kept open by whoever made them
+                until this is stopped.
+            command: starts a drive process; its arguments are put behind it.
+        """
+        super().__init__(command, slots, limits)
+
+    async def request(
+        self, command: DriveProcessCommand, timeout_s: float = 1.0
+    ) -> dict[str, Any]:
+        """Ask the drive process and wait for its answer's value.
+
+        Raises:
+            ProcessRefused: it says no, and why.
+            ProcessUnavailable: there is none, it ended meanwhile or did not answer in time.
+        """
+        return await super().request(command, timeout_s)
+
+    def _farewell(self) -> DriveProcessCommand:
+        return LeaveDrive()
+
+    def _started_event(self, generation: int, pid: int) -> DriveEvents:
+        return DriveStartedEvent(generation, pid)
+
+    def _lost_event(self, generation: int, reason: str) -> DriveEvents:
+        return DriveLostEvent(generation, reason)
+
+    def _state(self, child: ChildProcess) -> DriveEvents | None:
+        return child.newest(DriveEvent)
