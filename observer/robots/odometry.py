@@ -20,6 +20,7 @@ class WheelOdometry:
 
     Attributes:
         place: as the robot stood when the first packet came, forward and left.
+        spec: the model.
         jumps: how often the robot's own numbers jumped as no driving can explain (they were set
             to zero, or the robot was started anew); a jump counts as standing still.
     """
@@ -27,7 +28,7 @@ class WheelOdometry:
     def __init__(self, spec: RobotSpec) -> None:
         self.place = Odometry(0.0, 0.0, 0.0)
         self.jumps = 0
-        self._spec = spec
+        self.spec = spec
         # One turn has a whole number of units; the factor is rounded in the robot's papers.
         self._units_per_turn = round(math.tau / spec.angle_rad)
         self._last: tuple[int, int, int, float] | None = None
@@ -51,8 +52,8 @@ class WheelOdometry:
             self._axes = self.place.yaw - heading * unit
             return self.place
         step = [_unwrapped(now - before) for now, before in zip((x, y), last[:2], strict=True)]
-        dx, dy = (each * self._spec.distance_mm / 1000 for each in step)
-        farthest = self._spec.speed_max_mps * (time - last[3] + _LATE_S) + _SLACK_M
+        dx, dy = (each * self.spec.distance_mm / 1000 for each in step)
+        farthest = self.spec.speed_max_mps * (time - last[3] + _LATE_S) + _SLACK_M
         if max(map(abs, step)) > _WRAPPED_BEYOND or math.hypot(dx, dy) > farthest:
             self.jumps += 1
             self._axes = self.place.yaw - heading * unit

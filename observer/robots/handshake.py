@@ -1,0 +1,175 @@
+"""Coming into a session with an ARCOS robot, whatever state the last client left it in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+from observer.robots.arcos import Command, command
+from observer.robots.config_reply import CONFIG_REPLY, ConfigReply, as_text, decode_config
+from observer.robots.packet_line import PacketLine
+from observer.robots.serial_port import FIRST_BAUD
+from observer.robots.sip import is_status
+
+# In this order: a robot that its watchdog stopped takes up its last velocity at any command but
+# these.
+STANDSTILL = (command(Command.STOP), command(Command.VEL, 0), command(Command.RVEL, 0))
+MOTORS_OFF = command(Command.ENABLE, 0)
+_CLOSE = command(Command.CLOSE)
+
+_SYNC_S = 1.0
+# In an open session SYNC 0 would be PULSE, and the robot would go on where it was stopped; but
+# then a status packet comes every 100 ms.
+_LISTEN_S = 0.25
+_TRIES, _TRIES_IN_SILENCE = 10, 5
+_SILENT_BEFORE_CLOSE = 2
+_BAUDS = (9600, 38400, 115200, 19200, 57600)
+_HOSTBAUD = {9600: 0, 19200: 1, 38400: 2, 57600: 3, 115200: 4}
+_NOT_UNDERSTOOD = 0xFF
+_OPEN_TRIES, _FIRST_STATUS_S = 3, 0.7
+_CONFIG_TRIES, _CONFIG_S = 3, 0.5
+_BAUD_S = 0.5
+
+
+class NoSession(Exception):
+    """The robot does not come to a session. The text is a sentence."""
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a robot calls itself.
+
+    Attributes:
+        name: its own. kind: its class, ``Pioneer``. subtype: its model, in small letters.
+    """
+
+    name: str
+    kind: str
+    subtype: str
+
+
+def shake_hands(line: PacketLine) -> Identity:
+    """SYNC 0, 1 and 2.
+
+    Raises:
+        NoSession: it answers nothing, or nothing that makes sense.
+        PortLost, Closing: as ``PacketLine.receive``.
+    """
+    answered = line.wait_for(is_status, _LISTEN_S) is not None
+    if answered or line.parser.skipped_bytes:
+        # Damaged packets, or those of another rate, are a session's as well.
+        _end_session(line)
+    step, silent = 0, 0
+    # A try is a SYNC that was not echoed; those that were come at most twice between two tries.
+    failed = 0
+    while failed < (_TRIES if answered else _TRIES_IN_SILENCE):
+        line.send(command(step))
+        reply = line.wait_for(partial(_counts, step=step), _SYNC_S)
+        if reply is not None:
+            answered = True
+            if reply[0] == step == 2:
+                return _identity(reply)
+            if reply[0] == step:
+                step += 1
+                continue
+            if is_status(reply):
+                _end_session(line)
+            else:
+                line.drain(0.1, 0.5)
+        else:
+            silent += 1
+            if silent == _SILENT_BEFORE_CLOSE:
+                _close_at_every_rate(line)
+        failed += 1
+        step = 0
+    if answered:
+        raise NoSession(
+            f"the robot at {line.port.name} answers, but comes to no session; switch it off and on"
+        )
+    raise NoSession(
+        f"nothing at {line.port.name} answers as a robot; is it switched on, its cable in place, "
+        "and does no other program drive it?"
+    )
+
+
+def open_session(line: PacketLine) -> None:
+    """OPEN, at a standstill with motors off; returns when it tells its status.
+
+    Raises:
+        NoSession: no status packet comes.
+        PortLost, Closing: as ``PacketLine.receive``.
+    """
+    for _ in range(_OPEN_TRIES):
+        line.send(command(Command.OPEN), *STANDSTILL, MOTORS_OFF, command(Command.PULSE))
+        if line.wait_for(is_status, _FIRST_STATUS_S) is not None:
+            return
+    raise NoSession(f"the robot at {line.port.name} opened no session: it tells no status")
+
+
+def ask_config(line: PacketLine) -> ConfigReply:
+    """What it says of its settings; all unknown where it says nothing.
+
+    Raises:
+        PortLost, Closing: as ``PacketLine.receive``.
+    """
+    for _ in range(_CONFIG_TRIES):
+        line.send(command(Command.CONFIG))
+        reply = line.wait_for(lambda payload: payload[0] == CONFIG_REPLY, _CONFIG_S)
+        if reply is not None:
+            return decode_config(reply)
+    return ConfigReply()
+
+
+def speed_up(line: PacketLine, baud: int) -> bool:
+    """Ask for a higher rate, and fall back where it stays silent then; whether it is in force.
+
+    Raises:
+        NoSession: it is silent at the old rate as well.
+        PortLost, Closing: as ``PacketLine.receive``.
+    """
+    before = line.port.baud
+    if before is None or baud not in _HOSTBAUD:
+        return False
+    line.send(command(Command.HOSTBAUD, _HOSTBAUD[baud]))
+    line.change_baud(baud)
+    if line.wait_for(is_status, _BAUD_S) is not None:
+        return True
+    # It may have changed though nothing of it arrives.
+    line.send(command(Command.HOSTBAUD, _HOSTBAUD[before]))
+    line.change_baud(before)
+    if line.wait_for(is_status, 2 * _BAUD_S) is not None:
+        return False
+    raise NoSession(f"the robot at {line.port.name} fell silent at {baud} baud")
+
+
+def _counts(payload: bytes, *, step: int) -> bool:
+    """Whether a payload means something while SYNC ``step`` is out."""
+    # A late echo of the step before is none of this one.
+    return (
+        is_status(payload)
+        or payload[0] == _NOT_UNDERSTOOD
+        or (payload[0] <= 2 and payload[0] != step - 1)
+    )
+
+
+def _end_session(line: PacketLine) -> None:
+    """Of a client that died without CLOSE, with whatever velocity it had asked for."""
+    line.send(*STANDSTILL, MOTORS_OFF, _CLOSE)
+    line.drain(0.15, 1.0)
+
+
+def _close_at_every_rate(line: PacketLine) -> None:
+    if not line.port.serial_line:
+        line.send(*STANDSTILL, MOTORS_OFF, _CLOSE)
+        return
+    for baud in _BAUDS:
+        line.change_baud(baud)
+        line.send(*STANDSTILL, MOTORS_OFF, _CLOSE)
+    line.change_baud(FIRST_BAUD)
+    line.drain(0.15, 0.5)
+
+
+def _identity(reply: bytes) -> Identity:
+    words = [as_text(each) for each in reply[1:].split(b"\0")]
+    words += [""] * (3 - len(words))
+    return Identity(words[0], words[1], words[2].lower())

@@ -1,0 +1,92 @@
+"""Packets in and out of a port, one at a time, by one thread."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from observer.robots.arcos import PacketParser
+from observer.robots.serial_port import Port
+
+# Between two commands the firmware wants 3 to 5 ms.
+COMMAND_GAP_S = 0.004
+# A packet is sent in one go: where nothing follows for so long, the rest was lost.
+_QUIET_S = 0.05
+
+
+class Closing(Exception):
+    """Whoever owns the robot wants to let it go."""
+
+
+class PacketLine:
+    """A port's packets.
+
+    Args:
+        closing: asked again and again while something is waited for.
+
+    Attributes:
+        port, parser: the halves.
+    """
+
+    def __init__(self, port: Port, closing: Callable[[], bool]) -> None:
+        self.port = port
+        self.parser = PacketParser()
+        self._closing = closing
+
+    def receive(self) -> list[bytes]:
+        """The payloads that came, waited for 50 ms at most.
+
+        Raises:
+            PortLost: the port is gone. Closing: see there.
+        """
+        if self._closing():
+            raise Closing
+        data = self.port.read(_QUIET_S)
+        if data:
+            return self.parser.feed(data)
+        return self.parser.abandon() if self.parser.pending else []
+
+    def wait_for(self, wanted: Callable[[bytes], bool], timeout_s: float) -> bytes | None:
+        """The first payload that is wanted, others thrown away; None where none came in time.
+
+        Raises:
+            PortLost, Closing: as ``receive``.
+        """
+        until = time.monotonic() + timeout_s
+        while time.monotonic() < until:
+            for payload in self.receive():
+                if wanted(payload):
+                    return payload
+        return None
+
+    def drain(self, quiet_s: float, longest_s: float) -> None:
+        """Throw away what comes until it is quiet.
+
+        Raises:
+            PortLost, Closing: as ``receive``.
+        """
+        until = time.monotonic() + longest_s
+        while time.monotonic() < until and self.wait_for(lambda _: True, quiet_s) is not None:
+            pass
+        self.parser.clear()
+
+    def send(self, *commands: bytes) -> None:
+        """Write each by itself, with a pause behind it.
+
+        Raises:
+            PortLost: the port is gone or stuck.
+        """
+        for each in commands:
+            self.port.write(each)
+            time.sleep(COMMAND_GAP_S)
+
+    def change_baud(self, baud: int) -> None:
+        """Once all that was sent is out.
+
+        Raises:
+            PortLost: as ``Port.change_baud``.
+        """
+        # Nothing tells for certain when a USB adapter has sent; a few commands take 40 ms.
+        time.sleep(0.05)
+        self.port.change_baud(baud)
+        self.parser.clear()

@@ -1,0 +1,383 @@
+"""Pioneer P3-DX and AmigoBot: the driver that owns the port of an ARCOS robot.
+
+One thread reads (and comes into a session first), one writes (``setpoint_writer``). What a caller
+asks for is left to them, so that no method waits for the port.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+
+from observer.robots.arcos import Command, command
+from observer.robots.config_reply import CONFIG_REPLY, ConfigReply, decode_config
+from observer.robots.contract import RobotLimits, RobotPhase, RobotReport, Sent, SonarReading
+from observer.robots.handshake import (
+    MOTORS_OFF,
+    STANDSTILL,
+    Identity,
+    NoSession,
+    ask_config,
+    open_session,
+    shake_hands,
+    speed_up,
+)
+from observer.robots.models import SPECS, RobotSpec, robot_spec
+from observer.robots.odometry import WheelOdometry
+from observer.robots.packet_line import Closing, PacketLine
+from observer.robots.robot_limits import limit_commands, limits_in_force, setpoint_within
+from observer.robots.robot_watch import RobotWatch
+from observer.robots.serial_port import Port, PortLost, open_port
+from observer.robots.setpoint_writer import SetpointWriter
+from observer.robots.sip import RobotStatus, decode_status, is_status
+
+# Between two tries to connect: a port that went away may be back at once, for one that is not
+# there nobody waits.
+_FIRST_PAUSE_S, _PAUSE_S = 0.3, 1.0
+# A robot that tells nothing for so long has been switched off, or its cable is out.
+_SILENCE_LOST_S = 3.0
+_FAREWELL_S = 0.1
+_CLOSE_S = 1.9
+_COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects")
+_STOP = (command(Command.E_STOP), *STANDSTILL[1:], MOTORS_OFF)
+
+
+class UnknownRobot(Exception):
+    """A robot of no known model answered. The text is a sentence."""
+
+
+class Pioneer:
+    """See ``observer.robots.contract.Robot``; connects by itself from its construction on.
+
+    Args:
+        port: ``/dev/...`` or ``socket://HOST:PORT``.
+        model: of ``observer.robots.models``, whatever the robot calls itself; None: as it does.
+        clock: monotonic; of all times that are told.
+        limits: never to be exceeded, beside those of the model and of the robot itself.
+        open_port: opens the port.
+
+    Raises:
+        InputError: there is no such model.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        model: str | None = None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        limits: RobotLimits | None = None,
+        open_port: Callable[[str], Port] = open_port,
+    ) -> None:
+        self._port_text = port
+        self._model = None if model is None else robot_spec(model)
+        self._clock = clock
+        self._wanted = limits
+        self._open_port = open_port
+        # Guards all below; held for moments only.
+        self._lock = threading.Lock()
+        self._phase = RobotPhase.CONNECTING
+        self._trouble: str | None = None
+        self._watch = RobotWatch()
+        self._writer: SetpointWriter | None = None
+        self._spec: RobotSpec | None = self._model
+        self._identity: Identity | None = None
+        self._config = ConfigReply()
+        self._limits: RobotLimits | None = None
+        self._odometry: WheelOdometry | None = None
+        self._moved = False
+        self._sonars: dict[int, SonarReading] = {}
+        self._counters: Counter[str] = Counter()
+        self._line: PacketLine | None = None
+        self._last_sent: Sent | None = None
+        # If a rate was agreed on and went silent, it is not tried again.
+        self._may_speed_up = True
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="robot reader", daemon=True)
+        self._thread.start()
+
+    # ------------------------------------------------------------------ as Robot
+
+    def report(self) -> RobotReport:
+        """How it is; from any thread."""
+        with self._lock:
+            return self._report(self._clock())
+
+    def enable(self) -> None:
+        """Motors on, at zero velocity; nothing while it has a fault or is not connected."""
+        with self._lock:
+            if self._writer is not None and self._watch.switch_on(self._clock()):
+                self._writer.halt(*STANDSTILL, command(Command.ENABLE, 1))
+
+    def disable(self) -> None:
+        """Zero velocity, motors off."""
+        self._halt(*STANDSTILL[1:], MOTORS_OFF)
+
+    def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
+        """See ``Robot.drive``."""
+        with self._lock:
+            setpoint = (0, 0)
+            if self._watch.may_move and self._limits is not None:
+                setpoint = setpoint_within(self._limits, speed_mps, turn_rate_radps)
+            if self._writer is not None:
+                self._writer.drive(setpoint)
+            return Sent(setpoint[0] / 1000, math.radians(setpoint[1]), self._clock())
+
+    def stop(self) -> None:
+        """E_STOP, zero velocity, motors off, at once."""
+        self._halt(*_STOP)
+
+    def clear(self) -> None:
+        """Forget the fault, if what caused it is over; motors stay off."""
+        with self._lock:
+            self._watch.clear(self._clock())
+            if self._writer is not None:
+                self._writer.halt(*STANDSTILL[1:], MOTORS_OFF)
+
+    def close(self) -> None:
+        """See ``Robot.close``.
+
+        A host that answers nothing at all may hold the reading thread, which does nothing but
+        wait for it, some seconds longer.
+        """
+        self._closing.set()
+        self._thread.join(_CLOSE_S)
+        with self._lock:
+            self._phase = RobotPhase.CLOSED
+
+    def _halt(self, *commands: bytes) -> None:
+        with self._lock:
+            self._watch.switch_off(self._clock())
+            if self._writer is not None:
+                self._writer.halt(*commands)
+
+    # ------------------------------------------------------------------ the reading thread
+
+    def _run(self) -> None:
+        pause = _FIRST_PAUSE_S
+        while not self._closing.is_set():
+            try:
+                self._connect_and_serve()
+            except Closing:
+                break
+            except UnknownRobot as error:
+                self._gone(RobotPhase.REFUSED, str(error))
+                return
+            except (PortLost, NoSession) as error:
+                if self._gone(RobotPhase.WAITING, str(error)):
+                    pause = _FIRST_PAUSE_S
+            self._closing.wait(pause)
+            pause = _PAUSE_S
+        with self._lock:
+            self._phase, self._trouble = RobotPhase.CLOSED, None
+            self._watch.closed()
+
+    def _connect_and_serve(self) -> None:
+        port = self._open_port(self._port_text)
+        line = PacketLine(port, self._closing.is_set)
+        writer: SetpointWriter | None = None
+        discard = True
+        try:
+            self._line = line
+            self._come_in(line)
+            writer = SetpointWriter(port, self._clock)
+            self._arrived(writer)
+            while True:
+                self._serve(line, writer)
+        except Closing:
+            self._say_goodbye(line, writer)
+            discard = False
+            raise
+        finally:
+            with self._lock:
+                self._writer = None
+                if writer is not None and writer.sent is not None:
+                    self._last_sent = writer.sent
+                self._count_line(line)
+            if writer is not None:
+                writer.finish(0.5)
+            port.close(discard=discard)
+
+    def _come_in(self, line: PacketLine) -> None:
+        identity = shake_hands(line)
+        with self._lock:
+            self._identity = identity
+            self._spec = self._model or SPECS.get(identity.subtype)  # type: ignore[call-overload]
+        spec = self._spec
+        if spec is None:
+            line.send(command(Command.CLOSE))
+            raise UnknownRobot(
+                f"the robot at {line.port.name} calls itself {identity.subtype!r}, of which "
+                f"nothing is known; say as which model to drive it: {', '.join(SPECS)}"
+            )
+        open_session(line)
+        self._take_config(ask_config(line))
+        line.send(command(Command.ENCODER, 0), command(Command.SONAR, 1))
+        assert self._limits is not None
+        line.send(*limit_commands(self._limits))
+        if self._may_speed_up and spec.high_speed_serial and line.port.serial_line:
+            # Until it has worked.
+            self._may_speed_up = False
+            self._may_speed_up = speed_up(line, spec.high_speed_serial)
+
+    def _arrived(self, writer: SetpointWriter) -> None:
+        """In a session, at a standstill, motors off."""
+        spec = self._spec
+        assert spec is not None
+        with self._lock:
+            if self._odometry is None or self._odometry.spec != spec:
+                self._odometry = WheelOdometry(spec)
+                self._moved = False
+            self._odometry.rebaseline()
+            self._sonars.clear()
+            self._writer = writer
+            self._watch.connected(self._clock())
+            self._phase, self._trouble = RobotPhase.CONNECTED, None
+
+    def _serve(self, line: PacketLine, writer: SetpointWriter) -> None:
+        """Take what came, and look after the robot; every 50 ms or more often."""
+        for payload in line.receive():
+            self._take(payload, writer)
+        now = self._clock()
+        with self._lock:
+            bad = self._watch.tick(now)
+            if writer.frozen:
+                writer.frozen = False
+                if self._watch.switched_on:
+                    self._watch.blame("this computer did not attend to it for a second or more")
+                    bad = True
+            writer.outage = self._watch.silent(now)
+            if bad:
+                writer.halt(*_STOP)
+            elif again := self._watch.due_command(now):
+                writer.send(again)
+            silence = self._watch.silence_s(now)
+        if writer.broken is not None:
+            raise PortLost(writer.broken)
+        if silence > _SILENCE_LOST_S:
+            raise PortLost(f"the robot at {line.port.name} told nothing for {silence:.0f} s")
+
+    def _take(self, payload: bytes, writer: SetpointWriter) -> None:
+        spec = self._spec
+        assert spec is not None
+        if payload[0] == CONFIG_REPLY:
+            self._take_config(decode_config(payload))
+            return
+        if not is_status(payload):
+            self._counters["unknown_packets"] += 1
+            return
+        config = self._config
+        try:
+            status = decode_status(
+                payload, spec, config.front_bumpers or 0, config.rear_bumpers or 0
+            )
+        except ValueError:
+            self._counters["bad_packets"] += 1
+            return
+        now = self._clock()
+        with self._lock:
+            if self._watch.saw(status, now):
+                writer.halt(*_STOP)
+            assert self._odometry is not None
+            self._odometry.add(status.raw_x, status.raw_y, status.raw_heading, now)
+            self._moved = True
+            for index, range_m in status.ranges_m.items():
+                pose = spec.sonars[index]
+                self._sonars[index] = SonarReading(
+                    index, pose.x, pose.y, pose.heading, range_m, now
+                )
+
+    def _take_config(self, config: ConfigReply) -> None:
+        assert self._spec is not None
+        with self._lock:
+            self._config = config
+            self._limits = limits_in_force(self._spec, config, self._wanted)
+
+    def _say_goodbye(self, line: PacketLine, writer: SetpointWriter | None) -> None:
+        farewell = (*STANDSTILL, MOTORS_OFF)
+        try:
+            if writer is not None:
+                writer.halt(*farewell)
+                if not writer.finish(0.5):
+                    return
+                time.sleep(_FAREWELL_S)
+            else:
+                line.send(*farewell)
+            line.send(command(Command.CLOSE))
+            time.sleep(_FAREWELL_S)
+        except PortLost:
+            # Nobody is there to say it to.
+            return
+
+    def _gone(self, phase: RobotPhase, sentence: str) -> bool:
+        """The connection is over; whether there was one."""
+        with self._lock:
+            had = self._phase is RobotPhase.CONNECTED
+            self._phase, self._trouble = phase, sentence
+            self._watch.lost(sentence, self._clock())
+            if had:
+                self._counters["reconnects"] += 1
+            return had
+
+    # ------------------------------------------------------------------ what is told
+
+    def _count_line(self, line: PacketLine) -> None:
+        self._counters["packets"] += line.parser.packets
+        self._counters["bad_packets"] += line.parser.bad_packets
+        self._line = None
+
+    def _report(self, now: float) -> RobotReport:
+        watch, spec, identity = self._watch, self._spec, self._identity
+        status = watch.status
+        warnings = list(watch.warnings(now))
+        if spec is not None and identity is not None and identity.subtype != spec.model:
+            warnings.append(f"it calls itself {identity.subtype!r} and is driven as {spec.model}")
+        counters = dict.fromkeys(_COUNTERS, 0)
+        counters.update(self._counters)
+        if (line := self._line) is not None:
+            counters["packets"] += line.parser.packets
+            counters["bad_packets"] += line.parser.bad_packets
+        if self._odometry is not None:
+            counters["odometry_jumps"] = self._odometry.jumps
+        sent = self._writer.sent if self._writer is not None else None
+        watchdog = self._config.watchdog_ms
+        told = status or _NOTHING
+        return RobotReport(
+            phase=self._phase,
+            trouble=self._trouble,
+            fault=watch.fault,
+            warnings=tuple(warnings),
+            received=watch.received,
+            name=identity.name or None if identity else None,
+            model=spec.model if spec else None,
+            subtype=identity.subtype or None if identity else None,
+            odometry=self._odometry.place if self._odometry and self._moved else None,
+            speed_mps=status.speed_mps if status else None,
+            turn_rate_radps=status.turn_rate_radps if status else None,
+            motors_enabled=status.motors_enabled if status else None,
+            stalled=status.stalled if status else None,
+            front_bumpers=told.front_bumpers,
+            rear_bumpers=told.rear_bumpers,
+            stop_pressed=told.stop_pressed,
+            battery_v=watch.battery_v,
+            battery=watch.battery,
+            charging=told.charging,
+            temperature_c=told.temperature_c,
+            sonars=tuple(self._sonars[each] for each in sorted(self._sonars)),
+            watchdog_s=watchdog / 1000 if watchdog else None,
+            limits=self._limits,
+            sent=sent or self._last_sent,
+            radius_m=spec.radius_m if spec else None,
+            width_m=spec.width_m if spec else None,
+            length_m=spec.length_m if spec else None,
+            counters=counters,
+        )
+
+
+# Stands for a packet where none is: tells only what is None or empty.
+_NOTHING = RobotStatus(
+    0, 0, 0, False, 0.0, 0.0, None, (False, False), (), (), False, None, None, None
+)

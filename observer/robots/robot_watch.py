@@ -1,0 +1,219 @@
+"""What a robot's status packets, or their absence, mean for driving it. Pure: time is told."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Literal
+
+from observer.robots.arcos import Command, command
+from observer.robots.sip import RobotStatus
+
+SILENCE_WARNED_S = 0.3
+SILENCE_FAULT_S = 1.0
+BATTERY_LOW_V = 11.75
+BATTERY_CRITICAL_V = 11.0
+# A status packet tells of up to 0.1 s ago, and ENABLE takes a little.
+_SWITCHING_S = 0.3
+# ENABLE is not acknowledged and may be lost: within so long after it was asked for it is told
+# again, until the motors were seen to be on. Never after they were.
+_ENABLE_AGAIN_S = (0.3, 0.6)
+_ENABLE_IN_VAIN_S = 1.5
+_DISABLE_AGAIN_S = 0.5
+_AVERAGED = 30
+
+
+class RobotWatch:
+    """Latches faults, keeps the battery's mean, and says whether the robot may move.
+
+    Times are seconds on a clock that never goes back.
+
+    Attributes:
+        fault: one sentence from the first fault on until ``clear``.
+        status: the newest packet of this connection; None before, and once it is lost.
+        received: when it came, also of the last connection.
+    """
+
+    def __init__(self) -> None:
+        self.fault: str | None = None
+        self.status: RobotStatus | None = None
+        self.received: float | None = None
+        self._connected = False
+        self._heard = -math.inf
+        self._on_since: float | None = None
+        self._off_since = -math.inf
+        self._seen_on = False
+        self._enables = 0
+        self._disabled_again = -math.inf
+        self._battery: deque[float] = deque(maxlen=_AVERAGED)
+
+    @property
+    def switched_on(self) -> bool:
+        """Whether its motors were asked to be on, and nothing took that back."""
+        return self._on_since is not None
+
+    @property
+    def may_move(self) -> bool:
+        """Whether anything but zero is of use to it."""
+        on = self.status is not None and self.status.motors_enabled
+        return self._connected and self.fault is None and self.switched_on and on
+
+    @property
+    def battery_v(self) -> float | None:
+        """Mean over the last packets."""
+        return sum(self._battery) / len(self._battery) if self._battery else None
+
+    @property
+    def battery(self) -> Literal["good", "low", "critical"] | None:
+        volts = self.battery_v
+        if volts is None:
+            return None
+        # As it is told: a tenth of a volt summed up is not exact.
+        volts = round(volts, 3)
+        if volts < BATTERY_CRITICAL_V:
+            return "critical"
+        return "low" if volts < BATTERY_LOW_V else "good"
+
+    def connected(self, now: float) -> None:
+        """A session is open, motors off."""
+        self._connected = True
+        self._heard = now
+        self._battery.clear()
+        self.switch_off(now)
+
+    def lost(self, sentence: str, now: float) -> None:
+        """The session is gone; a fault if there was one."""
+        if self._connected:
+            self._blame(sentence)
+        self._connected = False
+        self.status = None
+        self.switch_off(now)
+
+    def closed(self) -> None:
+        """The session was ended on purpose."""
+        self._connected = False
+        self.status = None
+        self._on_since = None
+
+    def switch_on(self, now: float) -> bool:
+        """ENABLE 1 is sent; False where a fault or a missing connection forbids that."""
+        if self.fault is not None or not self._connected:
+            return False
+        self._on_since, self._seen_on, self._enables = now, False, 0
+        return True
+
+    def switch_off(self, now: float) -> None:
+        """ENABLE 0 is sent."""
+        self._on_since = None
+        self._off_since = now
+
+    def saw(self, status: RobotStatus, now: float) -> bool:
+        """Take a status packet; whether it brought a fault."""
+        before = self.fault
+        self.status, self.received, self._heard = status, now, now
+        if status.battery_v is not None:
+            self._battery.append(status.battery_v)
+        self._blame(_cause(status))
+        if self._on_since is not None:
+            if status.motors_enabled:
+                self._seen_on = True
+            elif self._seen_on and now - self._on_since > _SWITCHING_S:
+                self._blame("its motors went off by themselves; look at the robot, then arm it")
+        return self.fault is not before
+
+    def tick(self, now: float) -> bool:
+        """Look at the clock, every 0.1 s or more often; whether that brought a fault."""
+        before = self.fault
+        if self._connected and now - self._heard >= SILENCE_FAULT_S:
+            self._blame(f"it told no status for {SILENCE_FAULT_S:g} s")
+        if (
+            self._on_since is not None
+            and not self._seen_on
+            and now - self._on_since > _ENABLE_IN_VAIN_S
+        ):
+            self._blame("its motors did not go on; look at the robot's own switches")
+        return self.fault is not before
+
+    def silent(self, now: float) -> bool:
+        """Whether its status is missing, so that what is sent may not arrive either."""
+        return self._connected and now - self._heard > SILENCE_WARNED_S
+
+    def silence_s(self, now: float) -> float:
+        """For how long it has told nothing."""
+        return now - self._heard
+
+    def due_command(self, now: float) -> bytes | None:
+        """ENABLE once more, where it seems to have been lost on its way."""
+        if self._on_since is not None:
+            late = (
+                not self._seen_on
+                and self._enables < len(_ENABLE_AGAIN_S)
+                and now - self._on_since > _ENABLE_AGAIN_S[self._enables]
+            )
+            self._enables += late
+            return command(Command.ENABLE, 1) if late and self.fault is None else None
+        on = self.status is not None and self.status.motors_enabled
+        if on and now - max(self._off_since, self._disabled_again) > _DISABLE_AGAIN_S:
+            self._disabled_again = now
+            return command(Command.ENABLE, 0)
+        return None
+
+    def clear(self, now: float) -> None:
+        """Forget the fault if its cause, or another, is not there any more; motors off."""
+        self.switch_off(now)
+        if not self._connected:
+            return
+        self.fault = None
+        if now - self._heard >= SILENCE_FAULT_S:
+            self._blame(f"it told no status for {now - self._heard:.1f} s")
+        if self.status is not None:
+            self._blame(_cause(self.status))
+
+    def warnings(self, now: float) -> tuple[str, ...]:
+        """What is worth knowing and forbids nothing."""
+        found = []
+        if self.silent(now):
+            found.append(f"its last status is {(now - self._heard) * 1000:.0f} ms old")
+        if self.battery in ("low", "critical"):
+            found.append(f"its battery is {self.battery}: {self.battery_v:.1f} V; charge it")
+        status = self.status
+        if status is not None:
+            if (
+                status.motors_enabled
+                and not self.switched_on
+                and now - self._off_since > _DISABLE_AGAIN_S
+            ):
+                found.append("its motors are on though it is not armed")
+            if status.joystick:
+                found.append("somebody drives it by its own joystick")
+            if status.sonar_overrun:
+                found.append("its sonar readings cannot be read")
+        return tuple(found)
+
+    def _blame(self, sentence: str | None) -> None:
+        """Latch a fault; the first one stays."""
+        if self.fault is None and sentence is not None:
+            self.fault = sentence
+        if sentence is not None:
+            self._on_since = None
+            self._off_since = max(self._off_since, self._heard)
+
+    def blame(self, sentence: str) -> None:
+        """Latch a fault that was found elsewhere."""
+        self._blame(sentence)
+
+
+def _cause(status: RobotStatus) -> str | None:
+    """What in a packet forbids to move."""
+    left, right = status.stalled
+    if left or right:
+        which = "both wheels" if left and right else f"its {'left' if left else 'right'} wheel"
+        return f"{which} stalled: something holds the robot"
+    for end, bumpers in (("front", status.front_bumpers), ("rear", status.rear_bumpers)):
+        if any(bumpers):
+            return f"its {end} bumper {bumpers.index(True) + 1} touches something"
+    if status.stop_pressed:
+        return "its own stop button is pressed"
+    if status.e_stalled:
+        return "its emergency stall input is active"
+    return None

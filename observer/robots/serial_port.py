@@ -1,0 +1,205 @@
+"""The port of an ARCOS robot, serial or TCP, through pyserial.
+
+What pyserial's ``socket://`` lacks is made up for here: Nagle's algorithm is switched off, reading
+waits on the socket itself (``in_waiting`` is no byte count there), and closing closes it.
+"""
+
+from __future__ import annotations
+
+import errno
+import select
+import socket
+import struct
+import termios
+from typing import Any, Protocol
+
+FIRST_BAUD = 9600
+# A port that takes nothing for so long is stuck.
+WRITE_TIMEOUT_S = 0.2
+_LONGEST_READ = 4096
+# How long the other side may take to read the last words before its connection is closed.
+_LAST_WORDS_S = 0.1
+# pyserial raises its own kind of OSError, lets some of termios pass, and falls over files that
+# another thread has closed.
+_FAILURES = (OSError, ValueError, TypeError, termios.error)
+
+
+class PortLost(Exception):
+    """The port cannot be opened, is gone, or takes nothing. The text is a sentence."""
+
+
+class Port(Protocol):
+    """Bytes in and out. One thread reads, one writes."""
+
+    @property
+    def name(self) -> str:
+        """As people name it."""
+        ...
+
+    @property
+    def serial_line(self) -> bool:
+        """Whether it has a baud rate."""
+        ...
+
+    @property
+    def baud(self) -> int | None:
+        """Its rate, None where it has none."""
+        ...
+
+    def read(self, timeout_s: float) -> bytes:
+        """What has come, waited for so long at most; empty where nothing did.
+
+        Raises:
+            PortLost: it is gone.
+        """
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Hand over all of it; takes ``WRITE_TIMEOUT_S`` at most.
+
+        Raises:
+            PortLost: it is gone or stuck.
+        """
+        ...
+
+    def change_baud(self, baud: int) -> None:
+        """Do nothing where there is no rate.
+
+        Raises:
+            PortLost: it is gone or knows no such rate.
+        """
+        ...
+
+    def close(self, *, discard: bool) -> None:
+        """Release it; safe to call twice. ``discard``: what waits to go out is thrown away."""
+        ...
+
+
+def open_port(text: str) -> Port:
+    """Open ``/dev/...`` at ``FIRST_BAUD`` 8N1, or ``socket://HOST:PORT``.
+
+    A host that answers nothing is waited for, 5 s at most.
+
+    Raises:
+        PortLost: it cannot be opened; the sentence says why.
+    """
+    # Only who drives such a robot needs it.
+    import serial  # type: ignore[import-untyped]
+
+    tcp = text.lower().startswith("socket://")
+    settings: dict[str, Any] = {"baudrate": FIRST_BAUD, "timeout": 0}
+    settings["write_timeout"] = WRITE_TIMEOUT_S
+    if not tcp:
+        settings["exclusive"] = True
+    try:
+        return _PySerialPort(text, serial.serial_for_url(text, **settings), tcp)
+    except _FAILURES as error:
+        raise PortLost(f"{text} cannot be opened: {_reason(error)}") from error
+
+
+class _PySerialPort:
+    def __init__(self, name: str, device: Any, tcp: bool) -> None:
+        self.name = name
+        self._device = device
+        # pyserial does not offer it, and nothing else reaches its options.
+        self._socket: socket.socket | None = getattr(device, "_socket", None) if tcp else None
+        self._closed = False
+        if self._socket is not None:
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    @property
+    def serial_line(self) -> bool:
+        return self._socket is None
+
+    @property
+    def baud(self) -> int | None:
+        return int(self._device.baudrate) if self.serial_line else None
+
+    def read(self, timeout_s: float) -> bytes:
+        try:
+            ready, _, _ = select.select([self._device.fileno()], [], [], timeout_s)
+            return bytes(self._device.read(_LONGEST_READ)) if ready else b""
+        except _FAILURES as error:
+            raise PortLost(f"the connection to {self.name} is lost: {_reason(error)}") from error
+
+    def write(self, data: bytes) -> None:
+        import serial
+
+        try:
+            self._device.write(data)
+        except serial.SerialTimeoutException as error:
+            raise PortLost(f"{self.name} takes no bytes any more") from error
+        except _FAILURES as error:
+            raise PortLost(f"the connection to {self.name} is lost: {_reason(error)}") from error
+
+    def change_baud(self, baud: int) -> None:
+        if not self.serial_line:
+            return
+        try:
+            self._device.baudrate = baud
+        except _FAILURES as error:
+            raise PortLost(f"{self.name} cannot be set to {baud} baud: {_reason(error)}") from error
+
+    def close(self, *, discard: bool) -> None:
+        if self._closed:
+            return
+        self._closed = True
+        if self._socket is None:
+            self._close_serial(discard)
+        else:
+            _close_socket(self._socket, discard)
+            # Its own close waits 0.3 s and may leave the socket open.
+            self._device.is_open = False
+
+    def _close_serial(self, discard: bool) -> None:
+        try:
+            if discard:
+                self._device.reset_output_buffer()
+        except _FAILURES:
+            # It is gone: nothing waits in it.
+            return
+        finally:
+            self._device.close()
+
+
+def _close_socket(connection: socket.socket, discard: bool) -> None:
+    try:
+        if discard:
+            # Without lingering: velocities that wait must not arrive some time later.
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        else:
+            # Closing with something unread would reset the connection, and what was said last
+            # might be lost with it.
+            connection.shutdown(socket.SHUT_WR)
+            connection.settimeout(_LAST_WORDS_S)
+            for _ in range(_LONGEST_READ):
+                if not connection.recv(_LONGEST_READ):
+                    break
+    except OSError:
+        # The other side is gone already.
+        return
+    finally:
+        connection.close()
+
+
+def _reason(error: BaseException) -> str:
+    """The system's own words, which pyserial wraps once or twice."""
+    cause: BaseException | None = error
+    while cause is not None:
+        told = cause.args
+        if len(told) > 1 and isinstance(told[0], int):
+            return _words(told[0], str(told[1]))
+        cause = cause.__context__
+    return str(error)
+
+
+def _words(number: int, text: str) -> str:
+    if number == errno.EACCES:
+        return "this user may not open it; the group dialout may, as a rule"
+    if number in (errno.EAGAIN, errno.EWOULDBLOCK):
+        return "another program holds it"
+    if number == errno.ENOTTY:
+        return "it is no serial port"
+    if number == errno.ENOENT:
+        return "there is no such device; is it plugged in?"
+    return text.split("] ")[-1].lower()

@@ -1,0 +1,155 @@
+"""The one thread that writes to a robot in a session: what is urgent, then velocities."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+from observer.robots.arcos import Command, command
+from observer.robots.contract import SETPOINT_FRESH_S, Sent
+from observer.robots.handshake import STANDSTILL
+from observer.robots.packet_line import COMMAND_GAP_S
+from observer.robots.serial_port import Port, PortLost
+
+# So often a velocity is told anew: its firmware stops where it hears nothing for long, and what
+# noise made of a velocity does not last longer.
+RESEND_S = 0.1
+# A rising velocity waits for so long behind the last one on a slow line, lest the line is always
+# full and a zero has to wait: two commands take 19 ms at 9600 baud.
+_SLOW_BAUD = 19200
+_RISING_S = 0.04
+# Whoever has not written for so long was stopped himself, and the robot's watchdog has run out
+# or is about to.
+_FROZEN_S = 1.0
+
+# mm/s and deg/s, whole numbers as they are sent.
+Setpoint = tuple[int, int]
+_ZERO: Setpoint = (0, 0)
+
+
+class SetpointWriter:
+    """Writes commands and velocities, each when it is due; nothing here waits for the port.
+
+    Args:
+        port: written to by nobody else. clock: of ``Sent.time`` and of freshness.
+
+    Attributes:
+        sent: the velocity that went out last.
+        broken: one sentence once the port is lost; nothing is written from then on.
+        frozen: whether this process stood still for ``_FROZEN_S`` or more.
+        outage: while set, every velocity that goes out is a standstill with STOP in front.
+    """
+
+    def __init__(self, port: Port, clock: Callable[[], float]) -> None:
+        self.sent: Sent | None = None
+        self.broken: str | None = None
+        self.frozen = False
+        self.outage = False
+        self._port = port
+        self._clock = clock
+        self._rising_s = _RISING_S if (port.baud or math.inf) <= _SLOW_BAUD else 0.0
+        self._changed = threading.Condition()
+        self._commands: deque[bytes] = deque()
+        # The rest of the pair of commands that tells a velocity.
+        self._pair: deque[bytes] = deque()
+        self._asked, self._asked_at = _ZERO, -math.inf
+        self._told, self._told_at = _ZERO, -math.inf
+        self._wrote_at = clock()
+        self._finishing = False
+        self._thread = threading.Thread(target=self._run, name="robot writer", daemon=True)
+        self._thread.start()
+
+    def drive(self, setpoint: Setpoint) -> None:
+        """This velocity from now on, for ``SETPOINT_FRESH_S``."""
+        with self._changed:
+            self._asked_at = self._clock()
+            if setpoint != self._asked:
+                self._asked = setpoint
+                self._changed.notify()
+
+    def send(self, *commands: bytes) -> None:
+        """These as well, behind what waits."""
+        with self._changed:
+            self._commands += commands
+            self._changed.notify()
+
+    def halt(self, *commands: bytes) -> None:
+        """These before anything else, and zero velocity; what waited is dropped."""
+        with self._changed:
+            self._commands = deque(commands)
+            self._pair.clear()
+            self._asked, self._told = _ZERO, _ZERO
+            self._asked_at = self._told_at = self._clock()
+            self.sent = Sent(0.0, 0.0, self._clock())
+            self._changed.notify()
+
+    def finish(self, timeout_s: float) -> bool:
+        """Write what waits and end; whether it has ended by then."""
+        with self._changed:
+            self._finishing = True
+            self._changed.notify()
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        try:
+            while (each := self._next()) is not None:
+                self._port.write(each)
+                self._wrote_at = self._clock()
+                time.sleep(COMMAND_GAP_S)
+        except PortLost as error:
+            self.broken = str(error)
+
+    def _next(self) -> bytes | None:
+        """The next command, waited for; None at the end."""
+        with self._changed:
+            while True:
+                if self._commands:
+                    return self._commands.popleft()
+                if self._finishing:
+                    return None
+                now = self._clock()
+                wait = self._plan(now)
+                if self._pair:
+                    following = self._pair.popleft()
+                    if not self._pair:
+                        speed, turn_rate = self._told
+                        self.sent = Sent(speed / 1000, math.radians(turn_rate), now)
+                    return following
+                self._changed.wait(wait)
+
+    def _plan(self, now: float) -> float:
+        """Have the velocity told where it is due; else how long nothing is."""
+        if now - self._wrote_at > _FROZEN_S:
+            self.frozen = True
+            self._asked_at = -math.inf
+            self._tell(_ZERO, now, with_stop=True)
+            return 0.0
+        fresh = now - self._asked_at <= SETPOINT_FRESH_S and not self.outage
+        target = self._asked if fresh else _ZERO
+        resend = self._told_at + RESEND_S
+        if target != self._told:
+            rises = abs(target[0]) > abs(self._told[0]) or abs(target[1]) > abs(self._told[1])
+            due = min(self._told_at + self._rising_s, resend) if rises else now
+        else:
+            due = resend
+        if due <= now:
+            # What is left of the pair before is out of date, or the same.
+            self._tell(target, now, with_stop=self.outage)
+            return 0.0
+        stale = self._asked_at + SETPOINT_FRESH_S if target != _ZERO else math.inf
+        # A little later, so that it is over then.
+        return max(0.0, min(due, stale) - now) + 1e-4
+
+    def _tell(self, setpoint: Setpoint, now: float, *, with_stop: bool) -> None:
+        faster = abs(setpoint[0]) > abs(self._told[0])
+        self._told, self._told_at = setpoint, now
+        if with_stop:
+            self._pair = deque(STANDSTILL)
+            return
+        speed, turn = command(Command.VEL, setpoint[0]), command(Command.RVEL, setpoint[1])
+        # What slows down goes first; it turns as it shall before it is faster.
+        self._pair = deque((turn, speed) if faster else (speed, turn))
