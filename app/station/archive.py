@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 
 from app.station.errors import NotThere
-from app.storage import RunRecord, SpeedRow, Storage
+from app.storage import IncidentRecord, RunRecord, SpeedRow, Storage
 
 
 class RunArchive:
@@ -43,6 +43,11 @@ class RunArchive:
         """All speeds of a run, those of the last half second excepted while it is going."""
         await self.find(run_id)
         return await asyncio.to_thread(partial(self._storage.speeds, run_id))
+
+    async def incidents(self, run_id: str) -> list[IncidentRecord]:
+        """What stopped robots during a run, oldest first."""
+        await self.find(run_id)
+        return await asyncio.to_thread(partial(self._storage.incidents, run_id))
 
 
 def no_such_run(run_id: str) -> NotThere:

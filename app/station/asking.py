@@ -1,19 +1,22 @@
-"""Requests to the engine whose refusals become the station's own errors."""
+"""Requests to the other processes whose refusals become the station's own errors."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
+from app.drive.messages import DriveProcessCommand
 from app.messages import Command
-from app.station.contracts import Engine
+from app.processes.errors import ProcessRefused, ProcessUnavailable
+from app.station.contracts import Drive, Engine
 from app.station.errors import Conflict, FieldError, NotAvailable
-from app.supervisor import EngineRefused, EngineUnavailable
 
 
 async def ask(
     engine: Engine, command: Command, *, field: tuple[str, ...] = ("body",), timeout_s: float = 10.0
 ) -> dict[str, Any]:
-    """Send a command and return its reply's value.
+    """Send the engine a command and return its reply's value.
 
     Args:
         field: the part of the person's request that the command stems from.
@@ -22,13 +25,31 @@ async def ask(
         FieldError: what was asked is wrong. Conflict: it is not possible in this state.
         NotAvailable: it failed, or there is no engine at the moment.
     """
-    try:
+    with _own_errors(field):
         return await engine.request(command, timeout_s)
-    except EngineRefused as error:
+
+
+async def ask_drive(
+    drive: Drive,
+    command: DriveProcessCommand,
+    *,
+    field: tuple[str, ...] = ("body",),
+    timeout_s: float = 1.0,
+) -> dict[str, Any]:
+    """Send the drive process a command; as ``ask`` in all else."""
+    with _own_errors(field):
+        return await drive.request(command, timeout_s)
+
+
+@contextmanager
+def _own_errors(field: tuple[str, ...]) -> Iterator[None]:
+    try:
+        yield
+    except ProcessRefused as error:
         if error.refusal == "input":
             raise FieldError(field, str(error)) from error
         if error.refusal == "state":
             raise Conflict(str(error)) from error
         raise NotAvailable(str(error)) from error
-    except EngineUnavailable as error:
+    except ProcessUnavailable as error:
         raise NotAvailable(str(error)) from error

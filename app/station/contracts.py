@@ -1,4 +1,4 @@
-"""What the station needs of the engine's supervisor."""
+"""What the station needs of its processes, and what others hear of the station."""
 
 from __future__ import annotations
 
@@ -120,4 +120,8 @@ class Listener(Protocol):
 
     def status_changed(self) -> None:
         """Something in ``Station.status`` changed, beside figures that always move."""
+        ...
+
+    def robots_changed(self) -> None:
+        """Something in ``DrivingDesk.facts`` changed; ten times a second while robots are there."""
         ...

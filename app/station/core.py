@@ -36,9 +36,13 @@ from app.station.archive import RunArchive
 from app.station.asking import ask
 from app.station.binding import calibration_of_cameras
 from app.station.calibration_desk import CalibrationDesk
-from app.station.contracts import Engine
+from app.station.contracts import Drive, Engine
 from app.station.current_run import CurrentRun
 from app.station.drive_survey import DriveSurvey
+from app.station.driving import AbsentDrive, DrivingDesk
+from app.station.driving.incidents import Incident
+from app.station.driving.shelf import ProgrammeShelf
+from app.station.driving.wheels import WheelSample
 from app.station.errors import Conflict, FieldError, NotAvailable
 from app.station.followers import Followers
 from app.station.opening import Opening
@@ -49,6 +53,7 @@ from app.station.watching import Watching
 from app.station.writer import Writer
 from app.storage import RunRecord, RunState, Storage, StorageError
 from observer.opening import shown_spec
+from observer.rig.rig import ROLES
 
 log = structlog.get_logger(__name__)
 
@@ -66,7 +71,8 @@ class StationCore:
         followers: who is told of everything. watching: which views are looked at.
         telemetry: figures of the running loop. writer: the way into the database.
         calibrating: what is being calibrated. rig: how the cameras stand on their robot.
-        drive: notes a drive, by which that is estimated.
+        drive: notes a drive, by which that is estimated. driving: the robots.
+        programmes: what they can be told to drive.
         state: the engine's last word on itself. latest: the newest observation.
         viewers: open live pages. warnings: sentences for the person at the page.
     """
@@ -78,6 +84,8 @@ class StationCore:
         *,
         source: str,
         rig_file: Path | None = None,
+        programme_folder: Path | None = None,
+        drive: Drive | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.engine = engine
@@ -91,6 +99,17 @@ class StationCore:
         self.parameters = ParameterDesk(engine, storage, self.writer)
         self.rig = RigDesk(rig_file)
         self.drive = DriveSurvey()
+        self.driving = DrivingDesk(
+            drive or AbsentDrive(),
+            rig=lambda: self.rig.rig,
+            guard=lambda: self.parameters.group("guard"),
+            changed=self.followers.robots_changed,
+            measured=self._measured,
+            happened=self._happened,
+            clock=clock,
+        )
+        self.programmes = ProgrammeShelf(programme_folder)
+        self.parameters.followed = self.driving.guard_changed
         self.runs = RunArchive(storage, lambda: self.run)
         self.state = StateEvent(EngineState.IDLE, None)
         self.latest: ObservationEvent | None = None
@@ -120,13 +139,16 @@ class StationCore:
         self._started = True
         self._unsubscribe = self.engine.subscribe(self._on_event)
         self._spawn(self.watching.run())
+        self.driving.start()
         await self.engine.start()
         # An engine that was up before somebody listened.
         if self.engine.health.alive and self.engine.health.generation > self._generation:
             self._engine_started(self.engine.health.generation)
 
     async def stop(self) -> None:
-        """End the run, the engine and the database; safe to call twice and half-way."""
+        """End driving, the run, the engine and the database; safe to call twice and half-way."""
+        # The robots stop first, while everything that hears of it is still there.
+        await self.driving.stop()
         self._unsubscribe()
         for task in self._tasks:
             task.cancel()
@@ -195,7 +217,8 @@ class StationCore:
         self._fruitless_losses = 0
         self.telemetry.observed(event, self.clock())
         if self._run is not None and event.run_id == self._run.id:
-            self._run.observed(event)
+            self._run.observed(event, [role for role in ROLES if self.driving.is_driven(role)])
+        self.driving.newest = event
         self.drive.observed(event)
         self.followers.observed(event)
 
@@ -204,11 +227,20 @@ class StationCore:
             # A new engine has nothing open yet; until it has, what was lost is to be seen.
             return
         self.state = event
+        self.driving.source_changed(event)
         playback = event.playback or {}
         run = self._run
         if run is not None and event.run_id == run.id and playback.get("ended"):
             self._spawn(self._finish_played_run(run))
         self.followers.status_changed()
+
+    def _measured(self, sample: WheelSample) -> None:
+        if self._run is not None:
+            self._run.measured(sample)
+
+    def _happened(self, incident: Incident) -> None:
+        if self._run is not None:
+            self._run.happened(incident)
 
     def _engine_started(self, generation: int) -> None:
         if generation <= self._generation:
@@ -264,7 +296,7 @@ class StationCore:
         )
         reply = await ask(self.engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
         self.telemetry.new_source()
-        self.latest = None
+        self.latest = self.driving.newest = None
         return str(reply["calibration_yaml"])
 
     async def _restore(self) -> None:
@@ -345,6 +377,9 @@ class StationCore:
     async def _close_run(self, state: RunState, reason: str | None) -> RunRecord:
         run = self._run
         assert run is not None
+        if run.programme:
+            with contextlib.suppress(NotAvailable, Conflict, FieldError):
+                await self.driving.stop_programme()
         with contextlib.suppress(NotAvailable, Conflict, FieldError):
             await ask(self.engine, StopRun())
             if not self._wanted.endless:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import functools
 import importlib.metadata
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from app.messages import ObservationEvent
+from app.station.driving.incidents import Incident
+from app.station.driving.wheels import WheelSample
 from app.station.writer import Writer
-from app.storage import RunRecord, RunState, SpeedRow, Storage, utc_now
+from app.storage import IncidentRecord, RunRecord, RunState, SpeedRow, Storage, utc_now
 
 # At most this much is lost when the machine stops.
 _FLUSH_S = 0.5
@@ -24,6 +26,9 @@ class CurrentRun:
     Args:
         record: as it was created.
         clock: monotonic seconds.
+
+    Attributes:
+        programme: whether it began with one, which then ends with it.
     """
 
     def __init__(
@@ -32,6 +37,7 @@ class CurrentRun:
         self.record = record
         self.frames = 0
         self.segments = 1
+        self.programme = False
         self._storage = storage
         self._writer = writer
         self._clock = clock
@@ -42,13 +48,29 @@ class CurrentRun:
     def id(self) -> str:
         return self.record.id
 
-    def observed(self, event: ObservationEvent) -> None:
-        """Keep what one frame said of speeds."""
+    def observed(self, event: ObservationEvent, driven: Collection[str] = ()) -> None:
+        """Keep what one frame said of speeds.
+
+        Args:
+            driven: roles whose commands are told by ``measured``.
+        """
         self.frames += 1
         self.segments = max(self.segments, int(event.line["segment"]) + 1)
-        self._rows.extend(speed_rows(self.id, event))
+        self._rows.extend(speed_rows(self.id, event, driven))
         if self._clock() - self._flushed >= _FLUSH_S:
             self.flush()
+
+    def measured(self, sample: WheelSample) -> None:
+        """Keep what a robot was sent and what its wheels said."""
+        self._rows.extend(wheel_rows(self.id, sample))
+
+    def happened(self, incident: Incident) -> None:
+        """Keep that something stopped a robot."""
+        record = IncidentRecord(
+            self.id, incident.at, incident.role, incident.kind, incident.sentence,
+            incident.speed_mps,
+        )  # fmt: skip
+        self._writer.post(partial(self._storage.append_incident, record))
 
     def flush(self) -> None:
         """Give the rows so far to the writer."""
@@ -72,10 +94,13 @@ class CurrentRun:
         self._storage.update_run(self.id, frames=frames, segments=segments)
 
 
-def speed_rows(run_id: str, event: ObservationEvent) -> Iterator[SpeedRow]:
+def speed_rows(
+    run_id: str, event: ObservationEvent, driven: Collection[str] = ()
+) -> Iterator[SpeedRow]:
     """The rows of one observation: estimates, truth and commands, each where there is one.
 
-    A coasting obstacle was not seen, so its speed is a gap.
+    A coasting obstacle was not seen, so its speed is a gap. The commands of ``driven`` roles come
+    from the drive process, so the truth's are left out.
     """
     line = event.line
     segment = int(line["segment"])
@@ -96,8 +121,20 @@ def speed_rows(run_id: str, event: ObservationEvent) -> Iterator[SpeedRow]:
     for body in event.truth:
         identity, role = int(body["id"]), str(body["role"])
         yield row(line["time"], role, "truth", identity, body["speed"], None)
-        if body["commanded_speed"] is not None:
+        if body["commanded_speed"] is not None and role not in driven:
             yield row(line["time"], role, "commanded", identity, body["commanded_speed"], None)
+
+
+def wheel_rows(run_id: str, sample: WheelSample) -> Iterator[SpeedRow]:
+    """What was sent, and what the encoders said where they say anything."""
+    yield SpeedRow(
+        run_id, sample.time, sample.role, "commanded", None, sample.sent_mps, None, sample.segment
+    )
+    if sample.encoder_mps is not None:
+        yield SpeedRow(
+            run_id, sample.time, sample.role, "encoder", None, sample.encoder_mps, None,
+            sample.segment,
+        )  # fmt: skip
 
 
 @functools.cache

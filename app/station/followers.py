@@ -34,3 +34,8 @@ class Followers:
         """Tell all of a frame."""
         for listener in tuple(self._listeners):
             listener.observed(event)
+
+    def robots_changed(self) -> None:
+        """Tell all that the robots are otherwise."""
+        for listener in tuple(self._listeners):
+            listener.robots_changed()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -40,7 +40,11 @@ class PresetEntry:
 
 
 class ParameterDesk:
-    """Used in the event loop; one change at a time is the caller's care."""
+    """Used in the event loop; one change at a time is the caller's care.
+
+    Attributes:
+        current: in force. followed: called when they are others.
+    """
 
     def __init__(self, engine: Engine, storage: Storage, writer: Writer) -> None:
         self._engine = engine
@@ -48,6 +52,12 @@ class ParameterDesk:
         self._writer = writer
         self._saved: dict[str, PresetRecord] = {}
         self.current = first_parameters()
+        self.followed: Callable[[], None] = lambda: None
+
+    def group(self, name: str) -> dict[str, ParameterValue]:
+        """Those of one group, by dotted name."""
+        values = self.current.values.flat()
+        return {key: value for key, value in values.items() if key.startswith(f"{name}.")}
 
     def load(self) -> str | None:
         """Read what was left from the database; a warning where not all of it could be used.
@@ -99,6 +109,7 @@ class ParameterDesk:
         if not revision.difference:
             return self.current
         self.current = replace(revision.after, frame=frame)
+        self.followed()
         self._keep(revision, frame, run_id)
         return self.current
 

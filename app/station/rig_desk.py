@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import errno
-import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from app.station.errors import FieldError
-from app.storage import StorageFull
+from app.station.files import write_whole
 from observer.errors import InputError
 from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
 from observer.rig.rig_file import read_rig, rig_text
@@ -62,15 +58,11 @@ class RigDesk:
         if self.path is not None:
             try:
                 _keep_unreadable(self.path)
-                _write_whole(self.path, rig_text(rig))
             except OSError as error:
-                if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                    raise StorageFull(
-                        f"no space is left to write {self.path}; free some disk space"
-                    ) from error
                 raise FieldError(
                     ("body",), f"{self.path} cannot be written: {error.strerror or error}"
                 ) from error
+            write_whole(self.path, rig_text(rig))
         self.rig = rig
 
     def changed(
@@ -107,6 +99,27 @@ class RigDesk:
             key = next((key for key in MOUNT_KEYS if sentence.startswith(key)), "mount")
             raise FieldError(("body", "mount", key), sentence) from error
 
+    def with_port(self, role: Role, port: str | None, model: RobotModel | None) -> Rig:
+        """The rig with another port and model of a robot; without a port both are forgotten.
+
+        Raises:
+            FieldError: it names no port.
+        """
+        ports: dict[Role, str] = {each: p for each, p in self.rig.ports.items() if each != role}
+        models = {each: m for each, m in self.rig.models.items() if each != role}
+        try:
+            if port is not None:
+                ports[role] = port
+            if model is not None:
+                models[role] = model
+            return replace(self.rig, ports=ports, models=models)
+        except InputError as error:
+            raise FieldError(("body", "port"), str(error)) from error
+
+    def observes_alike(self, rig: Rig) -> bool:
+        """Whether a source would be observed with another rig as with this one."""
+        return _as_observed(rig) == _as_observed(self.rig)
+
     def parsed(self, text: str) -> Rig:
         """The rig of a file that somebody sent.
 
@@ -117,6 +130,11 @@ class RigDesk:
             return read_rig(text, FILE_NAME)
         except InputError as error:
             raise FieldError(("body", "text"), str(error)) from error
+
+
+def _as_observed(rig: Rig) -> str:
+    # Which robots there are, and how they are reached, is nothing to what is seen.
+    return rig_text(replace(rig, models={}, ports={}))
 
 
 def _keep_unreadable(path: Path) -> None:
@@ -133,18 +151,3 @@ def _keep_unreadable(path: Path) -> None:
             number += 1
             aside = path.with_name(f"{path.name}.unreadable-{number}")
         path.replace(aside)
-
-
-def _write_whole(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(part)
-        raise

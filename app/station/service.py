@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any
 
 from app.calibration_worker.messages import FindBoards
+from app.drive.messages import StartProgramme
 from app.messages import ChangeCalibration, EngineState, SetPlayback
 from app.parameter_store import ParametersInForce
 from app.station.archive import no_such_run
@@ -25,7 +26,7 @@ from app.station.opening import Opening, check_spec, make_opening
 from app.storage import CalibrationRecord, RunRecord, RunState, StorageError
 from observer.calibration.board import Board
 from observer.opening import shown_spec
-from observer.rig.rig import Rig
+from observer.rig.rig import Rig, RobotModel, Role
 
 
 class Station(StationCore):
@@ -60,15 +61,18 @@ class Station(StationCore):
         calibration_id: str | None,
         preset: str | None,
         parameters: dict[str, Any],
+        programme: StartProgramme | None = None,
     ) -> RunRecord:
         """Keep what is observed from now on, from the source's beginning.
 
         Args:
             source: what is open if left out. calibration_id: the source's own if left out
                 together with a source, otherwise the one in use.
+            programme: started once the run has begun, and ended with it.
 
         Raises:
-            Conflict: a run is going. FieldError, ParameterError: nothing was changed.
+            Conflict: a run is going, or the programme cannot be driven. FieldError,
+                ParameterError: nothing was changed.
             NotAvailable, StorageError: nothing was changed.
         """
         async with self._lock:
@@ -104,8 +108,20 @@ class Station(StationCore):
                 raise
             self._wanted = opening
             self.parameters.adopt(revision, 0, run.id)
+            if programme is not None:
+                await self._start_programme(run, programme)
             self.followers.status_changed()
             return run.snapshot()
+
+    async def _start_programme(self, run: CurrentRun, programme: StartProgramme) -> None:
+        """Have a run's programme driven; a run that cannot begin with it does not begin."""
+        try:
+            await self.driving.start_programme(programme)
+        except BaseException:
+            await self._close_run(RunState.FAILED, "its programme could not be driven")
+            await self._forget(run.id)
+            raise
+        run.programme = True
 
     async def _forget(self, run_id: str) -> None:
         """A run that never began is not kept."""
@@ -229,17 +245,34 @@ class Station(StationCore):
     # --- rig -------------------------------------------------------------------------------
 
     async def keep_rig(self, rig: Rig) -> None:
-        """Put a rig into force; the open source begins again with it.
+        """Put a rig into force; the open source begins again with it, where it would differ.
+
+        Robots whose port or model is another are connected anew, disarmed.
 
         Raises:
             Conflict: a run or a calibration is going. FieldError: it cannot be written.
         """
         async with self._lock:
-            self._refuse_in_run("stop it before you change the rig")
-            self._refuse_calibrating()
+            alike = self.rig.observes_alike(rig)
+            if not alike:
+                self._refuse_in_run("stop it before you change the rig")
+                self._refuse_calibrating()
             await asyncio.to_thread(self.rig.keep, rig)
-            if self.state.state is EngineState.PREVIEW:
+            self.driving.rig_changed(self.state)
+            if not alike and self.state.state is EngineState.PREVIEW:
                 await self._restore_preview()
+        self.followers.status_changed()
+
+    async def set_port(self, role: Role, port: str | None, model: RobotModel | None) -> None:
+        """Reach a robot by this port from now on; None: there is none.
+
+        Raises:
+            FieldError: it names no port, or the rig cannot be written.
+        """
+        async with self._lock:
+            rig = self.rig.with_port(role, port, model)
+            await asyncio.to_thread(self.rig.keep, rig)
+            self.driving.rig_changed(self.state)
         self.followers.status_changed()
 
     # --- calibrations ----------------------------------------------------------------------

@@ -56,7 +56,7 @@ def status(station: Station) -> dict[str, Any]:
         "skipped": telemetry.skipped,
         "viewers": station.viewers,
         "has_truth": state.has_truth,
-        "warnings": [*station.warnings, *_trouble(station)],
+        "warnings": [*station.warnings, *station.driving.warnings, *_trouble(station)],
         "version": app_version(),
     }
 

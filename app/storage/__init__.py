@@ -16,6 +16,7 @@ from app.storage.errors import (
 )
 from app.storage.records import (
     CalibrationRecord,
+    IncidentRecord,
     ParameterRevision,
     PresetRecord,
     RunRecord,
@@ -28,6 +29,7 @@ from app.storage.storage import Storage
 
 __all__ = [
     "CalibrationRecord",
+    "IncidentRecord",
     "ParameterRevision",
     "PresetRecord",
     "RunRecord",

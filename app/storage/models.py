@@ -70,6 +70,19 @@ class Speed(Base):
     segment: Mapped[int]
 
 
+class Incident(Base):
+    __tablename__ = "incidents"
+    __table_args__ = (Index(None, "run_id", "id"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    run_id: Mapped[str] = mapped_column(ForeignKey(Run.id, ondelete="CASCADE"))
+    at: Mapped[str] = mapped_column(_ISO_TIME)
+    role: Mapped[str | None] = mapped_column(String(20))
+    kind: Mapped[str] = mapped_column(String(20))
+    sentence: Mapped[str] = mapped_column(Text)
+    speed_mps: Mapped[float | None] = mapped_column(Float(53))
+
+
 class Revision(Base):
     __tablename__ = "parameter_revisions"
 

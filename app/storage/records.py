@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any, Literal
 
-SpeedSource = Literal["estimate", "truth", "commanded"]
+SpeedSource = Literal["estimate", "truth", "commanded", "encoder"]
 
 
 def utc_now() -> str:
@@ -65,7 +65,7 @@ class SpeedRow:
         time: source time, s.
         role: ``obstacle`` or ``observer``.
         source: who says so.
-        track_id: the track or body it belongs to.
+        track_id: the track or body it belongs to; None for what a robot says of itself.
         speed, std: m/s; a value that is not finite is unknown and becomes None.
     """
 
@@ -85,6 +85,24 @@ class SpeedRow:
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
                 object.__setattr__(self, name, None)
+
+
+@dataclass(frozen=True)
+class IncidentRecord:
+    """Something stopped a robot during a run, or took its motors away.
+
+    Attributes:
+        at: wall clock. role: None where all robots were meant.
+        kind: as ``app.drive.messages.IncidentEvent``. sentence: for people.
+        speed_mps: at that moment, None where unknown.
+    """
+
+    run_id: str
+    at: str
+    role: str | None
+    kind: str
+    sentence: str
+    speed_mps: float | None
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from sqlalchemy import delete, insert, select
 
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
-from app.storage.models import Run, Speed
-from app.storage.records import RunRecord, RunState, SpeedRow, SpeedSource, utc_now
+from app.storage.models import Incident, Run, Speed
+from app.storage.records import IncidentRecord, RunRecord, RunState, SpeedRow, SpeedSource, utc_now
 
 _SPEED_COLUMNS = (
     Speed.run_id,
@@ -169,6 +169,26 @@ class RunTables(Database):
                     segment=row.segment,
                 )
                 for row in session.execute(query)
+            ]
+
+    def append_incident(self, record: IncidentRecord) -> None:
+        """Keep one incident.
+
+        Raises:
+            StorageMissing: its run is not there.
+        """
+        with self._writing() as session:
+            session.add(Incident(**asdict(record)))
+
+    def incidents(self, run_id: str) -> list[IncidentRecord]:
+        """Those of a run, oldest first; empty for an unknown run."""
+        query = select(Incident).where(Incident.run_id == run_id).order_by(Incident.id)
+        with self._reading() as session:
+            return [
+                IncidentRecord(
+                    row.run_id, row.at, row.role, row.kind, row.sentence, row.speed_mps
+                )
+                for row in session.scalars(query)
             ]
 
 

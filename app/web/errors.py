@@ -17,9 +17,9 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
+from app.processes.errors import ProcessUnavailable
 from app.station import Conflict, FieldError, NotAvailable, NotThere
 from app.storage import StorageError, StorageExists, StorageFull, StorageMissing
-from app.supervisor import EngineUnavailable
 from observer.errors import DynamicObserverError, InputError, ParameterError
 
 log = structlog.get_logger(__name__)
@@ -31,7 +31,7 @@ _STATUS: tuple[tuple[type[DynamicObserverError], int], ...] = (
     (NotThere, 404),
     (Conflict, 409),
     (NotAvailable, 503),
-    (EngineUnavailable, 503),
+    (ProcessUnavailable, 503),
     (StorageFull, 507),
     (StorageMissing, 404),
     (StorageExists, 409),

@@ -27,6 +27,9 @@ _MOST_UNACKNOWLEDGED = 2
 # An acknowledgement that never came (a page in the background paints nothing) is given up.
 _ACKNOWLEDGE_WITHIN_S = 5.0
 _LONGEST_MESSAGE = 1000
+# Between two messages on robots: while there are any, and while there is none.
+_ROBOTS_INTERVAL_S = 0.1
+_NO_ROBOTS_INTERVAL_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,9 @@ class LiveHub:
         self._sequence = 0
         self._status_due = asyncio.Event()
         self._status_text: str | None = None
+        self._robots_later: asyncio.TimerHandle | None = None
+        self._robots_told = -_NO_ROBOTS_INTERVAL_S
+        self._robots_text: str | None = None
 
     async def run(self) -> None:
         """Until cancelled."""
@@ -73,6 +79,8 @@ class LiveHub:
                 await asyncio.sleep(0.05)
         finally:
             unfollow()
+            if self._robots_later is not None:
+                self._robots_later.cancel()
 
     # --- as a follower of the station --------------------------------------------------------
 
@@ -84,6 +92,21 @@ class LiveHub:
 
     def status_changed(self) -> None:
         self._status_due.set()
+
+    def robots_changed(self) -> None:
+        if self._robots_later is not None:
+            return
+        connected = any(self._station.driving.facts()["robots"].values())
+        interval = _ROBOTS_INTERVAL_S if connected else _NO_ROBOTS_INTERVAL_S
+        wait = max(0.0, self._robots_told + interval - self._station.clock())
+        self._robots_later = asyncio.get_running_loop().call_later(wait, self._tell_robots)
+
+    def _tell_robots(self) -> None:
+        self._robots_later = None
+        self._robots_told = self._station.clock()
+        self._robots_text = None
+        for page in self._pages:
+            page.robots_changed()
 
     # --- for the pages -----------------------------------------------------------------------
 
@@ -115,6 +138,29 @@ class LiveHub:
             self._status_text = json.dumps(body, allow_nan=False, separators=(",", ":"))
         return self._status_text
 
+    def robots_text(self, after: int) -> tuple[str, int]:
+        """Of the robots, as one message, and the number of the newest speed in it.
+
+        Args:
+            after: the newest speed that the page has.
+        """
+        driving = self._station.driving
+        if self._robots_text is None:
+            body = {"type": "robots", **driving.facts()}
+            self._robots_text = json.dumps(body, allow_nan=False, separators=(",", ":"))
+        wheels = [
+            {
+                "role": sample.role,
+                "time": round(sample.time, 4),
+                "sent_mps": sample.sent_mps,
+                "encoder_mps": sample.encoder_mps,
+            }
+            for sample in driving.wheels.since(after)
+        ]
+        # What every page is told is encoded once, what differs is small.
+        told = json.dumps(wheels, allow_nan=False, separators=(",", ":"))
+        return f'{self._robots_text[:-1]},"wheels":{told}}}', driving.wheels.newest
+
     async def serve(self, socket: WebSocket) -> None:
         """One page, until it leaves."""
         page = _Page(self, self._station, socket)
@@ -137,6 +183,8 @@ class _Page:
         self._socket = socket
         self._wake = asyncio.Event()
         self._status_due = True
+        self._robots_due = True
+        self._wheels_told = station.driving.wheels.newest
         # A page that comes while playing is paused sees what stands.
         self._observation_due = hub.has_current
         # Sequence -> (received, sent), on the monotonic clock.
@@ -144,6 +192,10 @@ class _Page:
 
     def status_changed(self) -> None:
         self._status_due = True
+        self._wake.set()
+
+    def robots_changed(self) -> None:
+        self._robots_due = True
         self._wake.set()
 
     def observed(self) -> None:
@@ -175,6 +227,10 @@ class _Page:
         if self._status_due:
             self._status_due = False
             return self._hub.status_text
+        if self._robots_due:
+            self._robots_due = False
+            text, self._wheels_told = self._hub.robots_text(self._wheels_told)
+            return text
         self._give_up_old(now)
         if not self._observation_due or len(self._unacknowledged) >= _MOST_UNACKNOWLEDGED:
             return None

@@ -13,11 +13,13 @@ from fastapi import APIRouter, FastAPI, WebSocket
 from app.messages import VIEW_NAMES
 from app.settings import Settings
 from app.station import Engine, Station
+from app.station.contracts import Drive
 from app.station.current_run import app_version
+from app.station.driving.shelf import FOLDER_NAME
 from app.station.rig_desk import FILE_NAME
 from app.storage import Storage
 from app.viewer import Viewer, start_viewer
-from app.web import metrics, viewer_proxy
+from app.web import drive_socket, metrics, viewer_proxy
 from app.web.api import (
     boards,
     calibrating,
@@ -25,7 +27,9 @@ from app.web.api import (
     devices,
     parameters,
     pixels,
+    programmes,
     rig,
+    robots,
     runs,
     sources,
     status,
@@ -46,13 +50,20 @@ Sees moving obstacles from a moving robot with a stereo camera.
 
 Sign in with the cookie that the printed link sets, or send `Authorization: Bearer TOKEN`.
 
-Besides these routes there are three WebSockets:
+Besides these routes there are four WebSockets:
 
-* `/api/live`: telemetry. The server sends `status`, `observation` and `heartbeat`; the client
-  answers each observation it has painted with `{"type": "painted", "sequence": NUMBER}` and has
-  at most two of them outstanding.
+* `/api/live`: telemetry. The server sends `status`, `robots`, `observation` and `heartbeat`; the
+  client answers each observation it has painted with `{"type": "painted", "sequence": NUMBER}` and
+  has at most two of them outstanding.
 * `/api/views/{name}`: a live view. Binary: 8 bytes sequence and 8 bytes age in ms (float64), both
   big-endian, then JPEG. The client answers each one with the text `ack`.
+* `/api/drive`: driving by hand, JSON; `?name=` says who. One socket is one operator: whatever it
+  took ends with it. The client sends `{"type": "take", "role", "takeover"}`, `release` with its
+  role, ten times a second `{"type": "drive", "role", "sequence", "time", "speed_mps",
+  "turn_rate_radps"}` or, without velocities, `present`, and `{"type": "stop"}`. `time` is
+  `performance.now()`, `sequence` rises. The server answers with `lease`, `sent` or `refused`,
+  tells of the `link`, and sends `ping` with an `id`, which is answered at once by
+  `{"type": "pong", "id", "time"}`. What is older than 250 ms on arrival is not driven.
 * `/viewer`: the 3D scene of viser's client.
 """
 _TAGS = [
@@ -63,6 +74,8 @@ _TAGS = [
     {"name": "calibrations", "description": "Calibrations of stereo cameras."},
     {"name": "calibrating", "description": "Making a calibration with a printed board."},
     {"name": "rig", "description": "How the cameras stand on their robot."},
+    {"name": "robots", "description": "Driving. The stop is a software stop."},
+    {"name": "programmes", "description": "Timed velocities for robots."},
     {"name": "views", "description": "Live images."},
     {"name": "pixels", "description": "Why a place in the image counts as moving or standing."},
 ]
@@ -75,6 +88,7 @@ def create_app(
     token: str,
     *,
     engine: Engine | None = None,
+    drive: Drive | None = None,
     storage: Storage | None = None,
     viewer: ViewerStarter | None = None,
 ) -> FastAPI:
@@ -82,17 +96,18 @@ def create_app(
 
     Args:
         token: opens the server.
-        engine, storage, viewer: take the place of the real ones.
+        engine, drive, storage, viewer: take the place of the real ones. With another engine and
+            no drive nothing can be driven.
     """
     if engine is None:
-        from app.supervisor import Supervisor
-
-        engine = Supervisor()
+        engine, drive = _real_processes(drive)
     station = Station(
         engine,
         storage or Storage(settings.database_location),
         source=settings.source,
         rig_file=settings.data / FILE_NAME,
+        programme_folder=settings.data / FOLDER_NAME,
+        drive=drive,
     )
     folder = static_folder()
     policy = Policy(
@@ -151,6 +166,12 @@ def create_app(
     return app
 
 
+def _real_processes(drive: Drive | None) -> tuple[Engine, Drive | None]:
+    from app.supervisor import Supervisor
+
+    return Supervisor(), drive
+
+
 def _add_rest(app: FastAPI, live: LiveHub) -> None:
     api = APIRouter(prefix="/api", responses=GATE_RESPONSES)
     for part in (
@@ -163,8 +184,11 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
         calibrating,
         boards,
         rig,
+        robots,
+        programmes,
         views,
         pixels,
+        drive_socket,
     ):
         api.include_router(part.router)
 

@@ -48,6 +48,8 @@ from observer.camera import StereoCalibration
 from observer.mount import CameraMount
 from observer.parameters import Parameters
 
+from .fake_drive import FakeDrive
+
 # The smallest JPEG there is would do; the bytes are only carried.
 JPEG = b"\xff\xd8\xff\xe0 not a picture, but carried like one \xff\xd9"
 
@@ -74,6 +76,9 @@ class PeerEngine:
         self.captured: list[BoardView] = []
         self.board_seen = False
         self.devices: tuple[str, ...] = ()
+        # The world that the source shows, and the robots in it.
+        self.world: str | None = None
+        self.robots: tuple[dict[str, Any], ...] = ()
         self.parameters: dict[str, Any] = {}
         self.watched: tuple[str, ...] = ()
         self.frame = 0
@@ -302,6 +307,8 @@ class PeerEngine:
                 segment=opened.segment,
                 has_truth=True,
                 mount=asdict(CameraMount(0.4, 0.1)),
+                world=self.world,
+                robots=self.robots,
             )
             if not more
             else replace(self.state(), **more)
@@ -436,6 +443,11 @@ def rectified_calibration(width: int = 512, height: int = 256) -> str:
 @pytest.fixture
 def peer() -> PeerEngine:
     return PeerEngine()
+
+
+@pytest.fixture
+def drive() -> FakeDrive:
+    return FakeDrive()
 
 
 @pytest.fixture

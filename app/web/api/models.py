@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, StrictBool, StrictInt
 
 from app.web.api.calibration_models import CalibratingFacts
+from app.web.api.robot_models import ProgrammeStart
 from app.web.api.values import Changes, Finite, Identifier, In, Name, Spec
 
 
@@ -268,6 +269,19 @@ class RunStart(In):
     calibration: Identifier | None = Field(None, description="None: the source's own.")
     preset: Name | None = None
     parameters: Changes = Field(default_factory=dict, description="Made to the preset, if any.")
+    programme: ProgrammeStart | None = Field(
+        None, description="Driven from the run's beginning, and ended with it."
+    )
+
+
+class RunIncident(BaseModel):
+    """Something stopped a robot, or took its motors away."""
+
+    at: str = Field(description="Wall clock, UTC.")
+    role: str | None = Field(description="None: all robots.")
+    kind: str
+    sentence: str
+    speed_mps: float | None = Field(description="At that moment, by its encoders.")
 
 
 class Run(BaseModel):
@@ -290,8 +304,8 @@ class Run(BaseModel):
 class SpeedEntry(BaseModel):
     time: float = Field(description="Source time, s.")
     role: str
-    source: Literal["estimate", "truth", "commanded"]
-    track_id: int | None
+    source: Literal["estimate", "truth", "commanded", "encoder"]
+    track_id: int | None = Field(description="None for what a robot says of itself.")
     speed: float | None = Field(description="m/s; None is a gap.")
     std: float | None
     segment: int

@@ -11,9 +11,10 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Path, Query, Response
 
-from app.storage import RunRecord, SpeedRow
+from app.storage import IncidentRecord, RunRecord, SpeedRow
 from app.web.api.common import TheStation, refusals
-from app.web.api.models import Run, RunStart, SpeedEntry
+from app.web.api.models import Run, RunIncident, RunStart, SpeedEntry
+from app.web.api.programmes import programme_command
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -33,12 +34,16 @@ async def start_run(wanted: RunStart, station: TheStation) -> RunRecord:
 
     One run at a time. A recording's run ends with the recording.
     """
+    programme = None
+    if wanted.programme is not None:
+        programme = await programme_command(station, wanted.programme)
     return await station.start_run(
         name=wanted.name,
         source=wanted.source,
         calibration_id=wanted.calibration,
         preset=wanted.preset,
         parameters=wanted.parameters,
+        programme=programme,
     )
 
 
@@ -85,13 +90,24 @@ async def get_speeds(
     station: TheStation,
     format: Annotated[Literal["json", "csv"], Query(description="csv is for download.")] = "json",
 ) -> Response:
-    """Estimates, truth and commands; what is not known is null in JSON and empty in CSV."""
+    """Estimates, truth, commands and encoders; the unknown is null in JSON and empty in CSV."""
     rows = await station.runs.speeds(id)
     if format == "csv":
         text = await asyncio.to_thread(_csv, rows)
         headers = {"Content-Disposition": f'attachment; filename="{_file_name(id)}.csv"'}
         return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
     return Response(await asyncio.to_thread(_json, rows), media_type="application/json")
+
+
+@router.get(
+    "/{id}/incidents",
+    response_model=list[RunIncident],
+    summary="What stopped robots during a run",
+    responses=refusals(404, 503),
+)
+async def get_incidents(id: RunId, station: TheStation) -> list[IncidentRecord]:
+    """Oldest first."""
+    return await station.runs.incidents(id)
 
 
 def _entries(rows: Sequence[SpeedRow]) -> list[dict[str, Any]]:

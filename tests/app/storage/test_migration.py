@@ -25,7 +25,7 @@ def later(tmp_path: Path) -> Callable[[str], Path]:
     def make(body: str) -> Path:
         folder = tmp_path / "migrations"
         shutil.copytree(MIGRATIONS, folder, ignore=shutil.ignore_patterns("__pycache__"))
-        lines = ["from alembic import op", 'revision = "9999"', 'down_revision = "0001"']
+        lines = ["from alembic import op", 'revision = "9999"', 'down_revision = "0002"']
         lines += ["branch_labels = None", "depends_on = None", "def upgrade():"]
         source = "\n".join(lines) + "\n" + textwrap.indent(textwrap.dedent(body), "    ")
         (folder / "versions" / "9999_later.py").write_text(source)
@@ -66,7 +66,7 @@ def test_the_file_is_copied_before_a_migration(file: Path, later: Callable[[str]
     storage.close()
     assert copy is not None
     assert copy.parent == file.parent
-    assert copy.name.startswith("observer.before-migration-from-0001-")
+    assert copy.name.startswith("observer.before-migration-from-0002-")
     with Storage(copy) as old:
         assert old.get_setting("kept") == "in the log only"
     with closing(sqlite3.connect(file)) as connection:

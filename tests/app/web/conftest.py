@@ -107,7 +107,7 @@ def token() -> str:
 
 
 @pytest.fixture
-def serve(tmp_path: Path, peer: Any, storage: Storage) -> ServedFactory:
+def serve(tmp_path: Path, peer: Any, drive: Any, storage: Storage) -> ServedFactory:
     """``async with serve() as served``; keyword arguments are settings."""
 
     def make(*, viewer: Any = None, **settings: Any) -> AbstractAsyncContextManager[Served]:
@@ -116,6 +116,7 @@ def serve(tmp_path: Path, peer: Any, storage: Storage) -> ServedFactory:
             chosen,
             TOKEN,
             engine=peer,
+            drive=drive,
             storage=storage,
             viewer=viewer or (lambda _: NullViewer("not in this test")),
         )

@@ -23,10 +23,16 @@ UPLOAD_HEAD = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a"
 PUBLIC = {("GET", "/healthz"), ("GET", "/readyz"), ("GET", "/sign-in")}
 
 
+def concrete(path: str) -> str:
+    for name, value in (("id", "some-id"), ("name", "left"), ("role", "observer")):
+        path = path.replace(f"{{{name}}}", value)
+    return path
+
+
 def http_routes(app: Any) -> Iterator[tuple[str, str]]:
     """Method and a concrete path of every HTTP route, files and description included."""
     for context in iter_route_contexts(app.routes):
-        path = str(context.path).replace("{id}", "some-id").replace("{name}", "left")
+        path = concrete(str(context.path))
         if isinstance(context.original_route, Mount):
             yield "GET", f"{path}/index.html"
             yield "GET", f"{path}/vendor/uplot/uPlot.esm.js"
@@ -50,21 +56,20 @@ def test_the_walk_finds_every_kind_of_route(serve: Any) -> None:
     async def scenario() -> None:
         async with serve() as served:
             paths = {path for _, path in http_routes(served.app)}
-            described = {
-                path.replace("{id}", "some-id").replace("{name}", "left")
-                for path in served.app.openapi()["paths"]
-            }
+            described = {concrete(path) for path in served.app.openapi()["paths"]}
             assert described <= paths
             assert {"/", "/openapi.json", "/docs", "/viewer/", "/static/index.html"} <= paths
-            assert {"/api/live", "/api/views/left", "/viewer"} <= set(socket_routes(served.app))
+            sockets = {"/api/live", "/api/drive", "/api/views/left", "/viewer"}
+            assert sockets <= set(socket_routes(served.app))
 
     asyncio.run(scenario())
 
 
-def test_every_route_wants_the_token(serve: Any, peer: Any) -> None:
+def test_every_route_wants_the_token(serve: Any, peer: Any, drive: Any) -> None:
     async def scenario() -> None:
         async with serve() as served, served.anonymous() as client:
             before = len(peer.commands)
+            asked_before = len(drive.commands)
             answers = {
                 (method, path): (await client.request(method, path)).status_code
                 for method, path in http_routes(served.app)
@@ -74,6 +79,7 @@ def test_every_route_wants_the_token(serve: Any, peer: Any) -> None:
             for path in socket_routes(served.app):
                 assert await refusal(served, path, token=None) == 401, path
             assert len(peer.commands) == before
+            assert len(drive.commands) == asked_before
 
     asyncio.run(scenario())
 

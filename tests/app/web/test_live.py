@@ -73,7 +73,7 @@ def test_a_page_that_comes_later_sees_what_stands(serve: Any, peer: Any) -> None
         await served.http.put("/api/source", json={"source": "another"})
         async with served.socket("/api/live") as socket:
             kinds = {message["type"] for message in await heard_for(socket, 0.5)}
-            assert kinds == {"status", "heartbeat"}
+            assert kinds == {"status", "robots", "heartbeat"}
 
     run(serve, scenario)
 

@@ -180,7 +180,8 @@ def test_not_while_a_run_is_going(serve: Any, peer: Any, tmp_path: Path) -> None
     async def scenario(served: Any) -> None:
         assert (await served.http.post("/api/runs", json={})).status_code == 201
         before = len(opens(peer))
-        for path, body in (("", {"mount": {}}), ("/file", {"text": FILE})):
+        mount = {"mount": {"height_m": {"value": 0.4}}}
+        for path, body in (("", mount), ("/file", {"text": FILE})):
             answer = await served.http.put(f"/api/rig{path}", json=body)
             assert answer.status_code == 409
             assert "stop it before you change the rig" in answer.json()["detail"]

@@ -1,0 +1,297 @@
+"""What the station knows of the robots, and what it asks the drive process for."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import structlog
+
+from app.drive.messages import (
+    DriveEvent,
+    DriveLostEvent,
+    DriveProcessCommand,
+    DriveStartedEvent,
+    IncidentEvent,
+    ResetStop,
+    StartProgramme,
+    StopProgramme,
+    StopRobots,
+    WheelSpeedEvent,
+)
+from app.messages import ObservationEvent, StateEvent
+from app.processes.errors import ProcessUnavailable
+from app.station.asking import ask_drive
+from app.station.contracts import Drive, DriveEvents
+from app.station.driving.connecting import Connecting
+from app.station.driving.incidents import Incident, Incidents
+from app.station.driving.operators import Operators
+from app.station.driving.wheels import WheelLog, WheelSample
+from app.station.errors import NotAvailable
+from observer.rig.rig import ROLES, Rig, Role
+
+log = structlog.get_logger(__name__)
+
+_NO_PROCESS = "there is no drive process yet"
+_DRIVEN = ("armed", "moving")
+
+
+class DrivingDesk:
+    """Follows the drive process, gives it robots and guard parameters, and asks it for others.
+
+    Belongs to the event loop's thread and holds no lock of the station: a stop waits for nobody.
+
+    Attributes:
+        operators: who drives. wheels: speeds sent and measured. incidents: the newest ones.
+        newest: observation of the open source, by which speeds get their time.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        *,
+        rig: Callable[[], Rig],
+        guard: Callable[[], dict[str, Any]],
+        changed: Callable[[], None],
+        measured: Callable[[WheelSample], None],
+        happened: Callable[[Incident], None],
+        clock: Callable[[], float],
+    ) -> None:
+        """
+        Args:
+            rig: the one in force. guard: its parameters, by dotted name.
+            changed: called when ``facts`` are others. measured, happened: called with what is to
+                be kept of a run.
+            clock: the host's monotonic clock.
+        """
+        self._drive = drive
+        self._rig = rig
+        self._changed = changed
+        self._measured = measured
+        self._happened = happened
+        self._tasks: set[asyncio.Future[None]] = set()
+        self._unsubscribe: Callable[[], None] = lambda: None
+        self._connecting = Connecting(drive, guard)
+        self._facts = _nothing_known()
+        self._trouble: str | None = None
+        self._generation = 0
+        self._world: str | None = None
+        self.operators = Operators(self.ask, self._soon)
+        self.wheels = WheelLog()
+        self.incidents = Incidents(clock)
+        self.newest: ObservationEvent | None = None
+
+    # --- life ------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Start the drive process in the background: the server serves without it as well."""
+        self._unsubscribe = self._drive.subscribe(self._on_event)
+        self._soon(self._start())
+        self._soon(self._connecting.run())
+
+    async def stop(self) -> None:
+        """Stop all robots and end the drive process; safe to call twice."""
+        for task in tuple(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._drive.stop()
+        self._unsubscribe()
+
+    async def _start(self) -> None:
+        try:
+            await self._drive.start()
+        except ProcessUnavailable as error:
+            log.error("drive_not_started", reason=str(error))
+            self._trouble = f"robots cannot be driven: {error}"
+            self._changed()
+            return
+        # A process that was up before somebody listened.
+        health = self._drive.health
+        if health.alive and health.generation > self._generation:
+            self._started(health.generation)
+
+    def _soon(self, work: Awaitable[None]) -> None:
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._done)
+
+    def _done(self, task: asyncio.Future[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and task.exception() is not None:
+            log.error("driving_work_failed", exc_info=task.exception())
+
+    # --- what others tell ------------------------------------------------------------------
+
+    def source_changed(self, state: StateEvent) -> None:
+        """Another source is open, or the same one brings other robots."""
+        self._world = state.world
+        self._connecting.want(state, self._rig())
+        self._changed()
+
+    def rig_changed(self, state: StateEvent) -> None:
+        """Ports or models are others."""
+        self.source_changed(state)
+
+    def guard_changed(self) -> None:
+        """Parameters in force are others."""
+        self._connecting.look()
+
+    def _on_event(self, event: DriveEvents) -> None:
+        match event:
+            case DriveEvent():
+                self._facts = {**_nothing_known(), **finite(event.facts)}
+                self.operators.drive_said(self._facts["robots"])
+                self._connecting.stopped = self._facts["stopped"]
+                self._changed()
+            case WheelSpeedEvent():
+                sample = self.wheels.take(event, self.newest)
+                if sample is not None:
+                    self._measured(sample)
+            case IncidentEvent():
+                self._happened(self.incidents.take(event))
+                self._changed()
+            case DriveStartedEvent():
+                self._started(event.generation)
+            case DriveLostEvent():
+                self._lost(event)
+
+    def _started(self, generation: int) -> None:
+        if generation <= self._generation:
+            return
+        self._generation = generation
+        self._trouble = None
+        self._connecting.drive_started(generation)
+        self._changed()
+
+    def _lost(self, event: DriveLostEvent) -> None:
+        self._trouble = (
+            f"{event.reason}; the robots' own firmware stops them, and they are connected again, "
+            f"disarmed, with the next drive process"
+        )
+        log.error("drive_lost", reason=event.reason)
+        # Robots that nobody hears are not shown as connected.
+        self._facts = {**_nothing_known(), "stopped": self._facts["stopped"]}
+        self._connecting.drive_lost()
+        self.operators.drive_lost(event.reason)
+        self._changed()
+
+    # --- what is known ---------------------------------------------------------------------
+
+    def facts(self) -> dict[str, Any]:
+        """Everything of driving as plain values, ready for JSON."""
+        health, rig = self._drive.health, self._rig()
+        return {
+            **self._facts,
+            "process": {
+                "alive": health.alive,
+                "pid": health.pid,
+                "restarts": health.restarts,
+                "trouble": self._trouble or (None if health.alive else _NO_PROCESS),
+            },
+            "world": self._world,
+            "ports": {
+                role: {"port": rig.ports[role], "model": rig.models.get(role)}
+                if role in rig.ports
+                else None
+                for role in ROLES
+            },
+            "trouble": {role: self._connecting.trouble.get(role) for role in ROLES},
+            "incidents": [incident.facts() for incident in self.incidents.newest],
+        }
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is wrong at this moment, one sentence each."""
+        troubles = (self._trouble, *self._connecting.trouble.values(), self._connecting.complaint)
+        return [trouble for trouble in troubles if trouble is not None]
+
+    def is_driven(self, role: Role) -> bool:
+        """Whether a robot of this role is armed."""
+        robot = self._facts["robots"].get(role)
+        return robot is not None and robot.get("state") in _DRIVEN
+
+    @property
+    def loop_late_p99_ms(self) -> float | None:
+        """Of the drive loop; None where it tells none."""
+        late = (self._facts["loop"] or {}).get("late_p99_ms")
+        return late if isinstance(late, (int, float)) else None
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is a drive process."""
+        return self._drive.health.alive
+
+    @property
+    def restarts(self) -> int:
+        """How often it was replaced."""
+        return self._drive.health.restarts
+
+    # --- what is asked for -----------------------------------------------------------------
+
+    async def ask(self, command: DriveProcessCommand) -> dict[str, Any]:
+        """Send a command.
+
+        Raises:
+            FieldError, Conflict, NotAvailable: as ``app.station.asking.ask_drive``.
+        """
+        return await ask_drive(self._drive, command)
+
+    async def stop_robots(self, by: str) -> None:
+        """Stop all robots; holds until ``reset``. Waits for nothing but the drive process.
+
+        Raises:
+            NotAvailable: there is none at the moment, or it does not answer; the next one is told
+                before it gets a robot.
+        """
+        log.warning("robots_stopped", by=by)
+        self._connecting.stop_due = by
+        try:
+            await self.ask(StopRobots(by))
+        except NotAvailable as error:
+            raise NotAvailable(
+                f"the stop could not be told to the drive process ({error}): use the robots' own "
+                f"switch; without commands their firmware stops them, and the next drive process "
+                f"begins stopped"
+            ) from error
+        self._connecting.stop_due = None
+
+    async def reset(self, by: str) -> None:
+        """Undo the stop; all robots stay disarmed."""
+        log.warning("stop_reset", by=by)
+        await self.ask(ResetStop(by))
+        self._connecting.stop_due = None
+
+    async def start_programme(self, start: StartProgramme) -> None:
+        """Drive timed velocities.
+
+        Raises:
+            FieldError, Conflict, NotAvailable: as ``ask``.
+        """
+        await self.ask(start)
+
+    async def stop_programme(self) -> None:
+        """End it, if one is going."""
+        await self.ask(StopProgramme())
+
+
+def _nothing_known() -> dict[str, Any]:
+    return {
+        "stopped": None,
+        "sight": None,
+        "loop": None,
+        "programme": None,
+        "robots": dict.fromkeys(ROLES),
+    }
+
+
+def finite(value: Any) -> Any:
+    """Plain values with None in place of what is no JSON: NaN and the infinities."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): finite(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(each) for each in value]
+    return value

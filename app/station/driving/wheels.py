@@ -1,0 +1,74 @@
+"""Speeds that robots were sent and measured, on the clock of the source that is observed."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from app.drive.messages import WheelSpeedEvent
+from app.messages import ObservationEvent
+from observer.rig.rig import Role
+
+# Ten a second of two robots: ten seconds.
+_KEPT = 200
+
+
+@dataclass(frozen=True)
+class WheelSample:
+    """One measurement.
+
+    Attributes:
+        number: counted from 1, without gaps.
+        time: of the source. segment: that of the newest observation.
+        sent_mps: as it was commanded. encoder_mps: None where the robot tells none.
+    """
+
+    number: int
+    role: Role
+    time: float
+    segment: int
+    sent_mps: float
+    encoder_mps: float | None
+
+
+class WheelLog:
+    """The newest samples; used in the event loop."""
+
+    def __init__(self) -> None:
+        self._samples: deque[WheelSample] = deque(maxlen=_KEPT)
+        self._numbered = 0
+
+    @property
+    def newest(self) -> int:
+        """Number of the newest sample; 0 before the first."""
+        return self._numbered
+
+    def take(
+        self, event: WheelSpeedEvent, newest: ObservationEvent | None
+    ) -> WheelSample | None:
+        """Keep a measurement.
+
+        None where it is none, and while nothing tells what time it is on the source's clock.
+
+        Args:
+            newest: observation of the open source, whose reception and time join both clocks.
+        """
+        if newest is None or not (math.isfinite(event.time) and math.isfinite(event.sent_mps)):
+            return None
+        encoder = event.encoder_mps
+        self._numbered += 1
+        sample = WheelSample(
+            number=self._numbered,
+            role=event.role,
+            time=float(newest.line["time"]) + event.time - newest.received,
+            segment=int(newest.line["segment"]),
+            sent_mps=event.sent_mps,
+            encoder_mps=encoder if encoder is not None and math.isfinite(encoder) else None,
+        )
+        self._samples.append(sample)
+        return sample
+
+    def since(self, number: int) -> list[WheelSample]:
+        """Those behind a number, oldest first."""
+        return [sample for sample in self._samples if sample.number > number]

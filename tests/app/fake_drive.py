@@ -1,0 +1,244 @@
+"""A drive process within the test's own process, which keeps rules where the real one drives."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from app.drive.messages import (
+    COMMAND_FRESH_S,
+    ArmRobot,
+    ConnectRobot,
+    DisarmRobot,
+    DisconnectRobot,
+    DriveCommand,
+    DriveEvent,
+    DriveLostEvent,
+    DriveProcessCommand,
+    DriveStartedEvent,
+    IncidentEvent,
+    Presence,
+    ReleaseLease,
+    ResetStop,
+    StartProgramme,
+    StopProgramme,
+    StopRobots,
+    TakeLease,
+    WheelSpeedEvent,
+)
+from app.processes.errors import ProcessRefused, ProcessUnavailable
+from app.station.contracts import DriveEvents
+from observer.rig.rig import ROLES, Role
+
+
+@dataclass
+class FakeHealth:
+    generation: int = 0
+    pid: int | None = None
+    alive: bool = False
+    restarts: int = 0
+    heartbeat_age_s: float | None = None
+    observations_lost: int = 0
+
+
+class FakeDrive:
+    """Fulfils ``app.station.contracts.Drive``.
+
+    Attributes:
+        commands: all that were taken. robots: connected, by role.
+        refuse: what to refuse, by the command's class: ``(refusal, sentence)``.
+        hangs: whether it answers nothing.
+    """
+
+    def __init__(self) -> None:
+        self.commands: list[DriveProcessCommand] = []
+        self.subscribers: list[Callable[[DriveEvents], None]] = []
+        self.health = FakeHealth()
+        self.refuse: dict[type, tuple[Any, str]] = {}
+        self.hangs = False
+        self.cannot_start = False
+        self._leases = 0
+        self._empty()
+
+    def _empty(self) -> None:
+        self.robots: dict[Role, ConnectRobot] = {}
+        self.armed: set[Role] = set()
+        self.leases: dict[Role, tuple[str, str]] = {}
+        self.sequences: dict[str, int] = {}
+        self.stopped: dict[str, Any] | None = None
+        self.programme: StartProgramme | None = None
+
+    # --- as the supervisor -----------------------------------------------------------------
+
+    async def start(self) -> None:
+        if self.cannot_start:
+            raise ProcessUnavailable("the drive process ended, 3 times in a row")
+        self.start_process()
+
+    def start_process(self) -> None:
+        self._empty()
+        health = self.health
+        health.generation += 1
+        health.restarts = health.generation - 1
+        health.pid, health.alive = 2000 + health.generation, True
+        self.publish(DriveStartedEvent(health.generation, health.pid))
+        self.tell()
+
+    def lose(self, reason: str = "the drive process was killed") -> None:
+        self.health.alive, self.health.pid = False, None
+        self.publish(DriveLostEvent(self.health.generation, reason))
+
+    async def stop(self) -> None:
+        self.health.alive, self.health.pid = False, None
+
+    def subscribe(self, callback: Callable[[DriveEvents], None]) -> Callable[[], None]:
+        self.subscribers.append(callback)
+        return lambda: self.subscribers.remove(callback)
+
+    def publish(self, event: DriveEvents) -> None:
+        for callback in tuple(self.subscribers):
+            callback(event)
+
+    async def request(
+        self, command: DriveProcessCommand, timeout_s: float = 1.0
+    ) -> dict[str, Any]:
+        if not self.health.alive:
+            raise ProcessUnavailable("the drive process is being replaced")
+        self.commands.append(command)
+        if self.hangs:
+            await asyncio.sleep(timeout_s)
+            raise ProcessUnavailable(f"the drive process did not answer within {timeout_s:g} s")
+        refused = self.refuse.get(type(command))
+        if refused is not None:
+            raise ProcessRefused(refused[1], refused[0])
+        value = self._do(command)
+        self.tell()
+        return value
+
+    # --- as the process --------------------------------------------------------------------
+
+    def _do(self, command: DriveProcessCommand) -> dict[str, Any]:
+        match command:
+            case ConnectRobot():
+                self.robots[command.role] = command
+                self.armed.discard(command.role)
+            case DisconnectRobot():
+                self.robots.pop(command.role, None)
+                self.armed.discard(command.role)
+            case TakeLease():
+                return self._take(command)
+            case ReleaseLease():
+                self._check(command.role, command.lease)
+                del self.leases[command.role]
+                self.armed.discard(command.role)
+            case ArmRobot():
+                self._arm(command)
+            case DisarmRobot():
+                self.armed.discard(command.role)
+            case StopRobots():
+                self.armed.clear()
+                self.stopped = {"by": command.by, "since": time.monotonic()}
+            case ResetStop():
+                self.stopped = None
+            case DriveCommand() | Presence():
+                return self._drive(command)
+            case StartProgramme():
+                for role in command.programme.roles:
+                    if role not in self.armed:
+                        raise ProcessRefused(f"the {role} is not armed", "state")
+                self.programme = command
+            case StopProgramme():
+                self.programme = None
+        return {}
+
+    def _take(self, command: TakeLease) -> dict[str, Any]:
+        held = self.leases.get(command.role)
+        if held is not None and not command.takeover:
+            raise ProcessRefused(f"{held[1]} drives the {command.role}", "state")
+        self._leases += 1
+        lease = f"lease-{self._leases}"
+        self.leases[command.role] = (lease, command.operator)
+        self.armed.discard(command.role)
+        return {"lease": lease}
+
+    def _check(self, role: Role, lease: str) -> None:
+        if self.leases.get(role, ("", ""))[0] != lease:
+            raise ProcessRefused(f"this lease of the {role} is not in force", "state")
+
+    def _arm(self, command: ArmRobot) -> None:
+        if self.stopped is not None:
+            raise ProcessRefused("all robots are stopped; reset the stop first", "state")
+        if command.role not in self.robots:
+            raise ProcessRefused(f"the {command.role} is not connected", "state")
+        if command.role in self.leases or command.lease is not None:
+            self._check(command.role, command.lease or "")
+        self.armed.add(command.role)
+
+    def _drive(self, command: DriveCommand | Presence) -> dict[str, Any]:
+        self._check(command.role, command.lease)
+        age = time.monotonic() - command.issued
+        if age > COMMAND_FRESH_S:
+            raise ProcessRefused("the command is too old", "state")
+        if command.sequence <= self.sequences.get(command.lease, -1):
+            raise ProcessRefused("the command's number is old", "state")
+        self.sequences[command.lease] = command.sequence
+        if isinstance(command, Presence):
+            return {}
+        moves = command.role in self.armed
+        return {
+            "speed_mps": max(-0.3, min(0.3, command.speed_mps)) if moves else 0.0,
+            "turn_rate_radps": command.turn_rate_radps if moves else 0.0,
+            "limited_by": None if moves else "not armed",
+            "age_s": age,
+        }
+
+    # --- what it tells ---------------------------------------------------------------------
+
+    def tell(self, **more: Any) -> None:
+        """Publish how everything is."""
+        self.publish(DriveEvent({**self.facts(), **more}, time.monotonic()))
+
+    def facts(self) -> dict[str, Any]:
+        programme = self.programme
+        return {
+            "stopped": self.stopped,
+            "sight": {"age_s": 0.05, "status": "ok", "world": "real"},
+            "loop": {"ticks": 5, "late_p99_ms": 0.4, "late_max_ms": 1.5, "priority": "normal"},
+            "programme": None
+            if programme is None
+            else {"name": programme.programme.name, "repeat": programme.repeat},
+            "robots": {role: self._robot(role) for role in ROLES},
+        }
+
+    def _robot(self, role: Role) -> dict[str, Any] | None:
+        robot = self.robots.get(role)
+        if robot is None:
+            return None
+        return {
+            "port": robot.port,
+            "name": robot.name,
+            "world": robot.world,
+            "state": "armed" if role in self.armed else "disarmed",
+            "operator": self.leases.get(role, (None, None))[1],
+            "present": False,
+            "why": None if role in self.armed else "not armed",
+            "commanded": {"speed_mps": 0.0, "turn_rate_radps": 0.0},
+            "sent": {"speed_mps": 0.0, "turn_rate_radps": 0.0},
+            "guard": None,
+            "report": {"phase": "connected", "battery_v": 12.3, "watchdog_s": 2.0},
+        }
+
+    def measure(self, role: Role, sent: float, encoder: float | None, ago_s: float = 0.0) -> None:
+        """The speeds of a robot, as ten times a second while it is armed."""
+        self.publish(WheelSpeedEvent(role, time.monotonic() - ago_s, sent, encoder))
+
+    def happen(self, role: Role | None, sentence: str, kind: Any = "fault") -> None:
+        """Something stopped a robot."""
+        self.publish(IncidentEvent(role, kind, sentence, time.monotonic(), 0.25))
+
+    def of(self, *kinds: type) -> list[Any]:
+        """The commands of some kinds, in order."""
+        return [command for command in self.commands if isinstance(command, kinds)]
