@@ -28,6 +28,7 @@ def build() -> typer.Typer:
     from app.commands.calibrate import calibrate
     from app.commands.doctor import doctor
     from app.commands.drive import drive, programmes
+    from app.commands.emulate import emulate
     from app.commands.evaluate import evaluate
     from app.commands.observe import observe
     from app.commands.parameters import parameters
@@ -51,6 +52,7 @@ def build() -> typer.Typer:
     cli.command("drive")(drive)
     cli.command("programmes")(programmes)
     cli.command("benchmark")(benchmark)
+    cli.command("emulate")(emulate)
     cli.command("doctor")(doctor)
     return cli
 
