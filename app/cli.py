@@ -26,6 +26,7 @@ def build() -> typer.Typer:
     # Imported here, because they bring numpy and OpenCV, which read the environment when imported.
     from app.commands.benchmark import benchmark
     from app.commands.calibrate import calibrate
+    from app.commands.coppelia_scene import coppelia_scene
     from app.commands.doctor import doctor
     from app.commands.drive import drive, programmes
     from app.commands.emulate import emulate
@@ -48,6 +49,7 @@ def build() -> typer.Typer:
     cli.command("evaluate")(evaluate)
     cli.command("simulate")(simulate)
     cli.command("calibrate")(calibrate)
+    cli.command("coppelia-scene")(coppelia_scene)
     cli.command("parameters")(parameters)
     cli.command("drive")(drive)
     cli.command("programmes")(programmes)

@@ -119,7 +119,8 @@ def _measured(connection: Connection, base: int, left: int, right: int) -> Pione
     middle = (at_left + at_right) / 2 - radius * z
     T_robot_base = T_room_robot.inverse() @ Pose(np.stack([np.cross(y, z), y, z], axis=1), middle)
     centre, size = _outline(connection, base, T_robot_base)
-    name = str(connection.call("getObjectAlias", base))
+    # Its path without the slash: two of them have one alias.
+    name = path.rpartition("/")[2]
     return Pioneer(base, path, name, left, right, radius, track, T_robot_base, centre, size)
 
 

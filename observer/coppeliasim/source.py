@@ -9,7 +9,7 @@ from __future__ import annotations
 import time as clock
 
 from observer.camera import StereoCalibration
-from observer.coppeliasim.connection import Connection, CoppeliaSimError
+from observer.coppeliasim.connection import ANSWER_WITHIN_S, Connection, CoppeliaSimError
 from observer.coppeliasim.odometry import WheelOdometry
 from observer.coppeliasim.pioneers import Pioneer
 from observer.coppeliasim.sensors import StereoSensors
@@ -21,6 +21,8 @@ from observer.sources.contract import SourceInfo
 from observer.types import Image, StereoFrame
 
 _EXPLICITLY_HANDLED = 1
+# The first image may have to wait for what the simulator prepares to draw.
+_FIRST_IMAGE_WITHIN_S = 5.0
 
 
 class CoppeliaSimSource:
@@ -98,6 +100,11 @@ class CoppeliaSimSource:
         for sensor in (self._sensors.left, self._sensors.right):
             self._connection.call("setExplicitHandling", sensor.handle, _EXPLICITLY_HANDLED)
         self._simulation.start()
+        self._draw(within_s=_FIRST_IMAGE_WITHIN_S)
+
+    def _draw(self, *, within_s: float = ANSWER_WITHIN_S) -> None:
+        for sensor in (self._sensors.left, self._sensors.right):
+            self._connection.call("handleVisionSensor", sensor.handle, within_s=within_s)
 
     def _read_here(self) -> StereoFrame | None:
         """All that belongs to one instant; None where it was not one."""
@@ -120,11 +127,9 @@ class CoppeliaSimSource:
         )
 
     def _images(self) -> tuple[Image, Image]:
-        sensors = (self._sensors.left, self._sensors.right)
-        for sensor in sensors:
-            self._connection.call("handleVisionSensor", sensor.handle)
-        left, right = (sensor.image(self._connection) for sensor in sensors)
-        return left, right
+        self._draw()
+        left, right = self._sensors.left, self._sensors.right
+        return left.image(self._connection), right.image(self._connection)
 
     def _described(self) -> SourceInfo:
         mount = self._mount()
