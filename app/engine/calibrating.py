@@ -11,7 +11,7 @@ from app.engine.board_pictures import draw_board, small_picture
 from app.engine.errors import NotNow
 from app.engine.playback import Player
 from app.engine.replies import unexpected
-from app.engine.session import PlayedSource, SourceOpener, read_first
+from app.engine.session import PlayedSource, SourceOpener, close_opened, read_first
 from app.messages import (
     CAMERA_NAMES,
     BeginCalibration,
@@ -26,6 +26,7 @@ from observer.calibration.detection import detect_board
 from observer.calibration.views import BoardSighting, BoardView
 from observer.camera import as_gray
 from observer.errors import InputError
+from observer.opening import OpenedSource
 from observer.sources.contract import SkippedFrame, Source
 from observer.sources.cover_check import CoverCheck
 from observer.types import Image, StereoFrame
@@ -62,14 +63,14 @@ class CalibrationSession(PlayedSource):
     def __init__(
         self,
         command: BeginCalibration,
-        source: Source,
+        opened: OpenedSource,
         player: Player,
         skipped: tuple[SkippedFrame, ...],
         publisher: BoardPublisher,
     ) -> None:
-        super().__init__(command.source, source, player, skipped)
+        super().__init__(command.source, opened.source, player, skipped, opened.robots)
         self._command = command
-        self.watch = BoardWatch(command, source, publisher)
+        self.watch = BoardWatch(command, opened.source, publisher)
 
     @property
     def state(self) -> EngineState:
@@ -88,13 +89,13 @@ def open_calibration(
     Raises:
         InputError: one sentence of what is wrong with the source.
     """
-    source = open_source(command.source).source
+    opened = open_source(command.source)
     try:
-        player = Player(source, paused=False, rate=1.0, loop=True)
+        player = Player(opened.source, paused=False, rate=1.0, loop=True)
         skipped = read_first(player)
-        return CalibrationSession(command, source, player, skipped, publisher)
+        return CalibrationSession(command, opened, player, skipped, publisher)
     except BaseException:
-        source.close()
+        close_opened(opened)
         raise
 
 

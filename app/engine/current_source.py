@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 
 from app.engine.calibrating import BoardPublisher, CalibrationSession, open_calibration
 from app.engine.errors import NotNow
-from app.engine.lending import LentSource, lent
+from app.engine.lending import LentRobots, LentSource, lent
 from app.engine.opening import Opening
 from app.engine.replies import refusal, unexpected
 from app.engine.session import (
@@ -107,8 +107,8 @@ class CurrentSource:
             # a second time.
             if session.spec == command.source:
                 opening.lender, session.resting = session, True
-                source = session.source
-                open_source = lambda _: lent(source)  # noqa: E731
+                source, robots = session.source, session.robots
+                open_source = lambda _: lent(source, robots)  # noqa: E731
             else:
                 opening.before = session.again()
                 self.close()
@@ -139,8 +139,10 @@ class CurrentSource:
         else:
             self.session = None
             self._closed()
-            assert isinstance(session.source, LentSource)
-            session.source.keep()
+            for kept in (session.source, session.robots):
+                if kept is not None:
+                    assert isinstance(kept, LentSource | LentRobots)
+                    kept.keep()
         self.session = session
         facts = asdict(self.state())
         if isinstance(session, Session):
@@ -223,6 +225,8 @@ class CurrentSource:
             live=session.live_facts(),
             mount=session.mount_facts(),
             ageing=session.ageing_facts(),
+            world=session.world,
+            robots=session.robot_facts(),
         )
 
 

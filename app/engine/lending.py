@@ -1,9 +1,13 @@
-"""A live source handed from one session to the next: its cameras open for one program only once."""
+"""A live source handed from one session to the next: its cameras open for one program only once.
+
+So are the robots of its world, where it has any: who drives them need not connect anew.
+"""
 
 from __future__ import annotations
 
 from observer.camera import StereoCalibration
 from observer.opening import OpenedSource
+from observer.robots.contract import RobotPort, RobotWorld
 from observer.sources.contract import (
     LiveReport,
     LiveSource,
@@ -55,6 +59,29 @@ class LentSource:
             self._source.close()
 
 
-def lent(source: Source) -> OpenedSource:
+class LentRobots:
+    """The robots of a lent source's world."""
+
+    def __init__(self, robots: RobotWorld) -> None:
+        self._robots: RobotWorld = robots._robots if isinstance(robots, LentRobots) else robots
+        self._kept = False
+
+    def keep(self) -> None:
+        """From now on closing this closes them."""
+        self._kept = True
+
+    @property
+    def world(self) -> str:
+        return self._robots.world
+
+    def serve(self) -> tuple[RobotPort, ...]:
+        return self._robots.serve()
+
+    def close(self) -> None:
+        if self._kept:
+            self._robots.close()
+
+
+def lent(source: Source, robots: RobotWorld | None = None) -> OpenedSource:
     """The source as if it had been opened anew; nothing live has truth."""
-    return OpenedSource(LentSource(source), None)
+    return OpenedSource(LentSource(source), None, None if robots is None else LentRobots(robots))

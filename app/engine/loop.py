@@ -21,6 +21,7 @@ from app.engine.opening import Opening
 from app.engine.playback import PlayedFrame
 from app.engine.publishing import Publisher
 from app.engine.session import ObserverFactory, PlayedSource, Session, SourceOpener
+from app.engine.sight import SightTeller
 from app.engine.watched import Observed
 from app.messages import (
     HeartbeatEvent,
@@ -29,8 +30,9 @@ from app.messages import (
     SkippedFrameEvent,
     StateEvent,
 )
+from observer.guard.sight import REAL_WORLD
 from observer.jsonl import observation_line
-from observer.types import FullTrace
+from observer.types import FullTrace, StereoFrame
 
 # Twice as often as promised, so that a little lateness keeps the promise.
 BEAT_INTERVAL_S = 0.05
@@ -52,6 +54,7 @@ class Engine:
         send: Callable[[object], None],
         observations_lost: Callable[[], int],
         publisher: Publisher,
+        sight: SightTeller | None = None,
         open_source: SourceOpener,
         make_observer: ObserverFactory,
         clock: Callable[[], float] = time.monotonic,
@@ -62,12 +65,14 @@ class Engine:
             send: takes replies and events and never blocks.
             observations_lost: how many events ``send`` dropped so far.
             publisher: takes what was observed, for views and the cloud; closed in the end.
+            sight: tells the drive process of each frame, where there is one.
             clock: the host's monotonic clock.
         """
         self._inbox = inbox
         self._send = send
         self._observations_lost = observations_lost
         self._publisher = publisher
+        self._sight = sight
         self._clock = clock
         self._thread = threading.get_ident()
         self._explainer = Explainer()
@@ -212,12 +217,16 @@ class Engine:
             session.watch.look(played.frame)
 
     def _observe(self, session: Session, played: PlayedFrame) -> None:
-        frame = played.frame
+        frame = self._with_odometry(played.frame, session)
         observer = session.observer
         if played.new_segment:
             observer.begin_segment()
         trace = FullTrace()
         observation = observer.observe(frame, trace)
+        observed = Observed(frame, observation, trace, observer.camera, observer.parameters)
+        if self._sight is not None:
+            # Before all else: a robot drives by it.
+            self._sight.tell(observed, session.mount, session.world)
         published = self._clock()
         line = observation_line(observation)
         session.segment = session.first_segment + observation.segment
@@ -238,10 +247,16 @@ class Engine:
         )
         self._sequence += 1
         self.beat()
-        observed = Observed(frame, observation, trace, observer.camera, observer.parameters)
         session.ageing.look(observed)
         self._explainer.remember(observed, session.segment)
         self._publisher.publish(observed)
+
+    def _with_odometry(self, frame: StereoFrame, session: Session) -> StereoFrame:
+        """With what the robot's wheels told, for live cameras on a robot that is driven here."""
+        if self._sight is None or frame.odometry is not None or session.world != REAL_WORLD:
+            return frame
+        odometry = self._sight.odometry(frame.received)
+        return frame if odometry is None else replace(frame, odometry=odometry)
 
     # --- state -----------------------------------------------------------------------------
 

@@ -10,11 +10,13 @@ import socket
 import time
 from typing import NoReturn
 
-from app.channel.latest import LatestWriter
+from app.channel.latest import LatestReader, LatestWriter
 from app.channel.pipe import MessageSender
+from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.engine.loop import Engine, Inbox
 from app.engine.publishing import Publisher
 from app.engine.session import ObserverFactory, SourceOpener
+from app.engine.sight import SightTeller
 from app.processes.arguments import ProcessArguments
 from app.processes.lifeline import receive_until_parent_ends
 
@@ -39,12 +41,21 @@ def run_engine(
     leaving = False
     sock = socket.socket(fileno=arguments.channel)
     sender = MessageSender(sock)
-    slots = {name: LatestWriter(fd) for name, fd in arguments.slots.items()}
+    slots = dict(arguments.slots)
+    # What is shared with the drive process; an engine without one has neither.
+    sight, wheels = slots.pop(SIGHT_NAME, None), slots.pop(WHEELS_NAME, None)
     engine = Engine(
         inbox=inbox,
         send=sender.send,
         observations_lost=lambda: sender.observations_lost,
-        publisher=Publisher(slots, time.monotonic, sender.send),
+        publisher=Publisher(
+            {name: LatestWriter(fd) for name, fd in slots.items()}, time.monotonic, sender.send
+        ),
+        sight=SightTeller(
+            None if sight is None else LatestWriter(sight),
+            None if wheels is None else LatestReader(wheels),
+            time.monotonic,
+        ),
         open_source=open_source,
         make_observer=make_observer,
     )

@@ -18,11 +18,13 @@ from observer.calibration.formats.opencv_file import (
 )
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
+from observer.guard.sight import REAL_WORLD
 from observer.mount import CameraMount
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
 from observer.rig.applied import mount_for
 from observer.rig.rig_file import read_rig
+from observer.robots.contract import RobotWorld
 from observer.sources.contract import LiveSource, SkippedFrame, Source
 from observer.types import Observation, StereoFrame, Trace
 
@@ -87,16 +89,23 @@ class PlayedSource:
         spec: the text it was opened by, passwords included.
         resting: whether it is not read, because its source is being handed on.
         skipped: frames that could not be read while opening, before the first one.
+        robots: of the source's own world; reached while it is observed.
         run_id, segment: of what is kept; None and 0 where nothing is.
         has_truth: whether truth belongs to the source.
     """
 
     def __init__(
-        self, spec: str, source: Source, player: Player, skipped: tuple[SkippedFrame, ...]
+        self,
+        spec: str,
+        source: Source,
+        player: Player,
+        skipped: tuple[SkippedFrame, ...],
+        robots: RobotWorld | None = None,
     ) -> None:
         self.spec = spec
         self.resting = False
         self.source = source
+        self.robots = robots
         self._live = source if isinstance(source, LiveSource) else None
         self.player = player
         self.skipped = skipped
@@ -120,6 +129,15 @@ class PlayedSource:
     def ageing_facts(self) -> dict[str, Any] | None:
         """As ``StateEvent.ageing`` holds it."""
         return None
+
+    @property
+    def world(self) -> str | None:
+        """As ``StateEvent.world`` holds it."""
+        return None
+
+    def robot_facts(self) -> tuple[dict[str, Any], ...]:
+        """As ``StateEvent.robots`` holds it."""
+        return ()
 
     def playback_facts(self, now: float) -> dict[str, Any]:
         """As ``StateEvent.playback`` holds it."""
@@ -151,6 +169,9 @@ class PlayedSource:
         raise NotImplementedError
 
     def close(self) -> None:
+        """Let go of the source and the robots of its world."""
+        if self.robots is not None:
+            self.robots.close()
         self.source.close()
 
 
@@ -171,10 +192,11 @@ class Session(PlayedSource):
         Args:
             calibration_yaml, mount: what the observer was made with.
         """
-        super().__init__(command.source, opened.source, player, skipped)
+        super().__init__(command.source, opened.source, player, skipped, opened.robots)
         self._command = command
         self.calibration_yaml = calibration_yaml
-        self._mount = mount
+        self.mount = mount
+        self._ports = () if self.robots is None else self.robots.serve()
         self.ageing = CalibrationAgeing(observer.camera, mount)
         self.observer = observer
         self.run_id = command.run_id
@@ -209,11 +231,23 @@ class Session(PlayedSource):
 
     def mount_facts(self) -> dict[str, Any] | None:
         """As ``StateEvent.mount`` holds it."""
-        return None if self._mount is None else asdict(self._mount)
+        return None if self.mount is None else asdict(self.mount)
 
     def ageing_facts(self) -> dict[str, Any] | None:
         """As ``StateEvent.ageing`` holds it."""
         return self.ageing.facts()
+
+    @property
+    def world(self) -> str | None:
+        """The robots' own, ``real`` of live cameras, none of what is only replayed."""
+        if self.robots is not None:
+            return self.robots.world
+        return REAL_WORLD if self.source.info.live else None
+
+    def robot_facts(self) -> tuple[dict[str, Any], ...]:
+        """As ``StateEvent.robots`` holds it."""
+        return tuple(asdict(port) for port in self._ports)
+
 
 
 def open_session(
@@ -260,8 +294,15 @@ def open_session(
         skipped = read_first(player)
         return Session(command, opened, observer, player, skipped, text, mount)
     except BaseException:
-        opened.source.close()
+        close_opened(opened)
         raise
+
+
+def close_opened(opened: OpenedSource) -> None:
+    """Let go of what was opened and will not be played."""
+    if opened.robots is not None:
+        opened.robots.close()
+    opened.source.close()
 
 
 def parse_parameters(values: Mapping[str, Any]) -> Parameters:

@@ -10,6 +10,8 @@ from observer.types import Status
 
 # So old may the reception of the newest frame be, seconds.
 SIGHT_FRESH_S = 0.2
+# The world that live cameras show.
+REAL_WORLD = "real"
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,107 @@
+"""What the engine tells the drive process of each frame, and what it hears of the wheels."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from app.channel.latest import LatestReader, LatestWriter
+from app.engine.watched import Observed
+from observer.camera import as_gray
+from observer.guard.free_path import FreePath
+from observer.guard.seeing import sight_of_observation
+from observer.guard.sight import FreeScan
+from observer.mount import CameraMount
+from observer.rig.rig import Role
+from observer.rig.wheel_history import odometry_at
+from observer.types import Odometry
+
+_log = logging.getLogger(__name__)
+
+# On whose robot the cameras are.
+_OBSERVER: Role = "observer"
+# A robot whose newest odometry is older than this is gone.
+_GONE_S = 1.0
+
+
+class SightTeller:
+    """Writes each observed frame's sight, and reads the wheels; both slots may be missing."""
+
+    def __init__(
+        self,
+        sight: LatestWriter | None,
+        wheels: LatestReader | None,
+        clock: Callable[[], float],
+    ) -> None:
+        """
+        Args:
+            sight: the slot ``SIGHT_NAME``. wheels: the slot ``WHEELS_NAME``.
+            clock: the host's monotonic clock.
+        """
+        self._sight = sight
+        self._wheels = wheels
+        self._clock = clock
+        self._sequence = 0
+        self._history: list[list[float]] = []
+        self._free_path: FreePath | None = None
+        self._failed = False
+
+    def tell(self, observed: Observed, mount: CameraMount | None, world: str | None) -> None:
+        """Write what a frame shows. The free floor is looked for where a robot may need it.
+
+        Args:
+            mount: of the cameras. world: which one the frame shows.
+        """
+        if self._sight is None:
+            return
+        scan = None
+        if mount is not None and world is not None and self._robot_is_there():
+            scan = self._scan(observed, mount)
+        sight = sight_of_observation(observed.observation, mount, world, scan, self._clock())
+        self._sight.write(sight.facts())
+
+    def odometry(self, received: float) -> Odometry | None:
+        """What the observer's wheels told when a frame was received; None where they did not."""
+        return odometry_at(self._read_history(), received)
+
+    def _robot_is_there(self) -> bool:
+        history = self._read_history()
+        return bool(history) and self._clock() - history[-1][0] <= _GONE_S
+
+    def _read_history(self) -> list[list[float]]:
+        if self._wheels is None:
+            return []
+        value = self._wheels.read(self._sequence)
+        if value is not None:
+            self._sequence = value.sequence
+            self._history = _rows(value.header)
+        return self._history
+
+    def _scan(self, observed: Observed, mount: CameraMount) -> FreeScan | None:
+        """None where the frame has no second image, or where looking for floor fails."""
+        left, right = observed.trace.get("left"), observed.trace.get("right")
+        if left is None or right is None:
+            return None
+        p = observed.parameters
+        made_of = (observed.camera, mount, p.stereo.max_disparity_px, p.guard)
+        try:
+            if self._free_path is None or self._free_path.made_of != made_of:
+                self._free_path = FreePath(*made_of)
+            scan = self._free_path.scan(as_gray(left), as_gray(right))
+        except Exception:  # noqa: BLE001
+            # Without it nothing is known to be free; observing goes on.
+            if not self._failed:
+                _log.exception("looking for free floor failed")
+            self._failed = True
+            return None
+        self._failed = False
+        return scan
+
+
+def _rows(header: dict[str, Any]) -> list[list[float]]:
+    rows = header.get(_OBSERVER, [])
+    try:
+        return [[float(value) for value in row] for row in rows if len(row) == 4]
+    except (TypeError, ValueError):
+        return []

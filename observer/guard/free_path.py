@@ -1,0 +1,269 @@
+"""How far the floor ahead is seen to be free: from one rectified pair, by coarse dense stereo.
+
+Block matching compares blocks that face the camera, and the floor does not: so it is matched
+twice, as it is for what stands, and once more with the right image shifted by the disparity that
+the floor must have (linear in the pixel, as every plane's), so that the floor faces the camera
+(ground plane stereo; Burt, Wixson and Salgian, Electronically directed focal stereo, ICCV 1995).
+
+What is *seen* to be free is floor that was matched. A thing of at least ``step_m`` height that
+stands at distance r hides the floor from r to r / (1 - step_m / H), H the camera's height, so
+floor that is seen at distance D also tells that nothing stands from D (1 - step_m / H) on. What
+was matched higher than that and lower than the robot reaches is in the way. Everything else is
+unknown: what is nearer than f B / d_max or below the lower edge of the view, what has no texture,
+and what lies behind. A thing that hangs in the air is noticed only where it has texture.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array
+from observer.guard.seen_ground import ScanView
+from observer.guard.sight import FreeScan
+from observer.mount import CameraMount
+from observer.parameters import GuardParameters
+from observer.types import Image
+
+# About so many columns are matched, whatever the image's size.
+_COLUMNS = 256
+_BLOCK_PX = 9
+_UNIQUENESS_PERCENT = 10
+_TEXTURE = 10
+_SPECKLE_PIXELS = 30
+_FIXED_POINT = 16
+# One standard deviation of a coarse disparity, coarse pixels.
+_SIGMA_PX = 0.25
+# Disparities besides the floor's own among which it must be the best, coarse pixels.
+_FLOOR_LEAST, _FLOOR_DISPARITIES = -8, 32
+# Width of a direction, and by which share a cell of floor is longer than it is far.
+_BEARING_RAD = math.radians(1.5)
+_CELL = 1.08
+_NEAREST_M, _FARTHEST_M = 0.25, 5.0
+# Of a cell of floor so much must be matched as floor.
+_FLOOR_SHARE = 0.5
+_FLOOR_PIXELS = 3
+# So many pixels make a surface: fewer are mismatches.
+_SURFACE_PIXELS = 4
+# Distances along a direction from the base's origin.
+_STEP_M = 0.04
+
+
+class FreePath:
+    """Finds the free floor in pairs of one camera on one mount; holds what depends on those."""
+
+    def __init__(
+        self, camera: StereoCamera, mount: CameraMount, max_disparity_px: int, p: GuardParameters
+    ) -> None:
+        """
+        Args:
+            max_disparity_px: the largest that is looked for, of the images as they are.
+        """
+        self.made_of = (camera, mount, max_disparity_px, p)
+        self._parameters = p
+        self._factor = max(1, math.ceil(camera.width / _COLUMNS))
+        width, height = camera.width // self._factor, camera.height // self._factor
+        self._size = (width, height)
+        disparities = max_disparity_px / self._factor
+        self._disparities = max(16, -(-int(disparities) // 16) * 16)
+        self._standing = _matcher(0, self._disparities)
+        self._floor = _matcher(_FLOOR_LEAST, _FLOOR_DISPARITIES)
+        self._origin = mount.T_base_camera.translation
+        self._lay_out(camera, mount, p)
+
+    def _lay_out(self, camera: StereoCamera, mount: CameraMount, p: GuardParameters) -> None:
+        """What of every coarse pixel does not depend on the image."""
+        width, height = self._size
+        f = self._factor
+        # Pixel centres lie on whole numbers, so it is the pixels' edges that scale.
+        u = (np.arange(width) + 0.5) * f - 0.5
+        v = (np.arange(height) + 0.5) * f - 0.5
+        rays = np.empty((height, width, 3))
+        rays[..., 0] = (u - camera.cx) / camera.fx
+        rays[..., 1] = ((v - camera.cy) / camera.fy)[:, None]
+        rays[..., 2] = 1.0
+        rays = rays @ mount.R_base_camera.T
+        self._fb = camera.fx * camera.baseline / f
+        self._rise = rays[..., 2].astype(np.float32)
+        self._ahead = np.hypot(rays[..., 0], rays[..., 1]).astype(np.float32)
+        bearing = np.arctan2(rays[..., 1], rays[..., 0])
+        low, high = float(bearing.min()), float(bearing.max())
+        count = max(2, math.ceil((high - low) / _BEARING_RAD))
+        edges = np.linspace(low, high, count + 1)
+        column = np.clip(np.searchsorted(edges, bearing, side="right") - 1, 0, count - 1)
+        self._bearings = (edges[:-1] + edges[1:]) / 2
+        cells = math.ceil(math.log(_FARTHEST_M / _NEAREST_M) / math.log(_CELL))
+        self._edges = _NEAREST_M * _CELL ** np.arange(cells + 1)
+        with np.errstate(divide="ignore"):
+            floor = np.where(rays[..., 2] < 0, -mount.height_m / rays[..., 2], np.inf)
+        floor = floor * self._ahead
+        cell = np.searchsorted(self._edges, floor, side="right") - 1
+        inside = (cell >= 0) & (cell < cells)
+        self._shape = (count, cells)
+        # Pixels of no cell are counted in one beyond the last.
+        self._cell = np.where(inside, column * cells + cell, count * cells).astype(np.intp)
+        total = np.bincount(self._cell.ravel(), minlength=count * cells + 1)[:-1]
+        self._needed = np.maximum(_FLOOR_SHARE * total, _FLOOR_PIXELS).reshape(self._shape)
+        self._column = column.astype(np.intp)
+        self._height = mount.height_m
+        # The right camera sees floor further left by this; above the horizon there is none.
+        floor_px = np.maximum(-self._rise * np.float32(self._fb / mount.height_m), 0.0)
+        below = np.nonzero((floor_px > 0).any(axis=1))[0]
+        self._first_row = int(below[0]) if len(below) else height
+        self._floor_px = np.ascontiguousarray(floor_px[self._first_row :], np.float32)
+        columns = np.arange(width, dtype=np.float32)
+        self._shift = (
+            columns - self._floor_px,
+            np.repeat(
+                np.arange(height - self._first_row, dtype=np.float32)[:, None], width, axis=1
+            ),
+        )
+        self._in_right = self._shift[0] >= 0
+        hidden = 1 - min(p.step_m / mount.height_m, 0.5)
+        # Whole cells before a seen one in which something would have hidden it.
+        self._told_before = int(-math.log(hidden) / math.log(_CELL))
+        self._reach = np.arange(_STEP_M, _FARTHEST_M, _STEP_M)
+        directions = np.stack([np.cos(self._bearings), np.sin(self._bearings)], axis=1)
+        ground = directions[:, None] * self._reach[:, None]
+        # Bearings of the scan are about the base's origin, those of the pixels about the camera.
+        self._ground = (ground - self._origin[:2]).reshape(-1, 2)
+
+    def scan(self, left: Image, right: Image) -> FreeScan:
+        """The free floor of a pair.
+
+        Args:
+            left, right: (H, W) grey, rectified, of the camera's size.
+        """
+        small = [self._coarse(image) for image in (left, right)]
+        nearest = self._nearest(*self._surfaces(*small))
+        return self._about_the_base(self._free_cells(self._floor_seen(*small)), nearest)
+
+    def _coarse(self, image: Image) -> Image:
+        whole = image[: self._size[1] * self._factor, : self._size[0] * self._factor]
+        small = cv2.resize(whole, self._size, interpolation=cv2.INTER_AREA)
+        return np.asarray(small, np.uint8)
+
+    def _surfaces(self, left: Image, right: Image) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
+        """Distance and direction of every pixel that shows something in the way."""
+        # The matcher leaves as many columns out at the left as it looks for disparities.
+        margin, p = self._disparities, self._parameters
+        wide = [
+            cv2.copyMakeBorder(one, 0, 0, margin, 0, cv2.BORDER_REPLICATE)
+            for one in (left, right)
+        ]
+        fixed = np.asarray(self._standing.compute(wide[0], wide[1]))[:, margin:]
+        inside = fixed <= _FIXED_POINT * np.arange(self._size[0])
+        known = np.nonzero((fixed > 0) & inside)
+        depth = np.float32(self._fb * _FIXED_POINT) / fixed[known]
+        sigma = np.float32(p.sigmas * _SIGMA_PX / self._fb) * depth * depth
+        rise, ahead = self._rise[known], self._ahead[known]
+        height = np.float32(self._height) + rise * depth
+        standing = height > np.float32(p.step_m) + np.abs(rise) * sigma
+        standing &= height < p.robot_height_m
+        distance = (ahead * (depth - sigma))[standing]
+        return distance, self._column[known][standing]
+
+    def _nearest(
+        self, distance: NDArray[np.float32], column: NDArray[np.intp]
+    ) -> Float64Array:
+        """(N,) nearest surface in each direction from the camera, infinite where none is seen."""
+        cells = len(self._reach)
+        at = np.maximum((distance / np.float32(_STEP_M)).astype(np.intp), 0)
+        seen = at < cells
+        count = np.bincount(column[seen] * cells + at[seen], minlength=self._shape[0] * cells)
+        enough = count.reshape(self._shape[0], cells).cumsum(axis=1) >= _SURFACE_PIXELS
+        return np.where(enough.any(axis=1), enough.argmax(axis=1) * _STEP_M, np.inf)
+
+    def _floor_seen(self, left: Image, right: Image) -> NDArray[np.bool_]:
+        """(H, W) which pixels show the floor."""
+        seen = np.zeros((self._size[1], self._size[0]), np.bool_)
+        first = self._first_row
+        if self._size[1] - first <= _BLOCK_PX:
+            return seen
+        shifted = cv2.remap(right[first:], *self._shift, cv2.INTER_LINEAR)
+        # Both ways, for as many columns are left out at the right for what is negative.
+        before, behind = _FLOOR_DISPARITIES, -_FLOOR_LEAST
+        wide = [
+            cv2.copyMakeBorder(one, 0, 0, before, behind, cv2.BORDER_REPLICATE)
+            for one in (left[first:], np.asarray(shifted, np.uint8))
+        ]
+        fixed = np.asarray(self._floor.compute(wide[0], wide[1]))[:, before:-behind]
+        off = fixed.astype(np.float32) / np.float32(_FIXED_POINT)
+        p = self._parameters
+        # A height of h stands out by h / (H - h) of the floor's own disparity.
+        tolerance = np.float32(p.step_m / self._height) * self._floor_px
+        tolerance += np.float32(p.sigmas * _SIGMA_PX)
+        seen[first:] = (np.abs(off) <= tolerance) & self._in_right
+        return seen
+
+    def _free_cells(self, floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        count = np.bincount(self._cell[floor], minlength=self._needed.size + 1)[:-1]
+        seen = count.reshape(self._shape) >= self._needed
+        seen = np.asarray(seen, np.bool_)
+        free = seen.copy()
+        for before in range(1, self._told_before + 1):
+            free[:, :-before] |= seen[:, before:]
+        return free
+
+    def _about_the_base(self, free: NDArray[np.bool_], nearest: Float64Array) -> FreeScan:
+        """The longest free stretch before the nearest surface, in directions from the base."""
+        near, far = self._stretch(free, nearest)
+        view = ScanView.of(
+            FreeScan(
+                tuple(self._bearings.tolist()),
+                tuple(None if math.isinf(b) else b for b in nearest.tolist()),
+                tuple(near.tolist()),
+                tuple(far.tolist()),
+            )
+        )
+        seen, blocked = (one.reshape(len(self._bearings), -1) for one in view.look(self._ground))
+        first_blocked = np.where(blocked.any(axis=1), blocked.argmax(axis=1), blocked.shape[1])
+        seen &= np.arange(seen.shape[1]) < first_blocked[:, None]
+        begins, lengths = _longest_run(seen)
+        from_m = self._reach[begins]
+        to_m = np.where(lengths > 0, self._reach[np.maximum(begins + lengths - 1, 0)], from_m)
+        surfaces = [
+            float(self._reach[k]) if k < len(self._reach) else None for k in first_blocked
+        ]
+        return FreeScan(
+            tuple(round(b, 4) for b in self._bearings.tolist()),
+            tuple(None if b is None else round(b, 3) for b in surfaces),
+            tuple(round(b, 3) for b in from_m.tolist()),
+            tuple(round(b, 3) for b in to_m.tolist()),
+        )
+
+    def _stretch(
+        self, free: NDArray[np.bool_], nearest: Float64Array
+    ) -> tuple[Float64Array, Float64Array]:
+        before = free & (self._edges[:-1] < nearest[:, None])
+        begins, lengths = _longest_run(before)
+        near = self._edges[begins]
+        far = np.minimum(self._edges[begins + lengths], nearest)
+        return np.where(lengths > 0, near, 0.0), np.where(lengths > 0, far, 0.0)
+
+
+def _matcher(least: int, count: int) -> cv2.StereoBM:
+    matcher = cv2.StereoBM.create(count, _BLOCK_PX)
+    matcher.setMinDisparity(least)
+    matcher.setUniquenessRatio(_UNIQUENESS_PERCENT)
+    matcher.setTextureThreshold(_TEXTURE)
+    matcher.setDisp12MaxDiff(1)
+    matcher.setSpeckleWindowSize(_SPECKLE_PIXELS)
+    matcher.setSpeckleRange(1)
+    return matcher
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where the longest run of True begins in each row (N, M), and how long it is."""
+    edge = np.diff(np.pad(flags, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    rows, begins = np.nonzero(edge == 1)
+    lengths = np.nonzero(edge == -1)[1] - begins
+    best, start = np.zeros(len(flags), np.intp), np.zeros(len(flags), np.intp)
+    # The last one written stays: the longest.
+    order = np.argsort(lengths, kind="stable")
+    best[rows[order]], start[rows[order]] = lengths[order], begins[order]
+    return start, best

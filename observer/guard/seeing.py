@@ -1,0 +1,83 @@
+"""From an observation to what the guard goes by: obstacles and free floor in the robot's frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.guard.sight import FreeScan, SeenObstacle, Sight
+from observer.mount import CameraMount
+from observer.types import Observation, Obstacle, TrackState
+
+# What is not confirmed yet counts once its motion stands out so far, in standard deviations.
+_SURE = 4.0
+# A thing that is seen by a few points only is larger than they are.
+_LEAST_RADIUS_M = 0.15
+
+
+def sight_of_observation(
+    observation: Observation,
+    mount: CameraMount | None,
+    world: str | None,
+    scan: FreeScan | None,
+    published: float,
+) -> Sight:
+    """What the drive process is told of a frame.
+
+    Args:
+        mount: of the cameras on the robot, None where unknown: then nothing is known of places.
+        scan: the free floor of this very frame, None where it was not looked for.
+        published: the host's monotonic clock.
+    """
+    return Sight(
+        frame=observation.frame,
+        received=observation.received,
+        published=published,
+        world=world,
+        status=observation.status,
+        reasons=observation.reasons,
+        mount_known=mount is not None,
+        obstacles=() if mount is None else seen_obstacles(observation, mount),
+        scan=None if mount is None else scan,
+    )
+
+
+def seen_obstacles(observation: Observation, mount: CameraMount) -> tuple[SeenObstacle, ...]:
+    """The tracks that count for driving, over the floor.
+
+    Confirmed and coasting ones; and tentative ones whose motion stands out by ``_SURE`` standard
+    deviations with a velocity that is known to some accuracy: waiting for their confirmation
+    would cost about 0.2 s, in which a robot at 0.4 m/s comes 8 cm nearer. Weaker ones are left
+    out: they come and go, and what they are made of is in the free scan as surfaces anyway.
+    """
+    return tuple(
+        _seen(one, mount)
+        for one in observation.obstacles
+        if one.state is not TrackState.TENTATIVE
+        or (one.significance >= _SURE and one.velocity_cov is not None)
+    )
+
+
+def _seen(one: Obstacle, mount: CameraMount) -> SeenObstacle:
+    place = mount.T_base_camera.apply(one.position_camera)
+    velocity = mount.R_base_camera @ one.velocity_camera
+    # Sizes are across the heading, upwards and along it.
+    radius = float(np.hypot(one.size[0], one.size[2])) / 2
+    return SeenObstacle(
+        id=one.id,
+        x=float(place[0]),
+        y=float(place[1]),
+        vx=float(velocity[0]),
+        vy=float(velocity[1]),
+        radius_m=max(radius, _LEAST_RADIUS_M),
+        position_sigma_m=_largest_sigma(one.position_cov),
+        velocity_sigma_mps=_largest_sigma(one.velocity_cov),
+        coasting=one.state is TrackState.COASTING,
+    )
+
+
+def _largest_sigma(covariance: Float64Array | None) -> float | None:
+    """The largest standard deviation over all directions."""
+    if covariance is None or not np.isfinite(covariance).all():
+        return None
+    return float(np.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance)[-1]))))
