@@ -1,0 +1,117 @@
+"""Consent: what counts, for how long, and what it takes to count again."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from app.drive.consent import ZERO, Consent
+from app.processes.errors import ProcessRefused
+
+AHEAD = (0.3, 0.0)
+
+
+def test_a_command_counts_for_a_quarter_of_a_second_from_when_it_was_given() -> None:
+    consent = Consent()
+    assert consent.take(1, issued=10.0, velocity=AHEAD, now=10.1) == pytest.approx(0.1)
+    assert not consent.look(10.249)
+    assert (consent.velocity, consent.present) == (AHEAD, True)
+    assert consent.look(10.25)
+    assert (consent.velocity, consent.present, consent.released) == (ZERO, False, False)
+    assert not consent.look(10.3), "it expires once"
+
+
+@pytest.mark.parametrize("age", [0.25, 0.3, 5.0])
+def test_what_is_too_old_on_arrival_changes_nothing(age: float) -> None:
+    consent = Consent()
+    with pytest.raises(ProcessRefused, match=f"{1000 * age:.0f} ms old") as refused:
+        consent.take(1, 10.0, AHEAD, 10.0 + age)
+    assert refused.value.refusal == "state"
+    assert (consent.velocity, consent.present) == (ZERO, False)
+    consent.take(1, 20.0, AHEAD, 20.0)
+
+
+@pytest.mark.parametrize("sequence", [-1, 6, 7])
+def test_a_replayed_or_overtaken_command_is_refused(sequence: int) -> None:
+    consent = Consent()
+    consent.take(7, 10.0, AHEAD, 10.0)
+    with pytest.raises(ProcessRefused, match="above the last one, 7"):
+        consent.take(sequence, 10.1, (0.9, 0.0), 10.1)
+    assert consent.velocity == AHEAD
+    assert consent.look(10.25), "and prolongs nothing"
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_no_number_is_no_command(bad: float) -> None:
+    consent = Consent()
+    for issued, velocity in ((bad, AHEAD), (10.0, (bad, 0.0)), (10.0, (0.0, bad))):
+        with pytest.raises(ProcessRefused, match="finite") as refused:
+            consent.take(1, issued, velocity, 10.0)
+        assert refused.value.refusal == "input"
+    assert consent.velocity == ZERO
+
+
+def test_a_command_from_the_future_lives_no_longer() -> None:
+    consent = Consent()
+    consent.take(1, issued=99.0, velocity=AHEAD, now=10.0)
+    assert consent.look(10.25)
+
+
+def test_presence_keeps_consent_but_no_velocity() -> None:
+    consent = Consent()
+    consent.take(1, 10.0, AHEAD, 10.0)
+    consent.take(2, 10.2, None, 10.2)
+    assert not consent.look(10.24)
+    assert consent.look(10.26), "the held key is gone"
+    assert consent.present
+    assert consent.velocity == ZERO
+
+
+def test_after_expiry_a_held_key_moves_nothing_until_it_is_let_go() -> None:
+    consent = Consent()
+    consent.take(1, 10.0, AHEAD, 10.0)
+    consent.look(10.4)
+    for number in range(20):
+        now = 10.5 + 0.1 * number
+        consent.take(2 + number, now, AHEAD, now)
+        consent.look(now)
+        assert not consent.released
+    consent.take(30, 12.5, ZERO, 12.5)
+    assert consent.released
+    consent.take(31, 12.6, AHEAD, 12.6)
+    assert consent.released
+
+
+def test_a_quarter_second_of_presence_alone_is_letting_go() -> None:
+    consent = Consent()
+    consent.take(1, 10.0, None, 10.0)
+    consent.look(10.5)
+    assert not consent.released
+    for now in (10.6, 10.7, 10.8):
+        consent.take(int(now * 10), now, None, now)
+        assert not consent.released
+    consent.take(200, 10.9, None, 10.9)
+    assert consent.released
+
+
+def test_presence_beside_a_held_key_is_not_letting_go() -> None:
+    consent = Consent()
+    consent.take(1, 10.0, AHEAD, 10.0)
+    consent.look(10.5)
+    for number in range(20):
+        now = 10.6 + 0.1 * number
+        consent.take(2 + 2 * number, now, None, now)
+        consent.take(3 + 2 * number, now + 0.05, AHEAD, now + 0.05)
+        consent.look(now + 0.05)
+        assert not consent.released
+
+
+def test_arming_asks_to_let_go_only_of_what_is_held() -> None:
+    consent = Consent()
+    consent.withdraw()
+    consent.arm()
+    assert consent.released
+    consent.take(1, 10.0, AHEAD, 10.0)
+    consent.arm()
+    assert not consent.released

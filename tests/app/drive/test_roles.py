@@ -1,0 +1,449 @@
+"""The state machine of both roles, with the clock in the test's hand and robots by script."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from app.drive.messages import (
+    ArmRobot,
+    ConnectRobot,
+    DisarmRobot,
+    DisconnectRobot,
+    DriveCommand,
+    ReleaseLease,
+    ResetStop,
+    SetGuard,
+    StopRobots,
+    TakeLease,
+)
+from app.processes.errors import ProcessRefused
+from observer.guard.guard import Verdict
+from observer.robots.contract import RobotPhase
+from observer.types import Status
+
+STOP = Verdict("stop", False, 0.0, 0.0, "something stands 0.2 m ahead", 0.0, (), ())
+SLOW = Verdict("slow", False, 0.1, 0.0, "obstacle 3 would be met in 0.9 s", 0.1, (), ())
+
+
+def refused(bench: Any, command: Any, match: str, kind: str = "state") -> None:
+    with pytest.raises(ProcessRefused, match=match) as error:
+        bench.take(command)
+    assert error.value.refusal == kind
+
+
+# --- arming -------------------------------------------------------------------------------------
+
+
+def test_nothing_but_arming_switches_motors_on(bench: Any) -> None:
+    bench.connect("observer")
+    bench.lease("observer")
+    bench.hold("observer", 0.3, 1.0)
+    bench.take(ResetStop("Ann"))
+    bench.hold("observer", 0.3, 0.5)
+    assert bench.state("observer") == "disarmed"
+    assert ("enable",) not in bench.robots["observer"].calls
+    assert not any(bench.robots["observer"].velocities)
+    bench.drive("observer", 0.0)
+    bench.arm("observer")
+    bench.tick()
+    assert bench.state("observer") == "armed"
+    bench.hold("observer", 0.3, 0.5)
+    assert bench.state("observer") == "moving"
+
+
+def test_arming_says_in_one_sentence_what_is_missing(bench: Any) -> None:
+    refused(bench, ArmRobot("observer", None), "no robot is connected as the observer")
+    bench.seeing = None
+    bench.connect("observer")
+    robot = bench.robots["observer"]
+    robot.change(phase=RobotPhase.CONNECTING, trouble="it does not answer")
+    refused(bench, ArmRobot("observer", None), "not connected: it does not answer")
+    robot.change(phase=RobotPhase.CONNECTED, trouble=None, fault="a wheel stalled")
+    refused(bench, ArmRobot("observer", None), "a wheel stalled; reset it first")
+    robot.change(fault=None, stop_pressed=True)
+    refused(bench, ArmRobot("observer", None), "stop button .* is pressed")
+    robot.change(stop_pressed=False)
+    refused(bench, ArmRobot("observer", None), "nothing is seen")
+    for seeing, match in (
+        ({"mount_known": False}, "rig"),
+        ({"world": "simulated:lab:7"}, "another world"),
+        ({"world": None}, "a recording"),
+        ({"status": Status.LOST}, "vision is lost"),
+        ({"status": Status.DEGRADED, "reasons": ("few points",)}, "degraded: few points"),
+    ):
+        bench.seeing = seeing
+        bench.tick()
+        refused(bench, ArmRobot("observer", None), match)
+    bench.seeing = {}
+    bench.tick()
+    bench.seeing = None
+    bench.run(0.3)
+    refused(bench, ArmRobot("observer", None), "no frame came")
+    bench.seeing = {}
+    bench.tick()
+    bench.lease("observer")
+    refused(bench, ArmRobot("observer", None), "Ann drives the observer")
+    refused(bench, ArmRobot("observer", "0" * 16), "not in force")
+    bench.take(StopRobots("Bob"))
+    refused(bench, ArmRobot("observer", bench.leases["observer"]), "stopped by Bob; reset")
+    bench.take(ResetStop("Bob"))
+    assert ("enable",) not in robot.calls
+    bench.arm("observer")
+    assert ("enable",) in robot.calls
+
+
+def test_the_obstacle_needs_no_sight(bench: Any) -> None:
+    bench.seeing = None
+    bench.ready("obstacle")
+    bench.hold("obstacle", 0.3, 2.0)
+    assert bench.sent("obstacle") == (0.3, 0.0)
+    assert all(sight is None for role, sight in bench.guard.sights if role == "obstacle")
+
+
+def test_a_key_that_is_held_while_arming_has_to_be_let_go_first(bench: Any) -> None:
+    bench.connect("obstacle")
+    bench.lease("obstacle")
+    bench.hold("obstacle", 0.3, 0.3)
+    bench.arm("obstacle")
+    bench.hold("obstacle", 0.3, 0.5)
+    assert bench.sent("obstacle") == (0.0, 0.0)
+    assert "let go" in bench.why("obstacle")
+    bench.drive("obstacle", 0.0)
+    bench.hold("obstacle", 0.3, 0.2)
+    assert bench.state("obstacle") == "moving"
+
+
+# --- commands -----------------------------------------------------------------------------------
+
+
+def test_speed_is_ramped_up_and_zero_is_at_once(bench: Any) -> None:
+    bench.ready("obstacle")
+    bench.hold("obstacle", 0.3, 1.5)
+    speeds = [speed for speed, _ in bench.robots["obstacle"].velocities]
+    steps = [b - a for a, b in zip(speeds, speeds[1:], strict=False)]
+    assert max(steps) <= bench.parameters.acceleration_mps2 * 0.02 + 1e-9
+    assert speeds[-1] == 0.3
+    bench.drive("obstacle", 0.0)
+    bench.tick()
+    assert bench.robots["obstacle"].velocities[-1] == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("still", ["command", "presence"])
+def test_an_expired_command_is_zero_and_asks_to_let_go(bench: Any, still: str) -> None:
+    bench.ready("obstacle")
+    bench.hold("obstacle", 0.3, 1.5)
+    last = bench.now - 0.1
+    while bench.sent("obstacle") != (0.0, 0.0):
+        if still == "presence" and round((bench.now - last) / 0.02) % 5 == 0:
+            bench.present("obstacle")
+        bench.tick()
+        assert bench.now - last < 0.30
+    assert bench.now - last >= 0.25 - 1e-9
+    assert bench.kinds() == ["expired"]
+    assert bench.state("obstacle") == "armed"
+    for _ in range(5):
+        bench.hold("obstacle", 0.3, 0.2)
+        assert bench.sent("obstacle") == (0.0, 0.0)
+    bench.drive("obstacle", 0.0)
+    bench.tick()
+    bench.hold("obstacle", 0.3, 0.2)
+    assert bench.sent("obstacle")[0] > 0
+
+
+def test_who_only_was_away_may_drive_on_after_a_moment_of_presence(bench: Any) -> None:
+    bench.ready("obstacle")
+    bench.stay("obstacle", 1.0)
+    bench.run(1.0)
+    assert bench.incidents == []
+    bench.stay("obstacle", 0.5)
+    bench.hold("obstacle", 0.3, 0.3)
+    assert bench.sent("obstacle")[0] > 0
+
+
+def test_old_replayed_and_foreign_commands_are_refused_and_change_nothing(bench: Any) -> None:
+    bench.ready("obstacle")
+    bench.hold("obstacle", 0.3, 1.5)
+    lease, number, now = bench.leases["obstacle"], bench.sequence, bench.now
+    for command, match in (
+        (DriveCommand("obstacle", lease, number + 1, now - 0.26, 0.5, 0.0), "260 ms old"),
+        (DriveCommand("obstacle", lease, number, now, 0.5, 0.0), "above the last one"),
+        (DriveCommand("obstacle", "0" * 16, number + 1, now, 0.5, 0.0), "not in force"),
+    ):
+        refused(bench, command, match)
+    refused(
+        bench, DriveCommand("obstacle", lease, number + 1, now, float("nan"), 0.0),
+        "finite", "input",
+    )  # fmt: skip
+    refused(bench, DriveCommand("cart", lease, 1, now, 0.5, 0.0), "no role", "input")  # type: ignore[arg-type]
+    bench.tick()
+    assert bench.roles.driven["obstacle"].asked == (0.3, 0.0)
+
+
+def test_what_the_robot_takes_is_what_counts_as_sent(bench: Any) -> None:
+    bench.ready("obstacle")
+    bench.robots["obstacle"].most = 0.2
+    bench.hold("obstacle", 0.3, 1.5)
+    assert bench.sent("obstacle") == (0.2, 0.0)
+    assert "takes no more" in bench.why("obstacle")
+
+
+# --- stop ---------------------------------------------------------------------------------------
+
+
+def test_stop_reaches_all_robots_in_the_same_tick_and_latches(bench: Any) -> None:
+    for role in ("observer", "obstacle"):
+        bench.ready(role)
+    for _ in range(10):
+        for role in ("observer", "obstacle"):
+            bench.drive(role, 0.3)
+        bench.tick(5)
+    bench.take(StopRobots("somebody at 10.0.0.7"))
+    for role, robot in bench.robots.items():
+        assert robot.calls[-1] == ("stop",)
+        assert bench.state(role) == "disarmed"
+    bench.tick()
+    assert bench.kinds() == ["stop"]
+    for role in ("observer", "obstacle"):
+        bench.drive(role, 0.0)
+        bench.hold(role, 0.3, 0.3)
+        refused(bench, ArmRobot(role, bench.leases[role]), "stopped by somebody at 10.0.0.7")
+        assert "stopped by somebody" in bench.why(role)
+        assert bench.sent(role) == (0.0, 0.0)
+    bench.take(StopRobots("Eve"))
+    assert bench.roles.stopped.by == "somebody at 10.0.0.7"
+    bench.take(ResetStop("Ann"))
+    bench.hold("observer", 0.3, 0.3)
+    assert bench.state("observer") == "disarmed", "a reset arms nothing"
+    assert all(("clear",) in robot.calls for robot in bench.robots.values())
+
+
+# --- sight --------------------------------------------------------------------------------------
+
+
+def driving(bench: Any) -> None:
+    bench.ready("observer")
+    bench.ready("obstacle")
+    for _ in range(15):
+        bench.drive("observer", 0.3)
+        bench.drive("obstacle", 0.3)
+        bench.tick(5)
+
+
+def both(bench: Any, seconds: float) -> None:
+    for _ in range(round(seconds / 0.1)):
+        bench.drive("observer", 0.3)
+        bench.drive("obstacle", 0.3)
+        bench.tick(5)
+
+
+def test_expired_sight_stops_the_observer_alone(bench: Any) -> None:
+    driving(bench)
+    assert bench.sent("observer") == (0.3, 0.0)
+    last, bench.seeing = bench.now, None
+    while bench.sent("observer") != (0.0, 0.0):
+        bench.tick()
+        bench.drive("observer", 0.3)
+        bench.drive("obstacle", 0.3)
+        assert bench.now - last <= 0.2 + 0.041
+    assert bench.kinds() == ["sight"]
+    assert bench.sent("obstacle") == (0.3, 0.0)
+    # A frame that comes again restarts nothing while the key is held.
+    bench.seeing = {}
+    both(bench, 0.5)
+    assert bench.state("observer") == "armed"
+    bench.drive("observer", 0.0)
+    bench.tick()
+    both(bench, 0.3)
+    assert bench.state("observer") == "moving"
+
+
+def test_a_second_without_sight_disarms(bench: Any) -> None:
+    driving(bench)
+    bench.seeing = None
+    both(bench, 1.1)
+    assert bench.state("observer") == "armed"
+    both(bench, 0.2)
+    assert bench.state("observer") == "disarmed"
+    assert bench.robots["observer"].calls.count(("disable",)) == 1
+    assert "no frame" in bench.why("observer")
+    assert bench.kinds() == ["sight", "sight"]
+    assert bench.state("obstacle") == "moving"
+    bench.seeing = {}
+    bench.drive("observer", 0.0)
+    both(bench, 0.5)
+    assert bench.state("observer") == "disarmed"
+
+
+@pytest.mark.parametrize(
+    "seeing",
+    [
+        {"status": Status.DEGRADED},
+        {"status": Status.LOST},
+        {"world": "simulated:lab:7"},
+        {"world": None},
+        {"mount_known": False},
+    ],
+)
+def test_one_frame_that_is_none_to_go_by_is_enough(bench: Any, seeing: Any) -> None:
+    driving(bench)
+    bench.seeing = seeing
+    bench.tick()
+    assert bench.sent("observer") == (0.0, 0.0)
+    bench.seeing = {}
+    both(bench, 0.5)
+    assert bench.sent("observer") == (0.0, 0.0)
+
+
+# --- guard --------------------------------------------------------------------------------------
+
+
+def test_an_obstacle_slows_stops_and_lets_go_while_the_key_is_held(bench: Any) -> None:
+    driving(bench)
+    bench.guard.answers["observer"] = SLOW
+    both(bench, 0.2)
+    assert bench.sent("observer") == (0.1, 0.0)
+    assert bench.why("observer") == SLOW.reason
+    bench.guard.answers["observer"] = STOP
+    both(bench, 0.2)
+    assert bench.sent("observer") == (0.0, 0.0)
+    assert bench.kinds() == ["guard"]
+    bench.guard.answers.clear()
+    both(bench, 1.5)
+    assert bench.sent("observer") == (0.3, 0.0)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        Verdict("clear", False, 0.9, 0.5, None, None, (), ()),
+        Verdict("clear", False, -0.3, -0.5, None, None, (), ()),
+        Verdict("clear", False, float("nan"), float("nan"), None, None, (), ()),
+        RuntimeError("a bug"),
+    ],
+)
+def test_a_guard_that_errs_never_makes_a_robot_faster(bench: Any, answer: Any) -> None:
+    driving(bench)
+    bench.guard.answers["observer"] = answer
+    before = len(bench.robots["observer"].velocities)
+    both(bench, 0.5)
+    for speed, turn in bench.robots["observer"].velocities[before:]:
+        assert 0.0 <= speed <= 0.3
+        assert turn == 0.0
+    if isinstance(answer, Exception):
+        assert bench.sent("observer") == (0.0, 0.0)
+        assert "guard failed" in bench.why("observer")
+        assert bench.sent("obstacle") == (0.3, 0.0)
+
+
+def test_the_guards_parameters_are_checked_and_used(bench: Any) -> None:
+    bench.take(SetGuard({"guard.acceleration_mps2": 3.0}))
+    assert bench.guard.parameters[-1].acceleration_mps2 == 3.0
+    refused(bench, SetGuard({"guard.speed_max_mps": -1}), "guard.speed_max_mps", "input")
+    refused(bench, SetGuard({"guard.nonsense": 1}), "guard.nonsense", "input")
+    assert len(bench.guard.parameters) == 1
+    bench.ready("obstacle")
+    bench.hold("obstacle", 0.3, 0.1)
+    assert bench.sent("obstacle")[0] == pytest.approx(0.3)
+
+
+# --- faults and leases --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"fault": "the left wheel stalled"}, "left wheel"),
+        ({"phase": RobotPhase.WAITING, "trouble": "the port is gone"}, "the port is gone"),
+    ],
+)
+def test_a_fault_disarms_until_somebody_arms_again(bench: Any, change: Any, match: str) -> None:
+    driving(bench)
+    robot = bench.robots["obstacle"]
+    robot.change(**change)
+    bench.tick()
+    assert robot.calls[-1] == ("disable",)
+    assert bench.kinds() == ["fault"]
+    assert match in bench.why("obstacle")
+    assert bench.state("obstacle") in ("disarmed", "waiting")
+    robot.change(phase=RobotPhase.CONNECTED, fault=None, trouble=None)
+    bench.drive("obstacle", 0.0)
+    both(bench, 0.5)
+    assert bench.state("obstacle") == "disarmed"
+    assert bench.sent("observer") == (0.3, 0.0), "the other one drives on"
+
+
+def test_one_operator_at_a_time_and_takeover_disarms(bench: Any) -> None:
+    bench.ready("obstacle")
+    bench.hold("obstacle", 0.3, 1.0)
+    refused(bench, TakeLease("obstacle", "Bob"), "Ann drives the obstacle; take over")
+    bench.tick()
+    assert bench.state("obstacle") == "moving"
+    old = bench.leases["obstacle"]
+    bench.lease("obstacle", "Bob", takeover=True)
+    bench.tick()
+    assert bench.state("obstacle") == "disarmed"
+    assert bench.robots["obstacle"].velocities[-1] == (0.0, 0.0)
+    assert [(i.kind, i.sentence) for i in bench.incidents] == [
+        ("lease", "Bob took the obstacle over from Ann")
+    ]
+    refused(bench, DriveCommand("obstacle", old, 999, bench.now, 0.3, 0.0), "not in force, Bob")
+    # Numbers are counted anew for each lease.
+    bench.sequence = 0
+    bench.arm("obstacle")
+    bench.hold("obstacle", 0.3, 0.3)
+    assert bench.state("obstacle") == "moving"
+
+
+def test_a_lease_given_back_stops_and_disarms(bench: Any) -> None:
+    bench.ready("obstacle")
+    bench.hold("obstacle", 0.3, 1.0)
+    refused(bench, ReleaseLease("obstacle", "0" * 16), "not in force")
+    bench.take(ReleaseLease("obstacle", bench.leases["obstacle"]))
+    assert bench.robots["obstacle"].calls[-1] == ("disable",)
+    assert (0.0, 0.0) in bench.robots["obstacle"].velocities[-1:]
+    bench.tick()
+    assert bench.state("obstacle") == "disarmed"
+    assert bench.roles.leases.holder("obstacle") is None
+
+
+def test_anyone_may_disarm(bench: Any) -> None:
+    driving(bench)
+    bench.take(DisarmRobot("observer"))
+    both(bench, 0.3)
+    assert bench.state("observer") == "disarmed"
+    assert bench.why("observer") == "the observer is not armed"
+    assert bench.kinds() == []
+    assert bench.state("obstacle") == "moving"
+
+
+# --- connections --------------------------------------------------------------------------------
+
+
+def test_another_port_lets_the_old_robot_go_at_zero(bench: Any) -> None:
+    driving(bench)
+    robot = bench.robots["observer"]
+    bench.take(ConnectRobot("observer", "/dev/other", None, "real"))
+    assert robot.calls[-1] == ("disable",)
+    assert bench.attendants["observer"].closed == [robot]
+    bench.tick()
+    assert bench.attendants["observer"].ports == ["/dev/observer", "/dev/other"]
+    assert not bench.roles.driven["observer"].armed
+    refused(
+        bench, ConnectRobot("observer", "/dev/obstacle", None, "real"),
+        "is the port of the obstacle", "input",
+    )  # fmt: skip
+    bench.take(DisconnectRobot("observer"))
+    bench.tick()
+    assert bench.state("observer") is None
+    assert bench.attendants["observer"].closed == [robot, robot]
+
+
+def test_a_port_that_nobody_can_name_is_told(bench: Any) -> None:
+    bench.attendants["observer"].prepared = "a robot's port is a device, not 'x'"
+    bench.take(ConnectRobot("observer", "x", None, "real"))
+    bench.now += 0.02
+    assert bench.roles.step(bench.now, None)["observer"] == "a robot's port is a device, not 'x'"
+    assert bench.state("observer") == "refused"
+    refused(bench, ArmRobot("observer", None), "not 'x'")
