@@ -9,14 +9,20 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
 
 from observer.robots.arcos import HEADER, Command, PacketParser, decode_command, packet
 from observer.robots.models import RobotSpec
 from observer.simulation.robots import packets
-from observer.simulation.robots.chassis import Chassis, Drive, Wheels
+from observer.simulation.robots.chassis import Chassis
 from observer.simulation.robots.command_log import Arrived, CommandLog
 from observer.simulation.robots.faults import Faults
+from observer.simulation.robots.motors import (
+    HARDEST_MPS2,
+    HARDEST_RADPS2,
+    STALL_WAIT_S,
+    VELOCITIES,
+    Motors,
+)
 
 WATCHDOG_S = 2.0
 STATUS_S = 0.1
@@ -24,46 +30,12 @@ _SONAR_S = 0.04
 # Sonars of one array fire one after the other, arrays at the same time.
 _ARRAY = 8
 _NO_ECHO_MM = 5000
-# After a stall the motors are relaxed for so long; CONFIG tells it in units of 5 ms.
-_STALL_WAIT_S = 1.0
 # A packet that does not go on for so long was none.
 _INCOMPLETE_S = 0.1
-# As hard as the machine can brake: E_STOP overrides the deceleration that was asked for.
-_HARDEST_MPS2, _HARDEST_RADPS2 = 5.0, 20.0
 # Below these a robot counts as standing.
 _STANDS_MPS, _STANDS_RADPS = 0.002, 0.004
-# Of the goals of MOVE, HEAD and DHEAD.
-_NEAR_M, _NEAR_RAD = 0.005, math.radians(0.5)
 _TICKS_PER_TURN = 500
 _BAUDS = (9600, 19200, 38400, 57600, 115200)
-
-_VELOCITIES = (Command.VEL, Command.RVEL, Command.VEL2)
-_MOTIONS = (*_VELOCITIES, Command.MOVE, Command.HEAD, Command.DHEAD)
-
-
-@dataclass
-class _Setpoint:
-    """What motion was asked for last; it outlives the watchdog."""
-
-    speed: float = 0.0
-    turn_rate: float = 0.0
-    wheels: bool = False
-    # Way and heading to be reached, in the encoders' own sums.
-    way_goal: float | None = None
-    heading_goal: float | None = None
-    hard: bool = False
-
-
-@dataclass
-class _Limits:
-    """As CONFIG tells and SETV, SETRV, SETA and SETRA change; m/s, rad/s and per second."""
-
-    speed: float
-    turn_rate: float
-    acceleration: float = 0.3
-    deceleration: float = 0.3
-    turn_acceleration: float = math.radians(100)
-    turn_deceleration: float = math.radians(100)
 
 
 class Firmware:
@@ -104,19 +76,12 @@ class Firmware:
         self._subtype = subtype or spec.model
         self._watchdog_s = watchdog_s
         self._bumpers = (front_bumpers, rear_bumpers)
+        self._motors = Motors(spec, chassis, self.faults, self._bumpers, watchdog_s, now)
         self._parser = PacketParser()
         self._now = self._received = now
         self._open = False
         self._next_sync = 0
-        self._enabled = False
         self._to_go_off = False
-        self._setpoint = _Setpoint()
-        self._limits = _Limits(spec.speed_max_mps, spec.turn_rate_max_radps)
-        self._commanded = now
-        self._timed_out = False
-        self._relaxed_until = -math.inf
-        self._stall = (False, False)
-        self._bump_stall = 0
         self._battest = 0
         self._origin = (0.0, 0.0, 0.0)
         self._next_status = self._next_sonar = math.inf
@@ -134,12 +99,12 @@ class Firmware:
 
     @property
     def motors_enabled(self) -> bool:
-        return self._enabled and not self.faults.stop_pressed
+        return self._motors.on
 
     @property
     def timed_out(self) -> bool:
         """Whether the watchdog stopped it and no command came since."""
-        return self._timed_out
+        return self._motors.timed_out
 
     @property
     def odometry(self) -> tuple[float, float, float]:
@@ -182,7 +147,7 @@ class Firmware:
             sent = self._take_all(self._parser.abandon(), now)
         if not self._open:
             return sent
-        self._watch(now)
+        self._motors.watch(now)
         self._listen_to_sonar(now)
         if now < self._next_status:
             return sent
@@ -222,9 +187,9 @@ class Firmware:
         else:
             sent = self._obey(number, argument, now)
         meant = True
-        if number in _VELOCITIES and isinstance(argument, int) and argument != 0:
-            meant = self.log.intended(*self._asked(number, argument))
-        point = self._setpoint
+        if number in VELOCITIES and isinstance(argument, int) and argument != 0:
+            meant = self.log.intended(*self._motors.asked(number, argument))
+        point = self._motors.setpoint
         self.log.add(
             Arrived(
                 now, number, argument, point.speed, point.turn_rate, self.motors_enabled, not meant
@@ -261,9 +226,8 @@ class Firmware:
 
     def _begin(self, now: float) -> None:
         self._open = True
-        self._disable()
-        self._commanded = now
-        self._timed_out = False
+        self._motors.switch(on=False)
+        self._motors.commanded(now)
         self._next_status = now + STATUS_S
         self._next_sonar = now
         self._sonar_on = bool(self.spec.sonars)
@@ -272,7 +236,7 @@ class Firmware:
         self._set_origin()
 
     def _end(self) -> None:
-        self._disable()
+        self._motors.switch(on=False)
         self._open = False
         self._next_sync = 0
         self._next_status = self._next_sonar = math.inf
@@ -285,175 +249,48 @@ class Firmware:
     def _go_off(self) -> None:
         if self._to_go_off:
             self._to_go_off = False
-            self._disable()
-
-    def _disable(self) -> None:
-        self._enabled = False
-        self._setpoint = _Setpoint()
-        self._drive()
+            self._motors.switch(on=False)
 
     # ------------------------------------------------------------------ commands
 
     def _obey(self, number: int, argument: int | bytes | None, now: float) -> bytes:
-        # Any command at all ends a time-out, and the robot takes its last setpoint up again.
-        self._commanded = now
-        self._timed_out = False
+        # Also PULSE, OPEN, and what it does not know.
+        self._motors.commanded(now)
         value = argument if isinstance(argument, int) else None
-        if number == Command.OPEN or number == Command.PULSE:
-            pass
-        elif number == Command.CLOSE:
+        if number == Command.CLOSE:
             self._end()
         elif number == Command.CONFIG:
             return self._framed(self._config())
         elif number in (Command.STOP, Command.E_STOP):
-            self._setpoint = _Setpoint(hard=number == Command.E_STOP)
+            self._motors.stop(hard=number == Command.E_STOP)
         elif number == Command.SETO:
             self._set_origin()
         elif value is not None:
-            sent = self._set(number, value)
-            if sent is not None:
-                return sent
-            self._move(number, value)
-        self._drive()
+            self._motors.move(number, value, self.odometry[2])
+            return self._set(number, value)
         return b""
 
-    def _set(self, number: int, value: int) -> bytes | None:
-        """Commands that set something; None where it is none of them, or has no answer."""
-        limits, spec = self._limits, self.spec
+    def _set(self, number: int, value: int) -> bytes:
+        """Commands with a number that do not move; what they are answered with."""
         if number == Command.ENABLE:
-            if not value:
-                self._disable()
-            elif not self.faults.stop_pressed:
-                self._enabled = True
-        elif number == Command.SETA and value:
-            name = "acceleration" if value > 0 else "deceleration"
-            setattr(limits, name, abs(value) / 1000)
-        elif number == Command.SETRA and value:
-            name = "turn_acceleration" if value > 0 else "turn_deceleration"
-            setattr(limits, name, math.radians(abs(value)))
-        elif number == Command.SETV and value > 0:
-            limits.speed = min(value / 1000, spec.speed_max_mps)
-        elif number == Command.SETRV and value > 0:
-            limits.turn_rate = min(math.radians(value), spec.turn_rate_max_radps)
+            self._motors.switch(on=bool(value))
         elif number == Command.SONAR:
-            self._sonar_on = bool(value & 1) and bool(spec.sonars)
+            self._sonar_on = bool(value & 1) and bool(self.spec.sonars)
         elif number == Command.BUMPSTALL:
-            self._bump_stall = value & 3
+            self._motors.bump_stall = value & 3
         elif number == Command.BATTEST:
             self._battest = max(0, value)
         elif number == Command.HOSTBAUD and 0 <= value < len(_BAUDS):
             self.baud = _BAUDS[value]
         elif number == Command.ENCODER:
             self._encoder = value
-            return self._framed(self._encoders()) if value == 1 else None
+            return self._framed(self._encoders()) if value == 1 else b""
         elif number == Command.IOREQUEST:
             self._io = value
-            return self._framed(bytes([packets.IO_REPLY]) + bytes(21)) if value == 1 else None
-        return None
-
-    def _asked(self, number: int, value: int) -> tuple[float, float]:
-        """The velocity that a command asks for by itself, before limits; m/s and rad/s."""
-        if number == Command.VEL:
-            return value / 1000, 0.0
-        if number == Command.RVEL:
-            return 0.0, math.radians(value)
-        left, right = struct.unpack(">bb", struct.pack(">H", value & 0xFFFF))
-        return (left + right) / 2 * 0.02, (right - left) / 2 * 20 * self.spec.wheel_turn
-
-    def _move(self, number: int, value: int) -> None:
-        """Commands that move; motors that are off take none."""
-        if not self.motors_enabled or number not in _MOTIONS:
-            return
-        point, limits, wheels = self._setpoint, self._limits, self._chassis.wheels()
-        point.hard = False
-        if number == Command.VEL2:
-            speed, turn_rate = self._asked(number, value)
-            self._setpoint = _Setpoint(
-                _bounded(speed, limits.speed), _bounded(turn_rate, limits.turn_rate), wheels=True
-            )
-            return
-        if point.wheels:
-            # The two kinds of velocity exclude each other: the last one wins.
-            point = self._setpoint = _Setpoint()
-        if number == Command.VEL:
-            point.speed, point.way_goal = _bounded(value / 1000, limits.speed), None
-        elif number == Command.RVEL:
-            rate = _bounded(math.radians(value), limits.turn_rate)
-            point.turn_rate, point.heading_goal = rate, None
-        elif number == Command.MOVE:
-            point.way_goal = (wheels.left_m + wheels.right_m) / 2 + value / 1000
-        elif number == Command.HEAD:
-            turn = math.radians(value) - (wheels.yaw - self._origin[2])
-            point.heading_goal = wheels.yaw + math.remainder(turn, 2 * math.pi)
+            return self._framed(bytes([packets.IO_REPLY]) + bytes(21)) if value == 1 else b""
         else:
-            point.heading_goal = wheels.yaw + math.radians(value)
-
-    # ------------------------------------------------------------------ motion
-
-    def _watch(self, now: float) -> None:
-        """The watchdog, stalls and goals: what changes the motors without a command."""
-        wheels = self._chassis.wheels()
-        if now - self._commanded > self._watchdog_s:
-            self._timed_out = True
-        front, rear = self._touched(wheels)
-        bumped = (self._bump_stall & 1 and front) or (self._bump_stall & 2 and rear)
-        stalled = self._stalled(wheels)
-        if now >= self._relaxed_until:
-            self._stall = stalled
-            # It relaxes its motors for a while and tries again by itself.
-            if (any(stalled) or bumped) and now >= self._relaxed_until + STATUS_S:
-                self._relaxed_until = now + _STALL_WAIT_S
-        if self.faults.stop_pressed and self._enabled:
-            self._disable()
-        self._approach(wheels)
-        self._drive()
-
-    def _approach(self, wheels: Wheels) -> None:
-        """Towards the goals of MOVE, HEAD and DHEAD."""
-        point, limits = self._setpoint, self._limits
-        if point.way_goal is not None:
-            rest = point.way_goal - (wheels.left_m + wheels.right_m) / 2
-            if abs(rest) < _NEAR_M:
-                point.way_goal, point.speed = None, 0.0
-            else:
-                fast = min(limits.speed, math.sqrt(limits.deceleration * abs(rest)), abs(rest) * 4)
-                point.speed = math.copysign(fast, rest)
-        if point.heading_goal is not None:
-            rest = point.heading_goal - wheels.yaw
-            if abs(rest) < _NEAR_RAD:
-                point.heading_goal, point.turn_rate = None, 0.0
-            else:
-                fast = math.sqrt(limits.turn_deceleration * abs(rest))
-                fast = min(limits.turn_rate, fast, abs(rest) * 4)
-                point.turn_rate = math.copysign(fast, rest)
-
-    def _drive(self) -> None:
-        """Hand the motors what holds now."""
-        point, limits = self._setpoint, self._limits
-        hard = point.hard
-        moves = self._enabled and not self._timed_out and self._now >= self._relaxed_until
-        self._chassis.drive(
-            Drive(
-                point.speed if moves else 0.0,
-                point.turn_rate if moves else 0.0,
-                limits.acceleration,
-                _HARDEST_MPS2 if hard else limits.deceleration,
-                limits.turn_acceleration,
-                _HARDEST_RADPS2 if hard else limits.turn_deceleration,
-                powered=self.motors_enabled,
-            )
-        )
-
-    def _stalled(self, wheels: Wheels) -> tuple[bool, bool]:
-        forced = self.faults.stalled
-        return wheels.stalled[0] or forced[0], wheels.stalled[1] or forced[1]
-
-    def _touched(self, wheels: Wheels) -> tuple[int, int]:
-        front, rear = self._bumpers
-        return (
-            (wheels.front_bumpers | self.faults.front_bumpers) & ((1 << front) - 1),
-            (wheels.rear_bumpers | self.faults.rear_bumpers) & ((1 << rear) - 1),
-        )
+            self._motors.limit(number, value)
+        return b""
 
     # ------------------------------------------------------------------ what it tells
 
@@ -474,9 +311,8 @@ class Firmware:
         wheels, faults, spec = self._chassis.wheels(), self.faults, self.spec
         x, y, yaw = self.odometry
         speed, turn = wheels.speed_mps * 1000, wheels.turn_rate_radps / spec.wheel_turn
-        front, rear = self._touched(wheels)
-        # While its motors are relaxed nothing pushes, and the stall still stands.
-        stalled = self._stall if self._now < self._relaxed_until else self._stalled(wheels)
+        front, rear = self._motors.touched(wheels)
+        stalled = self._motors.stalled(wheels)
         stall = stalled[0] | stalled[1] << 8 | rear << 1 | front << 9
         if faults.phantom_bumpers:
             stall |= 0xFEFE
@@ -512,22 +348,22 @@ class Firmware:
         return bytes([packets.ENCODER_REPLY]) + struct.pack("<ii", *ways)
 
     def _config(self) -> bytes:
-        spec, limits = self.spec, self._limits
+        spec, limits = self.spec, self._motors.limits
         return packets.ConfigFields(
             subtype=self._subtype,
             name=self._name,
             serial="0000",
             rot_top=round(math.degrees(spec.turn_rate_max_radps)),
             trans_top=round(spec.speed_max_mps * 1000),
-            rot_acc_top=round(math.degrees(_HARDEST_RADPS2)),
-            trans_acc_top=round(_HARDEST_MPS2 * 1000),
+            rot_acc_top=round(math.degrees(HARDEST_RADPS2)),
+            trans_acc_top=round(HARDEST_MPS2 * 1000),
             host_baud=_BAUDS.index(self.baud),
             front_sonar=bool(spec.sonars),
             rear_sonar=len(spec.sonars) > _ARRAY,
             low_battery_dv=110,
             ticks_per_turn=_TICKS_PER_TURN,
             watchdog_ms=round(self._watchdog_s * 1000),
-            stall_count=round(_STALL_WAIT_S / 0.005),
+            stall_count=round(STALL_WAIT_S / 0.005),
             rot_max=round(math.degrees(limits.turn_rate)),
             trans_max=round(limits.speed * 1000),
             rot_acc=round(math.degrees(limits.turn_acceleration)),
@@ -537,7 +373,3 @@ class Firmware:
             front_bumpers=self._bumpers[0],
             rear_bumpers=self._bumpers[1],
         ).data()
-
-
-def _bounded(value: float, limit: float) -> float:
-    return max(-limit, min(limit, value))
