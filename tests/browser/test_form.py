@@ -7,7 +7,7 @@ from playwright.sync_api import expect
 
 pytestmark = pytest.mark.browser
 
-_TABS = ("Source", "Parameters", "Calibration", "Runs", "Status")
+_TABS = ("Source", "Parameters", "Robots", "Calibration", "Runs", "Status")
 
 # Parts that stand out to the right of the window, but for those that scroll by themselves.
 _TOO_WIDE = """() => [...document.querySelectorAll("body *")]

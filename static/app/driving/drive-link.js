@@ -1,11 +1,13 @@
 /** The drive socket: leases, velocities, signs of presence, and how good the link is. */
 
-import { LiveSocket } from "../live-socket.js";
+import { LiveSocket, socketUrl } from "../live-socket.js";
 
 /** @typedef {import("./types.js").Role} Role */
 /** @typedef {import("./types.js").SentReply} SentReply */
 
 const ANSWER_MS = 4000;
+const PATH = "/api/drive";
+const NAME_KEY = "dynamic-observer.operator";
 
 /**
  * One socket is one operator; its leases end with it and are never asked for again by themselves.
@@ -25,13 +27,25 @@ export class DriveLink extends EventTarget {
   /** Why the newest command was not taken. */
   refusal = "";
 
+  /** What the server calls this operator; empty until it is connected. */
+  operator = "";
+
   #sequence = 0;
   /** Asked for, not answered yet. @type {Map<Role, {takeover: boolean, done: (sentence: string | null) => void}>} */
   #asked = new Map();
-  #socket = new LiveSocket("/api/drive", {
+  #socket = new LiveSocket(PATH, {
     message: (message) => this.#receive(message),
     state: (state) => this.#connectionChanged(state),
   });
+
+  /** What this operator wants to be called; counts from the next connection on. */
+  get name() {
+    return localStorage.getItem(NAME_KEY) ?? "";
+  }
+
+  set name(name) {
+    localStorage.setItem(NAME_KEY, name.trim());
+  }
 
   /**
    * Become the one who drives a role.
@@ -53,7 +67,10 @@ export class DriveLink extends EventTarget {
         },
       });
       if (this.connection === "open") this.#ask(role);
-      else this.#socket.open();
+      else {
+        this.#socket.url = socketUrl(this.name ? `${PATH}?name=${encodeURIComponent(this.name)}` : PATH);
+        this.#socket.open();
+      }
     });
   }
 
@@ -110,6 +127,8 @@ export class DriveLink extends EventTarget {
   #receive(message) {
     if (message.type === "ping") {
       this.#send({ type: "pong", id: message.id, time: performance.now() });
+    } else if (message.type === "operator") {
+      this.operator = message.name;
     } else if (message.type === "lease") {
       this.#leaseChanged(message);
     } else if (message.type === "sent") {

@@ -139,7 +139,7 @@ export class DrivePad extends Part {
     const sent = reply ?? robot?.sent;
     setText(this.#sent, sent ? `Sent: ${fixed(sent.speed_mps, 2)} m/s, ${turnInWords(sent.turn_rate_radps)}` : "Sent: –");
     const limit = reply?.limited_by;
-    setText(this.#limit, limit ? `Limited by ${limit}` : "");
+    setText(this.#limit, limit ? `Less than asked: ${limit}` : "");
     this.#limit.hidden = !limit;
   }
 

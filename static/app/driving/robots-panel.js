@@ -1,7 +1,7 @@
 /** Both robots: how they are, who drives them, and driving the chosen one. */
 
 import { request } from "../api.js";
-import { h, setAttribute, setText } from "../dom.js";
+import { field, h, setAttribute, setText } from "../dom.js";
 import { passFocus } from "../focus-place.js";
 import { notifyError } from "../notice.js";
 import { Part } from "../part.js";
@@ -28,6 +28,7 @@ class RobotsPanel extends Part {
   #happened = h("details", { hidden: true }, h("summary", {}, "What stopped robots lately"), this.#incidents);
   #port = new PortForm();
   #place = h("details", {}, h("summary", {}, "Port and model"), this.#port);
+  #name = h("input", { type: "text", id: "operator-name", maxlength: "40", autocomplete: "nickname" });
   #busy = false;
   #placed = false;
 
@@ -44,6 +45,7 @@ class RobotsPanel extends Part {
       this.#pad,
       h("details", {}, h("summary", {}, "Everything it tells"), this.#figures),
       this.#happened,
+      h("details", {}, h("summary", {}, "Your name"), field("What others see while you drive", this.#name, "From the next connection on.")),
       this.#place);
     for (const [role, { input }] of this.#cards) {
       input.addEventListener("change", () => {
@@ -54,6 +56,10 @@ class RobotsPanel extends Part {
     this.#disarm.addEventListener("click", () => void this.#do(() => request("POST", `/robots/${driver.role}/disarm`)));
     this.#takeOver.addEventListener("click", () => void this.#do(() => this.#take()));
     this.#giveBack.addEventListener("click", () => driver.link.release(driver.role));
+    this.#name.value = driver.link.name;
+    this.#name.addEventListener("change", () => {
+      driver.link.name = this.#name.value;
+    });
     this.#pad.attach(this.hub);
     this.#port.attach(this.hub);
     this.hear("robots", () => this.#render());

@@ -76,7 +76,7 @@
  *
  * @typedef {object} DrivingFacts the live message `robots`
  * @property {{by: string, since: number} | null} stopped the latch
- * @property {{age_s: number | null, status: string | null, world: string | null}} [sight]
+ * @property {{age_s: number | null, status: string | null, world: string | null} | null} [sight]
  * @property {RunningProgramme | null} programme
  * @property {Record<Role, RobotFacts | null>} robots
  * @property {{alive: boolean, pid: number | null, restarts: number, trouble?: string | null}} [process]
