@@ -83,20 +83,19 @@ class Operators:
         """
         if role in operator.leases:
             return operator.leases[role]
-        before = self.holder(role)
         reply = await self._ask(TakeLease(role, operator.name, takeover))
         lease = str(reply["lease"])
-        for other in self._present - {operator}:
-            if other.leases.pop(role, None) is not None:
-                log.warning("lease_taken_over", role=role, by=operator.name, before=other.name)
-                other.lost(role, f"{operator.name} took over the {role}")
         if operator.gone:
             # The socket closed while the drive process answered.
             self._soon(self._release(role, lease))
-        else:
-            operator.leases[role] = lease
-            operator.unnamed.pop(role, None)
-            log.info("lease_taken", role=role, operator=operator.name, before=before)
+            return lease
+        taken_from = [o for o in self._present - {operator} if o.leases.pop(role, None) is not None]
+        operator.leases[role] = lease
+        operator.unnamed.pop(role, None)
+        log.info("lease_taken", role=role, operator=operator.name)
+        for other in taken_from:
+            log.warning("lease_taken_over", role=role, by=operator.name, before=other.name)
+            other.lost(role, f"{operator.name} took over the {role}")
         return lease
 
     async def release(self, operator: Operator, role: Role) -> None:
