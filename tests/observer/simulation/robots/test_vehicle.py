@@ -1,0 +1,182 @@
+"""The machine: ramps, contact, wheels that count with errors, sonar; truth by geometry."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from observer.robots.models import SonarPose, robot_spec
+from observer.simulation.motion import PlanarState
+from observer.simulation.robots.chassis import Drive
+from observer.simulation.robots.floor import Outline, Surroundings
+from observer.simulation.robots.sonar import sonar_range
+from observer.simulation.robots.vehicle import Hull, Vehicle
+
+START = PlanarState(0.0, 0.0, 0.0)
+EMPTY = Surroundings()
+P3DX = robot_spec("p3dx-sh")
+
+
+def asked(speed: float = 0.0, turn_rate: float = 0.0) -> Drive:
+    return Drive(speed, turn_rate, 0.5, 0.5, 2.0, 2.0, powered=True)
+
+
+def vehicle(drive: Drive, state: PlanarState = START, seed: int | None = None) -> Vehicle:
+    made = Vehicle(P3DX, Hull(0.5, 0.4, 5, 5), state, seed=seed)
+    made.drive = drive
+    return made
+
+
+def test_it_follows_its_ramp_with_inertia_and_arrives() -> None:
+    one = vehicle(asked(0.5))
+    seen = []
+    for _ in range(200):
+        one.advance(0.01, EMPTY)
+        seen.append(one.speed_mps)
+    assert seen == sorted(seen)
+    # Half a second on a ramp of 0.5 m/s^2: behind it by what a lag of 0.08 s holds back.
+    assert seen[49] == pytest.approx(0.25 - 0.5 * 0.08, abs=0.01)
+    assert seen[-1] == pytest.approx(0.5, abs=1e-3)
+    # The way of the ramp, less the lag's.
+    assert one.state.x == pytest.approx(0.5 - 0.5 * 0.08 + 0.5 * 1.0 - 0.25, abs=0.02)
+
+
+def test_it_goes_round_a_circle_and_both_odometries_come_home() -> None:
+    one = vehicle(asked(0.3, 0.5))
+    one.advance(10, EMPTY)
+    before = one.state, one.wheels()
+    one.advance(2 * math.pi / 0.5, EMPTY)
+    after = one.state, one.wheels()
+    assert (after[0].x, after[0].y) == pytest.approx((before[0].x, before[0].y), abs=1e-3)
+    assert after[0].heading - before[0].heading == pytest.approx(2 * math.pi, abs=1e-3)
+    assert (after[1].x, after[1].y) == pytest.approx((after[0].x, after[0].y), abs=1e-9)
+    left, right = (getattr(after[1], n) - getattr(before[1], n) for n in ("left_m", "right_m"))
+    # Of the half track that the model's own factor stands for.
+    assert right - left == pytest.approx(2 * 2 * math.pi / (1000 * P3DX.wheel_turn), abs=1e-3)
+
+
+def test_through_zero_it_brakes_first_and_without_power_it_runs_out() -> None:
+    one = vehicle(asked(0.4))
+    one.advance(3, EMPTY)
+    one.drive = asked(-0.4)
+    speeds = []
+    for _ in range(250):
+        one.advance(0.01, EMPTY)
+        speeds.append(one.speed_mps)
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[-1] == pytest.approx(-0.4, abs=2e-3)
+    one.drive = Drive(0.4, powered=False)
+    one.advance(1.5, EMPTY)
+    assert one.speed_mps == 0.0
+
+
+def test_equal_calls_give_equal_states_and_seeds_give_equal_errors() -> None:
+    def driven(seed: int | None) -> Vehicle:
+        one = vehicle(asked(0.3, 0.2), seed=seed)
+        for _ in range(100):
+            one.advance(0.067, EMPTY)
+        return one
+
+    first, again, other, exact = driven(4), driven(4), driven(5), driven(None)
+    assert first.wheels() == again.wheels()
+    assert first.state == again.state == other.state == exact.state
+    assert first.wheels() != other.wheels()
+    errors = []
+    for seed in range(30):
+        one = driven(seed).wheels()
+        errors.append((one.left_m + one.right_m) / (exact.wheels().left_m * 2) - 1)
+        assert one.x != exact.wheels().x
+    assert 0.001 < max(map(abs, errors)) < 0.2
+
+
+@pytest.mark.parametrize(
+    "around",
+    [
+        Surroundings((-2.0, 1.0, -2.0, 2.0)),
+        Surroundings(outlines=(Outline.of_box(1.5, 0.1, 0.0, 1.0, 0.5),)),
+        Surroundings(outlines=(Outline.of_box(1.0 + math.sqrt(0.5), 0.0, math.pi / 4, 1, 1),)),
+    ],
+)
+def test_it_stops_at_what_is_in_its_way_and_stalls_while_it_pushes(around: Surroundings) -> None:
+    one = vehicle(asked(0.5))
+    one.advance(4, around)
+    assert one.state.x == pytest.approx(1.0 - 0.25, abs=0.006)
+    assert one.speed_mps == 0.0
+    wheels = one.wheels()
+    assert wheels.stalled == (True, True)
+    assert (wheels.front_bumpers, wheels.rear_bumpers) == (31, 0)
+    # Wheels that are held do not count.
+    assert wheels.x == pytest.approx(one.state.x, abs=1e-9)
+    one.drive = asked()
+    one.advance(0.1, around)
+    assert one.wheels().stalled == (False, False)
+    assert one.wheels().front_bumpers == 31
+    one.drive = asked(-0.5)
+    one.advance(1, around)
+    assert one.state.x < 0.6
+    assert one.wheels().stalled == (False, False)
+    assert one.wheels().front_bumpers == 0
+
+
+def test_what_came_over_it_may_be_left_and_not_gone_deeper_into() -> None:
+    over = Surroundings(outlines=(Outline.of_box(0.4, 0.0, 0.0, 0.5, 0.5),))
+    one = vehicle(asked(0.3))
+    one.advance(1, over)
+    assert one.state.x == 0.0
+    one.drive = asked(-0.3)
+    one.advance(2, over)
+    assert one.state.x < -0.3
+
+
+def test_outlines_overlap_by_the_least_way_out() -> None:
+    one = Outline.of_box(0, 0, 0, 2, 1)
+    assert one.depth(Outline.of_box(1.9, 0, 0, 2, 1)) == pytest.approx(0.1)
+    assert one.depth(Outline.of_box(0.5, 0.8, 0, 2, 1)) == pytest.approx(0.2)
+    assert one.depth(Outline.of_box(2.1, 0, 0, 2, 1)) == 0
+    # Corner to corner, their axes' boxes overlap and they do not.
+    assert one.depth(Outline.of_box(1.6, 1.1, math.pi / 4, 1, 1)) == 0
+
+
+ROOM = (-2.0, 4.0, -3.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("around", "pose", "expected"),
+    [
+        (Surroundings(ROOM), SonarPose(0.1, 0, 0), 3.9),
+        (Surroundings(ROOM), SonarPose(0, 0.1, math.pi / 2), 2.9),
+        (Surroundings((-9, 9, -9, 9)), SonarPose(0, 0, 0), None),
+        (EMPTY, SonarPose(0, 0, 0), None),
+        # The wall is hit at right angles only within the cone: 20 degrees off, 15 of them help.
+        (
+            Surroundings(ROOM),
+            SonarPose(0, 0, math.radians(20)),
+            4 / math.cos(math.radians(5)),
+        ),
+        # A post that is thinner than any ray's distance from the next.
+        (Surroundings(outlines=(Outline.of_box(3, 0.41, 0, 0.01, 0.01),)), SonarPose(0, 0, 0),
+         math.hypot(2.995, 0.405)),
+        # Beside the cone by a little: 15 degrees at 3 m are 0.80 m.
+        (Surroundings(outlines=(Outline.of_box(3, 0.85, 0, 0.02, 0.02),)), SonarPose(0, 0, 0),
+         None),
+        # Across the whole cone, its ends outside, and before a wall.
+        (Surroundings(ROOM, (Outline.of_box(1.5, 0, 0, 0.2, 4),)), SonarPose(0, 0, 0), 1.4),
+        # Behind it nothing counts.
+        (Surroundings(outlines=(Outline.of_box(-1, 0, 0, 0.2, 4),)), SonarPose(0, 0, 0), None),
+        # Nearer than it hears.
+        (Surroundings(outlines=(Outline.of_box(0.52, 0, 0, 1, 1),)), SonarPose(0, 0, 0), 0.05),
+    ],
+)  # fmt: skip
+def test_sonar_finds_the_nearest_surface_in_its_cone(
+    around: Surroundings, pose: SonarPose, expected: float | None
+) -> None:
+    found = sonar_range(around.edges(), START, pose)
+    assert found == (None if expected is None else pytest.approx(expected, abs=1e-6))
+
+
+def test_sonar_moves_and_turns_with_its_vehicle() -> None:
+    state = PlanarState(1.0, -1.0, math.pi / 2)
+    around = Surroundings((-2.0, 4.0, -3.0, 3.0)).edges()
+    assert sonar_range(around, state, SonarPose(0.2, 0.1, 0)) == pytest.approx(3.8)
+    assert sonar_range(around, state, SonarPose(0.2, 0.1, math.pi / 2)) == pytest.approx(2.9)
