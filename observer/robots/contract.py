@@ -95,6 +95,8 @@ class RobotReport:
         watchdog_s: after how long without a command its firmware stops it, as it says.
         limits: in force: the least of what is known, asked for and allowed.
         sent: the newest velocity that really went out.
+        wanted: speed (m/s) and turn rate (rad/s) that a robot which drives by itself would drive,
+            and asks to be permitted; None of one that is only driven.
         radius_m, width_m, length_m: its outline.
         counters: by name: ``packets``, ``bad_packets``, ``unknown_packets``, ``reconnects``.
     """
@@ -123,6 +125,7 @@ class RobotReport:
     watchdog_s: float | None = None
     limits: RobotLimits | None = None
     sent: Sent | None = None
+    wanted: tuple[float, float] | None = None
     radius_m: float | None = None
     width_m: float | None = None
     length_m: float | None = None

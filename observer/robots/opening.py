@@ -40,7 +40,7 @@ def open_robot(
     if port.startswith(EXTERNAL):
         from observer.robots.external import open_external
 
-        return open_external(port, model)
+        return open_external(port, model, clock=clock)
     if port.startswith(COPPELIASIM):
         from observer.coppeliasim.robot import open_coppelia_robot
 
@@ -58,10 +58,14 @@ def check_port(port: str) -> None:
     """
     if not port or any(ord(each) < 32 or ord(each) == 127 for each in port):
         raise InputError(f"{_FORMS}, not {port!r}")
-    for kind in (SOCKET, EXTERNAL):
-        if port.startswith(kind):
-            _check_address(port, kind)
-            return
+    if port.startswith(SOCKET):
+        _check_address(port, SOCKET)
+        return
+    if port.startswith(EXTERNAL):
+        from observer.robots.external import parse_external
+
+        parse_external(port)
+        return
     if port.startswith(COPPELIASIM):
         from observer.coppeliasim.address import parse_robot
 

@@ -1,0 +1,265 @@
+"""What a robot of one's own and we say to each other, as lines of text; pure.
+
+Every message is one JSON object on one line of UTF-8 that ends in a newline, at most
+``LONGEST_LINE`` bytes. What each holds stands in ``observer.robots.external``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+from observer.errors import DynamicObserverError
+from observer.robots.contract import RobotLimits
+
+PROTOCOL = 1
+LONGEST_LINE = 4096
+Mode = Literal["driven", "guarded"]
+# Beyond, a number is in other units or damaged.
+_FAR_M, _FAST_MPS, _FAST_RADPS, _LARGE_M = 1e6, 100.0, 1000.0, 100.0
+_LONGEST_TEXT = 200
+
+
+class BadMessage(DynamicObserverError):
+    """A line is none of the protocol's; one sentence of what it should be."""
+
+
+@dataclass(frozen=True)
+class Hello:
+    """What the robot says first.
+
+    Attributes:
+        key: None where it gives none. radius_m: within which it turns.
+    """
+
+    name: str
+    mode: Mode
+    key: str | None
+    limits: RobotLimits
+    radius_m: float
+    width_m: float
+    length_m: float
+
+
+@dataclass(frozen=True)
+class OdometryMessage:
+    """How the robot is.
+
+    Attributes:
+        sequence: rises with each. time: seconds on the robot's own clock, which never goes back.
+        x, y, yaw: metres and radians, by its wheels, from wherever it counts.
+        enabled: whether its motors are on. permit: sequence of the newest permit it has, 0 before
+            the first.
+        wanted: speed and turn rate that it would drive by itself; only of a guarded robot.
+        fault: one sentence of why it cannot go on.
+    """
+
+    sequence: int
+    time: float
+    x: float
+    y: float
+    yaw: float
+    speed_mps: float
+    turn_rate_radps: float
+    enabled: bool
+    permit: int
+    wanted: tuple[float, float] | None
+    battery_v: float | None
+    fault: str | None
+
+
+@dataclass(frozen=True)
+class Permit:
+    """What the robot may do from now on.
+
+    Attributes:
+        stop: stop as hard as it can, motors off. reason: why it is not what was asked for.
+    """
+
+    speed_mps: float
+    turn_rate_radps: float
+    stop: bool
+    reason: str | None
+
+
+class Lines:
+    """Cuts what arrives into lines, and never keeps more than one of them."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """The lines that are complete now, without their ends.
+
+        Raises:
+            BadMessage: a line is longer than any message.
+        """
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in (*lines, self._rest):
+            if len(line) > LONGEST_LINE:
+                raise BadMessage(f"a message has at most {LONGEST_LINE} bytes and a newline")
+        yield from (line for line in lines if line.strip())
+
+
+def permit_line(permit: Permit, sequence: int, now: float, expires_s: float) -> bytes:
+    """As it is sent; ``now`` is our monotonic clock."""
+    return _line(
+        {
+            "type": "permit",
+            "sequence": sequence,
+            "time": round(now, 6),
+            "speed_mps": permit.speed_mps,
+            "turn_rate_radps": permit.turn_rate_radps,
+            "stop": permit.stop,
+            "reason": permit.reason,
+            "expires_ms": round(1000 * expires_s),
+        }
+    )
+
+
+def welcome_line(interval_s: float, expires_s: float) -> bytes:
+    """The answer to a hello that is taken."""
+    return _line(
+        {
+            "type": "welcome",
+            "protocol": PROTOCOL,
+            "interval_ms": round(1000 * interval_s),
+            "expires_ms": round(1000 * expires_s),
+        }
+    )
+
+
+def refusal_line(sentence: str) -> bytes:
+    """Before the connection is closed."""
+    return _line({"type": "refused", "sentence": sentence})
+
+
+def parse_hello(line: bytes) -> Hello:
+    """The first line of a robot.
+
+    Raises:
+        BadMessage: it is no hello of this protocol.
+    """
+    data = _object(line, "hello")
+    if data.get("protocol") != PROTOCOL or isinstance(data.get("protocol"), bool):
+        raise BadMessage(f"hello: protocol must be {PROTOCOL}, the only one spoken here")
+    mode = data.get("mode", "driven")
+    if mode not in ("driven", "guarded"):
+        raise BadMessage("hello: mode must be driven or guarded")
+    limits, outline = _part(data, "limits"), _part(data, "outline")
+    key = data.get("key")
+    if key is not None and not isinstance(key, str):
+        raise BadMessage("hello: key must be text")
+    return Hello(
+        name=_text(data, "name", "hello"),
+        mode=cast(Mode, mode),
+        key=key,
+        limits=RobotLimits(
+            *(
+                _positive(limits, part, _FAST_RADPS, "hello: limits")
+                for part in (
+                    "speed_mps",
+                    "turn_rate_radps",
+                    "acceleration_mps2",
+                    "turn_acceleration_radps2",
+                )
+            )
+        ),
+        radius_m=_positive(outline, "radius_m", _LARGE_M, "hello: outline"),
+        width_m=_positive(outline, "width_m", _LARGE_M, "hello: outline"),
+        length_m=_positive(outline, "length_m", _LARGE_M, "hello: outline"),
+    )
+
+
+def parse_odometry(line: bytes) -> OdometryMessage:
+    """Any later line of a robot.
+
+    Raises:
+        BadMessage: it is no odometry of this protocol.
+    """
+    data = _object(line, "odometry")
+    what = "odometry"
+    wanted = data.get("wanted")
+    if wanted is not None and not isinstance(wanted, dict):
+        raise BadMessage("odometry: wanted must be an object with speed_mps and turn_rate_radps")
+    enabled = data.get("enabled")
+    if not isinstance(enabled, bool):
+        raise BadMessage("odometry: enabled must be true or false")
+    return OdometryMessage(
+        sequence=_count(data, "sequence"),
+        time=_number(data, "time", math.inf, what),
+        x=_number(data, "x", _FAR_M, what),
+        y=_number(data, "y", _FAR_M, what),
+        yaw=_number(data, "yaw", _FAR_M, what),
+        speed_mps=_number(data, "speed_mps", _FAST_MPS, what),
+        turn_rate_radps=_number(data, "turn_rate_radps", _FAST_RADPS, what),
+        enabled=enabled,
+        permit=_count(data, "permit"),
+        wanted=None
+        if wanted is None
+        else (
+            _number(wanted, "speed_mps", _FAST_MPS, "odometry: wanted"),
+            _number(wanted, "turn_rate_radps", _FAST_RADPS, "odometry: wanted"),
+        ),
+        battery_v=None
+        if data.get("battery_v") is None
+        else _number(data, "battery_v", 1000.0, what),
+        fault=None if data.get("fault") is None else _text(data, "fault", what),
+    )
+
+
+def _line(message: dict[str, Any]) -> bytes:
+    return json.dumps(message, allow_nan=False).encode() + b"\n"
+
+
+def _object(line: bytes, kind: str) -> dict[str, Any]:
+    try:
+        data = json.loads(line)
+    except (ValueError, RecursionError):
+        raise BadMessage("a message must be one JSON object on one line of UTF-8") from None
+    if not isinstance(data, dict) or data.get("type") != kind:
+        raise BadMessage(f'a message with "type": "{kind}" is due')
+    return data
+
+
+def _part(data: dict[str, Any], key: str) -> dict[str, Any]:
+    part = data.get(key)
+    if not isinstance(part, dict):
+        raise BadMessage(f"hello: {key} must be an object")
+    return part
+
+
+def _number(data: dict[str, Any], key: str, most: float, what: str) -> float:
+    value = data.get(key)
+    try:
+        # Whole numbers may have any number of digits.
+        number = math.nan if isinstance(value, bool | str | None) else float(value)
+    except (TypeError, OverflowError):
+        number = math.nan
+    if not (math.isfinite(number) and abs(number) <= most):
+        raise BadMessage(f"{what}: {key} must be a finite number within +-{most:g}")
+    return number
+
+
+def _positive(data: dict[str, Any], key: str, most: float, what: str) -> float:
+    number = _number(data, key, most, what)
+    if not number > 0:
+        raise BadMessage(f"{what}: {key} must be above 0")
+    return number
+
+
+def _count(data: dict[str, Any], key: str) -> int:
+    value = data.get(key)
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**63:
+        raise BadMessage(f"odometry: {key} must be a whole number from 0 on")
+    return value
+
+
+def _text(data: dict[str, Any], key: str, what: str) -> str:
+    value = data.get(key)
+    if not isinstance(value, str) or not value.isprintable() or not 0 < len(value) <= _LONGEST_TEXT:
+        raise BadMessage(f"{what}: {key} must be 1 to {_LONGEST_TEXT} printable characters")
+    return value
