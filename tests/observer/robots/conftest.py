@@ -1,0 +1,171 @@
+"""Robots at the other end of a real port."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from typing import Any
+
+import pytest
+
+from observer.robots.contract import RobotPhase, RobotReport
+from observer.robots.pioneer import Pioneer
+from observer.simulation.robots.emulated import EmulatedRobot
+from observer.simulation.robots.serving import Serving, serve_pty, serve_tcp
+
+DRIVE_S = 0.02
+
+
+class Driven:
+    """A driver and the emulated robot at the other end.
+
+    Attributes:
+        robot: the driver. serving: the emulator's end. there: the emulated robot.
+    """
+
+    def __init__(self, robot: Pioneer, serving: Serving[EmulatedRobot]) -> None:
+        self.robot, self.serving, self.there = robot, serving, serving.robot
+
+    def until(
+        self, reached: Callable[[RobotReport], object], timeout_s: float = 8.0
+    ) -> RobotReport:
+        """The first report that is as wanted."""
+        return wait_for_report(self.robot, reached, timeout_s)
+
+    def connect(self) -> RobotReport:
+        return self.until(lambda report: report.phase is RobotPhase.CONNECTED)
+
+    def arm(self) -> None:
+        self.connect()
+        self.robot.enable()
+        self.until(lambda report: report.motors_enabled)
+
+    def drive(self, seconds: float, speed_mps: float = 0.3, turn_rate_radps: float = 0.0) -> None:
+        """As a drive loop does."""
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            self.robot.drive(speed_mps, turn_rate_radps)
+            time.sleep(DRIVE_S)
+
+    def drive_until(
+        self, reached: Callable[[RobotReport], object], timeout_s: float = 5.0
+    ) -> RobotReport:
+        """Ask for 0.3 m/s on and on."""
+        until = time.monotonic() + timeout_s
+        while time.monotonic() < until:
+            self.robot.drive(0.3, 0.0)
+            if reached(report := self.robot.report()):
+                return report
+            time.sleep(DRIVE_S)
+        pytest.fail(f"it never came to that: {self.robot.report()}")
+
+    def heard(self, since: float = float("-inf")) -> list[tuple[int, int | bytes | None]]:
+        """Numbers and arguments of what arrived."""
+        return [(each.number, each.argument) for each in self.there.log.since(since)]
+
+
+def wait_for_report(
+    robot: Pioneer, reached: Callable[[RobotReport], object], timeout_s: float = 8.0
+) -> RobotReport:
+    until = time.monotonic() + timeout_s
+    while time.monotonic() < until:
+        if reached(report := robot.report()):
+            return report
+        time.sleep(0.005)
+    pytest.fail(f"it never came to that: {robot.report()}")
+
+
+@pytest.fixture
+def driven() -> Iterator[Callable[..., Driven]]:
+    """Gives a driver connected to an emulated robot: over TCP, or a pseudo terminal.
+
+    ``there``: the emulated robot, driven as ``model``; else one of that model is made.
+    ``serving``: keywords of ``serve_pty``. ``driving``: keywords of ``Pioneer``.
+    """
+    with ExitStack() as stack:
+
+        def make(
+            model: str | None = None,
+            *,
+            pty: bool = False,
+            there: EmulatedRobot | None = None,
+            serving: dict[str, Any] | None = None,
+            **driving: Any,
+        ) -> Driven:
+            robot_model = model if there is not None else None
+            there = there or EmulatedRobot(model or "p3dx-sh", now=time.monotonic())
+            served = serve_pty(there, **(serving or {})) if pty else serve_tcp(there)
+            stack.enter_context(served)
+            robot = Pioneer(str(served.port), robot_model, **driving)
+            stack.callback(robot.close)
+            return Driven(robot, served)
+
+        yield make
+
+
+class ScriptedPeer:
+    """A TCP server that does as it is told with each connection.
+
+    Attributes:
+        port: as ``Pioneer`` takes it. connections: that came.
+    """
+
+    def __init__(self, script: Callable[[socket.socket], None]) -> None:
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.port = f"socket://127.0.0.1:{self._listening.getsockname()[1]}"
+        self.connections = 0
+        self._script = script
+        self._connection: socket.socket | None = None
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        with suppress(OSError):
+            while True:
+                self._connection, _ = self._listening.accept()
+                self.connections += 1
+                with suppress(OSError), self._connection:
+                    self._script(self._connection)
+
+    def close(self) -> None:
+        for each in (self._listening, self._connection):
+            if each is not None:
+                with suppress(OSError):
+                    each.shutdown(socket.SHUT_RDWR)
+                each.close()
+        self._thread.join(5)
+
+
+@pytest.fixture
+def scripted() -> Iterator[Callable[[Callable[[socket.socket], None]], ScriptedPeer]]:
+    """Gives a peer of ``script(connection)``."""
+    with ExitStack() as stack:
+
+        def make(script: Callable[[socket.socket], None]) -> ScriptedPeer:
+            peer = ScriptedPeer(script)
+            stack.callback(peer.close)
+            return peer
+
+        yield make
+
+
+@pytest.fixture
+def piloted() -> Iterator[Callable[..., Pioneer]]:
+    """Gives a driver at any port."""
+    with ExitStack() as stack:
+
+        def make(port: str, model: str | None = None, **driving: Any) -> Pioneer:
+            robot = Pioneer(port, model, **driving)
+            stack.callback(robot.close)
+            return robot
+
+        yield make
+
+
+@pytest.fixture
+def until() -> Callable[..., RobotReport]:
+    """Gives ``wait_for_report(robot, reached, timeout_s)``."""
+    return wait_for_report

@@ -1,0 +1,377 @@
+"""The driver against an emulated robot over TCP and a pseudo terminal, and what may go wrong."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from observer.robots.arcos import Command
+from observer.robots.contract import SETPOINT_FRESH_S, RobotLimits, RobotPhase, RobotReport
+from observer.simulation.robots.emulated import EmulatedRobot
+
+Drivens = Callable[..., Any]
+ENABLE_1 = (int(Command.ENABLE), 1)
+E_STOP = (int(Command.E_STOP), None)
+STANDSTILL = [(29, None), (11, 0), (21, 0)]
+PULSE = (0, None)
+
+
+@pytest.mark.parametrize("pty", [False, True])
+@pytest.mark.parametrize("model", ["p3dx-sh", "amigo"])
+def test_it_drives_and_tells_how(driven: Drivens, model: str, pty: bool) -> None:
+    it = driven(model, pty=pty)
+    it.arm()
+    it.drive(0.6, 0.3, 0.2)
+    sent = it.robot.drive(0.3, 0.2)
+    report = it.robot.report()
+    assert (sent.speed_mps, sent.turn_rate_radps) == (0.3, math.radians(11))
+    assert report.speed_mps == pytest.approx(0.3, abs=0.02)
+    assert report.turn_rate_radps == pytest.approx(math.radians(11), abs=0.03)
+    x, y, yaw = it.there.firmware.odometry
+    assert report.odometry.x == pytest.approx(x, abs=0.07)
+    assert report.odometry.y == pytest.approx(y, abs=0.03)
+    assert report.odometry.yaw == pytest.approx(yaw, abs=0.05)
+    assert len(report.sonars) == (16 if model == "p3dx-sh" else 8)
+    assert report.battery == "good"
+    assert report.fault is None
+    assert report.counters["bad_packets"] == 0
+    assert it.there.log.unintended == 0
+
+
+def test_nothing_but_enabling_switches_motors_on_and_nothing_moves_before(driven: Drivens) -> None:
+    it = driven()
+    it.connect()
+    it.drive(0.2)
+    assert it.robot.drive(0.3, 0.1).speed_mps == 0.0
+    assert ENABLE_1 not in it.heard()
+    assert it.there.speed_mps == 0.0
+    it.arm()
+    it.drive(0.25)
+    assert it.there.speed_mps > 0.1
+    it.robot.disable()
+    it.until(lambda report: report.motors_enabled is False)
+    before = time.monotonic()
+    it.drive(0.3)
+    assert ENABLE_1 not in it.heard(before)
+    assert all(each.stands for each in it.there.log.since(before))
+
+
+def test_velocities_are_clamped_to_the_least_limit(driven: Drivens) -> None:
+    limits = RobotLimits(0.25, math.radians(30), 0.5, 1.0)
+    it = driven(limits=limits)
+    it.arm()
+    assert it.robot.report().limits == limits
+    assert {(6, 250), (10, 30), (5, 500), (5, -500)} <= set(it.heard())
+    it.drive(0.2, 9.0, -9.0)
+    sent = it.robot.drive(9.0, -9.0)
+    assert (sent.speed_mps, sent.turn_rate_radps) == (0.25, math.radians(-30))
+    assert (11, 250) in it.heard()
+    assert (21, -30) in it.heard()
+    for bad in ((math.nan, 0.1), (0.1, math.inf)):
+        it.drive(0.05)
+        since = time.monotonic()
+        sent = it.robot.drive(*bad)
+        assert (sent.speed_mps, sent.turn_rate_radps) == (0.0, 0.0)
+        time.sleep(0.05)
+        assert it.there.log.first_standing(since) is not None
+
+
+def test_zero_is_on_the_wire_at_once(driven: Drivens) -> None:
+    it = driven(pty=True)
+    it.arm()
+    worst = 0.0
+    for trial in range(6):
+        it.drive(0.06, 0.3, 0.2)
+        since = time.monotonic()
+        if trial % 2:
+            it.robot.stop()
+        else:
+            it.robot.drive(0.0, 0.0)
+        time.sleep(0.05)
+        first = it.there.log.first_standing(since)
+        worst = max(worst, first.time - since)
+        if trial % 2:
+            assert it.heard(since)[:4] == [E_STOP, (11, 0), (21, 0), (4, 0)]
+            it.arm()
+    sys.stdout.write(f"zero after being asked for: worst {worst * 1000:.1f} ms\n")
+    # Asked for by a loop of 20 ms after at most 250 ms, it must be there within 300.
+    assert worst < 0.03 + 0.1
+
+
+def test_a_drive_loop_that_hangs_moves_nothing(driven: Drivens) -> None:
+    it = driven()
+    it.arm()
+    worst = 0.0
+    for _ in range(2):
+        it.drive(0.1)
+        since = time.monotonic()
+        time.sleep(SETPOINT_FRESH_S + 0.2)
+        worst = max(worst, it.there.log.first_standing(since).time - since)
+        assert it.robot.report().sent.speed_mps == 0.0
+    sys.stdout.write(f"zero after the last drive: worst {worst * 1000:.1f} ms\n")
+    assert worst < SETPOINT_FRESH_S + 0.1
+    assert it.robot.report().motors_enabled
+
+
+def test_an_idle_robot_never_comes_to_its_watchdog(driven: Drivens) -> None:
+    it = driven(there=EmulatedRobot("p3dx-sh", now=time.monotonic(), watchdog_s=0.5))
+    it.arm()
+    assert it.robot.report().watchdog_s == 0.5
+    until = time.monotonic() + 0.8
+    while time.monotonic() < until:
+        assert not it.there.firmware.timed_out
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "bad", "good", "words"),
+    [
+        ("stalled", (True, False), (False, False), "left wheel stalled"),
+        ("front_bumpers", 0b10, 0, "front bumper 2"),
+        ("stop_pressed", True, False, "stop button"),
+    ],
+)
+def test_a_fault_stops_it_and_latches(
+    driven: Drivens, name: str, bad: object, good: object, words: str
+) -> None:
+    it = driven()
+    it.arm()
+    it.drive(0.25)
+    began = time.monotonic()
+    setattr(it.there.faults, name, bad)
+    report = it.drive_until(lambda report: report.fault)
+    it.drive(0.15)
+    assert words in report.fault
+    told = [each for each in it.there.log.since(began) if each.number == Command.E_STOP]
+    after = told[0].time - report.received
+    sys.stdout.write(f"E_STOP {after * 1000:.1f} ms after the packet of {words}\n")
+    assert after < 0.2
+    assert (4, 0) in it.heard(began)
+    # Gone by itself is not forgiven, and forgiven is not switched on.
+    setattr(it.there.faults, name, good)
+    it.drive(0.15)
+    assert words in it.robot.report().fault
+
+    def forgiven(report: RobotReport) -> bool:
+        it.robot.clear()
+        return report.fault is None
+
+    it.until(forgiven)
+    it.drive(0.15)
+    assert all(each.stands for each in it.there.log.since(told[0].time))
+    it.arm()
+    it.drive(0.25)
+    assert it.there.speed_mps > 0.1
+
+
+def test_motors_that_go_off_by_themselves_stay_off(driven: Drivens) -> None:
+    it = driven()
+    it.arm()
+    it.until(lambda _: it.robot.drive(0.3, 0.0).speed_mps > 0.0)
+    it.drive(0.35)
+    since = time.monotonic()
+    it.there.firmware.motors_off()
+    it.drive_until(lambda report: report.fault)
+    assert "by themselves" in it.robot.report().fault
+    it.drive(0.4)
+    assert ENABLE_1 not in it.heard(since)
+
+
+def test_silence_is_warned_of_then_a_fault_then_a_lost_robot(driven: Drivens) -> None:
+    it = driven()
+    it.arm()
+    it.there.faults.silent = True
+    began = time.monotonic()
+    warned = it.drive_until(lambda report: report.warnings)
+    assert "ms old" in warned.warnings[0]
+    assert warned.fault is None
+    failed = it.drive_until(lambda report: report.fault)
+    took = time.monotonic() - began
+    assert "no status for 1 s" in failed.fault
+    assert 0.85 <= took < 1.5
+    lost = it.until(lambda report: report.phase is RobotPhase.WAITING)
+    assert "told nothing" in lost.trouble
+    it.there.faults.silent = False
+    back = it.connect()
+    assert back.fault is not None
+    assert back.motors_enabled is not True
+    assert back.counters["reconnects"] == 1
+
+
+def test_after_an_outage_the_first_that_is_heard_is_no_velocity(driven: Drivens) -> None:
+    """The firmware stopped by itself; at any next command it would take its velocity up again."""
+    it = driven(there=EmulatedRobot("p3dx-sh", now=time.monotonic(), watchdog_s=0.4))
+    it.arm()
+    it.drive(0.2)
+    it.there.faults.deaf = it.there.faults.silent = True
+    time.sleep(0.7)
+    assert it.there.firmware.timed_out
+    since = time.monotonic()
+    it.there.faults.deaf = it.there.faults.silent = False
+    it.drive(0.25)
+    told = it.there.log.since(since)
+    assert (told[0].number, told[0].argument) in STANDSTILL
+    assert PULSE not in it.heard(since)
+    assert it.there.log.first_standing(since).time - told[0].time < 0.15
+
+
+@pytest.mark.parametrize("pty", [False, True])
+def test_an_unplugged_port_is_a_fault_and_comes_back_at_zero(
+    driven: Drivens, pty: bool, tmp_path: Path
+) -> None:
+    serving = {"link": tmp_path / "robot"} if pty else None
+    it = driven(pty=pty, serving=serving)
+    it.arm()
+    it.drive(0.2)
+    place = it.robot.report().odometry
+    began = time.monotonic()
+    it.serving.unplug()
+    report = it.drive_until(lambda report: report.fault)
+    took = time.monotonic() - began
+    sys.stdout.write(f"unplugged ({'pty' if pty else 'TCP'}): {took * 1000:.1f} ms\n")
+    assert took < 0.5
+    assert report.phase is not RobotPhase.CONNECTED
+    assert report.motors_enabled is report.speed_mps is None
+    assert it.robot.drive(0.3, 0.0).speed_mps == 0.0
+    since = time.monotonic()
+    it.serving.replug()
+    back = it.connect()
+    assert back.fault == report.fault
+    assert back.motors_enabled is not True
+    assert math.dist((back.odometry.x, back.odometry.y), (place.x, place.y)) < 0.2
+    it.robot.enable()
+    it.drive(0.2)
+    assert ENABLE_1 not in it.heard(since), "a fault is not forgiven by connecting anew"
+    assert all(each.stands for each in it.there.log.since(since))
+    it.robot.clear()
+    it.arm()
+    it.drive(0.25)
+    assert it.there.speed_mps > 0.1
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        {"split": True, "double_header": True, "false_header": True},
+        {"strange_packets": True, "short_status": True},
+        {"merge_s": 0.15},
+    ],
+)
+def test_a_strange_line_is_none_of_its_business(driven: Drivens, faults: dict[str, Any]) -> None:
+    there = EmulatedRobot("p3dx-sh", now=time.monotonic())
+    for name, value in faults.items():
+        setattr(there.faults, name, value)
+    it = driven(there=there)
+    it.arm()
+    it.drive(0.5)
+    report = it.robot.report()
+    assert report.fault is None
+    assert report.speed_mps == pytest.approx(0.3, abs=0.02)
+    if "strange_packets" in faults:
+        assert report.counters["unknown_packets"] > 10
+    if "short_status" in faults:
+        assert report.turn_rate_radps == pytest.approx(0.0, abs=0.02)
+        assert report.temperature_c is None
+
+
+def test_bumpers_that_are_not_there_are_not_pressed(driven: Drivens) -> None:
+    there = EmulatedRobot("amigo-sh", now=time.monotonic())
+    there.faults.phantom_bumpers = True
+    it = driven(there=there)
+    it.arm()
+    it.drive(0.15)
+    assert it.robot.report().fault is None
+
+
+def test_sonar_readings_of_a_false_count_are_not_taken(driven: Drivens) -> None:
+    it = driven()
+    it.connect()
+    it.until(lambda report: len(report.sonars) == 16)
+    it.there.faults.sonar_overrun = True
+    it.until(lambda report: "its sonar readings cannot be read" in report.warnings)
+    newest = max(each.received for each in it.robot.report().sonars)
+    time.sleep(0.3)
+    assert max(each.received for each in it.robot.report().sonars) == newest
+
+
+def test_noise_is_counted_and_moves_nothing_unmeant(driven: Drivens) -> None:
+    it = driven()
+    it.arm()
+    it.there.log.intended = lambda speed, turn: (speed, turn) in ((0.3, 0.0), (0.0, 0.0))
+    it.there.faults.noise = 0.01
+    until = time.monotonic() + 1.5
+    while time.monotonic() < until:
+        it.robot.drive(0.3, 0.0)
+        time.sleep(0.02)
+    it.there.faults.noise = 0.0
+    assert it.there.log.unintended == 0
+    assert it.there.log.bad_bytes > 0
+    assert it.robot.report().counters["bad_packets"] > 0
+
+
+def test_a_weak_battery_is_a_warning(driven: Drivens) -> None:
+    it = driven()
+    it.there.faults.battery_v = 11.2
+    it.until(lambda report: report.battery == "low")
+    it.arm()
+    it.drive(0.2)
+    assert it.robot.report().fault is None
+    it.there.faults.battery_v = None
+
+
+@pytest.mark.parametrize("pty", [False, True])
+def test_closing_says_goodbye_and_is_quick(driven: Drivens, pty: bool) -> None:
+    it = driven(pty=pty)
+    it.arm()
+    it.drive(0.2)
+    since = time.monotonic()
+    it.robot.close()
+    took = time.monotonic() - since
+    it.robot.close()
+    time.sleep(0.05)
+    assert it.heard(since)[-5:] == [*STANDSTILL, (4, 0), (2, None)]
+    told = it.there.log.since(since)
+    assert told[-1].time - told[-2].time >= 0.09
+    assert not it.there.firmware.is_open
+    assert took < 2.0
+    assert it.robot.report().phase is RobotPhase.CLOSED
+    assert it.robot.drive(0.3, 0.0).speed_mps == 0.0
+
+
+def test_closing_does_not_wait_for_a_robot_that_is_not_there(
+    piloted: Callable[..., Any], tmp_path: Path
+) -> None:
+    for port in (str(tmp_path / "nothing"), "socket://127.0.0.1:1"):
+        robot = piloted(port)
+        time.sleep(0.1)
+        began = time.monotonic()
+        robot.close()
+        assert time.monotonic() - began < 1.0
+        assert robot.report().phase is RobotPhase.CLOSED
+
+
+def test_no_method_waits_for_the_port(driven: Drivens) -> None:
+    it = driven(pty=True)
+    it.arm()
+    it.there.faults.silent = True
+    longest = 0.0
+    for _ in range(30):
+        for call in (
+            it.robot.report,
+            lambda: it.robot.drive(0.2, 0.1),
+            it.robot.stop,
+            it.robot.clear,
+            it.robot.enable,
+            it.robot.disable,
+        ):
+            began = time.monotonic()
+            call()
+            longest = max(longest, time.monotonic() - began)
+        time.sleep(0.01)
+    assert longest < 0.1

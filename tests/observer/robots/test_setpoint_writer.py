@@ -1,0 +1,229 @@
+"""What goes out of a port, in which order and when."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import time
+import tty
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from observer.robots.arcos import Command, PacketParser, command, decode_command
+from observer.robots.contract import SETPOINT_FRESH_S
+from observer.robots.serial_port import PortLost, open_port
+from observer.robots.setpoint_writer import RESEND_S, SetpointWriter
+
+VEL, RVEL, STOP = int(Command.VEL), int(Command.RVEL), int(Command.STOP)
+
+
+class Wire:
+    """A port of which one sees what was written when.
+
+    Attributes:
+        written: (host's monotonic clock, bytes) of each write.
+    """
+
+    name = "wire"
+    serial_line = True
+
+    def __init__(self, baud: int | None = 38400) -> None:
+        self.baud = baud
+        self.written: list[tuple[float, bytes]] = []
+        self._cut = False
+
+    def cut(self) -> None:
+        self._cut = True
+
+    def read(self, timeout_s: float) -> bytes:  # noqa: ARG002 - as Port
+        raise PortLost("nobody reads")
+
+    def write(self, data: bytes) -> None:
+        if self._cut:
+            raise PortLost("the wire was cut")
+        self.written.append((time.monotonic(), data))
+
+    def change_baud(self, baud: int) -> None:
+        self.baud = baud
+
+    def close(self, *, discard: bool) -> None:  # noqa: ARG002 - as Port
+        self._cut = True
+
+    def commands(self, since: float = 0.0) -> list[tuple[int, int | bytes | None]]:
+        """One for each write: each must be one whole command."""
+        found = []
+        for at, data in list(self.written):
+            (payload,) = PacketParser().feed(data)
+            read = decode_command(payload)
+            if at >= since:
+                found.append((read.number, read.argument))
+        return found
+
+
+@pytest.fixture
+def writing() -> Iterator[Callable[..., tuple[Wire, SetpointWriter]]]:
+    made = []
+
+    def make(
+        baud: int | None = 38400, clock: Callable[[], float] = time.monotonic
+    ) -> tuple[Wire, SetpointWriter]:
+        wire = Wire(baud)
+        writer = SetpointWriter(wire, clock)
+        made.append(writer)
+        return wire, writer
+
+    yield make
+    for writer in made:
+        assert writer.finish(2.0)
+
+
+def hold(writer: SetpointWriter, setpoint: tuple[int, int], seconds: float) -> None:
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        writer.drive(setpoint)
+        time.sleep(0.01)
+
+
+Writing = Callable[..., tuple[Wire, SetpointWriter]]
+
+
+def test_a_velocity_is_two_commands_and_told_again(writing: Writing) -> None:
+    wire, writer = writing()
+    hold(writer, (300, -20), 0.6)
+    told = wire.commands()
+    moving = told[told.index((RVEL, -20)) :]
+    # It turns as it shall before it is faster, from then on in the other order.
+    assert moving[:4] == [(RVEL, -20), (VEL, 300), (VEL, 300), (RVEL, -20)]
+    assert 4 <= moving.count((VEL, 300)) <= 8
+    assert writer.sent is not None
+    assert (writer.sent.speed_mps, writer.sent.turn_rate_radps) == (0.3, math.radians(-20))
+
+
+def test_commands_are_some_milliseconds_apart(writing: Writing) -> None:
+    wire, writer = writing()
+    for each in range(50):
+        writer.drive((each, each))
+        time.sleep(0.002)
+    times = [at for at, _ in wire.written]
+    assert min(b - a for a, b in itertools.pairwise(times)) >= 0.003
+
+
+def test_zero_goes_out_at_once_and_forward_first(writing: Writing) -> None:
+    worst = 0.0
+    for baud in (9600, None):
+        wire, writer = writing(baud)
+        for _ in range(5):
+            hold(writer, (300, 20), 0.11)
+            since = time.monotonic()
+            writer.drive((0, 0))
+            time.sleep(0.04)
+            zero = next(
+                at for at, data in wire.written if at >= since and data == command(Command.VEL, 0)
+            )
+            worst = max(worst, zero - since)
+            following = wire.commands(zero)
+            assert following[:2] == [(VEL, 0), (RVEL, 0)]
+    assert worst < 0.1
+
+
+def test_what_nobody_repeats_becomes_zero(writing: Writing) -> None:
+    wire, writer = writing()
+    hold(writer, (300, 0), 0.2)
+    since = time.monotonic()
+    time.sleep(SETPOINT_FRESH_S + 0.25)
+    told = wire.commands(since)
+    zero = next(at for at, data in wire.written if at > since and data == command(VEL, 0))
+    assert zero - since < SETPOINT_FRESH_S + 0.1
+    assert (VEL, 300) not in told[told.index((VEL, 0)) :]
+    # Standing is told on and on as well, or the firmware's watchdog would run out.
+    assert told[told.index((VEL, 0)) :].count((VEL, 0)) >= 2
+
+
+def test_halting_goes_before_all_that_waits(writing: Writing) -> None:
+    wire, writer = writing()
+    hold(writer, (300, 0), 0.15)
+    writer.send(*[command(Command.SONAR, 1)] * 50)
+    since = time.monotonic()
+    writer.halt(command(Command.E_STOP), command(Command.ENABLE, 0))
+    time.sleep(RESEND_S * 2.5)
+    told = wire.commands(since)
+    # One that was on its way when it came may be first.
+    at = told.index((int(Command.E_STOP), None))
+    assert at <= 1
+    assert told[at + 1] == (int(Command.ENABLE), 0)
+    assert set(told[at + 2 :]) == {(VEL, 0), (RVEL, 0)}
+
+
+def test_a_slow_line_is_not_filled_by_a_rising_velocity(writing: Writing) -> None:
+    wire, writer = writing(9600)
+    began = time.monotonic()
+    for each in range(1, 101):
+        writer.drive((each, 0))
+        time.sleep(0.005)
+    took = time.monotonic() - began
+    size = sum(len(data) for _, data in wire.written)
+    assert size / took < 0.6 * 960
+
+
+def test_in_an_outage_every_velocity_is_a_standstill(writing: Writing) -> None:
+    wire, writer = writing()
+    hold(writer, (300, 0), 0.15)
+    writer.outage = True
+    time.sleep(0.02)
+    since = time.monotonic()
+    hold(writer, (300, 0), 0.35)
+    told = wire.commands(since)
+    at = told.index((STOP, None))
+    assert told[at : at + 3] == [(STOP, None), (VEL, 0), (RVEL, 0)]
+    assert (VEL, 300) not in told[at:]
+
+
+def test_a_process_that_stood_still_begins_with_a_standstill(writing: Writing) -> None:
+    ahead = [0.0]
+    wire, writer = writing(clock=lambda: time.monotonic() + ahead[0])
+    hold(writer, (300, 0), 0.15)
+    # As if the process had been stopped for 3 s: the clock is all it sees of that.
+    ahead[0] = 3.0
+    since = time.monotonic()
+    time.sleep(0.2)
+    told = wire.commands(since)
+    assert writer.frozen
+    at = told.index((STOP, None))
+    assert at <= 1
+    assert told[at : at + 3] == [(STOP, None), (VEL, 0), (RVEL, 0)]
+    assert (VEL, 300) not in told[at:]
+
+
+def test_a_lost_port_ends_it_with_a_sentence(writing: Writing) -> None:
+    wire, writer = writing()
+    wire.cut()
+    hold(writer, (300, 0), 0.1)
+    assert writer.broken == "the wire was cut"
+    assert (VEL, 300) not in wire.commands()
+
+
+def test_a_stuck_port_holds_up_nobody() -> None:
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    port = open_port(os.ttyname(slave))
+    writer = SetpointWriter(port, time.monotonic)
+    try:
+        # Nobody reads at the other end; a pseudo terminal keeps some kilobytes.
+        writer.send(*[command(Command.SONAR, bytes(200))] * 100)
+        longest, until = 0.0, time.monotonic() + 4.0
+        while writer.broken is None and time.monotonic() < until:
+            began = time.monotonic()
+            writer.drive((300, 0))
+            writer.halt(*[command(Command.SONAR, bytes(200))] * 100)
+            longest = max(longest, time.monotonic() - began)
+            time.sleep(0.05)
+        assert writer.broken is not None
+        assert "takes no bytes" in writer.broken
+        assert longest < 0.1
+    finally:
+        assert writer.finish(2.0)
+        port.close(discard=True)
+        os.close(master)
+        os.close(slave)
