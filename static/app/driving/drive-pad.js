@@ -10,6 +10,8 @@ import { SonarRing, sonarInWords } from "./sonar-ring.js";
 
 // Nearer to its middle the pad is held, but moves nothing.
 const STILL = 0.12;
+// Of the pad's width, from its middle.
+const KNOB_WAY_PERCENT = 36;
 
 /** @type {Record<string, string>} */
 const LEVELS = { clear: "The way is clear", slow: "Slowed", stop: "Stopped" };
@@ -120,8 +122,11 @@ export class DrivePad extends Part {
     const deflection = hold.deflection;
     setAttribute(this, "data-held", hold.counts ? "" : hold.isHeld ? "barred" : null);
     setAttribute(this.#pad, "aria-disabled", hindrance ? "true" : null);
-    this.#knob.style.left = `${50 - 50 * (deflection?.left ?? 0)}%`;
-    this.#knob.style.top = `${50 - 50 * (deflection?.forward ?? 0)}%`;
+    const { forward, left } = deflection ?? { forward: 0, left: 0 };
+    // Within the round pad also where both are full.
+    const way = KNOB_WAY_PERCENT / Math.max(1, Math.hypot(forward, left));
+    this.#knob.style.left = `${50 - way * left}%`;
+    this.#knob.style.top = `${50 - way * forward}%`;
     this.#ring.show(robot);
     setText(this.#sonar, robot ? sonarInWords(robot) : "");
     setText(this.#state, hold.barred || hindrance || driver.note || (hold.counts ? `Driving the ${ROLE_WORDS[driver.role].toLowerCase()}` : `Ready to drive the ${ROLE_WORDS[driver.role].toLowerCase()}${connected() ? ", gamepad too" : ""}`));

@@ -6,7 +6,7 @@ import { KeptList } from "../focus-place.js";
 import { confirmed, notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
-import { clock, ROLE_WORDS } from "./robot-words.js";
+import { clock, lastsInWords, ROLE_WORDS } from "./robot-words.js";
 
 /** @typedef {import("./types.js").ProgrammeEntry} ProgrammeEntry */
 
@@ -32,7 +32,7 @@ class Programmes extends Part {
   build() {
     const form = h("form", { class: "stack", novalidate: true },
       field("Take it from a file", this.#file),
-      field("YAML", this.#text, "Name, title, and for each role steps with seconds, speed_mps and turn_rate_radps. “As a start” beside a programme copies its text."),
+      field("YAML", this.#text, "Name, title, and for each role steps with seconds, speed_mps and turn_rate_radps. “Copy” beside a programme puts its text here."),
       this.#error,
       h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Keep programme")));
     this.#own.append(form);
@@ -111,7 +111,7 @@ class Programmes extends Part {
     const { name, title, help, roles, duration_s, own } = entry;
     const start = h("button", { type: "button", class: "button start", "aria-label": `Start ${title}` }, icon("play"), "Start");
     start.addEventListener("click", () => void this.#do(() => this.#begin(entry)));
-    const copy = h("button", { type: "button", class: "button", "aria-label": `Copy ${title} as a start of your own` }, "As a start");
+    const copy = h("button", { type: "button", class: "button", "aria-label": `Copy ${title}`, title: "Copy its text into the field below" }, "Copy");
     copy.addEventListener("click", () => void this.#do(() => this.#copy(name)));
     const buttons = [start, copy];
     if (own) {
@@ -123,7 +123,7 @@ class Programmes extends Part {
     return h("li", { class: "programme", "data-programme": name },
       h("div", { class: "item-words" },
         h("p", {}, h("b", {}, title)),
-        h("p", { class: "hint figure" }, `${who} · ${clock(duration_s)} min`),
+        h("p", { class: "hint figure" }, `${who} · ${lastsInWords(duration_s)}`),
         help ? h("p", { class: "hint" }, help) : null,
         h("p", { class: "missing" })),
       h("div", { class: "row" }, ...buttons));

@@ -6,8 +6,8 @@ import { setAttribute, setText } from "../dom.js";
 /** @typedef {import("./types.js").SonarReading} SonarReading */
 
 const SVG = "http://www.w3.org/2000/svg";
-const REACH_M = 2.5;
-const RINGS_M = [1, 2];
+const REACH_M = 3;
+const RINGS_M = [1, 2, 3];
 const HALF_CONE_RAD = (15 * Math.PI) / 180;
 const NEAR_M = 0.5;
 const CLOSE_M = 1;
