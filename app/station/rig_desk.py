@@ -11,6 +11,7 @@ from app.station.files import write_whole
 from observer.errors import InputError
 from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
 from observer.rig.rig_file import read_rig, rig_text
+from observer.robots.opening import check_port
 
 FILE_NAME = "rig.yaml"
 
@@ -109,6 +110,7 @@ class RigDesk:
         models = {each: m for each, m in self.rig.models.items() if each != role}
         try:
             if port is not None:
+                check_port(port)
                 ports[role] = port
             if model is not None:
                 models[role] = model

@@ -14,6 +14,7 @@ from app.messages import EngineState
 from app.station import Station
 from app.station.status import status
 from app.web.api.common import TheStation
+from observer.rig.rig import ROLES
 
 router = APIRouter(include_in_schema=False)
 
@@ -90,3 +91,30 @@ class _StatusCollector(Collector):
                 painted.add_metric([quantile], latency[quantile])
         yield painted
         yield GaugeMetricFamily("dynamic_observer_viewers", "Open pages.", value=now["viewers"])
+        yield from self._driving()
+
+    def _driving(self) -> Iterator[Metric]:
+        driving = self._station.driving
+        yield GaugeMetricFamily(
+            "dynamic_observer_drive_alive",
+            "1 while there is a process that drives the robots.",
+            value=float(driving.alive),
+        )
+        yield CounterMetricFamily(
+            "dynamic_observer_drive_restarts",
+            "How often the drive process was replaced.",
+            value=driving.restarts,
+        )
+        late = driving.loop_late_p99_ms
+        if late is not None:
+            yield GaugeMetricFamily(
+                "dynamic_observer_drive_late_p99_ms",
+                "By how much the drive loop's ticks are late, lately.",
+                value=late,
+            )
+        armed = GaugeMetricFamily(
+            "dynamic_observer_robot_armed", "1 while its motors are on.", labels=["role"]
+        )
+        for role in ROLES:
+            armed.add_metric([role], float(driving.is_driven(role)))
+        yield armed

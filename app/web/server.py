@@ -166,10 +166,12 @@ def create_app(
     return app
 
 
-def _real_processes(drive: Drive | None) -> tuple[Engine, Drive | None]:
+def _real_processes(drive: Drive | None) -> tuple[Engine, Drive]:
+    from app.drive.supervisor import DriveSupervisor
     from app.supervisor import Supervisor
 
-    return Supervisor(), drive
+    engine = Supervisor()
+    return engine, drive or DriveSupervisor(engine.shared_slots)
 
 
 def _add_rest(app: FastAPI, live: LiveHub) -> None:

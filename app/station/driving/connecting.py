@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
 import structlog
@@ -29,6 +30,8 @@ log = structlog.get_logger(__name__)
 REAL_WORLD = "real"
 # A drive process that did not answer is asked again.
 _RETRY_S = 1.0
+# The robot before says goodbye, which takes up to 2 s.
+_CONNECT_TIMEOUT_S = 10.0
 
 
 def wanted_robots(state: StateEvent, rig: Rig) -> dict[Role, ConnectRobot]:
@@ -55,7 +58,9 @@ def wanted_robots(state: StateEvent, rig: Rig) -> dict[Role, ConnectRobot]:
 
 
 class Connecting:
-    """Tells each drive process what it lacks of what is wanted, one thing after the other.
+    """Tells each drive process what it lacks of what is wanted.
+
+    One robot's port never delays the other's; none is given before the stop and the guard are told.
 
     Attributes:
         trouble: why a role's robot could not be given, by role.
@@ -71,8 +76,11 @@ class Connecting:
         # As this drive process was told, refused wishes too: they do not mend by repeating.
         self._told: dict[Role, ConnectRobot] = {}
         self._told_guard: dict[str, Any] = {}
+        # Of the process that is there (0: none), and of the one that was told stop and guard.
         self._generation = 0
-        self._due = asyncio.Event()
+        self._begun = 0
+        self._settings_due = asyncio.Event()
+        self._robot_due = {role: asyncio.Event() for role in ROLES}
         self.trouble: dict[Role, str] = {}
         self.complaint: str | None = None
         self.stop_due: str | None = None
@@ -80,14 +88,13 @@ class Connecting:
 
     def want(self, state: StateEvent, rig: Rig) -> None:
         """Have these robots from now on."""
-        wanted = wanted_robots(state, rig)
-        if wanted != self._wanted:
-            self._wanted = wanted
-            self._due.set()
+        self._wanted = wanted_robots(state, rig)
+        for due in self._robot_due.values():
+            due.set()
 
     def look(self) -> None:
-        """Something may be another."""
-        self._due.set()
+        """The guard's parameters may be others."""
+        self._settings_due.set()
 
     def drive_started(self, generation: int) -> None:
         """A new process has nothing; a stop holds all the same."""
@@ -95,7 +102,7 @@ class Connecting:
             self.stop_due = str(self.stopped.get("by") or "the stop before")
         self._generation = generation
         self._forget()
-        self._due.set()
+        self._settings_due.set()
 
     def drive_lost(self) -> None:
         """What it was told went with it."""
@@ -104,57 +111,48 @@ class Connecting:
 
     def _forget(self) -> None:
         self._told, self._told_guard = {}, {}
+        self._begun = 0
         self.trouble.clear()
         self.complaint = None
 
     async def run(self) -> None:
         """Until cancelled."""
-        again = False
-        while True:
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._due.wait(), _RETRY_S if again else None)
-            self._due.clear()
-            again = not await self._bring_up_to_date()
+        async with asyncio.TaskGroup() as keeping:
+            keeping.create_task(_keep(self._settings_due, self._tell_settings))
+            for role, due in self._robot_due.items():
+                keeping.create_task(_keep(due, partial(self._tell_robot, role)))
 
-    async def _bring_up_to_date(self) -> bool:
-        """Whether all was told, or is known to be refused."""
+    async def _tell_settings(self) -> None:
         generation = self._generation
         if generation == 0:
             # The next process is told when it has started.
-            return True
-        try:
-            await self._tell_stop()
-            await self._tell_guard()
-            for role in ROLES:
-                if self._generation == generation:
-                    await self._tell_robot(role)
-        except NotAvailable as error:
-            log.warning("drive_not_told", reason=str(error))
-            return False
-        return True
-
-    async def _tell_stop(self) -> None:
+            return
         if self.stop_due is not None:
             await ask_drive(self._drive, StopRobots(self.stop_due))
             self.stop_due = None
-
-    async def _tell_guard(self) -> None:
         guard = self._guard()
         if guard and guard != self._told_guard:
             self.complaint = await self._refusal(SetGuard(guard))
             self._told_guard = guard
+        if self._generation == generation:
+            self._begun = generation
+            for due in self._robot_due.values():
+                due.set()
 
     async def _tell_robot(self, role: Role) -> None:
+        generation = self._begun
         wanted, told = self._wanted.get(role), self._told.get(role)
-        if wanted == told:
+        if generation == 0 or wanted == told:
             return
-        generation = self._generation
         try:
-            complaint = await self._refusal(DisconnectRobot(role) if wanted is None else wanted)
+            complaint = await self._refusal(
+                DisconnectRobot(role) if wanted is None else wanted, _CONNECT_TIMEOUT_S
+            )
         except NotAvailable as error:
-            self.trouble[role] = f"the {role} is not connected: {error}"
+            if self._begun == generation:
+                self.trouble[role] = f"the {role} is not connected: {error}"
             raise
-        if self._generation != generation:
+        if self._begun != generation:
             return
         if wanted is None:
             self._told.pop(role, None)
@@ -164,11 +162,29 @@ class Connecting:
         if complaint is not None:
             self.trouble[role] = f"the {role} is not connected: {complaint}"
 
-    async def _refusal(self, command: DriveProcessCommand) -> str | None:
+    async def _refusal(
+        self, command: DriveProcessCommand, timeout_s: float = 1.0
+    ) -> str | None:
         """Why a command was refused for good, None where it was not."""
         try:
-            await ask_drive(self._drive, command)
+            await ask_drive(self._drive, command, timeout_s=timeout_s)
         except (FieldError, Conflict) as error:
             log.warning("drive_refused", command=type(command).__name__, reason=str(error))
             return str(error)
         return None
+
+
+async def _keep(due: asyncio.Event, tell: Callable[[], Awaitable[None]]) -> None:
+    """Tell whenever it is due, and again where nobody answered."""
+    again = False
+    while True:
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(due.wait(), _RETRY_S if again else None)
+        due.clear()
+        try:
+            await tell()
+        except NotAvailable as error:
+            log.warning("drive_not_told", reason=str(error))
+            again = True
+        else:
+            again = False

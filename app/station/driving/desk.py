@@ -250,6 +250,7 @@ class DrivingDesk:
         try:
             await self.ask(StopRobots(by))
         except NotAvailable as error:
+            self._connecting.look()
             raise NotAvailable(
                 f"the stop could not be told to the drive process ({error}): use the robots' own "
                 f"switch; without commands their firmware stops them, and the next drive process "
