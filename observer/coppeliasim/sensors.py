@@ -12,7 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.camera import StereoCalibration
-from observer.coppeliasim.connection import Connection, CoppeliaSimError
+from observer.coppeliasim.connection import (
+    Connection,
+    CoppeliaSimError,
+    CoppeliaSimUnreachable,
+)
 from observer.coppeliasim.pioneers import Pioneer
 from observer.coppeliasim.poses import R_SENSOR_CAMERA, handles, number, pose_numbers, pose_of
 from observer.errors import CalibrationError
@@ -99,13 +103,19 @@ def find_sensors(connection: Connection) -> StereoSensors | None:
         CoppeliaSimError: two sensors have the names, but are no stereo camera.
     """
     every = _all_sensors(connection)
-    named = [
-        next((s for s in every if s.name.lower() == name.lower()), None)
-        for name in (LEFT_NAME, RIGHT_NAME)
-    ]
-    left, right = named
-    if left is not None and right is not None:
-        return _stereo(connection, left, right)
+    named = itertools.product(*(
+        [s for s in every if s.name.lower() == name.lower()] for name in (LEFT_NAME, RIGHT_NAME)
+    ))  # fmt: skip
+    refusal: CoppeliaSimError | None = None
+    for left, right in named:
+        try:
+            return _stereo(connection, left, right)
+        except CoppeliaSimUnreachable:
+            raise
+        except CoppeliaSimError as error:
+            refusal = refusal or error
+    if refusal is not None:
+        raise refusal
     poses = {sensor.handle: sensor.T_room_camera(connection) for sensor in every}
     pairs = []
     for left, right in itertools.permutations(every, 2):
@@ -126,6 +136,7 @@ def create_sensors(connection: Connection, robot: Pioneer) -> StereoSensors:
     tilt = Pose.from_rotvec([0.0, TILT_RAD, 0.0], np.zeros(3)).rotation
     # A sensor that looks ahead along the base's x, its y up and its x left.
     R_base_sensor = tilt @ np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    made = []
     for name, side in ((LEFT_NAME, 0.5), (RIGHT_NAME, -0.5)):
         handle = connection.call(
             "createVisionSensor",
@@ -138,13 +149,8 @@ def create_sensors(connection: Connection, robot: Pioneer) -> StereoSensors:
         connection.call("setObjectAlias", handle, name)
         connection.call("setObjectPose", handle, pose_numbers(T_room_sensor))
         connection.call("setObjectParent", handle, robot.handle, True)
-    made = find_sensors(connection)
-    if made is None:
-        raise CoppeliaSimError(
-            f"vision sensors were created on {robot.path} of CoppeliaSim at "
-            f"{connection.address}, but are not there; create {LEFT_NAME} and {RIGHT_NAME} by hand"
-        )
-    return made
+        made.append(_sensor(connection, handle))
+    return _stereo(connection, *made)
 
 
 def _all_sensors(connection: Connection) -> list[Sensor]:

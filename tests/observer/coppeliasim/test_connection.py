@@ -1,0 +1,229 @@
+"""The official client, given deadlines: whatever the other side does, an answer or a sentence."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from observer.coppeliasim.address import Address
+from observer.coppeliasim.connection import (
+    Connection,
+    CoppeliaSimError,
+    CoppeliaSimUnreachable,
+)
+
+pytestmark = pytest.mark.usefixtures("extra")
+
+# For whatever goes wrong.
+_MOST_S = 2.5
+
+
+@contextmanager
+def _told_soon(match: str) -> Iterator[None]:
+    """One sentence, and no hang."""
+    begun = time.monotonic()
+    with pytest.raises(CoppeliaSimError, match=match) as told:
+        yield
+    assert time.monotonic() - begun < _MOST_S
+    assert "\n" not in str(told.value)
+
+
+@contextmanager
+def _replying(reply: Callable[[dict[str, Any]], bytes | None]) -> Iterator[Address]:
+    """A ZeroMQ server that says what it is told to, or nothing."""
+    import cbor
+    import zmq
+
+    context = zmq.Context()
+    server = context.socket(zmq.REP)
+    server.linger = 0
+    port = server.bind_to_random_port("tcp://127.0.0.1")
+    ended = threading.Event()
+
+    def serve() -> None:
+        while not ended.is_set():
+            if not server.poll(20):
+                continue
+            answer = reply(cbor.loads(server.recv()))
+            if answer is None:
+                ended.wait()
+            else:
+                server.send(answer)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield Address("127.0.0.1", port)
+    finally:
+        ended.set()
+        thread.join()
+        server.close()
+        context.term()
+
+
+def test_nobody_there(free_port: int) -> None:
+    with _told_soon(r"nothing listens at 127\.0\.0\.1:\d+ \(connection refused\); start"):
+        Connection(Address("127.0.0.1", free_port))
+
+
+def test_something_that_accepts_and_never_speaks() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        with _told_soon("did not answer the first call within 1 s"):
+            Connection(Address("127.0.0.1", port))
+
+
+def test_a_server_that_takes_a_request_and_never_answers() -> None:
+    with (
+        _replying(lambda _: None) as address,
+        _told_soon("did not answer the first call within 1 s"),
+    ):
+        Connection(address)
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [b"\xff\xff\xff", b"", {"success": True}, {"ret": 5}, [], "text", {"ret": [1]}],
+    ids=str,
+)
+def test_answers_that_are_not_the_protocol(reply: Any) -> None:
+    import cbor
+
+    encoded = reply if isinstance(reply, bytes) else cbor.dumps(reply)
+    with _replying(lambda _: encoded) as address, _told_soon("does not answer the first call as"):
+        Connection(address)
+
+
+def test_a_server_cannot_have_functions_of_the_main_program_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import cbor
+
+    called: list[object] = []
+    monkeypatch.setattr(sys.modules["__main__"], "harmless", called.append, raising=False)
+    asked = cbor.dumps({"func": "harmless", "args": [1]})
+    with _replying(lambda _: asked) as address, _told_soon("does not answer the first call as"):
+        Connection(address)
+    assert called == []
+
+
+def test_the_protocol_of_the_stand_in(shared: Any) -> None:
+    """What the facts say of the real server, asked without its client."""
+    import cbor
+    import zmq
+
+    with zmq.Context() as context, context.socket(zmq.REQ) as client:
+        client.linger = 0
+        client.rcvtimeo = 2000
+        client.connect(f"tcp://{shared.address}")
+
+        def ask(**request: Any) -> Any:
+            client.send(cbor.dumps(request))
+            return cbor.loads(client.recv())
+
+        assert "error" in ask(func="sim.getSimulationTime", args=[])
+        assert ask(func="sim.getSimulationTime", args=[], uuid="raw", ver=2) == {"ret": [0.0]}
+        info = ask(func="zmqRemoteApi.info", args=["sim"], uuid="raw")["ret"][0]
+        assert info["getObject"] == {"func": {}}
+        assert info["handle_world"] == {"const": -1}
+        assert "No such function" in ask(func="sim.nothing", args=[], uuid="raw")["err"]
+        # While nothing runs a step waits once.
+        assert ask(func="sim.step", args=[], uuid="raw")["func"] == "_*wait*_"
+        assert "ret" in ask(func="_*executed*_", args=[], uuid="raw")
+        assert ask(func="_*end*_", args=[], uuid="raw") == {}
+
+
+def test_a_refused_call_is_one_sentence_and_the_conversation_goes_on(shared: Any) -> None:
+    with shared.connected() as connection:
+        with _told_soon(
+            r"^CoppeliaSim at \S+ refused sim.getObject: "
+            r"Object does not exist. \(in function 'sim.getObject'\)$"
+        ):
+            connection.call("getObject", "/Nothing")
+        with _told_soon("has no function sim.fly"):
+            connection.call("fly")
+        assert connection.call("getObject", "/PioneerP3DX") >= 0
+
+
+def test_the_main_program_is_left_alone(shared: Any) -> None:
+    with shared.connected():
+        assert not hasattr(sys.modules["__main__"], "require")
+
+
+def test_calls_from_many_threads_are_one_conversation(shared: Any) -> None:
+    answers: list[str] = []
+    with shared.connected() as connection:
+        handles = [connection.call("getObject", f"/{n}") for n in ("leftCamera", "rightCamera")]
+        expected = dict(zip(handles, ("leftCamera", "rightCamera"), strict=True))
+
+        def ask(handle: int) -> None:
+            for _ in range(50):
+                if connection.call("getObjectAlias", handle) != expected[handle]:
+                    answers.append("wrong")
+
+        threads = [threading.Thread(target=ask, args=(h,)) for h in handles * 2]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert answers == []
+
+
+def test_requests_are_repeated_when_the_server_is_busy(own: Any) -> None:
+    running = own("--scene", "empty", "--repeat-every", "3")
+    with running.connected() as connection:
+        for _ in range(20):
+            assert connection.call("getSimulationTimeStep") == 0.05
+
+
+def test_a_server_that_hangs_ends_the_conversation_and_a_new_one_begins(own: Any) -> None:
+    running = own("--scene", "empty")
+    connection = Connection(running.address)
+    os.kill(running.process.pid, signal.SIGSTOP)
+    try:
+        with _told_soon("did not answer sim.getSimulationTime within 1 s"):
+            connection.call("getSimulationTime")
+        assert connection.closed
+        with _told_soon("is closed; open it again"):
+            connection.call("getSimulationTime")
+    finally:
+        os.kill(running.process.pid, signal.SIGCONT)
+    with running.connected() as again:
+        assert again.call("getSimulationTime") == 0.0
+
+
+def test_a_server_that_dies_in_mid_call(own: Any) -> None:
+    running = own("--scene", "empty")
+    with running.connected() as connection:
+        # A step that somebody else holds up never ends by itself.
+        other = Connection(running.address)
+        other.call("setStepping", True)
+        connection.call("setStepping", True)
+        connection.call("startSimulation")
+        threading.Timer(0.2, running.process.kill).start()
+        with _told_soon("did not answer sim.step"):
+            connection.call("step")
+        other._abandon()
+
+
+def test_without_the_extra_the_command_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    find = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util,
+        "find_spec",
+        lambda name, *rest: None if name.startswith("coppeliasim") else find(name, *rest),
+    )
+    with pytest.raises(
+        CoppeliaSimUnreachable, match=r"pip install 'dynamic-observer\[coppeliasim\]'"
+    ):
+        Connection(Address("127.0.0.1", 1))

@@ -1,0 +1,319 @@
+"""A scene as a source: calibration, images, instants and truth, and what may go wrong."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+from observer.coppeliasim.connection import Connection, CoppeliaSimError
+from observer.errors import SourceError
+from observer.geometry import Float64Array
+from observer.opening import OpenedSource, open_source
+from observer.types import Image
+
+pytestmark = pytest.mark.usefixtures("extra")
+
+DT = 0.05
+_MOST_S = 2.5
+_CAMERAS = ("leftCamera", "rightCamera")
+
+
+@contextmanager
+def _opened(running: Any) -> Iterator[OpenedSource]:
+    opened = open_source(running.spec)
+    try:
+        yield opened
+    finally:
+        opened.source.close()
+
+
+@contextmanager
+def _told_soon(match: str) -> Iterator[None]:
+    begun = time.monotonic()
+    with pytest.raises(SourceError, match=match) as told:
+        yield
+    assert time.monotonic() - begun < _MOST_S
+    assert "\n" not in str(told.value)
+
+
+def _roll(connection: Connection, robot: str, left: float, right: float) -> None:
+    for motor, velocity in (("leftMotor", left), ("rightMotor", right)):
+        handle = connection.call("getObject", f"{robot}/{motor}")
+        connection.call("setJointTargetVelocity", handle, velocity)
+
+
+def _wait_until_stopped(connection: Connection) -> None:
+    """What is changed before would be put back."""
+    stopped = connection.constant("simulation_stopped")
+    deadline = time.monotonic() + 5
+    while connection.call("getSimulationState") != stopped:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def _redness(image: Image, px: Float64Array) -> float:
+    """By how much red outweighs green around a pixel, grey levels."""
+    u, v = (round(float(n)) for n in px)
+    patch = image[v - 3 : v + 4, u - 3 : u + 4].astype(float)
+    return float((patch[..., 2] - patch[..., 1]).mean())
+
+
+def test_what_it_says_of_itself(shared: Any) -> None:
+    with _opened(shared) as opened:
+        info = opened.source.info
+        assert (info.kind, info.spec, info.live, info.frame_count) == (
+            "coppeliasim", shared.spec, False, None,
+        )  # fmt: skip
+        assert (info.width, info.height, info.frame_rate) == (512, 256, 20.0)
+        assert info.mount_height_m == pytest.approx(0.40, abs=1e-9)
+        assert info.mount_tilt_rad == pytest.approx(math.radians(5), abs=1e-9)
+        # From the axle's middle, which is not the model's origin.
+        assert info.mount_forward_m == pytest.approx(0.07, abs=1e-9)
+        assert info.mount_left_m == pytest.approx(0.06, abs=1e-9)
+
+
+def test_the_calibration_is_of_the_sensors_own_numbers(shared: Any) -> None:
+    with _opened(shared) as opened:
+        c = opened.source.calibration
+        assert c is not None
+        assert c.is_rectified
+        assert c.K1[0, 0] == pytest.approx(443.405, abs=1e-3)
+        assert c.K1[1, 1] == c.K1[0, 0]
+        assert c.K1[:2, 2].tolist() == [255.5, 127.5]
+        assert c.T.tolist() == pytest.approx([-0.12, 0, 0], abs=1e-9)
+
+
+def test_the_robots_are_told_with_their_roles(shared: Any) -> None:
+    with _opened(shared) as opened:
+        assert opened.robots is not None
+        assert opened.robots.world == shared.spec
+        ports = opened.robots.serve()
+        assert [(p.role, p.port, p.model) for p in ports] == [
+            ("observer", f"{shared.spec}/PioneerP3DX", "p3dx-sh"),
+            ("obstacle", f"{shared.spec}/PioneerP3DX[1]", "p3dx-sh"),
+        ]
+        assert ports[0].name != ports[1].name
+
+
+def test_truth_images_and_calibration_agree(shared: Any) -> None:
+    """The red robot is where truth and calibration put it: in both images, upright, in BGR."""
+    with _opened(shared) as opened:
+        frame = opened.source.read()
+        c, truth = opened.source.calibration, opened.truth
+        assert c is not None
+        assert truth is not None
+        assert truth.camera_pose(frame.time).translation == pytest.approx([0, 0, 0], abs=1e-9)
+        observer, obstacle = truth.bodies(frame.time)
+        assert (observer.role, obstacle.role) == ("observer", "obstacle")
+        px = c.K1 @ obstacle.position
+        left = px[:2] / px[2] - [0, 6]
+        disparity = c.K1[0, 0] * c.baseline / obstacle.position[2]
+        # Beside the wheel, on its red side.
+        side, beyond = np.array([22.0, 8.0]), np.array([82.0, 8.0])
+        for image, at in ((frame.left, left), (frame.right, left - [disparity, 0])):
+            assert _redness(image, at + side) > 80
+            assert _redness(image, at + beyond) < 60
+        # The floor below is wood, the wall above is blue.
+        assert 20 < _redness(frame.left, np.array([256.0, 240.0])) < 60
+        assert _redness(frame.left, np.array([155.0, 30.0])) < 0
+
+
+def test_everything_of_a_frame_is_of_one_instant(shared: Any) -> None:
+    with shared.connected() as other, _opened(shared) as opened:
+        _roll(other, "/PioneerP3DX[1]", 4.0, 6.0)
+        _roll(other, "/PioneerP3DX", 1.0, 1.0)
+        positions, times, cameras = [], [], []
+        for k in range(8):
+            frame = opened.source.read()
+            assert frame.index == k
+            times.append(frame.time)
+            observer, obstacle = opened.truth.bodies(frame.time)
+            positions.append(obstacle.position)
+            cameras.append(opened.truth.camera_pose(frame.time).translation)
+        _roll(other, "/PioneerP3DX[1]", 0.0, 0.0)
+        _roll(other, "/PioneerP3DX", 0.0, 0.0)
+        assert np.diff(times) == pytest.approx([DT] * 7)
+        step = (positions[-1] - positions[-2]) / DT
+        speed = (4.0 + 6.0) / 2 * 0.0975
+        assert obstacle.commanded_speed == pytest.approx(speed)
+        # The centre of its outline lies on the model's origin, but for the height.
+        assert obstacle.velocity == pytest.approx(step, abs=0.02 * speed)
+        assert obstacle.speed == pytest.approx(speed, rel=0.01)
+        driven = 7 * DT * 0.0975
+        # The camera looks down by 5 degrees, so driving ahead is also upwards in its axes.
+        ahead = [0, -driven * math.sin(math.radians(5)), driven * math.cos(math.radians(5))]
+        assert cameras[-1] == pytest.approx(ahead, abs=1e-6)
+        assert frame.odometry.x == pytest.approx(driven, abs=1e-6)
+        assert observer.velocity == pytest.approx((cameras[-1] - cameras[-2]) / DT, abs=1e-6)
+        # Turning to the left of a robot that comes from the left is turning towards us.
+        assert obstacle.yaw < math.pi / 2
+
+
+def test_time_stands_still_until_the_next_frame_however_long_that_is(shared: Any) -> None:
+    """Longer than the simulator remembers a client that says nothing."""
+    with _opened(shared) as opened:
+        before = opened.source.read().time
+        time.sleep(1.5)
+        assert opened.source.read().time == pytest.approx(before + DT)
+
+
+def test_a_simulator_that_forgot_us_is_held_again(shared: Any) -> None:
+    with _opened(shared) as opened:
+        opened.source.read()
+        opened.source._connection.call("setStepping", False)
+        time.sleep(0.2)
+        times = [opened.source.read().time for _ in range(4)]
+        assert times[0] > 2 * DT
+        assert np.diff(times[1:]) == pytest.approx([DT] * 2)
+
+
+def test_rewound_it_begins_anew(shared: Any) -> None:
+    with shared.connected() as other, _opened(shared) as opened:
+        first = opened.source.read()
+        _roll(other, "/PioneerP3DX[1]", 5.0, 5.0)
+        for _ in range(5):
+            last = opened.source.read()
+        opened.source.rewind()
+        again = opened.source.read()
+        assert (again.index, again.time) == (0, first.time)
+        assert again.odometry == first.odometry
+        assert np.array_equal(again.left, first.left)
+        assert not np.array_equal(again.left, last.left)
+
+
+def test_what_was_started_is_stopped_and_what_ran_goes_on(shared: Any) -> None:
+    with shared.connected() as other:
+        with _opened(shared) as opened:
+            opened.source.read()
+        _wait_until_stopped(other)
+        other.call("startSimulation")
+        with _opened(shared) as opened:
+            opened.source.read()
+        assert other.call("getSimulationState") != other.constant("simulation_stopped")
+        now = other.call("getSimulationTime")
+        deadline = time.monotonic() + 5
+        while other.call("getSimulationTime") <= now:
+            assert time.monotonic() < deadline
+        other.call("stopSimulation")
+        _wait_until_stopped(other)
+
+
+def test_one_that_died_while_stepping_holds_nobody_up_for_long(shared: Any) -> None:
+    dead = Connection(shared.address)
+    dead.call("setStepping", True)
+    dead._abandon()
+    with _opened(shared) as opened:
+        times = [opened.source.read().time for _ in range(3)]
+    assert np.diff(times) == pytest.approx([DT] * 2)
+
+
+def test_somebody_stops_pauses_or_holds_the_simulation(shared: Any) -> None:
+    with shared.connected() as other:
+        for what in ("stopSimulation", "pauseSimulation"):
+            with _opened(shared) as opened:
+                opened.source.read()
+                other.call(what)
+                time.sleep(0.05)
+                with _told_soon("does not go on from .* as if it had been stopped or paused"):
+                    opened.source.read()
+        other.call("stopSimulation")
+
+
+def test_a_second_program_that_steps_is_told(shared: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from coppeliasim_zmqremoteapi_client import RemoteAPIClient
+
+    with _opened(shared) as opened:
+        opened.source.read()
+        # As others use the client: it is remembered for ten minutes, whatever becomes of it.
+        monkeypatch.setattr(sys.modules["__main__"], "require", None, raising=False)
+        program = RemoteAPIClient("127.0.0.1", shared.address.port)
+        program.socket.linger = 0
+        try:
+            sim = program.require("sim")
+            sim.setStepping(True)
+            with _told_soon(r"did not answer sim.step .* such as a second program that steps it"):
+                opened.source.read()
+            sim.setStepping(False)
+            sim.stopSimulation()
+        finally:
+            program.socket.close()
+            program.context.term()
+
+
+def test_sensors_are_found_by_where_they_are_and_told_when_they_do_not_fit(own: Any) -> None:
+    running = own("--scene", "lab")
+    with running.connected() as other:
+        left, right = (other.call("getObject", f"/{name}") for name in _CAMERAS)
+        width = other.constant("visionintparam_resolution_x")
+        # The names are gone, and which is which is told by their places only.
+        other.call("setObjectAlias", left, "b")
+        other.call("setObjectAlias", right, "a")
+        with _opened(running) as opened:
+            assert opened.source.calibration.T[0] == pytest.approx(-0.12)
+            opened.source.read()
+            other.call("setObjectInt32Param", right, width, 640)
+            with _told_soon(r"gives 491520 bytes \(told size \[640, 256\]\), not 512x256 pixels"):
+                opened.source.read()
+        _wait_until_stopped(other)
+        other.call("setObjectInt32Param", right, width, 640)
+        # Swapped.
+        for handle, name in zip((right, left), _CAMERAS, strict=True):
+            other.call("setObjectAlias", handle, name)
+        with _told_soon(r"differ: \S+ 640x256 at 60 degrees and \S+ 512x256 at 60 degrees; give"):
+            open_source(running.spec)
+        other.call("setObjectInt32Param", right, width, 512)
+        with _told_soon("are no stereo camera: T places the right camera 0.12 m to the left"):
+            open_source(running.spec)
+        other.call("removeObjects", [right])
+        # One alone is none, so two are made.
+        with _opened(running) as opened:
+            info = opened.source.info
+            assert (info.width, info.height) == (512, 256)
+            assert info.mount_height_m == pytest.approx(0.34, abs=1e-9)
+            assert info.mount_left_m == pytest.approx(0.06, abs=1e-9)
+            assert info.mount_tilt_rad == pytest.approx(math.radians(6), abs=1e-9)
+            assert opened.source.calibration.is_rectified
+            assert opened.source.read().left.std() > 20
+
+
+def test_a_scene_with_nothing_in_it_and_servers_that_hang_or_die(own: Any) -> None:
+    running = own("--scene", "empty")
+    with _told_soon("neither two vision sensors side by side nor a P3-DX .* coppelia-scene 127"):
+        open_source(running.spec)
+    with running.connected() as other:
+        other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
+    with _opened(running) as opened:
+        opened.source.read()
+        os.kill(running.process.pid, signal.SIGSTOP)
+        try:
+            with _told_soon("did not answer"):
+                opened.source.read()
+        finally:
+            os.kill(running.process.pid, signal.SIGCONT)
+    with _opened(running) as opened:
+        opened.source.read()
+        running.process.kill()
+        with _told_soon("did not answer"):
+            opened.source.read()
+
+
+def test_an_object_that_vanishes_is_told(own: Any) -> None:
+    running = own("--scene", "empty")
+    with running.connected() as other:
+        other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
+        with _opened(running) as opened:
+            opened.source.read()
+            other.call("removeObjects", [other.call("getObject", "/leftCamera")])
+            with _told_soon("refused sim.handleVisionSensor: Object does not exist"):
+                opened.source.read()
+            with pytest.raises(CoppeliaSimError):
+                opened.source.read()
