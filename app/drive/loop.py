@@ -18,7 +18,7 @@ from app.drive.facts import drive_facts, outline_of_facts, role_facts
 from app.drive.jitter import Jitter, Lateness
 from app.drive.messages import ArmRobot, DisarmRobot, DriveEvent, LeaveDrive, WheelSpeedEvent
 from app.drive.priority import Priority, tidy
-from app.drive.roles import ConnectAnswer, DriveAnswer, Roles
+from app.drive.roles import DriveAnswer, Roles
 from app.drive.wheels import Wheels
 from app.messages import Reply, Request
 from app.processes.errors import ProcessRefused
@@ -80,7 +80,6 @@ class DriveLoop:
         self._wheels = Wheels()
         self._told: object = None
         self._tick_of_event = -_EVENT_TICKS
-        self._connecting: dict[Role, int] = {}
         self._failures = 0
         self.leaving = False
 
@@ -117,11 +116,7 @@ class DriveLoop:
             self.leaving = True
         if self.leaving:
             self._roles.stop("the end of the drive process", now)
-        for role, opened in self._roles.step(now, self._newest_sight(now)).items():
-            number = self._connecting.pop(role, None)
-            if number is not None:
-                refusal = opened if isinstance(opened, str) else None
-                self._reply(number, {}, refusal, "input")
+        self._roles.step(now, self._newest_sight(now))
         for number, answer in answers:
             self._reply(number, answer())
         self._tell(now)
@@ -162,20 +157,11 @@ class DriveLoop:
         if isinstance(taken, DriveAnswer):
             driven, age = self._roles.driven[taken.role], taken.age_s
             return lambda: _drive_answer(driven, age)
-        if isinstance(taken, ConnectAnswer):
-            self._give_up_connecting(taken.role)
-            self._connecting[taken.role] = request.number
-            return None
         if isinstance(command, ArmRobot | DisarmRobot):
             role, driven = command.role, self._roles.driven[command.role]
             holder = self._roles.leases.holder(role)
             return lambda: {"robot": role_facts(driven, holder)}
         return lambda: taken
-
-    def _give_up_connecting(self, role: Role) -> None:
-        before = self._connecting.pop(role, None)
-        if before is not None:
-            self._reply(before, {}, f"another port was given for the {role} meanwhile", "state")
 
     def _reply(
         self,
@@ -224,7 +210,6 @@ class DriveLoop:
     def _say_goodbye(self) -> None:
         """Every robot was stopped by the last tick; let them go, side by side."""
         for role, driven in self._roles.driven.items():
-            self._give_up_connecting(role)
             self._attendants[role].close(driven.connect(None))
         until = self._clock() + _GOODBYE_S
         while any(each.busy for each in self._attendants.values()) and self._clock() < until:

@@ -6,7 +6,7 @@ Nothing here waits or looks at a clock; robots are opened and closed elsewhere (
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from pydantic import ValidationError
@@ -39,6 +39,8 @@ from observer.parameters import GuardParameters
 from observer.programmes.playing import duration_s
 from observer.rig.rig import ROLES, Role
 from observer.robots.contract import Robot
+from observer.robots.models import robot_spec
+from observer.robots.opening import check_port
 
 _GUARD = "guard."
 
@@ -75,13 +77,6 @@ class DriveAnswer:
     age_s: float
 
 
-@dataclass(frozen=True)
-class ConnectAnswer:
-    """A robot is being opened; whether it can be is known later."""
-
-    role: Role
-
-
 class Roles:
     """See the module.
 
@@ -114,14 +109,11 @@ class Roles:
 
     # --- every tick ------------------------------------------------------------------------
 
-    def step(self, now: float, sight: Sight | None) -> dict[Role, ConnectAnswer | str]:
-        """See to both robots, once the tick's commands were taken.
-
-        Returns:
-            Of each robot that was opened since the last tick, or could not be: a sentence.
-        """
+    def step(self, now: float, sight: Sight | None) -> None:
+        """See to both robots, once the tick's commands were taken."""
         self.sight = sight
-        done = {role: answer for role in ROLES if (answer := self._opened(role)) is not None}
+        for role in ROLES:
+            self._take_opened(role)
         tick = self._tick(now)
         self._before = now
         self._look(tick)
@@ -129,7 +121,6 @@ class Roles:
             driven.drive(tick, self._played(role, now))
         if self.playing is not None and self.playing.over(now):
             self._end_programme(now, None)
-        return done
 
     def _look(self, tick: Tick) -> None:
         for role, driven in self.driven.items():
@@ -152,20 +143,15 @@ class Roles:
             self._parameters,
         )
 
-    def _opened(self, role: Role) -> ConnectAnswer | str | None:
+    def _take_opened(self, role: Role) -> None:
         opened = self._attendants[role].opened()
         connection = self.driven[role].connection
         if opened is None or connection is None:
-            return None
+            return
         if isinstance(opened, str):
-            self.driven[role].connect(
-                Connection(connection.port, connection.world, connection.name, None, opened)
-            )
-            return opened
-        self.driven[role].connect(
-            Connection(connection.port, connection.world, connection.name, opened)
-        )
-        return ConnectAnswer(role)
+            self.driven[role].connect(replace(connection, trouble=opened))
+        else:
+            self.driven[role].connect(replace(connection, robot=opened))
 
     def incidents(self) -> list[IncidentEvent]:
         """Those since the last call."""
@@ -176,11 +162,11 @@ class Roles:
 
     # --- commands --------------------------------------------------------------------------
 
-    def take(self, command: object, now: float) -> dict[str, Any] | DriveAnswer | ConnectAnswer:
+    def take(self, command: object, now: float) -> dict[str, Any] | DriveAnswer:
         """Do what is asked for; the answer, or what it will be known by.
 
         Raises:
-            ProcessRefused: one sentence of why not.
+            ProcessRefused, InputError: one sentence of why not.
         """
         match command:
             case StopRobots():
@@ -248,8 +234,11 @@ class Roles:
             self._end_programme(now, f"the {command.role} was driven by hand meanwhile")
         return DriveAnswer(command.role, age)
 
-    def _connect(self, command: ConnectRobot, now: float) -> ConnectAnswer:
+    def _connect(self, command: ConnectRobot, now: float) -> dict[str, Any]:
         role = _checked(command.role)
+        check_port(command.port)
+        if command.model is not None:
+            robot_spec(command.model)
         for other, driven in self.driven.items():
             if other != role and driven.connection and driven.connection.port == command.port:
                 raise ProcessRefused(
@@ -263,7 +252,7 @@ class Roles:
         attendant = self._attendants[role]
         attendant.close(before)
         attendant.open(command.port, command.model)
-        return ConnectAnswer(role)
+        return {}
 
     def _disconnect(self, command: DisconnectRobot, now: float) -> dict[str, Any]:
         role = _checked(command.role)

@@ -16,7 +16,7 @@ from app.drive.messages import (
     Presence,
     TakeLease,
 )
-from app.drive.roles import ConnectAnswer, Roles
+from app.drive.roles import Roles
 from observer.guard.guard import Verdict, sight_trouble
 from observer.guard.sight import Sight
 from observer.parameters import GuardParameters
@@ -173,8 +173,7 @@ class Bench:
         return self.roles.take(command, self.now)
 
     def connect(self, role: Role, world: str = "real") -> None:
-        answer = self.take(ConnectRobot(role, self.robots[role].port, None, world))
-        assert isinstance(answer, ConnectAnswer)
+        assert self.take(ConnectRobot(role, self.robots[role].port, None, world)) == {}
         self.tick()
 
     def lease(self, role: Role, operator: str = "Ann", takeover: bool = False) -> str:

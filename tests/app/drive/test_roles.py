@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -19,6 +20,7 @@ from app.drive.messages import (
     TakeLease,
 )
 from app.processes.errors import ProcessRefused
+from observer.errors import InputError
 from observer.guard.guard import Verdict
 from observer.robots.contract import RobotPhase
 from observer.types import Status
@@ -122,7 +124,7 @@ def test_speed_is_ramped_up_and_zero_is_at_once(bench: Any) -> None:
     bench.ready("obstacle")
     bench.hold("obstacle", 0.3, 1.5)
     speeds = [speed for speed, _ in bench.robots["obstacle"].velocities]
-    steps = [b - a for a, b in zip(speeds, speeds[1:], strict=False)]
+    steps = [b - a for a, b in pairwise(speeds)]
     assert max(steps) <= bench.parameters.acceleration_mps2 * 0.02 + 1e-9
     assert speeds[-1] == 0.3
     bench.drive("obstacle", 0.0)
@@ -441,9 +443,12 @@ def test_another_port_lets_the_old_robot_go_at_zero(bench: Any) -> None:
 
 
 def test_a_port_that_nobody_can_name_is_told(bench: Any) -> None:
-    bench.attendants["observer"].prepared = "a robot's port is a device, not 'x'"
-    bench.take(ConnectRobot("observer", "x", None, "real"))
-    bench.now += 0.02
-    assert bench.roles.step(bench.now, None)["observer"] == "a robot's port is a device, not 'x'"
+    for port, model in (("x", None), ("socket://host", None), ("/dev/ttyUSB0", "r2d2")):
+        with pytest.raises(InputError):
+            bench.take(ConnectRobot("observer", port, model, "real"))
+    assert bench.state("observer") is None
+    bench.attendants["observer"].prepared = "install the client first"
+    bench.take(ConnectRobot("observer", "coppeliasim:localhost:23000/P3DX", None, "real"))
+    bench.tick()
     assert bench.state("observer") == "refused"
-    refused(bench, ArmRobot("observer", None), "not 'x'")
+    refused(bench, ArmRobot("observer", None), "install the client first")

@@ -1,0 +1,75 @@
+"""A stand-in for the web process: connects, arms and drives robots until it is ended.
+
+Arguments: the descriptor of the slot of sight, that of the wheels, then ROLE=PORT for each robot.
+Prints the time at which each round of commands was given, as soon as all robots drive.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+
+from app.drive.messages import (
+    SIGHT_NAME,
+    WHEELS_NAME,
+    ArmRobot,
+    ConnectRobot,
+    DriveCommand,
+    DriveEvent,
+    SetGuard,
+    TakeLease,
+)
+from app.drive.supervisor import DriveSupervisor
+
+SPEED_MPS = 0.3
+
+
+async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
+    supervisor = DriveSupervisor(slots)
+    newest: list[DriveEvent] = []
+
+    def hear(event: object) -> None:
+        if isinstance(event, DriveEvent):
+            newest[:] = [event]
+
+    supervisor.subscribe(hear)
+    await supervisor.start()
+    leases = {}
+    for role, port in ports.items():
+        await supervisor.request(ConnectRobot(role, port, None, "real"), 10)  # type: ignore[arg-type]
+        leases[role] = (await supervisor.request(TakeLease(role, "Ann"), 10))["lease"]  # type: ignore[arg-type]
+
+    def all_in(*states: str) -> bool:
+        return bool(newest) and all(
+            (newest[0].facts["robots"][role] or {}).get("state") in states for role in ports
+        )
+
+    while not all_in("disarmed"):
+        await asyncio.sleep(0.02)
+    for role in ports:
+        await supervisor.request(ArmRobot(role, leases[role]), 10)  # type: ignore[arg-type]
+    await supervisor.request(SetGuard({"guard.acceleration_mps2": 3.0}), 10)
+    number, begun = 0, time.monotonic()
+    while True:
+        number += 1
+        issued = time.monotonic()
+        for role in ports:
+            command = DriveCommand(role, leases[role], number, issued, SPEED_MPS, 0.0)  # type: ignore[arg-type]
+            answer = await supervisor.request(command, 10)
+            if answer["speed_mps"] < SPEED_MPS - 0.01:
+                begun = time.monotonic()
+        if time.monotonic() - begun > 0.2:
+            sys.stdout.write(f"{issued!r}\n")
+            sys.stdout.flush()
+        await asyncio.sleep(0.1)
+
+
+if __name__ == "__main__":
+    sight, wheels = int(sys.argv[1]), int(sys.argv[2])
+    asyncio.run(
+        main(
+            {SIGHT_NAME: sight, WHEELS_NAME: wheels},
+            dict(text.split("=", 1) for text in sys.argv[3:]),
+        )
+    )

@@ -1,0 +1,218 @@
+"""One turn of the drive loop at a time: requests in, answers and events out."""
+
+from __future__ import annotations
+
+import json
+import queue
+from typing import Any
+
+import pytest
+
+from app.drive.loop import DriveLoop, Inbox
+from app.drive.messages import (
+    ArmRobot,
+    ConnectRobot,
+    DriveCommand,
+    DriveEvent,
+    IncidentEvent,
+    LeaveDrive,
+    StopRobots,
+    TakeLease,
+    WheelSpeedEvent,
+)
+from app.messages import Reply, Request
+from observer.rig.rig import ROLES
+from observer.robots.contract import SonarReading
+from observer.types import Odometry
+
+
+class Turning:
+    """A loop whose turns a test makes."""
+
+    def __init__(self, bench: Any) -> None:
+        self.bench = bench
+        self.inbox: Inbox = queue.SimpleQueue()
+        self.sent: list[Any] = []
+        self.wheels: list[dict[str, Any]] = []
+        self.orphaned = False
+        self.number = 0
+        self.loop = DriveLoop(
+            roles=bench.roles,
+            attendants=bench.attendants,
+            inbox=self.inbox,
+            send=self.sent.append,
+            newest_sight=lambda _: bench.sight,
+            write_wheels=self.wheels.append,
+            orphaned=lambda: self.orphaned,
+            priority="normal",
+            clock=lambda: bench.now,
+        )
+
+    def turn(self, count: int = 1) -> None:
+        for _ in range(count):
+            self.bench.now += 0.02
+            self.bench.see()
+            self.loop.tick(self.bench.now)
+
+    def put(self, command: Any) -> int:
+        self.number += 1
+        self.inbox.put(Request(self.number, command))
+        return self.number
+
+    def ask(self, command: Any) -> Reply:
+        number = self.put(command)
+        self.turn()
+        return self.reply(number)
+
+    def reply(self, number: int) -> Reply:
+        (found,) = [m for m in self.sent if isinstance(m, Reply) and m.number == number]
+        return found
+
+    def events(self, kind: type) -> list[Any]:
+        return [m for m in self.sent if isinstance(m, kind)]
+
+    def ready(self, role: Any) -> str:
+        port = self.bench.robots[role].port
+        assert self.ask(ConnectRobot(role, port, None, "real", "robot")).value == {}
+        lease = self.ask(TakeLease(role, "Ann")).value["lease"]  # type: ignore[index]
+        answer = self.ask(ArmRobot(role, lease)).value
+        assert answer is not None
+        assert answer["robot"]["state"] == "armed"
+        return str(lease)
+
+
+@pytest.fixture
+def turning(bench: Any) -> Turning:
+    return Turning(bench)
+
+
+def test_a_commands_answer_is_what_was_really_sent_in_the_same_turn(turning: Turning) -> None:
+    lease = turning.ready("obstacle")
+    answers = []
+    for number in range(80):
+        now = turning.bench.now
+        command = DriveCommand("obstacle", lease, number, now, 0.9, 0.0)
+        answers.append(turning.ask(command).value)
+        assert answers[-1]["speed_mps"] == turning.bench.robots["obstacle"].velocities[-1][0]
+    assert answers[0] == {
+        "speed_mps": pytest.approx(0.006),
+        "turn_rate_radps": 0.0,
+        "limited_by": "it is still getting faster",
+        "age_s": pytest.approx(0.02),
+    }
+    turning.bench.robots["obstacle"].most = 0.2
+    answer = turning.ask(DriveCommand("obstacle", lease, 99, turning.bench.now, 0.9, 0.0))
+    assert (answer.value["speed_mps"], answer.value["limited_by"]) == (  # type: ignore[index]
+        0.2,
+        "the obstacle's robot takes no more",
+    )
+    refused = turning.ask(DriveCommand("obstacle", lease, 99, turning.bench.now, 0.9, 0.0))
+    assert (refused.value, refused.refusal) == (None, "state")
+    assert "above the last one, 99" in str(refused.error)
+
+
+def test_a_stop_behind_many_commands_is_in_force_in_the_same_turn(turning: Turning) -> None:
+    lease = turning.ready("obstacle")
+    numbers = [
+        turning.put(DriveCommand("obstacle", lease, n, turning.bench.now, 0.3, 0.0))
+        for n in range(50)
+    ]
+    turning.put(StopRobots("Bob"))
+    turning.turn()
+    answer = turning.reply(numbers[-1]).value
+    assert answer is not None
+    assert answer["speed_mps"] == 0.0
+    assert "stopped by Bob" in answer["limited_by"]
+    assert turning.bench.robots["obstacle"].calls[-1] == ("stop",)
+    assert [e.kind for e in turning.events(IncidentEvent)] == ["stop"]
+    assert turning.events(DriveEvent)[-1].facts["stopped"]["by"] == "Bob"
+
+
+def test_events_come_ten_times_a_second_and_at_once_on_a_change(turning: Turning) -> None:
+    turning.turn(50)
+    assert len(turning.events(DriveEvent)) in (10, 11)
+    turning.ready("observer")
+    turning.turn(3)
+    before = len(turning.events(DriveEvent))
+    turning.bench.robots["observer"].change(fault="a wheel stalled")
+    turning.turn()
+    assert len(turning.events(DriveEvent)) > before
+    robot = turning.events(DriveEvent)[-1].facts["robots"]["observer"]
+    assert (robot["state"], robot["why"]) == ("disarmed", "a wheel stalled")
+
+
+def test_facts_are_plain_and_complete(turning: Turning) -> None:
+    turning.ready("observer")
+    turning.bench.robots["observer"].change(
+        sonars=(SonarReading(0, 0.1, 0.1, 1.57, None, 100.0),),
+        stalled=(False, True),
+        counters={"packets": 3},
+    )
+    turning.turn(10)
+    facts = turning.events(DriveEvent)[-1].facts
+    assert json.loads(json.dumps(facts, allow_nan=False)) == facts
+    assert facts["robots"]["obstacle"] is None
+    robot = facts["robots"]["observer"]
+    assert robot["report"]["phase"] == "connected"
+    assert robot["report"]["sonars"][0]["range_m"] is None
+    assert robot["report"]["counters"] == {"packets": 3}
+    assert set(robot) == {
+        "port", "name", "world", "state", "operator", "present", "why", "commanded", "sent",
+        "guard", "report",
+    }  # fmt: skip
+    assert set(facts) == {"stopped", "sight", "loop", "programme", "robots"}
+    assert facts["sight"] == {"age_s": 0.0, "status": "ok", "world": "real"}
+
+
+def test_wheels_of_the_last_second_are_shared_while_it_is_connected(turning: Turning) -> None:
+    turning.ready("obstacle")
+    robot = turning.bench.robots["obstacle"]
+    for number in range(20):
+        robot.change(
+            odometry=Odometry(0.03 * number, 0.0, 0.1), received=turning.bench.now + 0.02
+        )
+        turning.turn(5)
+    path = turning.wheels[-1]["obstacle"]
+    assert len(path) == 10
+    assert path[-1] == [pytest.approx(turning.bench.now - 0.08), pytest.approx(0.57), 0.0, 0.1]
+    assert path[-1][0] - path[0][0] <= 1.0
+    speeds = turning.events(WheelSpeedEvent)
+    assert {event.role for event in speeds} == {"obstacle"}
+    robot.change(phase="waiting")
+    turning.turn(2)
+    assert turning.wheels[-1] == {role: [] for role in ROLES}
+
+
+def test_an_unknown_port_is_refused_as_input(turning: Turning) -> None:
+    reply = turning.ask(ConnectRobot("observer", "x", None, "real"))
+    assert reply.refusal == "input"
+    assert "'x'" in str(reply.error)
+
+
+def test_a_failure_within_stops_everything_and_is_told(turning: Turning) -> None:
+    turning.ready("obstacle")
+    turning.bench.robots["obstacle"].report = None
+    turning.turn()
+    assert turning.bench.robots["obstacle"].calls[-1] == ("stop",)
+    assert turning.bench.roles.stopped is not None
+    before = len(turning.events(DriveEvent))
+    turning.turn(20)
+    assert len(turning.events(DriveEvent)) == before, "silence lets the supervisor replace it"
+    reply = turning.ask("no command")
+    assert reply.refusal == "input"
+
+
+@pytest.mark.parametrize("how", ["asked", "channel", "orphan"])
+def test_whatever_ends_it_stops_the_robots_first(turning: Turning, how: str) -> None:
+    for role in ROLES:
+        turning.ready(role)
+    if how == "asked":
+        assert turning.ask(LeaveDrive()).refusal is None
+    elif how == "channel":
+        turning.inbox.put(None)
+        turning.turn()
+    else:
+        turning.orphaned = True
+        turning.turn()
+    assert turning.loop.leaving
+    assert all(robot.calls[-1] == ("stop",) for robot in turning.bench.robots.values())
