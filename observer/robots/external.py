@@ -39,9 +39,10 @@ What a robot must do:
   after it was read: by (arrival - ``time``), less the smallest such difference of the last
   seconds, the robot knows how long it waited on its way.
 - A permit whose sequence is not above the last one is ignored. When the newest one has expired,
-  or the connection ends: stop.
+  or the connection ends: stop, ``enabled`` false, and take nothing that moves until a permit with
+  ``stop`` true has come: a link that recovers must not set the robot moving.
 
-And what we do: without odometry for 0.5 s, without a newer ``permit`` confirmed for 0.5 s, with
+And what we do: without odometry for 0.5 s, without a newer ``permit`` confirmed for 0.7 s, with
 motors that go off by themselves, with ``fault``, or with the connection lost, the robot has a
 fault: ``stop`` until somebody clears it. It may connect again by itself, and then stands.
 

@@ -12,7 +12,8 @@ Copy this file onto your robot, or write the same in another language:
         time.sleep(0.05)
 
 ``permitted()`` is zero and ``stop`` from the moment that nothing newer than 250 ms is known, or
-the connection ends: call it often, and do what it says. ``python -m
+the connection ends, and stays so until a stop was heard: a link that recovers moves nothing. Call
+it often, and do what it says. ``python -m
 observer.robots.external_client --demo HOST PORT`` is a simulated robot that does.
 """
 
@@ -226,6 +227,8 @@ class ExternalClient:
             self._over = over
             self._newest = Permitted(0.0, 0.0, True, reason or over, 0)
             self._until = math.inf
+            # A permit ran out: until a stop is heard, nothing that moves is taken.
+            self._lapsed = False
             self._expires_s = _EXPIRES_S
             self._least = self._least_before = math.inf
             self._bucket = -math.inf
@@ -272,6 +275,11 @@ class ExternalClient:
             said_here = said + min(self._least, self._least_before)
             reason = message.get("reason")
             stop = message["stop"] is not False
+            self._lapsed = not stop and (
+                self._lapsed or (now > self._until and not self._newest.stop)
+            )
+            if self._lapsed:
+                stop, reason = True, "permits came too late; a stop must be heard first"
             self._newest = Permitted(
                 0.0 if stop else speed,
                 0.0 if stop else rate,

@@ -15,8 +15,11 @@ from observer.robots.external_messages import Hello, OdometryMessage, Permit
 from observer.robots.models import RobotSpec
 from observer.types import Odometry
 
-# Without odometry, or with permits that it does not confirm, for so long it has a fault.
+# Without odometry for so long it has a fault.
 SILENCE_S = 0.5
+# Or if the newest permit that it confirms is older: it does not hear us. By as much longer as
+# a permit and the odometry that confirms it are on their way when all is well.
+UNHEARD_S = 0.7
 # A robot needs a moment to switch its motors on; until then it does not contradict.
 _ENABLE_WITHIN_S = 1.0
 # More than go out until they count as not confirmed.
@@ -237,8 +240,8 @@ class ExternalWatch:
     def _look(self, now: float) -> None:
         if self.silent(now):
             self._fail(f"its odometry has not come for {SILENCE_S:g} s")
-        elif now - self._confirmed > SILENCE_S:
-            self._fail(f"it has not confirmed a permit for {SILENCE_S:g} s")
+        elif now - self._confirmed > UNHEARD_S:
+            self._fail(f"it has not confirmed a permit for {UNHEARD_S:g} s")
         elif self._enabled_at is None:
             return
         elif self._seen_enabled and self._said is not None and not self._said.enabled:

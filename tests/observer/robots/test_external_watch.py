@@ -10,7 +10,7 @@ import pytest
 
 from observer.robots.contract import SETPOINT_FRESH_S, RobotLimits, RobotPhase
 from observer.robots.external_messages import Hello, OdometryMessage, Permit
-from observer.robots.external_watch import SILENCE_S, ExternalWatch
+from observer.robots.external_watch import SILENCE_S, UNHEARD_S, ExternalWatch
 from observer.robots.models import robot_spec
 
 HELLO = Hello("Robbie", "driven", None, RobotLimits(0.5, 1.0, 0.4, 2.0), 0.3, 0.4, 0.5)
@@ -131,10 +131,10 @@ def test_silence_is_a_fault_that_stays_until_it_is_cleared() -> None:
 def test_permits_that_are_not_confirmed_are_a_fault() -> None:
     scene = driving()
     scene.confirms = False
-    scene.steps(SILENCE_S - STEP_S, (0.3, 0.1))
+    scene.steps(UNHEARD_S - STEP_S, (0.3, 0.1))
     assert scene.fault is None
     scene.steps(3 * STEP_S, (0.3, 0.1))
-    assert scene.fault == "it has not confirmed a permit for 0.5 s"
+    assert scene.fault == "it has not confirmed a permit for 0.7 s"
 
 
 def test_odometry_that_waited_on_its_way_is_as_old_as_it_is() -> None:
