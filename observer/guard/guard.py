@@ -261,10 +261,15 @@ def _limit(
 def _limit_by_obstacles(near: Approach, p: GuardParameters) -> _Limit:
     slow = 1.0 if near.contact_s is None else near.contact_s / p.slow_time_s
     if near.stop_share <= min(slow, _WHOLE):
-        return _Limit(near.stop_share, f"obstacle {near.stopper} is too near to stop for later")
+        return _Limit(near.stop_share, f"{_named(near.stopper)} is too near to stop for later")
     if slow < 1.0:
-        return _Limit(slow, f"obstacle {near.nearest} would be met soon")
+        return _Limit(slow, f"{_named(near.nearest)} would be met soon")
     return _Limit(1.0)
+
+
+def _named(number: int | None) -> str:
+    # A track has no lasting number yet while it is tentative.
+    return "something that begins to move" if number is None or number < 0 else f"obstacle {number}"
 
 
 def _limit_by_ground(
@@ -279,8 +284,10 @@ def _limit_by_ground(
     stopping = Stopping.of(*wanted, p)
     stop_s = stopping.way_s()
     way = swept(outline, *wanted, max(stop_s, p.slow_time_s), p.margin_m)
-    points, times, step = way.listed()
-    needed = times <= stop_s
+    points, times, beside = way.listed()
+    step = way.step_s
+    # Beyond where the robot would stand nothing has to be known.
+    needed = (times <= stop_s) & ~beside
     free = blocked = np.zeros(len(points), np.bool_)
     if side.scan is not None:
         free, blocked = side.scan.look(moved(points, then))
@@ -290,7 +297,6 @@ def _limit_by_ground(
         echo = _near_echo(points, wanted, view, outline, p)
     if echo is not None:
         return _Limit(0.0, f"sonar {echo} has an echo within {p.sonar_stop_m:.2f} m")
-    # Beyond where the robot would stand nothing has to be known.
     unknown = needed & ~free & ~blocked
     if unknown.any():
         unknown[unknown] = ~side.ground.free(points[unknown], now, side.past, p)
@@ -314,12 +320,13 @@ def _limit_by_echo(
     if view is None or is_spot_turn(*wanted):
         return _Limit(1.0)
     stopping = Stopping.of(*wanted, p)
-    points, times, step = swept(outline, *wanted, stopping.way_s(), p.margin_m).listed()
+    way = swept(outline, *wanted, stopping.way_s(), p.margin_m)
+    points, times, _ = way.listed()
     near = _near_echo(points, wanted, view, outline, p)
     if near is not None:
         return _Limit(0.0, f"sonar {near} has an echo within {p.sonar_stop_m:.2f} m")
     echoed = np.asarray(echo_at(points, view, p).any(axis=0), np.bool_)
-    share = stopping.share_within(_first(times, echoed) - step)
+    share = stopping.share_within(_first(times, echoed) - way.step_s)
     return _Limit(share, "the sonar has an echo ahead")
 
 

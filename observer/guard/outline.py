@@ -72,17 +72,24 @@ class Swept:
         times: (K,) seconds at the wanted velocity until each pose, from 0 on.
         points: (K, P, 2) in the base frame as it stands now.
         outside: (K, P) which of them the robot, with its margin, does not stand on now.
+        margin: (P,) which of them lie beside the robot's way, within its margin: nothing may be
+            there that is known of, but what is there need not be known.
     """
 
     times: Float64Array
     points: Float64Array
     outside: NDArray[np.bool_]
+    margin: NDArray[np.bool_]
 
-    def listed(self) -> tuple[Float64Array, Float64Array, float]:
-        """The points (N, 2) outside, their times (N,) and the time from pose to pose."""
+    @property
+    def step_s(self) -> float:
+        """From pose to pose; 0 where there is one only."""
+        return float(self.times[1]) if len(self.times) > 1 else 0.0
+
+    def listed(self) -> tuple[Float64Array, Float64Array, NDArray[np.bool_]]:
+        """Of the points outside: places (N, 2), times (N,) and whether in the margin (N,)."""
         rows, columns = np.nonzero(self.outside)
-        step = float(self.times[1]) if len(self.times) > 1 else 0.0
-        return self.points[rows, columns], self.times[rows], step
+        return self.points[rows, columns], self.times[rows], self.margin[columns]
 
 
 def swept(
@@ -90,14 +97,18 @@ def swept(
 ) -> Swept:
     """The ground under the outline with its margin, along an arc of so many seconds.
 
-    Of a motion forth or back: the leading edge, the middles of the sides and the trailing corners,
-    which swing out in a bend. Of a turn on the spot: the turning circle, all of it at once.
+    Of a motion forth or back: the leading edge with its margin, the middles of the sides and the
+    trailing corners, which swing out in a bend. Of a turn on the spot: the turning circle, all of
+    it at once and without the margin, for it comes no nearer to what stands beside it.
     """
     if is_spot_turn(speed_mps, turn_rate_radps):
         angle = np.arange(_RING) * (2 * math.pi / _RING)
-        ring = (outline.radius_m + margin_m) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        return Swept(np.zeros(1), ring[None], np.ones((1, _RING), np.bool_))
-    body = _edge(outline, margin_m, speed_mps)
+        radius = max(outline.radius_m, math.hypot(outline.length_m, outline.width_m) / 2)
+        ring = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return Swept(
+            np.zeros(1), ring[None], np.ones((1, _RING), np.bool_), np.zeros(_RING, np.bool_)
+        )
+    body, margin = _edge(outline, margin_m, speed_mps)
     reach = math.hypot(*body[0])
     way = (abs(speed_mps) + abs(turn_rate_radps) * reach) * seconds
     count = min(_MOST_STEPS, max(2, math.ceil(way / _STEP_M) + 1))
@@ -109,7 +120,7 @@ def swept(
         np.abs(y) <= outline.width_m / 2 + margin_m + 1e-6
     )
     own |= np.hypot(x, y) <= outline.radius_m
-    return Swept(times, points, ~own)
+    return Swept(times, points, ~own, margin)
 
 
 def placed(body: Float64Array, poses: Float64Array) -> Float64Array:
@@ -120,10 +131,18 @@ def placed(body: Float64Array, poses: Float64Array) -> Float64Array:
     return np.stack([x, y], axis=-1)
 
 
-def _edge(outline: Outline, margin_m: float, speed_mps: float) -> Float64Array:
+def _edge(
+    outline: Outline, margin_m: float, speed_mps: float
+) -> tuple[Float64Array, NDArray[np.bool_]]:
+    """Points (P, 2) of a body that sweep all its ground, and which lie beside it (P,)."""
     front = math.copysign(outline.length_m / 2 + margin_m, speed_mps)
-    side = outline.width_m / 2 + margin_m
-    count = max(3, math.ceil(2 * side / _EDGE_M) + 1)
-    leading = [(front, y) for y in np.linspace(-side, side, count)]
-    rest = [(0.0, side), (0.0, -side), (-front, side), (-front, -side)]
-    return np.array(leading + rest)
+    half = outline.width_m / 2
+    count = max(3, math.ceil(2 * half / _EDGE_M) + 1)
+    leading = [(front, y) for y in np.linspace(-half, half, count)]
+    # What follows swings out of where the robot and its margin stand only in the tightest bends.
+    tail = math.copysign(outline.length_m / 2, -speed_mps)
+    rest = [(0.0, half), (0.0, -half), (tail, half), (tail, -half)]
+    beside = [(front, half + margin_m), (front, -half - margin_m)]
+    margin = np.zeros(len(leading) + len(rest) + len(beside), np.bool_)
+    margin[-len(beside) :] = True
+    return np.array(leading + rest + beside), margin

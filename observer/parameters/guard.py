@@ -88,6 +88,6 @@ class GuardParameters(Stage):
         help="A sonar's reading counts for this long; each sonar of a ring is asked in turn.",
     )
     thing_width_m: Real = number(
-        0.3, ge=0.0, le=1.0, unit="m", step=0.05, title="Narrowest thing",
+        0.35, ge=0.0, le=1.0, unit="m", step=0.05, title="Narrowest thing",
         help="Between two sonars' cones nothing narrower than this is counted on being noticed.",
     )
