@@ -78,6 +78,8 @@ class Station(StationCore):
         async with self._lock:
             self._refuse_in_run("stop it first")
             self._refuse_calibrating()
+            if programme is not None:
+                self.driving.check_programme(programme)
             revision = self.parameters.plan(preset, parameters)
             opening = self._wanted
             if source is not None or calibration_id is not None:
@@ -116,6 +118,7 @@ class Station(StationCore):
     async def _start_programme(self, run: CurrentRun, programme: StartProgramme) -> None:
         """Have a run's programme driven; a run that cannot begin with it does not begin."""
         try:
+            await self.driving.arm_again(programme)
             await self.driving.start_programme(programme)
         except BaseException:
             await self._close_run(RunState.FAILED, "its programme could not be driven")

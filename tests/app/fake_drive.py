@@ -50,7 +50,8 @@ class FakeDrive:
     Attributes:
         commands: all that were taken. robots: connected, by role.
         refuse: what to refuse, by the command's class: ``(refusal, sentence)``.
-        hangs: whether it answers nothing.
+        hangs: whether it answers nothing. cannot_start: whether it never starts.
+        stops_at_connecting: whether somebody stops all robots while one is connected.
     """
 
     def __init__(self) -> None:
@@ -60,6 +61,7 @@ class FakeDrive:
         self.refuse: dict[type, tuple[Any, str]] = {}
         self.hangs = False
         self.cannot_start = False
+        self.stops_at_connecting = False
         self._leases = 0
         self._empty()
 
@@ -125,6 +127,8 @@ class FakeDrive:
             case ConnectRobot():
                 self.robots[command.role] = command
                 self.armed.discard(command.role)
+                if self.stops_at_connecting:
+                    self.stopped = {"by": "somebody", "since": time.monotonic()}
             case DisconnectRobot():
                 self.robots.pop(command.role, None)
                 self.armed.discard(command.role)

@@ -115,6 +115,11 @@ class Connecting:
         self.trouble.clear()
         self.complaint = None
 
+    def given(self, role: Role) -> ConnectRobot | None:
+        """The robot that the drive process has been given, where it is the one that is wanted."""
+        told = self._told.get(role)
+        return told if told == self._wanted.get(role) and role not in self.trouble else None
+
     async def run(self) -> None:
         """Until cancelled."""
         async with asyncio.TaskGroup() as keeping:

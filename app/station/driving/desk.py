@@ -10,6 +10,7 @@ from typing import Any
 import structlog
 
 from app.drive.messages import (
+    ArmRobot,
     DriveEvent,
     DriveLostEvent,
     DriveProcessCommand,
@@ -29,11 +30,14 @@ from app.station.driving.connecting import Connecting
 from app.station.driving.incidents import Incident, Incidents
 from app.station.driving.operators import Operators
 from app.station.driving.wheels import WheelLog, WheelSample
-from app.station.errors import NotAvailable
+from app.station.errors import Conflict, NotAvailable
 from observer.rig.rig import ROLES, Rig, Role
 
 log = structlog.get_logger(__name__)
 
+# A simulated robot that is connected anew reports within a second or two.
+_ARM_WITHIN_S = 8.0
+_ARM_AGAIN_S = 0.1
 _NO_PROCESS = "there is no drive process yet"
 _DRIVEN = ("armed", "moving")
 
@@ -71,6 +75,7 @@ class DrivingDesk:
         self._changed = changed
         self._measured = measured
         self._happened = happened
+        self._clock = clock
         self._tasks: set[asyncio.Future[None]] = set()
         self._unsubscribe: Callable[[], None] = lambda: None
         self._connecting = Connecting(drive, guard)
@@ -263,6 +268,52 @@ class DrivingDesk:
         log.warning("stop_reset", by=by)
         await self.ask(ResetStop(by))
         self._connecting.stop_due = None
+
+    def check_programme(self, start: StartProgramme) -> None:
+        """See that its robots are armed, before anything is opened for it.
+
+        Raises:
+            Conflict: one is not.
+        """
+        for role in start.programme.roles:
+            if not self.is_driven(role):
+                raise Conflict(f"the {role} is not armed; arm it first")
+
+    async def arm_again(self, start: StartProgramme) -> None:
+        """Arm its robots where the source, opened anew, brought other ones of the same world.
+
+        Only who has just asked for the programme, with the leases of robots that were armed, has
+        this done.
+
+        Raises:
+            Conflict: they cannot be armed, or not in time, or all robots were stopped.
+        """
+        deadline = self._clock() + _ARM_WITHIN_S
+        for role in start.programme.roles:
+            while not await self._armed(role, start.leases.get(role), deadline):
+                await asyncio.sleep(_ARM_AGAIN_S)
+
+    async def _armed(self, role: Role, lease: str | None, deadline: float) -> bool:
+        late = self._clock() > deadline
+        if self._facts["stopped"] is not None:
+            raise Conflict("all robots were stopped; reset the stop first")
+        given, robot = self._connecting.given(role), self._facts["robots"].get(role)
+        if given is None or robot is None:
+            if late:
+                raise Conflict(f"the {role} was not connected again in time")
+            return False
+        if (robot.get("port"), robot.get("world")) != (given.port, given.world):
+            # What was told last is of the robot before.
+            return False
+        if self.is_driven(role):
+            return True
+        try:
+            await self.ask(ArmRobot(role, lease))
+        except Conflict:
+            if late:
+                raise
+            return False
+        return True
 
     async def start_programme(self, start: StartProgramme) -> None:
         """Drive timed velocities.

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path
 
 from app.drive.messages import StartProgramme
-from app.station import Station
+from app.station import FieldError, Station
 from app.station.driving.shelf import ShelvedProgramme
 from app.web.api.common import TheStation, refusals
 from app.web.api.robot_models import (
@@ -28,9 +28,14 @@ async def programme_command(station: Station, wanted: ProgrammeStart) -> StartPr
     """What a request to drive a programme asks for.
 
     Raises:
-        NotThere: there is no such programme.
+        NotThere: there is no such programme. FieldError: a lease is missing.
     """
     shelved = await asyncio.to_thread(station.programmes.find, wanted.name)
+    for role in shelved.programme.roles:
+        if role not in wanted.leases:
+            raise FieldError(
+                ("body", "leases"), f"the programme {wanted.name} moves the {role}; give its lease"
+            )
     leases = {str(role): lease for role, lease in wanted.leases.items()}
     return StartProgramme(shelved.programme, leases, wanted.repeat, wanted.reverse)
 

@@ -260,10 +260,14 @@ def test_a_run_begins_and_ends_with_its_programme(
         assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
         # A run that cannot begin with its programme does not begin.
         answer = await http.post("/api/runs", json=wanted)
-        assert (answer.status_code, answer.json()["detail"]) == (409, "the observer is not armed")
+        assert (answer.status_code, answer.json()["detail"]) == (
+            409,
+            "the observer is not armed; arm it first",
+        )
         assert (await http.get("/api/runs")).json() == []
         assert served.station.state.state.value == "preview"
-        await http.post("/api/robots/observer/arm")
+        drive.leases["observer"] = ("lease", "Anna")
+        await http.post("/api/robots/observer/arm", json={"lease": "lease"})
         begun = await http.post("/api/runs", json=wanted)
         assert begun.status_code == 201, begun.text
         assert drive.programme is not None
@@ -279,6 +283,39 @@ def test_a_run_begins_and_ends_with_its_programme(
         assert (incident["kind"], incident["speed_mps"]) == ("fault", 0.25)
         assert (await http.get("/api/robots")).json()["incidents"] == [incident]
         assert (await http.get("/api/runs/none/incidents")).status_code == 404
+
+    run(serve, scenario)
+
+
+@pytest.mark.usefixtures("world")
+def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_armed_again(
+    serve: Any, drive: Any, peer: Any, eventually: Any
+) -> None:
+    async def scenario(served: Any) -> None:
+        http = served.http
+        await eventually(lambda: drive.robots)
+        assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
+        drive.leases["observer"] = ("lease", "Anna")
+        await http.post("/api/robots/observer/arm", json={"lease": "lease"})
+        peer.world = "simulated:lab/2"
+        peer.robots = (
+            vars(RobotPort("observer", "socket://127.0.0.1:5009", "amigo-sh", "the same again")),
+        )
+        wanted = {"name": "to_and_fro", "leases": {"observer": "lease"}}
+        begun = await http.post("/api/runs", json={"programme": wanted})
+        assert begun.status_code == 201, begun.text
+        kinds = (ConnectRobot, ArmRobot, StartProgramme)
+        assert [type(command) for command in drive.of(*kinds)[-3:]] == list(kinds)
+        assert drive.of(ArmRobot)[-1].lease == "lease"
+        assert drive.robots["observer"].world == "simulated:lab/2"
+        await http.post(f"/api/runs/{begun.json()['id']}/stop")
+        # A stop in between is not undone by anything.
+        peer.robots = (vars(RobotPort("observer", "socket://127.0.0.1:5010", "amigo-sh", "x")),)
+        drive.stops_at_connecting = True
+        answer = await http.post("/api/runs", json={"programme": wanted})
+        assert answer.status_code == 409
+        assert "stopped" in answer.json()["detail"]
+        assert served.station.run is None
 
     run(serve, scenario)
 
