@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -80,3 +81,24 @@ def own() -> Iterator[Callable[..., StandIn]]:
     yield start
     for each in started:
         each.end()
+
+
+@pytest.fixture(scope="session")
+def _bare_process() -> Iterator[StandIn]:
+    with stand_in("--scene", "empty") as running:
+        yield running
+
+
+@pytest.fixture
+def bare(_bare_process: StandIn) -> StandIn:
+    """One with nothing in its scene, to be filled; it must be left alive."""
+    with _bare_process.connected() as connection:
+        connection.call("stopSimulation")
+        deadline = time.monotonic() + 5
+        while connection.call("getSimulationState") != connection.constant("simulation_stopped"):
+            assert time.monotonic() < deadline
+        scene, every = connection.constant("handle_scene"), connection.constant("handle_all")
+        left = connection.call("getObjectsInTree", scene, every, 0)
+        if left:
+            connection.call("removeObjects", left)
+    return _bare_process

@@ -186,10 +186,9 @@ def test_requests_are_repeated_when_the_server_is_busy(own: Any) -> None:
             assert connection.call("getSimulationTimeStep") == 0.05
 
 
-def test_a_server_that_hangs_ends_the_conversation_and_a_new_one_begins(own: Any) -> None:
-    running = own("--scene", "empty")
-    connection = Connection(running.address)
-    os.kill(running.process.pid, signal.SIGSTOP)
+def test_a_server_that_hangs_ends_the_conversation_and_a_new_one_begins(bare: Any) -> None:
+    connection = Connection(bare.address)
+    os.kill(bare.process.pid, signal.SIGSTOP)
     try:
         with _told_soon("did not answer sim.getSimulationTime within 1 s"):
             connection.call("getSimulationTime")
@@ -197,8 +196,8 @@ def test_a_server_that_hangs_ends_the_conversation_and_a_new_one_begins(own: Any
         with _told_soon("is closed; open it again"):
             connection.call("getSimulationTime")
     finally:
-        os.kill(running.process.pid, signal.SIGCONT)
-    with running.connected() as again:
+        os.kill(bare.process.pid, signal.SIGCONT)
+    with bare.connected() as again:
         assert again.call("getSimulationTime") == 0.0
 
 

@@ -1,0 +1,215 @@
+"""Driving the scene's robots: what is written, what is told, and that nothing ever waits."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from observer.coppeliasim.connection import Connection
+from observer.coppeliasim.robot import CoppeliaSimRobot, open_coppelia_robot
+from observer.errors import InputError
+from observer.opening import open_source
+from observer.robots.contract import SETPOINT_FRESH_S, Robot, RobotPhase
+
+pytestmark = pytest.mark.usefixtures("extra")
+
+RADIUS, TRACK = 0.0975, 0.331
+
+
+def _eventually(condition: Callable[[], bool], within_s: float = 6.0) -> bool:
+    """Generous, for busy machines."""
+    deadline = time.monotonic() + within_s
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.005)
+    return True
+
+
+@contextmanager
+def _robot(running: Any, path: str) -> Iterator[CoppeliaSimRobot]:
+    robot = open_coppelia_robot(f"{running.spec}{path}", "p3dx-sh")
+    try:
+        assert _eventually(lambda: robot.report().phase is RobotPhase.CONNECTED), robot.report()
+        yield robot
+    finally:
+        robot.close()
+        assert robot.report().phase is RobotPhase.CLOSED
+
+
+@contextmanager
+def _held(robot: Robot, speed: float, turn: float) -> Iterator[None]:
+    """As a drive loop does it, again and again."""
+    ended = threading.Event()
+
+    def run() -> None:
+        while not ended.wait(0.02):
+            robot.drive(speed, turn)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+def _targets(connection: Connection, path: str) -> tuple[float, float]:
+    left, right = (
+        connection.call("getJointTargetVelocity", connection.call("getObject", f"{path}/{motor}"))
+        for motor in ("leftMotor", "rightMotor")
+    )
+    return left, right
+
+
+def test_driven_by_its_wheels_it_moves_the_camera(shared: Any) -> None:
+    opened = open_source(shared.spec)
+    try:
+        ports = {port.role: port.port for port in opened.robots.serve()}
+        with _robot(shared, ports["observer"].removeprefix(shared.spec)) as robot:
+            assert isinstance(opened.source.read().time, float)
+            robot.enable()
+            before = robot.report().odometry
+            assert before is not None
+            with _held(robot, 0.3, 0.5):
+                assert _eventually(lambda: (s := robot.report().sent) and s.speed_mps == 0.3)
+                frames = [opened.source.read() for _ in range(21)]
+                seen = robot.report
+                assert _eventually(lambda: abs((seen().speed_mps or 0.0) - 0.3) < 1e-6)
+            assert robot.report().turn_rate_radps == pytest.approx(0.5)
+            observer, _ = opened.truth.bodies(frames[-1].time)
+            assert observer.commanded_speed == pytest.approx(0.3)
+            # Odometry of frames, of the robot and the camera's true pose tell one way.
+            driven = [f.odometry for f in frames]
+            yaw = driven[-1].yaw - driven[0].yaw
+            assert yaw == pytest.approx(0.5 * 1.0, abs=0.03)
+            assert robot.report().odometry.yaw - before.yaw == pytest.approx(driven[-1].yaw)
+            poses = [opened.truth.camera_pose(f.time) for f in (frames[0], frames[-1])]
+            turned = (poses[0].inverse() @ poses[1]).rotvec
+            assert math.sqrt(float(turned @ turned)) == pytest.approx(yaw, abs=1e-6)
+            moved = poses[1].translation - poses[0].translation
+            assert 0.2 < math.sqrt(float(moved @ moved)) < 0.35
+    finally:
+        opened.source.close()
+
+
+def test_it_stops_when_nobody_repeats_and_takes_nothing_unless_enabled(shared: Any) -> None:
+    path = "/PioneerP3DX[1]"
+    with shared.connected() as other, _robot(shared, path) as robot:
+        assert robot.drive(0.4, 0.0).speed_mps == 0.0
+        assert not robot.report().motors_enabled
+        robot.enable()
+        assert robot.report().motors_enabled
+        worst = 0.0
+        for _ in range(3):
+            with _held(robot, 0.4, 0.2):
+                assert _eventually(lambda: _targets(other, path)[0] > 0)
+                left, right = _targets(other, path)
+                assert (left + right) / 2 * RADIUS == pytest.approx(0.4)
+                assert (right - left) * RADIUS / TRACK == pytest.approx(0.2)
+            last = time.monotonic()
+            assert _eventually(lambda: _targets(other, path) == (0.0, 0.0))
+            worst = max(worst, time.monotonic() - last)
+        print(f"\nwheels at zero after the last drive(): worst {worst * 1000:.0f} ms of 3")  # noqa: T201
+        assert worst < SETPOINT_FRESH_S + 0.5
+        sent = robot.drive(99.0, -99.0)
+        limits = robot.report().limits
+        assert (sent.speed_mps, sent.turn_rate_radps) == (
+            limits.speed_mps, -limits.turn_rate_radps,
+        )  # fmt: skip
+        sent = robot.drive(math.nan, math.inf)
+        assert (sent.speed_mps, sent.turn_rate_radps) == (0.0, 0.0)
+        robot.drive(0.4, 0.0)
+        robot.stop()
+        assert robot.drive(0.4, 0.0).speed_mps == 0.0
+        assert _eventually(lambda: _targets(other, path) == (0.0, 0.0))
+        robot.enable()
+        robot.drive(0.4, 0.0)
+        robot.close()
+        assert _targets(other, path) == (0.0, 0.0)
+
+
+def test_it_tells_what_it_hears(bare: Any) -> None:
+    with bare.connected() as other:
+        handle = other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
+        # Before the front wall at 5.4 m, 0.5 m from the sensor that looks ahead to the left.
+        ahead = 5.4 - 0.5 - (0.15 + 0.5) * math.cos(math.radians(10)) + 0.5
+        other.call("setObjectPose", handle, [ahead, 0.0, 0.1388, 0.0, 0.0, 0.0, 1.0])
+        with _robot(bare, "/PioneerP3DX") as robot:
+            assert _eventually(lambda: len(robot.report().sonars) == 8)
+            sonars = robot.report().sonars
+            assert [s.index for s in sonars] == list(range(8))
+            assert math.degrees(sonars[3].heading) == pytest.approx(10)
+            assert sonars[3].range_m == pytest.approx(0.5, abs=1e-6)
+            assert sonars[0].range_m is None
+            # The model's own script would drive it as well.
+            assert "has a script of its own" in robot.report().warnings[0]
+
+
+def test_a_simulator_that_hangs_is_a_fault_and_keeps_nobody_waiting(bare: Any) -> None:
+    with bare.connected() as other:
+        other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
+    with _robot(bare, "/PioneerP3DX") as robot:
+        robot.enable()
+        os.kill(bare.process.pid, signal.SIGSTOP)
+        try:
+            longest = 0.0
+            begun = time.monotonic()
+            while robot.report().fault is None and time.monotonic() - begun < 5:
+                before = time.monotonic()
+                robot.drive(0.3, 0.0)
+                longest = max(longest, time.monotonic() - before)
+                time.sleep(0.01)
+            report = robot.report()
+            assert report.fault is not None
+            assert "did not answer" in report.fault
+            assert time.monotonic() - begun < 2.5
+            # Nothing here waits for the simulator; what is left is the machine's own business.
+            assert longest < 0.25
+            assert report.phase is RobotPhase.WAITING
+            assert not report.motors_enabled
+            robot.enable()
+            assert robot.drive(0.3, 0.0).speed_mps == 0.0
+        finally:
+            os.kill(bare.process.pid, signal.SIGCONT)
+        assert _eventually(lambda: robot.report().phase is RobotPhase.CONNECTED)
+        # It is there again, but moves only once somebody has looked at it.
+        robot.enable()
+        assert not robot.report().motors_enabled
+        robot.clear()
+        robot.enable()
+        assert robot.drive(0.3, 0.0).speed_mps == 0.3
+        assert robot.report().counters["reconnects"] == 1
+
+
+def test_what_is_not_there_is_told_and_waited_for(bare: Any, free_port: int) -> None:
+    with pytest.raises(InputError, match="are driven as p3dx-sh, not as amigo"):
+        open_coppelia_robot("coppeliasim:127.0.0.1:1/PioneerP3DX", "amigo")
+    nobody = open_coppelia_robot(f"coppeliasim:127.0.0.1:{free_port}/PioneerP3DX")
+    assert _eventually(lambda: nobody.report().phase is RobotPhase.WAITING)
+    report = nobody.report()
+    assert "nothing listens" in report.trouble
+    assert report.fault is None
+    nobody.close()
+    robot = open_coppelia_robot(f"{bare.spec}/PioneerP3DX")
+    try:
+        assert _eventually(lambda: robot.report().trouble is not None)
+        assert (
+            "has no P3-DX /PioneerP3DX with leftMotor and rightMotor; there are: none at all"
+            in (robot.report().trouble)
+        )
+        with bare.connected() as other:
+            other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
+        assert _eventually(lambda: robot.report().phase is RobotPhase.CONNECTED)
+        assert robot.report().trouble is None
+    finally:
+        robot.close()

@@ -1,0 +1,90 @@
+"""The paper's scene, built through the client; and the whole way from it to obstacles."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import threading
+from typing import Any
+
+import pytest
+
+from app.commands.coppelia_scene import coppelia_scene
+from observer.coppeliasim.connection import CoppeliaSimError
+from observer.coppeliasim.robot import open_coppelia_robot
+from observer.coppeliasim.scene import PIONEER_MODEL, build_scene
+from observer.opening import open_source
+from observer.robots.contract import RobotPhase
+
+pytestmark = pytest.mark.usefixtures("extra")
+
+
+def _observe(spec: str, frames: int) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "app.cli", "observe", spec, "--frames", str(frames)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_built_twice_it_is_one_scene_in_which_the_crossing_robot_is_found(
+    bare: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = []
+    for _ in range(2):
+        coppelia_scene(str(bare.address))
+        told.append(capsys.readouterr().out)
+    assert told[0] == told[1]
+    assert f"next: dynamic-observer serve {bare.spec}" in told[0]
+    with bare.connected() as other:
+        scene = other.constant("handle_scene")
+        names = [
+            other.call("getObjectAlias", h)
+            for h in other.call("getObjectsInTree", scene, other.constant("handle_all"), 0)
+        ]
+        for name, count in (
+            ("PioneerP3DX", 2), ("leftCamera", 1), ("rightCamera", 1), ("dynamicObserverBox1", 1),
+            ("dynamicObserverWall4", 1), ("dynamicObserverFloor", 1),
+            # A texture's helper, and the model's own script, which would drive it.
+            ("Plane", 0), ("Script", 0),
+        ):  # fmt: skip
+            assert names.count(name) == count, name
+    # Once, so that all is painted: while it is, the stand-in answers nobody.
+    opened = open_source(bare.spec)
+    opened.source.read()
+    _, obstacle = opened.truth.bodies(0.0)
+    opened.source.close()
+    assert math.degrees(obstacle.yaw) == pytest.approx(90)
+    assert obstacle.position[2] == pytest.approx(2.4, abs=0.2)
+    robot = open_coppelia_robot(f"{bare.spec}/PioneerP3DX[1]")
+    ended = threading.Event()
+
+    def drive() -> None:
+        while not ended.wait(0.03):
+            if robot.report().phase is RobotPhase.CONNECTED:
+                robot.report().motors_enabled or robot.enable()
+                robot.drive(0.4, 0.0)
+
+    thread = threading.Thread(target=drive, daemon=True)
+    thread.start()
+    try:
+        observed = _observe(bare.spec, 20)
+    finally:
+        ended.set()
+        thread.join()
+        robot.close()
+    assert observed.returncode == 0, observed.stderr
+    lines = [json.loads(line) for line in observed.stdout.splitlines()]
+    assert len(lines) == 20
+    speeds = [o["speed"] for line in lines[8:] for o in line["obstacles"]]
+    assert len(speeds) >= 8
+    assert sorted(speeds)[len(speeds) // 2] == pytest.approx(0.4, abs=0.05)
+
+
+def test_a_running_simulation_and_a_missing_model_are_told(bare: Any) -> None:
+    with bare.connected() as other:
+        other.call("startSimulation")
+        with pytest.raises(CoppeliaSimError, match=r"runs, and what is built .* stop it first"):
+            build_scene(bare.address)
+        with pytest.raises(CoppeliaSimError, match=r"File 'nothing.ttm' could not be opened"):
+            other.call("loadModel", "nothing.ttm")
+    assert PIONEER_MODEL == "models/robots/mobile/pioneer p3dx.ttm"
