@@ -40,9 +40,7 @@ from app.station.contracts import Drive, Engine
 from app.station.current_run import CurrentRun
 from app.station.drive_survey import DriveSurvey
 from app.station.driving import AbsentDrive, DrivingDesk
-from app.station.driving.incidents import Incident
 from app.station.driving.shelf import ProgrammeShelf
-from app.station.driving.wheels import WheelSample
 from app.station.errors import Conflict, FieldError, NotAvailable
 from app.station.followers import Followers
 from app.station.opening import Opening
@@ -104,8 +102,7 @@ class StationCore:
             rig=lambda: self.rig.rig,
             guard=lambda: self.parameters.group("guard"),
             changed=self.followers.robots_changed,
-            measured=self._measured,
-            happened=self._happened,
+            run=lambda: self._run,
             clock=clock,
         )
         self.programmes = ProgrammeShelf(programme_folder)
@@ -233,14 +230,6 @@ class StationCore:
         if run is not None and event.run_id == run.id and playback.get("ended"):
             self._spawn(self._finish_played_run(run))
         self.followers.status_changed()
-
-    def _measured(self, sample: WheelSample) -> None:
-        if self._run is not None:
-            self._run.measured(sample)
-
-    def _happened(self, incident: Incident) -> None:
-        if self._run is not None:
-            self._run.happened(incident)
 
     def _engine_started(self, generation: int) -> None:
         if generation <= self._generation:

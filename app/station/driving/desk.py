@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable
-from typing import Any
+from typing import Any, Protocol
 
 import structlog
 
@@ -42,6 +42,14 @@ _NO_PROCESS = "there is no drive process yet"
 _DRIVEN = ("armed", "moving")
 
 
+class RunKeeper(Protocol):
+    """What is kept of driving with a run."""
+
+    def measured(self, sample: WheelSample) -> None: ...
+
+    def happened(self, incident: Incident) -> None: ...
+
+
 class DrivingDesk:
     """Follows the drive process, gives it robots and guard parameters, and asks it for others.
 
@@ -59,22 +67,19 @@ class DrivingDesk:
         rig: Callable[[], Rig],
         guard: Callable[[], dict[str, Any]],
         changed: Callable[[], None],
-        measured: Callable[[WheelSample], None],
-        happened: Callable[[Incident], None],
+        run: Callable[[], RunKeeper | None],
         clock: Callable[[], float],
     ) -> None:
         """
         Args:
             rig: the one in force. guard: its parameters, by dotted name.
-            changed: called when ``facts`` are others. measured, happened: called with what is to
-                be kept of a run.
+            changed: called when ``facts`` are others. run: the one that is kept.
             clock: the host's monotonic clock.
         """
         self._drive = drive
         self._rig = rig
         self._changed = changed
-        self._measured = measured
-        self._happened = happened
+        self._run = run
         self._clock = clock
         self._tasks: set[asyncio.Future[None]] = set()
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -151,11 +156,13 @@ class DrivingDesk:
                 self._connecting.stopped = self._facts["stopped"]
                 self._changed()
             case WheelSpeedEvent():
-                sample = self.wheels.take(event, self.newest)
-                if sample is not None:
-                    self._measured(sample)
+                sample, run = self.wheels.take(event, self.newest), self._run()
+                if sample is not None and run is not None:
+                    run.measured(sample)
             case IncidentEvent():
-                self._happened(self.incidents.take(event))
+                incident, run = self.incidents.take(event), self._run()
+                if run is not None:
+                    run.happened(incident)
                 self._changed()
             case DriveStartedEvent():
                 self._started(event.generation)
