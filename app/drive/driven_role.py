@@ -106,6 +106,13 @@ class DrivenRole:
         self._guard.forget(self.role)
         return before
 
+    def let_go(self) -> Robot | None:
+        """Give the robot up, without another word to it; it is for the caller to close."""
+        robot, self.connection = self.robot, None
+        self.armed = False
+        self.sent = self._reached = ZERO
+        return robot
+
     # --- arming ----------------------------------------------------------------------------
 
     def arm(self, tick: Tick) -> None:
@@ -148,17 +155,16 @@ class DrivenRole:
             self.why_disarmed = sentence
         self.armed = False
 
-    def stop(self, now: float) -> None:
+    def stop(self) -> None:
         """As hard as it can, motors off; who latches it is the caller."""
-        del now
-        robot = self.robot
-        if robot is not None:
-            robot.stop()
         if self.armed:
             self.why_disarmed = "all robots were stopped"
         self.armed = False
         self.sent = self._reached = ZERO
         self.consent.withdraw()
+        robot = self.robot
+        if robot is not None:
+            robot.stop()
 
     def rest(self) -> None:
         """Zero at once, still armed, until the operator has let go."""

@@ -35,7 +35,7 @@ _WHEELS_TICKS = 2
 _LATENESS_TICKS = 50
 # How long robots are given to be let go, at the end.
 _GOODBYE_S = 2.5
-_WORKING = "the drive process, which failed; see its messages"
+_FAILED = "the drive process, which failed; see its messages"
 
 Inbox = queue.SimpleQueue[Request | None]
 
@@ -108,7 +108,7 @@ class DriveLoop:
             self._failures += 1
             if self._failures == 1:
                 _log.exception("a tick failed")
-            self._roles.stop(_WORKING, now)
+            self._roles.stop(_FAILED, now)
 
     def _turn(self, now: float) -> None:
         answers = self._take_requests(now)

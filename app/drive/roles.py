@@ -5,6 +5,7 @@ Nothing here waits or looks at a clock; robots are opened and closed elsewhere (
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -12,7 +13,7 @@ from typing import Any, Protocol
 from pydantic import ValidationError
 
 from app.drive.connection import Connection, Tick
-from app.drive.consent import ZERO, Velocity
+from app.drive.consent import ZERO
 from app.drive.driven_role import DrivenRole
 from app.drive.guarding import Guarding, SightTrouble
 from app.drive.leases import Leases
@@ -42,7 +43,12 @@ from observer.robots.contract import Robot
 from observer.robots.models import robot_spec
 from observer.robots.opening import check_port
 
+_log = logging.getLogger(__name__)
+
 _GUARD = "guard."
+# A ramp rises by this much time at most, however late a tick is.
+_MOST_DT_S = 0.04
+_FAILED = "was let go because its driver failed; see the drive process's messages"
 
 
 class Attendant(Protocol):
@@ -116,22 +122,37 @@ class Roles:
             self._take_opened(role)
         tick = self._tick(now)
         self._before = now
-        self._look(tick)
-        for role, driven in self.driven.items():
-            driven.drive(tick, self._played(role, now))
+        for look in (self._look, self._send):
+            for role in ROLES:
+                try:
+                    look(role, tick)
+                except Exception:  # noqa: BLE001
+                    _log.exception("the driver of the %s failed", role)
+                    self._give_up(role, now)
         if self.playing is not None and self.playing.over(now):
             self._end_programme(now, None)
 
-    def _look(self, tick: Tick) -> None:
-        for role, driven in self.driven.items():
-            played = self.playing is not None and role in self.playing.roles
-            trouble = driven.look(tick, played=played)
-            if played and trouble is not None:
-                self._end_programme(tick.now, trouble)
+    def _look(self, role: Role, tick: Tick) -> None:
+        played = self.playing is not None and role in self.playing.roles
+        trouble = self.driven[role].look(tick, played=played)
+        if played and trouble is not None:
+            self._end_programme(tick.now, trouble)
 
-    def _played(self, role: Role, now: float) -> Velocity | None:
+    def _send(self, role: Role, tick: Tick) -> None:
         playing = self.playing
-        return None if playing is None or role not in playing.roles else playing.velocity(role, now)
+        moves = playing is not None and role in playing.roles
+        played = playing.velocity(role, tick.now) if playing and moves else None
+        self.driven[role].drive(tick, played)
+
+    def _give_up(self, role: Role, now: float) -> None:
+        """Let a robot go whose driver fails; the other one drives on."""
+        driven = self.driven[role]
+        connection, robot = driven.connection, driven.let_go()
+        self._end_programme_of(role, now, _FAILED)
+        self._incidents.append(IncidentEvent(role, "fault", f"the {role} {_FAILED}", now, None))
+        if connection is not None:
+            driven.connect(replace(connection, robot=None, trouble=f"the {role} {_FAILED}"))
+        self._attendants[role].close(robot)
 
     def _tick(self, now: float) -> Tick:
         return Tick(
@@ -212,8 +233,12 @@ class Roles:
 
     def stop(self, by: str, now: float) -> dict[str, Any]:
         """Stop all robots; it latches."""
-        for driven in self.driven.values():
-            driven.stop(now)
+        for role, driven in self.driven.items():
+            try:
+                driven.stop()
+            except Exception:  # noqa: BLE001
+                # No robot's failure may keep the other one from being stopped.
+                _log.exception("the %s could not be told to stop", role)
         self.playing = None
         if self.stopped is None:
             self.stopped = StopLatch(by, now)
@@ -349,10 +374,6 @@ class Roles:
         if why is not None:
             sentence = f"the programme {playing.programme.name} was ended: {why}"
             self._incidents.append(IncidentEvent(None, "programme", sentence, now, None))
-
-
-# A ramp rises by this much time at most, however late a tick is.
-_MOST_DT_S = 0.04
 
 
 def _checked(role: Role) -> Role:

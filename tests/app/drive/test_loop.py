@@ -191,7 +191,7 @@ def test_an_unknown_port_is_refused_as_input(turning: Turning) -> None:
 
 def test_a_failure_within_stops_everything_and_is_told(turning: Turning) -> None:
     turning.ready("obstacle")
-    turning.bench.robots["obstacle"].report = None
+    turning.loop._newest_sight = None  # type: ignore[assignment]
     turning.turn()
     assert turning.bench.robots["obstacle"].calls[-1] == ("stop",)
     assert turning.bench.roles.stopped is not None

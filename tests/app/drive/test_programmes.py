@@ -102,6 +102,12 @@ def stalls(bench: Any) -> None:
     stay(bench, 0.1)
 
 
+def driver_fails(bench: Any) -> None:
+    bench.robots["observer"].drive = None
+    stay(bench, 0.1)
+    del bench.robots["observer"].drive
+
+
 def unplugged(bench: Any) -> None:
     bench.robots["observer"].change(phase=RobotPhase.WAITING)
     stay(bench, 0.1)
@@ -124,7 +130,7 @@ def grips(bench: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "what", [consents, cannot_see, stalls, unplugged, disarmed, leaves, grips]
+    "what", [consents, cannot_see, stalls, driver_fails, unplugged, disarmed, leaves, grips]
 )
 def test_whatever_stops_one_robot_ends_it_for_all(bench: Any, what: Any) -> None:
     prepare(bench)

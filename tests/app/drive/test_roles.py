@@ -376,6 +376,30 @@ def test_a_fault_disarms_until_somebody_arms_again(bench: Any, change: Any, matc
     assert bench.sent("observer") == (0.3, 0.0), "the other one drives on"
 
 
+@pytest.mark.parametrize("method", ["report", "drive"])
+def test_a_driver_that_fails_is_let_go_and_the_other_robot_drives_on(
+    bench: Any, method: str
+) -> None:
+    driving(bench)
+    robot = bench.robots["observer"]
+    setattr(robot, method, None)
+    both(bench, 0.3)
+    assert bench.state("observer") == "refused"
+    assert "driver failed" in bench.why("observer")
+    assert bench.attendants["observer"].closed == [robot]
+    assert bench.kinds() == ["fault"]
+    assert bench.sent("obstacle") == (0.3, 0.0)
+
+
+def test_a_driver_that_cannot_stop_does_not_keep_the_other_from_it(bench: Any) -> None:
+    driving(bench)
+    bench.robots["observer"].stop = None
+    bench.take(StopRobots("Ann"))
+    assert bench.robots["obstacle"].calls[-1] == ("stop",)
+    both(bench, 0.2)
+    assert bench.state("observer") == "disarmed"
+
+
 def test_one_operator_at_a_time_and_takeover_disarms(bench: Any) -> None:
     bench.ready("obstacle")
     bench.hold("obstacle", 0.3, 1.0)
