@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import httpx
 import pytest
 from playwright.sync_api import Locator, Page, WebSocketRoute, expect
 
@@ -22,6 +21,11 @@ _WITHIN_S = 0.3
 # How long asking and being answered may take on a machine that does other things as well.
 _ASKING_S = 0.1
 _ASK_EVERY_S = 0.01
+_TRIES = 5
+_BUSY = """() => void setTimeout(() => {
+  const end = performance.now() + 1200;
+  while (performance.now() < end);
+})"""
 _FAKE_GAMEPAD = """() => {
   const buttons = Array.from({ length: 17 }, () => ({ pressed: false, value: 0 }));
   window.fakePad = { index: 0, connected: true, mapping: "standard", axes: [0, 0, 0, 0], buttons };
@@ -40,18 +44,17 @@ _HIDE = """(hidden) => {
 class Witness:
     """Asks the server again and again what goes to a robot."""
 
-    def __init__(self, api: httpx.Client, role: str) -> None:
-        self._api = api
+    def __init__(self, server, role: str = "obstacle") -> None:
+        self._api = server.api
         self._role = role
         self._ended = threading.Event()
-        self._said: list[tuple[float, float]] = []
+        self._said: list[tuple[float, bool]] = []
         self._thread = threading.Thread(target=self._ask)
 
     def _ask(self) -> None:
         while not self._ended.wait(_ASK_EVERY_S):
             robot = self._api.get("/api/robots").json()["robots"][self._role]
-            sent = robot["sent"] if robot else {"speed_mps": 0, "turn_rate_radps": 0}
-            moves = abs(sent["speed_mps"]) + abs(sent["turn_rate_radps"])
+            moves = robot is not None and any(robot["sent"].values())
             self._said.append((time.monotonic(), moves))
 
     def __enter__(self) -> Witness:
@@ -62,40 +65,50 @@ class Witness:
         self._ended.set()
         self._thread.join()
 
-    def moving(self, within_s: float = 3.0) -> None:
-        """Wait until it is sent something."""
-        self._wait(lambda moves: moves > 0, time.monotonic(), within_s, "it did not move")
+    def first(self, moves: bool, start: float, within_s: float) -> float | None:
+        """When it first was said to move, or not to, from ``start`` on."""
+        while time.monotonic() < start + within_s:
+            for at, said in tuple(self._said[-100:]):
+                if at >= start and said == moves:
+                    return at
+            time.sleep(0.005)
+        return None
 
-    def zero_after(self, start: float, within_s: float = 3.0) -> float:
+    @property
+    def moves(self) -> bool:
+        return bool(self._said) and self._said[-1][1]
+
+    def zero_after(self, start: float) -> float:
         """How long after ``start`` it was sent zero."""
-        return self._wait(lambda moves: moves == 0, start, within_s, "it was not stopped") - start
+        at = self.first(False, start, 3.0)
+        assert at is not None, "it was not stopped"
+        return at - start
 
     def stays_zero(self, for_s: float) -> None:
         start = time.monotonic()
         time.sleep(for_s)
-        assert all(moves == 0 for at, moves in self._said if at >= start)
-
-    def _wait(
-        self, fits: Callable[[float], bool], start: float, within_s: float, otherwise: str
-    ) -> float:
-        while time.monotonic() < start + within_s:
-            for at, moves in tuple(self._said[-50:]):
-                if at >= start and fits(moves):
-                    return at
-            time.sleep(0.005)
-        pytest.fail(f"{otherwise} within {within_s} s")
+        assert not any(moves for at, moves in self._said if at >= start)
 
 
 @pytest.fixture(scope="module")
 def room(server) -> Iterator[Any]:
     """The server on a simulated room in which there is space to drive."""
-    server.api.put("/api/source", json={"source": "simulated:drive"}).raise_for_status()
-    deadline = time.monotonic() + 20
-    while not _all_disarmed(server):
-        assert time.monotonic() < deadline, server.get("/robots")
-        time.sleep(0.1)
+    _until(lambda: _opened(server, "simulated:drive"))
+    _until(lambda: _all_disarmed(server))
     yield server
-    server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()
+    _until(lambda: _opened(server, "simulated:lab"))
+
+
+def _until(is_so: Callable[[], bool], within_s: float = 60.0) -> None:
+    deadline = time.monotonic() + within_s
+    while not is_so():
+        assert time.monotonic() < deadline, f"not within {within_s} s"
+        time.sleep(0.05)
+
+
+def _opened(server, source: str) -> bool:
+    """Whether it was; the engine may be starting."""
+    return bool(server.api.put("/api/source", json={"source": source}).is_success)
 
 
 def _all_disarmed(server) -> bool:
@@ -111,29 +124,31 @@ def _begin_at_rest(room) -> None:
 
 @pytest.fixture
 def seat(open_panel) -> Callable[..., Page]:
-    """A page on the robots' tab with a role chosen; ``armed`` arms it as well."""
+    """A page on the robots' tab, the obstacle chosen; ``armed`` arms it as well."""
 
     def sit(
-        role: str = "obstacle",
-        *,
-        armed: bool = True,
-        before: Callable[[Page], object] = lambda _: None,
-        **options: Any,
+        *, armed: bool = True, before: Callable[[Page], object] = lambda _: None, **options: Any
     ) -> Page:
         page = open_panel(**options)
         before(page)
         page.get_by_role("tab", name="Robots").click()
-        page.locator(f"input[name=drive-role][value={role}]").check(force=True)
+        page.locator("input[name=drive-role][value=obstacle]").check(force=True)
+        # Slowly: it shall not come to a wall.
+        page.locator("#drive-share").fill("5")
         if armed:
-            page.get_by_role("button", name="Arm", exact=True).click()
-            expect(_card(page, role).locator(".state-chip")).to_have_text("Armed")
-            expect(page.locator(".pad-state")).to_contain_text("Ready")
+            _arm(page)
         return page
 
     return sit
 
 
-def _card(page: Page, role: str) -> Locator:
+def _arm(page: Page) -> None:
+    page.get_by_role("button", name="Arm", exact=True).click()
+    expect(_card(page).locator(".state-chip")).to_have_text("Armed")
+    expect(page.locator(".pad-state")).to_contain_text("Ready")
+
+
+def _card(page: Page, role: str = "obstacle") -> Locator:
     return page.locator(f".role-card:has([value={role}])")
 
 
@@ -145,7 +160,21 @@ def _press_pad(page: Page, right: float = 0.5, down: float = 0.05) -> None:
     page.mouse.down()
 
 
-def _report(what: str, seconds: list[float]) -> None:
+def _drive(
+    page: Page, witness: Witness, press: Callable[[], object], let_go: Callable[[], object]
+) -> None:
+    """Hold until it moves; again where a busy machine held the page up."""
+    for _ in range(_TRIES):
+        start = time.monotonic()
+        press()
+        if witness.first(True, start, 1.5) is not None and witness.moves:
+            return
+        let_go()
+        page.wait_for_timeout(300)
+    pytest.fail(f"it did not move: {page.locator('observer-robots').inner_text()}")
+
+
+def _report(what: str, *seconds: float) -> None:
     sys.stdout.write(f"\n{what}: zero after {1000 * max(seconds):.0f} ms at worst\n")
     assert max(seconds) <= _WITHIN_S + _ASKING_S, what
 
@@ -153,162 +182,192 @@ def _report(what: str, seconds: list[float]) -> None:
 def test_the_pad_drives_while_it_is_held(room, seat, keep_picture):
     page = seat()
     took = []
-    with Witness(room.api, "obstacle") as witness:
-        for _ in range(3):
-            _press_pad(page)
-            witness.moving()
+    with Witness(room) as witness:
+        for right in (0.5, 0.9):
+            _drive(page, witness, lambda at=right: _press_pad(page, at), page.mouse.up)
             start = time.monotonic()
             page.mouse.up()
             took.append(witness.zero_after(start))
-        _press_pad(page, right=0.9, down=0.1)
-        witness.moving()
-        expect(page.locator(".drive-sent")).to_contain_text("to the right")
-        keep_picture(page, "driving")
+        _report("pad let go", *took)
         for kind in ("pointercancel", "contextmenu"):
+            _drive(page, witness, lambda: _press_pad(page, 0.8), page.mouse.up)
+            expect(page.locator(".drive-sent")).to_contain_text("to the right")
+            if kind == "contextmenu":
+                keep_picture(page, "driving")
+                page.mouse.up()
+                _drive(page, witness, lambda: _press_pad(page, 0.8), page.mouse.up)
             start = time.monotonic()
-            page.locator(".drive-pad").dispatch_event(
-                kind, {"pointerId": 1, "bubbles": True, "cancelable": True}
+            page.locator(".drive-pad").evaluate(
+                "(pad, kind) => pad.dispatchEvent(new PointerEvent(kind, { pointerId: 1 }))", kind
             )
-            took.append(witness.zero_after(start))
+            _report(f"pad at {kind}", witness.zero_after(start))
             # Still pressed, but that was let go.
             page.mouse.move(700, 500)
-            witness.stays_zero(0.3)
+            witness.stays_zero(0.2)
             page.mouse.up()
-            if kind == "pointercancel":
-                _press_pad(page)
-                witness.moving()
-    _report("pad let go", took)
 
 
 def test_keys_drive_only_where_nobody_types(room, seat):
     page = seat()
-    took = []
-    with Witness(room.api, "obstacle") as witness:
-        for key in ("w", "ArrowUp"):
-            page.keyboard.down(key)
-            witness.moving()
-            # What the keyboard repeats is no new press.
-            page.keyboard.down(key)
+    with Witness(room) as witness:
+        for key in ("w", "ArrowDown"):
+            _drive(
+                page,
+                witness,
+                lambda key=key: page.keyboard.down(key),
+                lambda key=key: page.keyboard.up(key),
+            )
             start = time.monotonic()
             page.keyboard.up(key)
-            took.append(witness.zero_after(start))
+            _report(f"key {key} let go", witness.zero_after(start))
         page.locator("#run-name").focus()
         page.keyboard.down("w")
-        witness.stays_zero(0.4)
+        witness.stays_zero(0.3)
         page.keyboard.up("w")
         expect(page.locator("#run-name")).to_have_value("w")
         # What is held while a field is entered is let go.
         page.locator(".drive-pad").focus()
-        page.keyboard.down("w")
-        witness.moving()
+        _drive(page, witness, lambda: page.keyboard.down("w"), lambda: page.keyboard.up("w"))
         start = time.monotonic()
-        page.locator("#run-name").focus()
-        took.append(witness.zero_after(start))
-        page.keyboard.up("w")
-    _report("key let go", took)
+        page.locator("#run-name").evaluate("field => field.focus()")
+        _report("field entered", witness.zero_after(start))
 
 
-@pytest.mark.parametrize("loss", ["blurred", "hidden", "frozen", "closed"])
-def test_a_page_that_is_left_stops_the_robot(room, seat, loss):
+def test_a_gamepad_drives_while_its_shoulder_button_is_held(room, seat):
     page = seat()
-    with Witness(room.api, "obstacle") as witness:
-        page.keyboard.down("w")
-        witness.moving()
+    page.evaluate(_FAKE_GAMEPAD)
+
+    def shoulder(pressed: bool) -> None:
+        page.evaluate("(pressed) => { fakePad.buttons[4].pressed = pressed; }", pressed)
+
+    with Witness(room) as witness:
+        page.evaluate("fakePad.axes[1] = -1")
+        witness.stays_zero(0.2)
+        _drive(page, witness, lambda: shoulder(True), lambda: shoulder(False))
         start = time.monotonic()
-        if loss == "blurred":
-            page.evaluate("window.dispatchEvent(new Event('blur'))")
-        elif loss == "hidden":
-            page.evaluate(_HIDE, True)
-        elif loss == "frozen":
-            freezer = page.context.new_cdp_session(page)
-            freezer.send("Page.setWebLifecycleState", {"state": "frozen"})
-        else:
-            page.close()
-        took = witness.zero_after(start)
-        _report(f"page {loss}", [took])
-        witness.stays_zero(0.5)
-        if loss == "hidden":
-            # Coming back restarts nothing, though the key is still down.
-            page.evaluate(_HIDE, False)
-            witness.stays_zero(0.5)
-            page.keyboard.up("w")
-            page.keyboard.down("w")
-            witness.moving()
+        shoulder(False)
+        _report("shoulder button let go", witness.zero_after(start))
+        _drive(page, witness, lambda: shoulder(True), lambda: shoulder(False))
+        start = time.monotonic()
+        page.evaluate("fakePad.connected = false")
+        _report("gamepad disconnected", witness.zero_after(start))
+        # Found again with its button still held, it moves nothing.
+        page.evaluate("fakePad.connected = true")
+        page.evaluate("void window.dispatchEvent(new Event('gamepadconnected'))")
+        witness.stays_zero(0.3)
+
+
+def test_a_page_that_is_left_stops_the_robot(room, seat):
+    page = seat()
+    page.locator(".drive-pad").focus()
+
+    def press() -> None:
+        page.keyboard.down("w")
+
+    def let_go() -> None:
+        page.keyboard.up("w")
+
+    with Witness(room) as witness:
+        _drive(page, witness, press, let_go)
+        start = time.monotonic()
+        page.evaluate("void window.dispatchEvent(new Event('blur'))")
+        _report("page blurred", witness.zero_after(start))
+        let_go()
+
+        _drive(page, witness, press, let_go)
+        start = time.monotonic()
+        page.evaluate(_HIDE, True)
+        _report("page hidden", witness.zero_after(start))
+        witness.stays_zero(0.3)
+        # Coming back restarts nothing, though the key is still down.
+        page.evaluate(_HIDE, False)
+        witness.stays_zero(0.4)
+        let_go()
+
+        _drive(page, witness, press, let_go)
+        start = time.monotonic()
+        page.evaluate(_BUSY)
+        _report("page held up", witness.zero_after(start))
+        page.wait_for_timeout(100)
+        witness.stays_zero(0.3)
+        let_go()
+
+        _drive(page, witness, press, let_go)
+        start = time.monotonic()
+        page.close()
+        _report("page closed", witness.zero_after(start))
+        witness.stays_zero(0.3)
 
 
 def test_the_second_operator_takes_over_and_the_first_is_told(room, seat):
     first = seat()
     second = seat(armed=False, refusals=True)
-    card = _card(second, "obstacle")
-    expect(card).to_contain_text("drives it")
+    expect(_card(second)).to_contain_text("drives it")
     expect(second.get_by_role("button", name="Arm", exact=True)).to_be_hidden()
-    with Witness(room.api, "obstacle") as witness:
-        first.keyboard.down("w")
-        witness.moving()
+    with Witness(room) as witness:
+        first.bring_to_front()
+        _drive(first, witness, lambda: first.keyboard.down("w"), lambda: first.keyboard.up("w"))
         start = time.monotonic()
-        second.get_by_role("button", name="Take over").click()
-        took = witness.zero_after(start)
+        second.get_by_role("button", name="Take over").evaluate("button => button.click()")
+        _report("taken over", witness.zero_after(start))
         # The first one's key is still down, and moves nothing.
-        witness.stays_zero(0.5)
-        expect(card).to_contain_text("You drive it")
-        expect(_card(first, "obstacle")).not_to_contain_text("You drive it")
+        witness.stays_zero(0.4)
+        expect(_card(second)).to_contain_text("You drive it")
+        expect(_card(first)).not_to_contain_text("You drive it")
         expect(first.get_by_role("button", name="Take over")).to_be_visible()
         first.keyboard.up("w")
-        second.get_by_role("button", name="Arm", exact=True).click()
-        expect(second.locator(".pad-state")).to_contain_text("Ready")
-        second.keyboard.down("w")
-        witness.moving()
+        second.bring_to_front()
+        _arm(second)
+        _drive(second, witness, lambda: second.keyboard.down("w"), lambda: second.keyboard.up("w"))
         # Whoever looks on may stop it.
         start = time.monotonic()
-        first.get_by_role("button", name="Stop robots").click()
-        stopped = witness.zero_after(start)
-        second.keyboard.up("w")
+        first.locator("#stop-robots").evaluate("button => button.click()")
+        _report("stopped by somebody else", witness.zero_after(start))
     expect(second.locator(".stop-state")).to_contain_text("Stopped by")
-    _report("taken over", [took])
-    _report("stopped by somebody else", [stopped])
 
 
 def test_space_and_esc_stop_wherever_one_is(room, seat, keep_picture):
     page = seat()
-    took = []
-    places = {
-        "Space": lambda: page.locator("#run-name").focus(),
-        "Escape": lambda: page.get_by_role("button", name="Disarm").focus(),
-    }
-    with Witness(room.api, "obstacle") as witness:
-        for key, go in places.items():
-            page.locator(".drive-pad").focus()
-            _press_pad(page)
-            witness.moving()
+    latched = page.locator(".stop-latched")
+
+    def reset() -> None:
+        expect(latched).to_contain_text("Stopped by")
+        page.get_by_role("button", name="Reset").click()
+        expect(latched).to_be_hidden()
+
+    with Witness(room) as witness:
+        for key in ("Space", "Escape"):
+            _drive(page, witness, lambda: _press_pad(page), page.mouse.up)
             start = time.monotonic()
             page.keyboard.press(key)
-            took.append(witness.zero_after(start))
+            _report(f"{key} pressed", witness.zero_after(start))
             page.mouse.up()
-            expect(page.locator(".stop-state")).to_contain_text("Stopped by")
-            page.get_by_role("button", name="Reset").click()
-            expect(page.locator(".stop-latched")).to_be_hidden()
-            # Nothing starts by itself; armed again, the key stops from within a field too.
-            page.get_by_role("button", name="Arm", exact=True).click()
+            if key == "Space":
+                expect(latched).to_be_visible()
+                keep_picture(page, "driving-stopped")
+            reset()
+            # Nothing starts by itself; armed again, the key stops from within a field as well.
+            witness.stays_zero(0.2)
+            _arm(page)
             expect(page.locator(".stop-keys")).to_contain_text("always stop")
-            go()
+            page.locator("#run-name").focus()
             page.keyboard.press(key)
-            expect(page.locator(".stop-state")).to_contain_text("Stopped by")
+            reset()
             expect(page.locator("#run-name")).to_have_value("")
-            keep_picture(page, "driving-stopped")
-            page.get_by_role("button", name="Reset").click()
-            expect(page.locator(".stop-latched")).to_be_hidden()
-            page.get_by_role("button", name="Arm", exact=True).click()
-            expect(page.locator(".pad-state")).to_contain_text("Ready")
-        # In the wizard and over a question as well.
-        page.get_by_role("tab", name="Runs").click()
-        page.keyboard.press("Escape")
-        expect(page.locator(".stop-state")).to_contain_text("Stopped by")
-    _report("stop by key", took)
+            _arm(page)
+    # Over the wizard and a question too, by their own button.
+    page.get_by_role("tab", name="Calibration").click()
+    page.locator("observer-calibration button", has_text="Calibrate").first.click()
+    expect(page.locator("observer-calibration-wizard")).to_be_visible()
+    expect(page.locator("#stop-robots")).to_be_in_viewport()
+    page.evaluate(_ASK)
+    page.locator("dialog").get_by_role("button", name="Stop robots").click()
+    expect(latched).to_contain_text("Stopped by")
+    page.locator("dialog").get_by_role("button", name="Keep").click()
 
 
 def test_the_keys_keep_their_meaning_while_nothing_is_armed(seat):
     page = seat(armed=False)
-    page.locator("#run-name").fill("")
     page.locator("#run-name").press("Space")
     expect(page.locator("#run-name")).to_have_value(" ")
     page.get_by_text("Port and model").focus()
@@ -318,19 +377,6 @@ def test_the_keys_keep_their_meaning_while_nothing_is_armed(seat):
     page.evaluate("document.activeElement.blur()")
     page.keyboard.press("Space")
     expect(page.locator(".stop-state")).to_contain_text("Stopped by")
-
-
-def test_the_wizard_and_its_questions_have_the_stop_button(seat):
-    page = seat()
-    page.get_by_role("tab", name="Calibration").click()
-    page.get_by_role("button", name="Calibrate", exact=False).first.click()
-    expect(page.locator("observer-calibration-wizard")).to_be_visible()
-    page.evaluate(_ASK)
-    over = page.locator("dialog").get_by_role("button", name="Stop robots")
-    over.click()
-    expect(page.locator(".stop-state")).to_contain_text("Stopped by")
-    page.locator("dialog").get_by_role("button", name="Keep").click()
-    expect(page.locator("#stop-robots")).to_be_in_viewport()
 
 
 class Road:
@@ -356,104 +402,90 @@ class Road:
         else:
             self._waiting.append((time.monotonic() + self.delay_s, send))
 
-    def go_on(self, for_s: float) -> None:
-        """Let time pass."""
+    def go_on(self, for_s: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """Let messages pass; whether it came to what was waited for."""
         end = time.monotonic() + for_s
         while time.monotonic() < end:
             while self._waiting and self._waiting[0][0] <= time.monotonic():
                 self._waiting.pop(0)[1]()
+            if until():
+                return True
             self._page.wait_for_timeout(10)
+        return False
+
+    def drive(self, witness: Witness) -> None:
+        """Hold a key until it moves."""
+        for _ in range(_TRIES):
+            self._page.keyboard.down("w")
+            if self.go_on(1.5, lambda: witness.moves):
+                return
+            self._page.keyboard.up("w")
+            self.go_on(0.4)
+        pytest.fail(f"it did not move: {self._page.locator('observer-robots').inner_text()}")
 
 
 def test_a_slow_link_stops_and_says_so(room, seat):
     roads: list[Road] = []
     page = seat(before=lambda page: roads.append(Road(page)))
     road = roads[0]
-    with Witness(room.api, "obstacle") as witness:
-        page.keyboard.down("w")
-        witness.moving()
+    with Witness(room) as witness:
+        road.drive(witness)
         start = time.monotonic()
         road.delay_s = 0.4
-        road.go_on(1.5)
-        _report("link too slow", [witness.zero_after(start)])
+        road.go_on(1.2)
+        _report("link too slow", witness.zero_after(start))
         expect(page.locator("observer-drive-pad")).to_contain_text("link too slow")
         road.delay_s = 0
-        road.go_on(1.5)
+        good = page.locator("observer-drive-pad .state-chip", has_text="Link good")
+        assert road.go_on(8.0, good.is_visible)
         # The link is good again and the key still down: nothing moves until it is pressed anew.
-        witness.stays_zero(0.3)
+        road.go_on(0.4)
+        assert not witness.moves
         page.keyboard.up("w")
-        road.go_on(0.5)
-        page.keyboard.down("w")
-        road.go_on(0.3)
-        witness.moving()
+        road.drive(witness)
         start = time.monotonic()
         road.lost = True
         road.go_on(0.6)
-        _report("link lost", [witness.zero_after(start)])
+        _report("link lost", witness.zero_after(start))
 
 
-def test_a_gamepad_drives_while_its_shoulder_button_is_held(room, seat):
-    page = seat()
-    page.evaluate(_FAKE_GAMEPAD)
-    took = []
-    with Witness(room.api, "obstacle") as witness:
-        page.evaluate("window.fakePad.axes[1] = -1")
-        witness.stays_zero(0.3)
-        page.evaluate("window.fakePad.buttons[4].pressed = true")
-        witness.moving()
-        start = time.monotonic()
-        page.evaluate("window.fakePad.buttons[4].pressed = false")
-        took.append(witness.zero_after(start))
-        page.evaluate("window.fakePad.buttons[4].pressed = true")
-        witness.moving()
-        start = time.monotonic()
-        page.evaluate("window.fakePad.connected = false")
-        took.append(witness.zero_after(start))
-        # Found again with its button still held, it moves nothing.
-        page.evaluate("window.fakePad.connected = true")
-        page.evaluate("window.dispatchEvent(new Event('gamepadconnected'))")
-        witness.stays_zero(0.4)
-    _report("gamepad let go", took)
-
-
-def test_the_observer_is_driven_on_a_phone(room, seat, keep_picture):
-    phone = {"viewport": {"width": 360, "height": 780}, "has_touch": True}
-    page = seat("observer", **phone)
+def test_a_finger_drives_on_a_phone(room, seat, keep_picture):
+    page = seat(viewport={"width": 360, "height": 780}, has_touch=True)
     expect(page.locator("#stop-robots")).to_be_in_viewport()
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     pad = page.locator(".drive-pad")
     pad.scroll_into_view_if_needed()
     box = pad.bounding_box()
-    touch = page.context.new_cdp_session(page)
+    assert box is not None
+    screen = page.context.new_cdp_session(page)
     point = {"x": box["x"] + box["width"] / 2, "y": box["y"] + 0.2 * box["height"]}
-    with Witness(room.api, "observer") as witness:
-        touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [point]})
-        witness.moving()
-        expect(page.locator(".guard-words")).to_contain_text("Guard: ")
-        page.wait_for_timeout(600)
+
+    def touch(kind: str, *points: dict[str, float]) -> None:
+        screen.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": list(points)})
+
+    with Witness(room) as witness:
+        _drive(page, witness, lambda: touch("touchStart", point), lambda: touch("touchEnd"))
         keep_picture(page, "phone-driving")
+        touch("touchEnd")
+        _drive(page, witness, lambda: touch("touchStart", point), lambda: touch("touchEnd"))
         start = time.monotonic()
-        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-        took = witness.zero_after(start)
-    _report("finger lifted", [took])
+        touch("touchEnd")
+        _report("finger lifted", witness.zero_after(start))
     expect(page.locator("#stop-robots")).to_be_in_viewport()
 
 
 def test_a_programme_runs_while_its_operator_is_there(room, seat):
-    page = seat()
+    page = seat(refusals=True)
     both = page.locator("[data-programme=figure17_a]")
     expect(both.get_by_role("button", name="Start")).to_be_disabled()
     expect(both).to_contain_text("First arm the observer")
-    page.locator("input[name=drive-role][value=observer]").check(force=True)
-    page.get_by_role("button", name="Arm", exact=True).click()
-    both.get_by_role("button", name="Start").click()
-    with Witness(room.api, "obstacle") as witness:
-        witness.moving(8.0)
+    with Witness(room) as witness:
+        page.get_by_role("button", name="Start Square of 2 m, obstacle").click()
         expect(page.locator(".programme-running progress")).to_be_visible()
+        assert witness.first(True, time.monotonic(), 8.0) is not None
+        # Presence ends with the page being seen.
         start = time.monotonic()
         page.evaluate(_HIDE, True)
-        took = witness.zero_after(start)
-    # Presence ends with the page being seen.
-    _report("programme without its operator", [took])
+        _report("programme without its operator", witness.zero_after(start))
     page.evaluate(_HIDE, False)
     expect(page.locator(".programme-running")).to_be_hidden()

@@ -46,11 +46,6 @@ export class PortForm extends Part {
     this.#render();
   }
 
-  /** Offer what the server has. @param {string[]} ports */
-  suggest(ports) {
-    this.#ports.replaceChildren(...[...new Set([...ports, ...USUAL])].map((value) => h("option", { value })));
-  }
-
   #render() {
     const { driver, robots } = this.hub;
     const kept = robots?.ports?.[driver.role] ?? null;

@@ -145,9 +145,9 @@ class Programmes extends Part {
 
   /** @param {string} name */
   async #copy(name) {
-    /** @type {{text?: string, yaml?: string}} */
+    /** @type {{text: string}} */
     const answer = await request("GET", `/programmes/${encodeURIComponent(name)}`);
-    this.#text.value = answer.text ?? answer.yaml ?? "";
+    this.#text.value = answer.text;
     this.#own.open = true;
     this.#text.focus();
   }
