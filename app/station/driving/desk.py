@@ -274,7 +274,7 @@ class DrivingDesk:
         """Undo the stop; all robots stay disarmed."""
         log.warning("stop_reset", by=by)
         await self.ask(ResetStop(by))
-        self._connecting.stop_due = None
+        self._connecting.stop_due = self._connecting.stopped = None
 
     def check_programme(self, start: StartProgramme) -> None:
         """See that its robots are armed, before anything is opened for it.

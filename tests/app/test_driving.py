@@ -1,0 +1,338 @@
+"""Driving at the station: which robots the drive process is given, and what it is told."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+
+from app.drive.messages import (
+    ConnectRobot,
+    DisconnectRobot,
+    IncidentEvent,
+    SetGuard,
+    StopRobots,
+    TakeLease,
+    WheelSpeedEvent,
+)
+from app.messages import EngineState, StateEvent
+from app.station import NotAvailable, Station
+from app.station.current_run import speed_rows, wheel_rows
+from app.station.driving.connecting import wanted_robots
+from app.station.driving.desk import finite
+from app.station.driving.incidents import Incidents
+from app.station.driving.operators import Operators
+from app.station.driving.wheels import WheelLog
+from app.station.status import status
+from app.storage import IncidentRecord, Storage, StorageMissing
+from observer.parameters import Parameters
+from observer.rig.rig import Rig
+from observer.robots.contract import RobotPort
+
+RIG = Rig(ports={"observer": "/dev/ttyUSB0"}, models={"observer": "amigo-sh", "obstacle": "p3dx"})
+OWN = tuple(
+    vars(RobotPort(role, f"socket://127.0.0.1:{port}", model, f"the {role}"))  # type: ignore[arg-type]
+    for role, port, model in (("observer", 5001, "amigo-sh"), ("obstacle", 5002, "p3dx-sh"))
+)
+
+
+def run(scenario: Coroutine[Any, Any, None]) -> None:
+    async def limited() -> None:
+        async with asyncio.timeout(60):
+            await scenario
+
+    asyncio.run(limited())
+
+
+async def until(condition: Callable[[], Any]) -> None:
+    while not condition():
+        await asyncio.sleep(0.005)
+
+
+@asynccontextmanager
+async def started(peer: Any, drive: Any, storage: Storage) -> AsyncIterator[Station]:
+    station = Station(peer, storage, source="simulated:lab", drive=drive)
+    try:
+        await station.start()
+        await until(lambda: station.state.state is not EngineState.IDLE)
+        yield station
+    finally:
+        await station.stop()
+
+
+def shows(world: str | None, robots: Any = ()) -> StateEvent:
+    return StateEvent(EngineState.PREVIEW, None, world=world, robots=robots)
+
+
+def test_robots_belong_to_the_world_that_is_seen() -> None:
+    assert wanted_robots(shows("simulated:lab/1", OWN), RIG) == {
+        "observer": ConnectRobot(
+            "observer", "socket://127.0.0.1:5001", "amigo-sh", "simulated:lab/1", "the observer"
+        ),
+        "obstacle": ConnectRobot(
+            "obstacle", "socket://127.0.0.1:5002", "p3dx-sh", "simulated:lab/1", "the obstacle"
+        ),
+    }
+    assert wanted_robots(shows("real"), RIG) == {
+        "observer": ConnectRobot("observer", "/dev/ttyUSB0", "amigo-sh", "real")
+    }
+    # A world without robots, and what is only replayed: the real robot is not driven by either.
+    assert wanted_robots(shows("simulated:lab/1"), RIG) == {}
+    assert wanted_robots(shows(None), RIG) == {}
+    assert wanted_robots(shows(None, OWN), RIG) == {}
+
+
+def test_each_source_brings_its_own_robots(peer: Any, drive: Any, storage: Storage) -> None:
+    async def scenario() -> None:
+        peer.world, peer.robots = "simulated:lab/1", OWN
+        async with started(peer, drive, storage) as station:
+            await until(lambda: len(drive.robots) == 2)
+            station.rig.rig = RIG
+            peer.world, peer.robots = "real", ()
+            await station.open_source("camera:0,1", None)
+            await until(lambda: set(drive.robots) == {"observer"})
+            assert drive.robots["observer"].port == "/dev/ttyUSB0"
+            peer.world = None
+            await station.open_source("recorded", None)
+            await until(lambda: not drive.robots)
+            assert {c.role for c in drive.of(DisconnectRobot)} == {"observer", "obstacle"}
+            # Nothing of it is repeated.
+            told = len(drive.commands)
+            peer.publish(peer.state())
+            await asyncio.sleep(0.05)
+            assert len(drive.commands) == told
+
+    run(scenario())
+
+
+def test_a_lost_engine_keeps_the_robots_and_the_next_one_brings_others(
+    peer: Any, drive: Any, storage: Storage
+) -> None:
+    async def scenario() -> None:
+        peer.world, peer.robots = "simulated:lab/1", OWN
+        async with started(peer, drive, storage):
+            await until(lambda: len(drive.robots) == 2)
+            peer.lose()
+            await asyncio.sleep(0.02)
+            assert not drive.of(DisconnectRobot)
+            peer.world = "simulated:lab/2"
+            peer.start_process()
+            await until(lambda: drive.robots["obstacle"].world == "simulated:lab/2")
+            assert len(drive.of(ConnectRobot)) == 4
+
+    run(scenario())
+
+
+def test_the_guard_is_told_first_and_of_every_change(
+    peer: Any, drive: Any, storage: Storage
+) -> None:
+    names = [name for name in Parameters().flat() if name.startswith("guard.")]
+    assert names
+
+    async def scenario() -> None:
+        peer.world, peer.robots = "simulated:lab/1", OWN
+        async with started(peer, drive, storage) as station:
+            await until(lambda: len(drive.robots) == 2)
+            assert isinstance(drive.commands[0], SetGuard)
+            assert sorted(drive.commands[0].parameters) == sorted(names)
+            await station.change_parameters({"guard.speed_max_mps": 0.4})
+            await until(lambda: len(drive.of(SetGuard)) == 2)
+            assert drive.of(SetGuard)[1].parameters["guard.speed_max_mps"] == 0.4
+            # Another parameter is nothing to it.
+            await station.change_parameters({"ego_motion.ransac_threshold_px": 2.0})
+            drive.lose()
+            drive.start_process()
+            await until(lambda: len(drive.robots) == 2)
+            assert len(drive.of(SetGuard)) == 3
+            assert drive.of(SetGuard)[2] == drive.of(SetGuard)[1]
+            drive.refuse[SetGuard] = ("input", "guard.speed_max_mps is too high")
+            await station.change_parameters({"guard.speed_max_mps": 0.5})
+            await until(lambda: station.driving.warnings)
+            assert station.driving.warnings == ["guard.speed_max_mps is too high"]
+
+    run(scenario())
+
+
+def test_what_cannot_be_connected_is_said_and_not_repeated(
+    peer: Any, drive: Any, storage: Storage
+) -> None:
+    async def scenario() -> None:
+        peer.world, peer.robots = "simulated:lab/1", OWN
+        drive.refuse[ConnectRobot] = ("input", "nothing answers there")
+        async with started(peer, drive, storage) as station:
+            await until(lambda: len(station.driving.warnings) == 2)
+            warnings = status(station)["warnings"]
+            assert "the obstacle is not connected: nothing answers there" in warnings
+            trouble = station.driving.facts()["trouble"]
+            assert trouble["observer"] == "the observer is not connected: nothing answers there"
+            told = len(drive.of(ConnectRobot))
+            await asyncio.sleep(0.1)
+            assert told == len(drive.of(ConnectRobot)) == 2
+            drive.refuse.clear()
+            # Another source's robots are another wish.
+            peer.world = "simulated:lab/2"
+            await station.open_source("simulated:other", None)
+            await until(lambda: len(drive.robots) == 2)
+            assert station.driving.warnings == []
+
+    run(scenario())
+
+
+def test_who_does_not_answer_is_asked_again(
+    peer: Any, drive: Any, storage: Storage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.station.driving.connecting._RETRY_S", 0.02)
+
+    async def scenario() -> None:
+        peer.world, peer.robots = "simulated:lab/1", OWN
+        drive.refuse[ConnectRobot] = ("failure", "the port is busy")
+        async with started(peer, drive, storage) as station:
+            await until(lambda: len(drive.of(ConnectRobot)) > 5)
+            assert "the port is busy" in station.driving.warnings[0]
+            drive.refuse.clear()
+            await until(lambda: len(drive.robots) == 2)
+            assert station.driving.warnings == []
+
+    run(scenario())
+
+
+def test_a_stop_that_nobody_heard_is_told_the_next_process(
+    peer: Any, drive: Any, storage: Storage
+) -> None:
+    async def scenario() -> None:
+        async with started(peer, drive, storage) as station:
+            await until(lambda: drive.health.alive)
+            drive.lose()
+            with pytest.raises(NotAvailable, match="begins stopped"):
+                await station.driving.stop_robots("Anna")
+            assert not drive.of(StopRobots)
+            drive.start_process()
+            await until(lambda: drive.stopped)
+            assert drive.stopped["by"] == "Anna"
+            # Once undone, it is not brought back.
+            await station.driving.reset("Anna")
+            drive.lose()
+            drive.start_process()
+            await asyncio.sleep(0.05)
+            assert drive.stopped is None
+
+    run(scenario())
+
+
+def test_the_robots_stop_before_anything_else_ends(
+    peer: Any, drive: Any, storage: Storage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order: list[str] = []
+
+    async def scenario() -> None:
+        for name, one in (("drive", drive), ("engine", peer)):
+            stop = one.stop
+
+            async def noted(name: str = name, stop: Any = stop) -> None:
+                order.append(name)
+                await stop()
+
+            monkeypatch.setattr(one, "stop", noted)
+        async with started(peer, drive, storage):
+            pass
+
+    run(scenario())
+    assert order == ["drive", "engine"]
+
+
+def test_speeds_are_on_the_sources_clock(peer: Any) -> None:
+    peer.opened = None
+    log = WheelLog()
+    now = time.monotonic()
+    event = WheelSpeedEvent("observer", now + 0.1, 0.3, 0.25)
+    assert log.take(event, None) is None
+
+    class Seen:
+        line = {"time": 41.0, "segment": 2}  # noqa: RUF012
+        received = now
+
+    sample = log.take(event, Seen())  # type: ignore[arg-type]
+    assert sample is not None
+    assert sample.time == pytest.approx(41.1)
+    rows = list(wheel_rows("run", sample))
+    assert [(row.source, row.speed, row.segment, row.track_id) for row in rows] == [
+        ("commanded", 0.3, 2, None),
+        ("encoder", 0.25, 2, None),
+    ]
+    for _ in range(500):
+        log.take(event, Seen())  # type: ignore[arg-type]
+    assert log.newest == 501
+    assert [each.number for each in log.since(499)] == [500, 501]
+    assert len(log.since(0)) == 200
+
+
+def test_a_driven_roles_command_is_written_once(
+    peer: Any, drive: Any, storage: Storage
+) -> None:
+    async def scenario() -> None:
+        async with started(peer, drive, storage):
+            event = peer.observe()
+        assert "commanded" in {row.source for row in speed_rows("run", event)}
+        assert "commanded" not in {row.source for row in speed_rows("run", event, ["obstacle"])}
+        assert "commanded" in {row.source for row in speed_rows("run", event, ["observer"])}
+
+    run(scenario())
+
+
+def test_incidents_have_the_time_of_day_and_the_newest_twenty_stay() -> None:
+    incidents = Incidents(lambda: 100.0)
+    for number in range(25):
+        taken = incidents.take(IncidentEvent("observer", "fault", f"number {number}", 90.0, None))
+    ago = (datetime.now(UTC) - datetime.fromisoformat(taken.at)).total_seconds()
+    assert ago == pytest.approx(10.0, abs=2.0)
+    assert len(incidents.newest) == 20
+    assert incidents.newest[-1].sentence == "number 24"
+
+
+def test_incidents_are_kept_with_their_run_and_go_with_it(storage: Storage) -> None:
+    storage.open()
+    record = storage.create_run(name="a", source="b", parameters={}, versions={})
+    at = "2026-01-01T00:00:00.000+00:00"
+    incident = IncidentRecord(record.id, at, None, "stop", "Stop.", 0.2)
+    storage.append_incident(incident)
+    assert storage.incidents(record.id) == [incident]
+    with pytest.raises(StorageMissing):
+        storage.append_incident(IncidentRecord("none", "t", None, "stop", "Stop.", None))
+    assert storage.delete_run(record.id)
+    assert storage.incidents(record.id) == []
+
+
+def test_a_lease_that_comes_after_its_operator_left_is_given_back() -> None:
+    asked: list[Any] = []
+    answer: asyncio.Future[dict[str, Any]]
+
+    async def ask(command: Any) -> dict[str, Any]:
+        asked.append(command)
+        return await answer if isinstance(command, TakeLease) else {}
+
+    async def scenario() -> None:
+        nonlocal answer
+        answer = asyncio.get_running_loop().create_future()
+        background: list[Any] = []
+        operators = Operators(ask, lambda work: background.append(asyncio.ensure_future(work)))
+        operator = operators.join("Anna", lambda *_: None)
+        taking = asyncio.create_task(operators.take(operator, "observer", takeover=False))
+        await asyncio.sleep(0)
+        operators.leave(operator)
+        answer.set_result({"lease": "late"})
+        await taking
+        await asyncio.gather(*background)
+        assert [type(command).__name__ for command in asked] == ["TakeLease", "ReleaseLease"]
+        assert operators.holder("observer") is None
+
+    run(scenario())
+
+
+def test_plain_values_are_json() -> None:
+    value = {"a": float("nan"), 3: [float("inf"), 1.5, (None, True, "x")]}
+    assert finite(value) == {"a": None, "3": [None, 1.5, [None, True, "x"]]}
