@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.channel.latest import Latest
+from app.drive.messages import DriveEvent
 from app.messages import EngineState, OpenSource
 from app.station import Station
 from app.storage import Storage
@@ -293,10 +294,10 @@ def test_the_robot_comes_from_what_the_drive_process_tells(observed: Any) -> Non
 
 
 def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
-    peer: Any, storage: Storage, capsys: Any
+    peer: Any, drive: Any, storage: Storage, capsys: Any
 ) -> None:
     async def scenario() -> None:
-        station = Station(peer, storage, source="simulated:lab")
+        station = Station(peer, storage, source="simulated:lab", drive=drive)
         viewer = None
         try:
             await station.start()
@@ -327,12 +328,24 @@ def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
             assert not scene._labels[1].visible
             assert scene._camera._image_data == peer.views["plain"].read(0).payload
             assert not scene._notice.visible
+            assert not scene._outline.visible
+            told = {"stopped": None, "robots": {"observer": _ROBOT, "obstacle": None}}
+            drive.publish(DriveEvent(told, 0.0))
+            while not scene._outline.visible:
+                peer.observe()
+                await asyncio.sleep(0.03)
+            assert scene._stop_zone.points.shape == (MOST_ZONE_LINES, 2, 3)
+            assert scene._slow_zone.visible
+            assert scene._sonar.visible
+            assert scene._guard_label.text == "slowed: obstacle 3 is 1.2 m ahead"
             colourful = scene._cloud.colors.copy()
             peer.lose()
             while not scene._stale:
                 await asyncio.sleep(0.01)
             await asyncio.sleep(0.1)
             assert scene._notice.visible
+            assert not scene._outline.visible
+            assert not scene._guard_label.visible
             assert (scene._cloud.colors == scene._cloud.colors[:, :1]).all()
             assert not (colourful == colourful[:, :1]).all()
             peer.start_process()
