@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -117,7 +117,7 @@ def _play(
         chosen.name, chosen.roles, duration_s(chosen, repeat), repeat, reverse, takeover
     )
     sentence: str | None = "interrupted"
-    with _shown(request.duration_s, repeat) as watch:
+    with _shown(request.duration_s, repeat, chosen.roles) as watch:
         played = ProgrammeDrive(api, request, watch)
         try:
             played.run()
@@ -147,24 +147,28 @@ def _chosen(api: Any, programme: str) -> Any:
 
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """A terminal that is closed, or somebody who ends the process, ends the drive in order."""
+    """Ctrl-C, a closed terminal, or somebody who ends the process: the drive ends in order."""
 
     def end(number: int, _: object) -> None:
         raise typer.Exit(_SIGNALLED + number)
 
-    before = {each: signal.signal(each, end) for each in (signal.SIGTERM, signal.SIGHUP)}
+    ending = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {each: signal.signal(each, end) for each in ending}
     try:
         yield
+    except typer.Exit:
+        typer.echo("interrupted; the robots are stopped and disarmed", err=True)
+        raise
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
 
 
 @contextmanager
-def _shown(duration_s: float, repeat: int) -> Iterator[Watch]:
-    """What is driven, on stderr: a bar on a terminal, and each new reason not to drive in words."""
+def _shown(duration_s: float, repeat: int, roles: Sequence[str]) -> Iterator[Watch]:
+    """What is driven, on stderr: a bar on a terminal, and each reason to drive less once."""
     console = Console(stderr=True)
-    told: dict[str, str | None] = {}
+    told: set[str] = set()
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -179,15 +183,14 @@ def _shown(duration_s: float, repeat: int) -> Iterator[Watch]:
             words = ["gesture"] if playing["phase"] == "gesture" else []
             if repeat > 1:
                 words.append(f"round {playing['round']} of {repeat}")
-            for role, facts in robots.items():
-                if facts is None:
-                    continue
+            for role in roles:
+                facts = robots.get(role) or {}
                 speed = (facts.get("report") or {}).get("speed_mps")
                 words.append(f"{role} {'-' if speed is None else f'{speed:.2f} m/s'}")
-                why = facts.get("why")
-                if why and why != told.get(role):
-                    progress.console.print(f"{role}: {why}", markup=False, highlight=False)
-                told[role] = why
+                why = f"{role}: {facts['why']}" if facts.get("why") else None
+                if why is not None and why not in told:
+                    told.add(why)
+                    progress.console.print(why, markup=False, highlight=False)
             progress.update(task, completed=playing["elapsed_s"], description=", ".join(words))
 
         yield watch

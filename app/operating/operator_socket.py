@@ -8,6 +8,7 @@ import queue
 import threading
 import time
 from typing import Any
+from urllib.parse import quote
 
 from websockets.exceptions import InvalidStatus, WebSocketException
 from websockets.sync.client import ClientConnection, connect
@@ -19,6 +20,8 @@ from observer.rig.rig import Role
 
 PRESENCE_INTERVAL_S = 0.1
 _ANSWER_WITHIN_S = 3.0
+# To other operators.
+_CALLED = "the command line"
 # A stalled link must not hold the end up: the robots stand long before.
 _CLOSE_WITHIN_S = 1.0
 
@@ -178,7 +181,7 @@ class OperatorSocket:
 
 
 def _connected(api: ServerApi) -> ClientConnection:
-    address = api.socket_address("/api/drive")
+    address = api.socket_address(f"/api/drive?name={quote(_CALLED)}")
     try:
         return connect(
             address,

@@ -14,8 +14,8 @@ from observer.errors import InputError
 # Arming waits for a robot's answer; nothing takes longer.
 _TIMEOUT_S = 5.0
 _LONGEST_TOKEN = 512
-# What the caller asked is wrong; anything else is the server's or a robot's state.
-_WRONG_INPUT = (400, 401, 403, 404, 413, 415, 422)
+# What the caller asked is wrong; anything else is the server's or a robot's state. 404 is either.
+_WRONG_INPUT = (400, 401, 403, 413, 415, 422)
 
 
 class ServerApi:
@@ -114,7 +114,8 @@ class ServerApi:
         if answer.status < 300:
             return self._decoded(content) if content else None
         sentence = self._sentence(content, f"{method} {target} was answered {answer.status}")
-        raise (InputError if answer.status in _WRONG_INPUT else DrivingFailed)(sentence)
+        unknown = answer.status == 404 and path[0] == "programmes"
+        raise (InputError if unknown or answer.status in _WRONG_INPUT else DrivingFailed)(sentence)
 
     def close(self) -> None:
         """Let the connection go; the next request makes a new one."""
