@@ -132,14 +132,19 @@ def speed_up(line: PacketLine, baud: int) -> bool:
         return False
     line.send(command(Command.HOSTBAUD, _HOSTBAUD[baud]))
     line.change_baud(baud)
-    if line.wait_for(is_status, _BAUD_S) is not None:
+    if _tells_status(line):
         return True
     # It may have changed though nothing of it arrives.
     line.send(command(Command.HOSTBAUD, _HOSTBAUD[before]))
     line.change_baud(before)
-    if line.wait_for(is_status, 2 * _BAUD_S) is not None:
+    if _tells_status(line):
         return False
     raise NoSession(f"the robot at {line.port.name} fell silent at {baud} baud")
+
+
+def _tells_status(line: PacketLine) -> bool:
+    """Whether status packets come, twice: one may have been under way for long."""
+    return all(line.wait_for(is_status, _BAUD_S) is not None for _ in range(2))
 
 
 def _counts(payload: bytes, *, step: int) -> bool:

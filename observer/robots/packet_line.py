@@ -12,6 +12,7 @@ from observer.robots.serial_port import Port
 COMMAND_GAP_S = 0.004
 # A packet is sent in one go: where nothing follows for so long, the rest was lost.
 _QUIET_S = 0.05
+_BUFFERED_READS = 16
 
 
 class Closing(Exception):
@@ -89,4 +90,8 @@ class PacketLine:
         # Nothing tells for certain when a USB adapter has sent; a few commands take 40 ms.
         time.sleep(0.05)
         self.port.change_baud(baud)
+        # What still waits was received at the old rate, and proves nothing of the new one.
+        for _ in range(_BUFFERED_READS):
+            if not self.port.read(0.0):
+                break
         self.parser.clear()

@@ -93,8 +93,9 @@ class Pioneer:
         self._counters: Counter[str] = Counter()
         self._line: PacketLine | None = None
         self._last_sent: Sent | None = None
-        # If a rate was agreed on and went silent, it is not tried again.
+        # A rate that was agreed on and brought no status is not tried again.
         self._may_speed_up = True
+        self._sped_up = False
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robot reader", daemon=True)
         self._thread.start()
@@ -157,6 +158,16 @@ class Pioneer:
     # ------------------------------------------------------------------ the reading thread
 
     def _run(self) -> None:
+        try:
+            self._stay_connected()
+        finally:
+            with self._lock:
+                if self._phase in (RobotPhase.CONNECTED, RobotPhase.CONNECTING):
+                    # Something that nobody expected: it must not pass for connected.
+                    self._phase, self._trouble = RobotPhase.REFUSED, "its driver failed"
+                    self._watch.lost(self._trouble, self._clock())
+
+    def _stay_connected(self) -> None:
         pause = _FIRST_PAUSE_S
         while not self._closing.is_set():
             try:
@@ -219,9 +230,8 @@ class Pioneer:
         assert self._limits is not None
         line.send(*limit_commands(self._limits))
         if self._may_speed_up and spec.high_speed_serial and line.port.serial_line:
-            # Until it has worked.
             self._may_speed_up = False
-            self._may_speed_up = speed_up(line, spec.high_speed_serial)
+            self._sped_up = speed_up(line, spec.high_speed_serial)
 
     def _arrived(self, writer: SetpointWriter) -> None:
         """In a session, at a standstill, motors off."""
@@ -249,7 +259,7 @@ class Pioneer:
                 if self._watch.switched_on:
                     self._watch.blame("this computer did not attend to it for a second or more")
                     bad = True
-            writer.outage = self._watch.silent(now)
+            writer.in_outage(self._watch.in_outage(now, self._watchdog_s))
             if bad:
                 writer.halt(*_STOP)
             elif again := self._watch.due_command(now):
@@ -284,6 +294,7 @@ class Pioneer:
             assert self._odometry is not None
             self._odometry.add(status.raw_x, status.raw_y, status.raw_heading, now)
             self._moved = True
+            self._may_speed_up |= self._sped_up
             for index, range_m in status.ranges_m.items():
                 pose = spec.sonars[index]
                 self._sonars[index] = SonarReading(
@@ -324,6 +335,11 @@ class Pioneer:
 
     # ------------------------------------------------------------------ what is told
 
+    @property
+    def _watchdog_s(self) -> float | None:
+        told = self._config.watchdog_ms
+        return told / 1000 if told else None
+
     def _count_line(self, line: PacketLine) -> None:
         self._counters["packets"] += line.parser.packets
         self._counters["bad_packets"] += line.parser.bad_packets
@@ -343,7 +359,6 @@ class Pioneer:
         if self._odometry is not None:
             counters["odometry_jumps"] = self._odometry.jumps
         sent = self._writer.sent if self._writer is not None else None
-        watchdog = self._config.watchdog_ms
         told = status or _NOTHING
         return RobotReport(
             phase=self._phase,
@@ -367,7 +382,7 @@ class Pioneer:
             charging=told.charging,
             temperature_c=told.temperature_c,
             sonars=tuple(self._sonars[each] for each in sorted(self._sonars)),
-            watchdog_s=watchdog / 1000 if watchdog else None,
+            watchdog_s=self._watchdog_s,
             limits=self._limits,
             sent=sent or self._last_sent,
             radius_m=spec.radius_m if spec else None,

@@ -20,6 +20,8 @@ _SWITCHING_S = 0.3
 _ENABLE_AGAIN_S = (0.3, 0.6)
 _ENABLE_IN_VAIN_S = 1.5
 _DISABLE_AGAIN_S = 0.5
+# Its watchdog counts from what it heard, we count from what we heard.
+_WATCHDOG_PART = 0.5
 _AVERAGED = 30
 
 
@@ -87,6 +89,7 @@ class RobotWatch:
             self._blame(sentence)
         self._connected = False
         self.status = None
+        self._battery.clear()
         self.switch_off(now)
 
     def closed(self) -> None:
@@ -135,8 +138,18 @@ class RobotWatch:
         return self.fault is not before
 
     def silent(self, now: float) -> bool:
-        """Whether its status is missing, so that what is sent may not arrive either."""
+        """Whether its status is missing."""
         return self._connected and now - self._heard > SILENCE_WARNED_S
+
+    def in_outage(self, now: float, watchdog_s: float | None) -> bool:
+        """Whether its firmware may have stopped it, as it may have heard nothing either.
+
+        ``watchdog_s``: after how long it does; None where that is unknown.
+        """
+        bound = SILENCE_FAULT_S
+        if watchdog_s is not None:
+            bound = min(bound, _WATCHDOG_PART * watchdog_s)
+        return self._connected and now - self._heard >= bound
 
     def silence_s(self, now: float) -> float:
         """For how long it has told nothing."""

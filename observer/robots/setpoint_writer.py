@@ -40,14 +40,13 @@ class SetpointWriter:
         sent: the velocity that went out last.
         broken: one sentence once the port is lost; nothing is written from then on.
         frozen: whether this process stood still for ``_FROZEN_S`` or more.
-        outage: while set, every velocity that goes out is a standstill with STOP in front.
     """
 
     def __init__(self, port: Port, clock: Callable[[], float]) -> None:
         self.sent: Sent | None = None
         self.broken: str | None = None
         self.frozen = False
-        self.outage = False
+        self._outage = False
         self._port = port
         self._clock = clock
         self._rising_s = _RISING_S if (port.baud or math.inf) <= _SLOW_BAUD else 0.0
@@ -55,6 +54,8 @@ class SetpointWriter:
         self._commands: deque[bytes] = deque()
         # The rest of the pair of commands that tells a velocity.
         self._pair: deque[bytes] = deque()
+        # Whether that is a standstill, to be told to its end.
+        self._whole = False
         self._asked, self._asked_at = _ZERO, -math.inf
         self._told, self._told_at = _ZERO, -math.inf
         self._wrote_at = clock()
@@ -68,6 +69,15 @@ class SetpointWriter:
             self._asked_at = self._clock()
             if setpoint != self._asked:
                 self._asked = setpoint
+                self._changed.notify()
+
+    def in_outage(self, outage: bool) -> None:
+        """Whether the robot may hear nothing: as long, only standstills with STOP in front go
+        out, and one more goes in front of the first velocity behind it."""
+        with self._changed:
+            if outage != self._outage:
+                self._outage = outage
+                self._tell(_ZERO, self._clock(), with_stop=True)
                 self._changed.notify()
 
     def send(self, *commands: bytes) -> None:
@@ -95,13 +105,17 @@ class SetpointWriter:
         return not self._thread.is_alive()
 
     def _run(self) -> None:
+        failed: str | None = "its driver failed to write"
         try:
             while (each := self._next()) is not None:
                 self._port.write(each)
                 self._wrote_at = self._clock()
                 time.sleep(COMMAND_GAP_S)
+            failed = None
         except PortLost as error:
-            self.broken = str(error)
+            failed = str(error)
+        finally:
+            self.broken = failed
 
     def _next(self) -> bytes | None:
         """The next command, waited for; None at the end."""
@@ -123,12 +137,15 @@ class SetpointWriter:
 
     def _plan(self, now: float) -> float:
         """Have the velocity told where it is due; else how long nothing is."""
+        if self._pair and self._whole:
+            # A robot that has heard only half of a standstill may go on with the other half.
+            return 0.0
         if now - self._wrote_at > _FROZEN_S:
             self.frozen = True
             self._asked_at = -math.inf
             self._tell(_ZERO, now, with_stop=True)
             return 0.0
-        fresh = now - self._asked_at <= SETPOINT_FRESH_S and not self.outage
+        fresh = now - self._asked_at <= SETPOINT_FRESH_S and not self._outage
         target = self._asked if fresh else _ZERO
         resend = self._told_at + RESEND_S
         if target != self._told:
@@ -138,7 +155,7 @@ class SetpointWriter:
             due = resend
         if due <= now:
             # What is left of the pair before is out of date, or the same.
-            self._tell(target, now, with_stop=self.outage)
+            self._tell(target, now, with_stop=self._outage)
             return 0.0
         stale = self._asked_at + SETPOINT_FRESH_S if target != _ZERO else math.inf
         # A little later, so that it is over then.
@@ -146,7 +163,7 @@ class SetpointWriter:
 
     def _tell(self, setpoint: Setpoint, now: float, *, with_stop: bool) -> None:
         faster = abs(setpoint[0]) > abs(self._told[0])
-        self._told, self._told_at = setpoint, now
+        self._told, self._told_at, self._whole = setpoint, now, with_stop
         if with_stop:
             self._pair = deque(STANDSTILL)
             return

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from observer.robots import handshake, pioneer
 from observer.robots.contract import RobotPhase, RobotReport
 from observer.robots.pioneer import Pioneer
 from observer.simulation.robots.emulated import EmulatedRobot
@@ -79,12 +80,16 @@ def wait_for_report(
 
 
 @pytest.fixture
-def driven() -> Iterator[Callable[..., Driven]]:
+def driven(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Driven]]:
     """Gives a driver connected to an emulated robot: over TCP, or a pseudo terminal.
+
+    It listens and says goodbye for a shorter time than it does in the field.
 
     ``there``: the emulated robot, driven as ``model``; else one of that model is made.
     ``serving``: keywords of ``serve_pty``. ``driving``: keywords of ``Pioneer``.
     """
+    monkeypatch.setattr(handshake, "_LISTEN_S", 0.15)
+    monkeypatch.setattr(pioneer, "_FAREWELL_S", 0.02)
     with ExitStack() as stack:
 
         def make(

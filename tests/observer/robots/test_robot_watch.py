@@ -141,6 +141,18 @@ def test_silence_is_warned_of_and_then_a_fault() -> None:
     assert watch.fault is None
 
 
+@pytest.mark.parametrize(("watchdog_s", "after_s"), [(None, 1.0), (2.0, 1.0), (0.4, 0.2)])
+def test_an_outage_begins_before_the_watchdog_may_have_run_out(
+    watchdog_s: float | None, after_s: float
+) -> None:
+    watch = armed()
+    watch.saw(GOOD, 11.0)
+    assert not watch.in_outage(11.0 + after_s - 0.01, watchdog_s)
+    assert watch.in_outage(11.0 + after_s + 0.01, watchdog_s)
+    watch.lost("the cable is out", 12.0)
+    assert not watch.in_outage(13.0, watchdog_s)
+
+
 def test_a_lost_port_is_a_fault_that_waits_for_the_next_connection() -> None:
     watch = armed()
     watch.lost("the cable is out", 10.5)

@@ -170,7 +170,7 @@ def test_a_slow_line_is_not_filled_by_a_rising_velocity(writing: Writing) -> Non
 def test_in_an_outage_every_velocity_is_a_standstill(writing: Writing) -> None:
     wire, writer = writing()
     hold(writer, (300, 0), 0.15)
-    writer.outage = True
+    writer.in_outage(True)
     time.sleep(0.02)
     since = time.monotonic()
     hold(writer, (300, 0), 0.35)
@@ -178,6 +178,12 @@ def test_in_an_outage_every_velocity_is_a_standstill(writing: Writing) -> None:
     at = told.index((STOP, None))
     assert told[at : at + 3] == [(STOP, None), (VEL, 0), (RVEL, 0)]
     assert (VEL, 300) not in told[at:]
+    since = time.monotonic()
+    writer.in_outage(False)
+    hold(writer, (300, 0), 0.15)
+    told = wire.commands(since)
+    first = told.index((VEL, 300))
+    assert told[first - 4 : first - 1] == [(STOP, None), (VEL, 0), (RVEL, 0)]
 
 
 def test_a_process_that_stood_still_begins_with_a_standstill(writing: Writing) -> None:
