@@ -10,6 +10,7 @@ import time as clock
 
 from observer.camera import StereoCalibration
 from observer.coppeliasim.connection import ANSWER_WITHIN_S, Connection, CoppeliaSimError
+from observer.coppeliasim.noise import noisy
 from observer.coppeliasim.odometry import WheelOdometry
 from observer.coppeliasim.pioneers import Pioneer
 from observer.coppeliasim.sensors import StereoSensors
@@ -129,7 +130,11 @@ class CoppeliaSimSource:
     def _images(self) -> tuple[Image, Image]:
         self._draw()
         left, right = self._sensors.left, self._sensors.right
-        return left.image(self._connection), right.image(self._connection)
+        index = self._next
+        return (
+            noisy(left.image(self._connection), index, 0),
+            noisy(right.image(self._connection), index, 1),
+        )
 
     def _described(self) -> SourceInfo:
         mount = self._mount()

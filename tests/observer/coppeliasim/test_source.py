@@ -17,7 +17,9 @@ import pytest
 from observer.coppeliasim.connection import Connection
 from observer.errors import SourceError
 from observer.geometry import Float64Array
+from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
+from observer.parameters import Parameters
 from observer.types import Image
 
 pytestmark = pytest.mark.usefixtures("extra")
@@ -175,6 +177,19 @@ def test_a_simulator_that_forgot_us_is_held_again(shared: Any) -> None:
         times = [opened.source.read().time for _ in range(4)]
         assert times[0] > 2 * DT
         assert np.diff(times[1:]) == pytest.approx([DT] * 2)
+
+
+def test_a_scene_at_rest_does_not_look_like_a_frozen_camera(shared: Any) -> None:
+    """Drawn images of it are the same to the last pixel, so a camera's noise is added."""
+    with _opened(shared) as opened:
+        first = opened.source.read()
+        observer = Observer(opened.source.calibration, Parameters())
+        seen = [observer.observe(f) for f in (first, *(opened.source.read() for _ in range(6)))]
+        assert [o.status for o in seen[2:]] == ["ok"] * 5, seen[-1].reasons
+        last = opened.source.read()
+    change = np.abs(last.left.astype(int) - first.left)
+    assert 0.5 < change.mean() < 2
+    assert change.max() < 12
 
 
 def test_rewound_it_begins_anew(shared: Any) -> None:
