@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -63,6 +64,16 @@ class Link:
                 if wanted(each):
                     return each
         raise AssertionError("nothing of the kind came")
+
+    def drain(self) -> list[bytes]:
+        """What has come until now."""
+        found: list[bytes] = []
+        self._connection.setblocking(False)
+        with suppress(BlockingIOError):
+            while True:
+                found += self._parser.feed(self._connection.recv(65536))
+        self._connection.settimeout(5)
+        return found
 
     def close(self) -> None:
         self._connection.close()
@@ -179,8 +190,18 @@ def test_robots_that_nobody_drives_change_no_frame_and_end_with_the_scenario() -
 
 
 def test_a_robot_on_its_script_tells_how_it_really_moves(lab: Lab) -> None:
-    lab.frames(1.5)
-    packet = lab.links["obstacle"].hear(lambda each: each[0] == 0x33)
+    lab.frames(1.0)
+    lab.links["obstacle"].drain()
+    heard: list[bytes] = []
+    deadline = time.monotonic() + 20
+    while not any(each[0] == 0x33 for each in heard) and time.monotonic() < deadline:
+        if lab.time > 2.5:
+            lab.source.rewind()
+            lab.frames(1.0)
+            lab.links["obstacle"].drain()
+        lab.frames(1 / RATE, lambda: time.sleep(0.04))
+        heard = lab.links["obstacle"].drain()
+    packet = next(each for each in heard if each[0] == 0x33)
     left, right = (int.from_bytes(packet[k : k + 2], "little", signed=True) for k in (7, 9))
     assert left == right == pytest.approx(400, abs=12)
     assert packet[16] & 1 == 0
@@ -244,6 +265,9 @@ def test_it_stalls_at_the_crate_and_its_sonar_sees_it_and_the_walls() -> None:
     lab.tell("observer", Command.SETA, 2000)
     link = lab.links["observer"]
     lab.frames(3.0, holding(lab, "observer", 900))
+    # Stalled, and every sonar has fired since.
+    time.sleep(0.6)
+    link.drain()
     packet = link.hear(lambda each: each[0] in (0x32, 0x33) and each[12] & 1 == 1)
     assert packet[13] & 1 == 1
     assert lab.state("observer").x == pytest.approx(1.75 - 0.165, abs=0.01)
@@ -290,9 +314,8 @@ def test_frames_make_the_time_and_not_the_clock(lab: Lab) -> None:
         holding(lab, "observer", 300)()
         time.sleep(0.02)
     assert lab.state("observer", lab.time) == place
-    packet = b""
-    while time.monotonic() < moving + 1.2:
-        packet = link.hear(lambda each: each[0] in (0x32, 0x33))
+    link.drain()
+    packet = link.hear(lambda each: each[0] in (0x32, 0x33))
     assert packet[0] == 0x32
     assert packet[7:11] == bytes(4)
     lab.frames(0.1, holding(lab, "observer", 300))
@@ -322,6 +345,8 @@ def test_rewound_they_stand_at_their_start_again_with_motors_off(lab: Lab) -> No
     lab.frames(1.0, holding(lab, "observer", 300))
     later = 10 / RATE
     driven = lab.truth.bodies(later)
+    lab.links["observer"].hear(lambda each: each[0] in (0x32, 0x33) and each[16] & 1 == 1)
+    lab.links["observer"].drain()
     lab.source.rewind()
     again = lab.source.read()
     assert again is not None
