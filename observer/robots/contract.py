@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 from observer.types import Odometry
 
@@ -172,6 +172,15 @@ class Robot(Protocol):
 
         Safe to call twice.
         """
+        ...
+
+
+@runtime_checkable
+class Explained(Protocol):
+    """A robot that also takes in why it may not drive as asked."""
+
+    def explain(self, reason: str | None) -> None:
+        """One sentence that holds until the next; None: nothing keeps it back."""
         ...
 
 

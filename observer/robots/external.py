@@ -151,12 +151,11 @@ class ExternalRobot:
             self._watch.disable()
         self._link.wake()
 
-    def drive(self, speed_mps: float, turn_rate_radps: float, reason: str | None = None) -> Sent:
+    def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
         """Permit this velocity until the next one, for ``SETPOINT_FRESH_S`` at most.
 
         Args:
             speed_mps, turn_rate_radps: finite; anything else is taken for zero.
-            reason: one sentence for the robot of why it is not what was asked for.
 
         Returns:
             What it is clamped to; zero while it has a fault, is not connected or its motors are
@@ -164,9 +163,16 @@ class ExternalRobot:
         """
         now = self._clock()
         with self._lock:
-            speed, turn_rate = self._watch.drive(speed_mps, turn_rate_radps, reason, now)
+            speed, turn_rate = self._watch.drive(speed_mps, turn_rate_radps, now)
         self._link.wake()
         return Sent(speed, turn_rate, now)
+
+    def explain(self, reason: str | None) -> None:
+        """Tell the robot why it may not drive as asked; None: nothing keeps it back."""
+        with self._lock:
+            changed = self._watch.explain(reason)
+        if changed:
+            self._link.wake()
 
     def stop(self) -> None:
         """Stop as hard as it can, motors off."""

@@ -141,9 +141,7 @@ class ExternalWatch:
         self._switch_off()
         self._halted = True
 
-    def drive(
-        self, speed_mps: float, turn_rate_radps: float, reason: str | None, now: float
-    ) -> tuple[float, float]:
+    def drive(self, speed_mps: float, turn_rate_radps: float, now: float) -> tuple[float, float]:
         """Take a velocity; what of it is permitted."""
         limits = self.limits
         if not (math.isfinite(speed_mps) and math.isfinite(turn_rate_radps)) or limits is None:
@@ -153,10 +151,15 @@ class ExternalWatch:
                 _within(speed_mps, limits.speed_mps),
                 _within(turn_rate_radps, limits.turn_rate_radps),
             )
-        self._reason = reason
         self._setpoint_at = now
         permit = self.permit(now)
         return permit.speed_mps, permit.turn_rate_radps
+
+    def explain(self, reason: str | None) -> bool:
+        """Have this said with what is permitted; whether it is another reason than before."""
+        changed = reason != self._reason
+        self._reason = reason
+        return changed
 
     def clear(self, now: float) -> None:
         """Forget the fault, unless what caused it lasts."""

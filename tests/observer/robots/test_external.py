@@ -19,7 +19,7 @@ import pytest
 
 from observer.errors import InputError
 from observer.robots import external_client
-from observer.robots.contract import RobotPhase, RobotReport
+from observer.robots.contract import Explained, RobotPhase, RobotReport
 from observer.robots.external import ExternalRobot, open_external, parse_external
 from observer.robots.external_client import ExternalClient, ExternalClientError, demo
 
@@ -210,7 +210,9 @@ def test_what_the_robot_says_is_reported_and_what_is_driven_is_permitted(
         until(lambda: client.permitted().speed_mps == 0)
         assert client.permitted().reason == "nothing says how fast to drive"
         assert not client.permitted().stop
-        robot.drive(0.1, 0.0, "1.2 m before an obstacle")
+        assert isinstance(robot, Explained)
+        robot.explain("1.2 m before an obstacle")
+        robot.drive(0.1, 0.0)
         until(lambda: client.permitted().reason == "1.2 m before an obstacle")
         robot.disable()
         until(lambda: client.permitted().stop)

@@ -47,7 +47,7 @@ class Scene:
     def step(self, drive: tuple[float, float] | None = None) -> Permit:
         self.now += STEP_S
         if drive is not None:
-            self.watch.drive(*drive, None, self.now)
+            self.watch.drive(*drive, self.now)
         self.permit = self.watch.permit(self.now)
         self.sequence += 1
         self.watch.told(self.permit, self.sequence, self.now)
@@ -99,14 +99,18 @@ def test_a_velocity_that_is_not_repeated_is_no_longer_permitted() -> None:
 
 def test_what_is_asked_for_is_kept_within_the_limits_and_says_why() -> None:
     scene = driving()
-    assert scene.watch.drive(9, -9, "fast", scene.now) == (0.5, -1.0)
-    assert scene.watch.permit(scene.now).reason == "fast"
+    assert scene.watch.drive(9, -9, scene.now) == (0.5, -1.0)
+    assert scene.watch.explain("it is as fast as may be")
+    assert not scene.watch.explain("it is as fast as may be")
+    assert scene.watch.permit(scene.now).reason == "it is as fast as may be"
+    assert scene.watch.explain(None)
+    assert scene.watch.permit(scene.now).reason is None
     for bad in (math.nan, math.inf):
-        assert scene.watch.drive(bad, 0.1, None, scene.now) == (0, 0)
-        assert scene.watch.drive(0.1, bad, None, scene.now) == (0, 0)
+        assert scene.watch.drive(bad, 0.1, scene.now) == (0, 0)
+        assert scene.watch.drive(0.1, bad, scene.now) == (0, 0)
     fast = dataclasses.replace(HELLO, limits=RobotLimits(50, 50, 50, 50))
     amigo = driving(model="amigo-sh", hello=fast)
-    assert amigo.watch.drive(9, 0, None, amigo.now) == (robot_spec("amigo-sh").speed_max_mps, 0)
+    assert amigo.watch.drive(9, 0, amigo.now) == (robot_spec("amigo-sh").speed_max_mps, 0)
 
 
 def test_silence_is_a_fault_that_stays_until_it_is_cleared() -> None:
