@@ -21,10 +21,10 @@ class SourceInfo:
     Attributes:
         spec: the text it was opened by, as in ``simulated:lab``.
         kind: ``simulated``, ``stereo folder``, ``KITTI odometry``, ``KITTI raw``, ``EuRoC``,
-            ``video``, ``camera``, ``network``; words shown to people.
+            ``video``, ``camera``, ``network``, ``coppeliasim``; words shown to people.
         width, height: of each image, pixels.
         frame_rate: nominal, 1/s.
-        frame_count: total number of frames, or None for a live source.
+        frame_count: total number of frames, or None where it never ends, live or not.
         live: True where frames come at their own pace and cannot be paused.
         mount_height_m: height of the left camera above the floor, None where unknown.
         mount_tilt_rad: angle by which the camera looks down from the horizontal, None where
