@@ -66,6 +66,9 @@ class AttendantThread:
             return self._open_robot(port, model)
         except InputError as error:
             return str(error)
+        except Exception:  # noqa: BLE001
+            _log.exception("the robot of the %s could not be opened", self._role)
+            return f"opening the {self._role}'s robot failed; see the drive process's messages"
 
     def _do(self, job: Callable[[], None]) -> None:
         self._asked += 1
@@ -82,6 +85,6 @@ class AttendantThread:
             try:
                 job()
             except Exception:  # noqa: BLE001
-                # One robot's fault must not leave the next one unopened.
-                _log.exception("a robot of the %s could not be opened or closed", self._role)
+                # Its fault must not leave the next one unopened.
+                _log.exception("the robot of the %s could not be closed", self._role)
             self._done += 1

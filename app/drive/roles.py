@@ -290,7 +290,6 @@ class Roles:
         lease, before = self.leases.take(role, command.operator, command.takeover)
         if before is not None:
             self._lose_lease(role, now, f"{command.operator} took the {role} over from {before}")
-        self.driven[role].new_operator()
         return {"lease": lease.id}
 
     def _lose_lease(self, role: Role, now: float, sentence: str) -> None:

@@ -261,6 +261,22 @@ def test_expired_sight_stops_the_observer_alone(bench: Any) -> None:
     assert bench.state("observer") == "moving"
 
 
+def test_a_key_pressed_while_it_cannot_see_starts_nothing_when_it_can(bench: Any) -> None:
+    driving(bench)
+    bench.seeing = {"status": Status.DEGRADED}
+    both(bench, 0.2)
+    bench.drive("observer", 0.0)
+    bench.tick(2)
+    both(bench, 0.3)
+    bench.seeing = {}
+    both(bench, 0.5)
+    assert bench.sent("observer") == (0.0, 0.0)
+    bench.drive("observer", 0.0)
+    bench.tick()
+    both(bench, 0.2)
+    assert bench.state("observer") == "moving"
+
+
 def test_a_second_without_sight_disarms(bench: Any) -> None:
     driving(bench)
     bench.seeing = None
@@ -320,6 +336,7 @@ def test_an_obstacle_slows_stops_and_lets_go_while_the_key_is_held(bench: Any) -
     "answer",
     [
         Verdict("clear", False, 0.9, 0.5, None, None, (), ()),
+        Verdict("stop", True, 0.3, 0.0, "it cannot see", 0.0, (), ()),
         Verdict("clear", False, -0.3, -0.5, None, None, (), ()),
         Verdict("clear", False, float("nan"), float("nan"), None, None, (), ()),
         RuntimeError("a bug"),
@@ -333,8 +350,10 @@ def test_a_guard_that_errs_never_makes_a_robot_faster(bench: Any, answer: Any) -
     for speed, turn in bench.robots["observer"].velocities[before:]:
         assert 0.0 <= speed <= 0.3
         assert turn == 0.0
-    if isinstance(answer, Exception):
+        assert speed == 0.0 or not (isinstance(answer, Verdict) and answer.blind)
+    if not isinstance(answer, Verdict) or answer.blind or answer.speed_mps != 0.9:
         assert bench.sent("observer") == (0.0, 0.0)
+    if isinstance(answer, Exception):
         assert "guard failed" in bench.why("observer")
         assert bench.sent("obstacle") == (0.3, 0.0)
 

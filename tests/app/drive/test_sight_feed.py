@@ -1,0 +1,59 @@
+"""Sight as it comes out of shared memory: the newest, and nothing that cannot be right."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from app.channel.latest import LatestReader, LatestWriter, create_slot
+from app.drive.sight_feed import SightFeed
+from observer.guard.sight import FreeScan, SeenObstacle, Sight
+from observer.types import Status
+
+SIGHT = Sight(
+    7, 99.9, 100.0, "real", Status.OK, (), True,
+    (SeenObstacle(1, 2.0, 0.1, -0.3, 0.0, 0.2, 0.05, None, False),),
+    FreeScan((-0.1, 0.1), (None, 2.0), (0.5, 0.5), (4.0, 1.9)),
+)  # fmt: skip
+
+
+@pytest.fixture
+def slot() -> Iterator[tuple[LatestWriter, SightFeed]]:
+    fd = create_slot(64 * 1024)
+    writer, reader = LatestWriter(fd), LatestReader(fd)
+    yield writer, SightFeed(reader)
+    writer.close()
+    reader.close()
+    os.close(fd)
+
+
+def test_the_newest_one_is_kept_until_the_next(slot: tuple[LatestWriter, SightFeed]) -> None:
+    writer, feed = slot
+    assert feed.newest(100.0) is None
+    writer.write(SIGHT.facts())
+    assert feed.newest(100.0) == SIGHT
+    assert feed.newest(105.0) == SIGHT, "how old it may be is for others to say"
+    writer.write(replace(SIGHT, frame=8).facts())
+    writer.write(replace(SIGHT, frame=9).facts())
+    newest = feed.newest(100.0)
+    assert newest is not None
+    assert newest.frame == 9
+
+
+@pytest.mark.parametrize(
+    "header", [{}, {**SIGHT.facts(), "status": "fine"}, {**SIGHT.facts(), "received": 101.0}]
+)
+def test_what_cannot_be_right_is_no_sight(
+    slot: tuple[LatestWriter, SightFeed], header: dict[str, object]
+) -> None:
+    writer, feed = slot
+    writer.write(SIGHT.facts())
+    feed.newest(100.0)
+    writer.write(header)
+    assert feed.newest(100.0) is None
+    assert feed.newest(200.0) is None
+    writer.write(SIGHT.facts())
+    assert feed.newest(100.0) == SIGHT
