@@ -86,7 +86,7 @@ def test_zero_is_on_the_wire_at_once(driven: Drivens) -> None:
     it = driven(pty=True)
     it.arm()
     worst = 0.0
-    for trial in range(6):
+    for trial in range(4):
         it.drive(0.06, 0.3, 0.2)
         since = time.monotonic()
         if trial % 2:
@@ -123,7 +123,7 @@ def test_an_idle_robot_never_comes_to_its_watchdog(driven: Drivens) -> None:
     it = driven(there=EmulatedRobot("p3dx-sh", now=time.monotonic(), watchdog_s=0.5))
     it.arm()
     assert it.robot.report().watchdog_s == 0.5
-    until = time.monotonic() + 0.8
+    until = time.monotonic() + 0.6
     while time.monotonic() < until:
         assert not it.there.firmware.timed_out
         time.sleep(0.01)
@@ -185,7 +185,7 @@ def test_motors_that_go_off_by_themselves_stay_off(driven: Drivens) -> None:
 def test_silence_is_warned_of_then_a_fault_then_a_lost_robot(
     driven: Drivens, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pioneer, "_SILENCE_LOST_S", 1.4)
+    monkeypatch.setattr(pioneer, "_SILENCE_LOST_S", 1.2)
     it = driven()
     it.arm()
     it.there.faults.silent = True
@@ -308,7 +308,7 @@ def test_noise_is_counted_and_moves_nothing_unmeant(driven: Drivens) -> None:
     it.arm()
     it.there.log.intended = lambda speed, turn: (speed, turn) in ((0.3, 0.0), (0.0, 0.0))
     it.there.faults.noise = 0.01
-    until = time.monotonic() + 1.5
+    until = time.monotonic() + 1.0
     while time.monotonic() < until:
         it.robot.drive(0.3, 0.0)
         time.sleep(0.02)
@@ -357,7 +357,7 @@ def test_no_method_waits_for_the_port(driven: Drivens) -> None:
     it.arm()
     it.there.faults.silent = True
     longest = 0.0
-    for _ in range(30):
+    for _ in range(15):
         for call in (
             it.robot.report,
             lambda: it.robot.drive(0.2, 0.1),

@@ -114,7 +114,7 @@ def test_zero_goes_out_at_once_and_forward_first(writing: Writing) -> None:
     worst = 0.0
     for baud in (9600, None):
         wire, writer = writing(baud)
-        for _ in range(5):
+        for _ in range(3):
             hold(writer, (300, 20), 0.11)
             since = time.monotonic()
             writer.drive((0, 0))
