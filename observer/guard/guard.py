@@ -156,7 +156,7 @@ class Guard:
         if trouble is None and role == "observer":
             assert sight is not None
             side.see(sight)
-        zones = stop_zone(outline, wanted, p), slow_zone(outline, wanted, p)
+        zones = side.zones(outline, wanted, p)
         if trouble is not None:
             side.permitted = (0.0, 0.0)
             return Verdict("stop", True, 0.0, 0.0, trouble, 0.0, *zones)
@@ -186,6 +186,7 @@ class _Side:
         self._calls: deque[tuple[float, float, str | None]] = deque()
         self._heading: tuple[int, int] | None = None
         self._stopped = False
+        self._drawn: tuple[object, tuple[Polygon, Polygon]] | None = None
 
     def advance(self, now: float, measured: tuple[float | None, float | None]) -> None:
         speed, turn = (
@@ -195,6 +196,15 @@ class _Side:
         if not self.past.advance(now, speed, turn):
             self.ground.forget()
             self.release()
+
+    def zones(
+        self, outline: Outline, wanted: tuple[float, float], p: GuardParameters
+    ) -> tuple[Polygon, Polygon]:
+        """The stop and the slow zone; most ticks want the same as the one before."""
+        key = (outline, wanted, p.margin_m, p.slow_time_s, p.reaction_s, p.deceleration_mps2)
+        if self._drawn is None or self._drawn[0] != key:
+            self._drawn = key, (stop_zone(outline, wanted, p), slow_zone(outline, wanted, p))
+        return self._drawn[1]
 
     def see(self, sight: Sight) -> None:
         """Take over a frame that was not there at the last tick."""

@@ -37,10 +37,10 @@ WAY_SIGMA = 0.05
 # Where no uncertainty is told.
 _UNKNOWN_POSITION_SIGMA_M = 0.2
 _UNKNOWN_VELOCITY_SIGMA_MPS = 0.3
-_SHARES = 13
-_INSTANTS = 12
+_SHARES = 11
+_INSTANTS = 9
 # Coming this much nearer than one would by standing is no approach.
-_NO_APPROACH_M = 0.01
+_NO_APPROACH_M = 0.002
 
 
 @dataclass(frozen=True)

@@ -83,12 +83,15 @@ def clear_by_sonar(points: Float64Array, view: SonarView, p: GuardParameters) ->
     along, aside, distance = _local(points, view)
     half = math.radians(p.sonar_half_angle_deg)
     valid = (distance <= view.clear_m[:, None]) & (along >= -_BEHIND_FACE_M)
-    gap = np.maximum(np.abs(aside) * math.cos(half) - along * math.sin(half), 0.0)
-    gap = np.where(valid, gap, np.inf)
+    off_cone = np.maximum(np.abs(aside) * math.cos(half) - along * math.sin(half), 0.0)
+    gap = np.where(valid, off_cone, np.inf)
     left = np.where(aside >= 0, gap, np.inf).min(axis=0)
     right = np.where(aside <= 0, gap, np.inf).min(axis=0)
     inside = np.minimum(left, right) <= 0
-    return np.asarray(inside | (left + right <= p.thing_width_m), np.bool_)
+    between = left + right <= p.thing_width_m
+    # What echoes there may be narrow.
+    echoed = (off_cone <= 0) & (distance >= view.echo_m[:, None] - _RANGE_ERROR_M)
+    return np.asarray(inside | (between & ~echoed.any(axis=0)), np.bool_)
 
 
 def echo_at(points: Float64Array, view: SonarView, p: GuardParameters) -> NDArray[np.bool_]:

@@ -1,0 +1,246 @@
+"""What the engine writes for the drive process, and what it takes over from the wheels."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.channel.latest import LatestReader, LatestWriter, create_slot
+from app.drive.messages import SIGHT_NAME, WHEELS_NAME
+from app.engine.lending import LentRobots, lent
+from app.engine.session import Session, open_session
+from app.engine.sight import SightTeller
+from app.engine.watched import Observed
+from app.messages import OpenSource
+from observer.errors import SourceError
+from observer.guard.sight import REAL_WORLD, sight_of
+from observer.observer import Observer
+from observer.opening import OpenedSource, open_source
+from observer.parameters import Parameters
+from observer.robots.contract import RobotPort
+from observer.types import FullTrace, Status, StereoFrame
+
+WORLD = "simulated:drive:x"
+
+
+class Slots:
+    """Both slots, and a clock that stands."""
+
+    def __init__(self) -> None:
+        fds = [create_slot(1 << 16) for _ in (SIGHT_NAME, WHEELS_NAME)]
+        self.sight = LatestReader(fds[0])
+        self.wheels = LatestWriter(fds[1])
+        self.ends = [LatestWriter(fds[0]), LatestReader(fds[1])]
+        for fd in fds:
+            os.close(fd)
+        self.now = 100.0
+        self.teller = SightTeller(self.ends[0], self.ends[1], lambda: self.now)  # type: ignore[arg-type]
+
+    def drive(self, role: str = "observer", speed: float = 0.5) -> None:
+        rows = [[self.now - 0.5 + 0.1 * k, speed * 0.1 * k, 0.0, 0.02 * k] for k in range(6)]
+        self.wheels.write({role: rows})
+
+    def read(self) -> Any:
+        value = self.sight.read()
+        return None if value is None else sight_of(value.header)
+
+    def close(self) -> None:
+        for end in (self.sight, self.wheels, *self.ends):
+            end.close()
+
+
+@pytest.fixture
+def slots() -> Iterator[Slots]:
+    made = Slots()
+    yield made
+    made.close()
+
+
+def observed_frames(count: int, *, cover_from: int = 99) -> list[Observed]:
+    opened = open_source("simulated:drive")
+    assert opened.source.calibration is not None
+    observer = Observer(opened.source.calibration, mount=opened.source.info.mount)
+    found = []
+    for k in range(count):
+        frame = opened.source.read()
+        assert isinstance(frame, StereoFrame)
+        if k >= cover_from:
+            black = np.random.default_rng(k).integers(0, 8, frame.left.shape).astype(np.uint8)
+            frame = StereoFrame(frame.index, frame.time, black, black[::-1], frame.received)
+        trace = FullTrace()
+        observation = observer.observe(frame, trace)
+        found.append(Observed(frame, observation, trace, observer.camera, observer.parameters))
+    return found
+
+
+MOUNT = open_source("simulated:drive").source.info.mount
+
+
+def test_every_frame_is_told_with_its_world_and_status(slots: Slots) -> None:
+    for observed in observed_frames(2):
+        slots.teller.tell(observed, MOUNT, WORLD)
+        sight = slots.read()
+        assert sight.frame == observed.frame.index
+        assert sight.received == observed.frame.received
+        assert sight.published == slots.now
+        assert (sight.world, sight.mount_known) == (WORLD, True)
+        assert sight.status is observed.observation.status
+        # Nobody's wheels are heard of.
+        assert sight.scan is None
+
+
+def test_free_floor_is_looked_for_while_a_robot_is_there(slots: Slots) -> None:
+    observed = observed_frames(2)[1]
+    slots.drive()
+    slots.teller.tell(observed, MOUNT, WORLD)
+    scan = slots.read().scan
+    free = [b for a, b in zip(scan.known_from_m, scan.known_to_m, strict=True) if b > a]
+    assert len(free) > 0.7 * len(scan.bearings)
+    # In a recording nobody drives; without a mount nobody knows where.
+    slots.teller.tell(observed, MOUNT, None)
+    assert slots.read().scan is None
+    slots.teller.tell(observed, None, WORLD)
+    assert (slots.read().mount_known, slots.read().scan) == (False, None)
+    slots.now += 1.5
+    slots.teller.tell(observed, MOUNT, WORLD)
+    assert slots.read().scan is None
+
+
+def test_a_covered_lens_is_told_with_its_first_frame(slots: Slots) -> None:
+    for observed in observed_frames(8, cover_from=6)[5:]:
+        slots.drive()
+        slots.teller.tell(observed, MOUNT, WORLD)
+        sight = slots.read()
+        if observed.frame.index < 6:
+            assert sight.status is Status.OK
+            continue
+        assert sight.status is Status.LOST
+        assert sight.reasons
+        assert all(
+            a == b for a, b in zip(sight.scan.known_from_m, sight.scan.known_to_m, strict=True)
+        )
+
+
+def test_without_slots_nothing_is_told_and_nothing_breaks() -> None:
+    teller = SightTeller(None, None, time.monotonic)
+    teller.tell(observed_frames(1)[0], MOUNT, WORLD)
+    assert teller.odometry(1.0) is None
+
+
+def test_wheels_tell_where_the_robot_was_at_a_frame(slots: Slots) -> None:
+    assert slots.teller.odometry(99.8) is None
+    slots.drive()
+    told = slots.teller.odometry(99.75)
+    assert told is not None
+    assert (told.x, told.y, told.yaw) == pytest.approx((0.125, 0.0, 0.05))
+    # A frame is received before the report of its instant.
+    onward = slots.teller.odometry(100.1)
+    assert onward is not None
+    assert onward.x == pytest.approx(0.3)
+    assert slots.teller.odometry(100.3) is None
+    assert slots.teller.odometry(99.4) is None
+    slots.drive("obstacle")
+    assert slots.teller.odometry(99.75) is None
+    slots.wheels.write({"observer": "nonsense"})
+    assert slots.teller.odometry(99.75) is None
+
+
+def test_a_yaw_that_jumps_by_a_turn_is_the_same_yaw(slots: Slots) -> None:
+    slots.wheels.write({"observer": [[99.8, 0, 0, math.pi - 0.1], [99.9, 0, 0, 0.1 - math.pi]]})
+    told = slots.teller.odometry(99.85)
+    assert told is not None
+    assert math.remainder(told.yaw - math.pi, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+# --- worlds and their robots -----------------------------------------------------------------
+
+
+class Robots:
+    """A world's robots, as far as a session deals with them."""
+
+    world = "simulated:numbers:1"
+
+    def __init__(self, trouble: Exception | None = None) -> None:
+        self.trouble = trouble
+        self.served = self.closed = 0
+
+    def serve(self) -> tuple[RobotPort, ...]:
+        if self.trouble is not None:
+            raise self.trouble
+        self.served += 1
+        return (RobotPort("observer", "socket://127.0.0.1:1", "amigo-sh", "A"),)
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+def session(source: Any, robots: Robots | None) -> Session:
+    return open_session(
+        OpenSource("numbers", None, {}, 0),
+        lambda _: OpenedSource(source, None, robots),
+        Observer,
+        time.perf_counter,
+    )
+
+
+def test_the_robots_of_a_world_are_served_while_it_is_observed(numbered: Any) -> None:
+    robots, source = Robots(), numbered()
+    opened = session(source, robots)
+    assert opened.world == "simulated:numbers:1"
+    assert opened.robot_facts() == (
+        {"role": "observer", "port": "socket://127.0.0.1:1", "model": "amigo-sh", "name": "A"},
+    )
+    opened.close()
+    assert (robots.served, robots.closed, source.closed) == (1, 1, 1)
+
+
+def test_what_cannot_be_served_is_closed(numbered: Any) -> None:
+    robots, source = Robots(SourceError("no port is free")), numbered()
+    with pytest.raises(SourceError, match="no port is free"):
+        session(source, robots)
+    assert (robots.closed, source.closed) == (1, 1)
+
+
+@pytest.mark.parametrize(("live", "world"), [(True, REAL_WORLD), (False, None)])
+def test_live_cameras_show_the_real_world_and_recordings_none(
+    numbered: Any, live: bool, world: str | None
+) -> None:
+    opened = session(numbered(count=3, live=live), None)
+    assert opened.world == world
+    assert opened.robot_facts() == ()
+    opened.close()
+
+
+def test_robots_go_with_a_source_that_is_handed_on(numbered: Any) -> None:
+    robots, source = Robots(), numbered()
+    for kept in (False, True):
+        opened = lent(source, robots)
+        assert isinstance(opened.robots, LentRobots)
+        assert opened.robots.world == robots.world
+        opened.robots.serve()
+        if kept:
+            opened.robots.keep()
+        opened.robots.close()
+        assert robots.closed == kept
+
+
+def test_the_guards_parameters_change_nothing_that_is_observed() -> None:
+    changed = Parameters().changed({"guard.speed_max_mps": 1.5, "guard.step_m": 0.2})
+    results = []
+    for parameters in (Parameters(), changed):
+        opened = open_source("simulated:drive")
+        assert opened.source.calibration is not None
+        observer = Observer(opened.source.calibration, parameters, mount=opened.source.info.mount)
+        for _ in range(4):
+            frame = opened.source.read()
+            assert isinstance(frame, StereoFrame)
+            observation = observer.observe(frame)
+        assert observation.T_world_camera is not None
+        results.append((observation.status, observation.T_world_camera.matrix.tobytes()))
+    assert results[0] == results[1]
