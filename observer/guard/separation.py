@@ -22,6 +22,7 @@ cameras nor the computer are safety rated.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -166,6 +167,9 @@ def approach(
             base frame of now.
         wanted: m/s and rad/s.
     """
+    stopping = Stopping.of(*wanted, p)
+    horizon_s = age_s + max(p.slow_time_s, p.reaction_s + stopping.braking_s)
+    obstacles = [one for one in obstacles if _within_reach(one, wanted, horizon_s, outline, p)]
     if not obstacles:
         return CLEAR
     values = np.array([_numbers(one) for one in obstacles])
@@ -174,7 +178,6 @@ def approach(
     x, y, vx, vy, radius, sigma_p, sigma_v = values.T
     ox, oy = x0 + c * x - s * y, y0 + s * x + c * y
     wx, wy = c * vx - s * vy, s * vx + c * vy
-    stopping = Stopping.of(*wanted, p)
 
     def separation(way_s: Float64Array, times: Float64Array) -> Float64Array:
         """(..., O) from outline to obstacle at instants from now, uncertainty taken off."""
@@ -207,6 +210,23 @@ def approach(
         return Approach(stop_share, stopper, None, stopper)
     k = int(np.argmax(near.any(axis=1)))
     return Approach(stop_share, stopper, float(ahead[k]), obstacles[int(np.argmax(near[k]))].id)
+
+
+def _within_reach(
+    one: SeenObstacle,
+    wanted: tuple[float, float],
+    seconds: float,
+    outline: Outline,
+    p: GuardParameters,
+) -> bool:
+    """Whether the two might meet within a time, wherever they head; the rest is not looked at."""
+    body = math.hypot(outline.length_m, outline.width_m) / 2
+    _, _, vx, vy, radius, sigma_p, sigma_v = _numbers(one)
+    # Z_r stretches the robot's way.
+    fast = (1 + p.sigmas * WAY_SIGMA) * abs(wanted[0]) + math.hypot(vx, vy)
+    sigma = sigma_p + sigma_v * seconds
+    reach = body + radius + p.margin_m + p.sigmas * sigma + fast * seconds
+    return math.hypot(one.x, one.y) <= reach
 
 
 def _numbers(one: SeenObstacle) -> tuple[float, ...]:
