@@ -6,6 +6,7 @@ import asyncio
 import sqlite3
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -175,7 +176,7 @@ def test_other_work_is_refused_while_calibrating(
                 station.start_run(**none, preset=None, parameters={}),
                 station.activate_calibration(record.id),
                 station.activate_calibration(None),
-                station.keep_rig(station.rig.rig),
+                station.keep_rig(replace(station.rig.rig, for_simulated=True)),
             ):
                 with pytest.raises(Conflict, match="a calibration is being made; save it or leave"):
                     await refused

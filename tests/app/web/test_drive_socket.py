@@ -356,10 +356,16 @@ def test_a_client_that_takes_nothing_is_let_go(serve: Any, drive: Any, eventuall
 
 
 class Elsewhere(threading.Thread):
-    """A page that goes on commanding, whatever the server's event loop does."""
+    """A page that goes on commanding, whatever the server's event loop does.
 
-    def __init__(self, port: int, token: str) -> None:
+    Attributes:
+        speed_mps: of its commands; None: it is only present.
+    """
+
+    def __init__(self, port: int, token: str, role: str = "observer") -> None:
         super().__init__(name="a page")
+        self.role = role
+        self.speed_mps: float | None = 0.2
         self._url = f"ws://127.0.0.1:{port}/api/drive"
         self._headers = {"Authorization": f"Bearer {token}"}
         self.begun = threading.Event()
@@ -371,7 +377,7 @@ class Elsewhere(threading.Thread):
         with connect(
             self._url, additional_headers=self._headers, compression=None, proxy=None
         ) as socket:
-            socket.send('{"type": "take", "role": "observer"}')
+            socket.send(json.dumps({"type": "take", "role": self.role}))
             sequence, due = 0, time.monotonic() + 0.6
             while not self.done.is_set():
                 for message in self._messages(socket, due):
@@ -381,20 +387,19 @@ class Elsewhere(threading.Thread):
                     self.heard.append(message)
                 due, sequence = due + 0.1, sequence + 1
                 self.given[sequence] = time.monotonic()
-                socket.send(
-                    json.dumps(
-                        {
-                            "type": "drive",
-                            "role": "observer",
-                            "sequence": sequence,
-                            "time": clock_ms(),
-                            "speed_mps": 0.2,
-                            "turn_rate_radps": 0.0,
-                        }
-                    )
-                )
+                command = {"role": self.role, "sequence": sequence, "time": clock_ms()}
+                moves = {"speed_mps": self.speed_mps, "turn_rate_radps": 0.0}
+                if self.speed_mps is None:
+                    socket.send(json.dumps({"type": "present", **command}))
+                else:
+                    socket.send(json.dumps({"type": "drive", **command, **moves}))
                 if sequence > 5:
                     self.begun.set()
+
+    @property
+    def lease(self) -> str | None:
+        """Once it is its own."""
+        return next((m["lease"] for m in self.heard if m["type"] == "lease"), None)
 
     @staticmethod
     def _messages(socket: Any, until: float) -> Iterator[dict[str, Any]]:
