@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import structlog
 
@@ -105,6 +105,7 @@ class ViserViewer:
         self._cloud_sequence = 0
         self._image_sequence = 0
         self._image_due = 0.0
+        self._driving: dict[str, Any] | None = None
         self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
         self._thread.start()
 
@@ -155,8 +156,11 @@ class ViserViewer:
         station = self._station
         now = station.clock()
         with self._scene.together():
+            # Read while the event loop may change it: then what was told before counts once more.
+            with contextlib.suppress(RuntimeError):
+                self._driving = station.driving.facts()
             picture = make_picture(
-                station.latest, station.state, station.generation, now, station.driving.facts()
+                station.latest, station.state, station.generation, now, self._driving
             )
             self._scene.show(picture, now)
             cloud = station.engine.cloud.read(self._cloud_sequence)
