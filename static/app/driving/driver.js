@@ -98,7 +98,7 @@ export class Driver extends EventTarget {
     if (connection !== "open") return "The server is not reached.";
     if (!robot) return "No robot is connected.";
     if (robots?.stopped) return "Everything is stopped: reset it first.";
-    if (!this.link.leases.has(this.role)) return robot.operator ? `${robot.operator} drives it: take over, or wait.` : "Arm it to drive it.";
+    if (!this.link.leases.has(this.role)) return robot.operator ? sentence(`${robot.operator} drives it: take over, or wait`) : "Arm it to drive it.";
     if (!["armed", "moving"].includes(robot.state)) return "Arm it first.";
     if (robots?.programme) return "A programme drives: stop it first.";
     return "";
