@@ -25,6 +25,9 @@ from observer.robots.contract import Robot, RobotPhase, RobotReport, Sent
 
 _log = logging.getLogger(__name__)
 
+# What would expire before the next tick counts no more at this one: nothing moves by a command
+# that is too old, and a tick that comes late has that much to spare.
+_NEXT_LOOK_S = 0.02
 # Without sight for this long the observer is disarmed.
 BLIND_S = 1.0
 _EXPIRED = "no command or sign of presence came in time"
@@ -193,7 +196,7 @@ class DrivenRole:
             played: a programme moves it.
         """
         now = tick.now
-        lapsed = self.consent.look(now)
+        lapsed = self.consent.look(now + _NEXT_LOOK_S)
         if self.robot is None:
             self.report = None
             return self._why_not_armed()
