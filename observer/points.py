@@ -12,6 +12,8 @@ from observer.geometry import Float64Array
 from observer.motion_sums import MotionSums
 
 NO_OBSTACLE = -1
+# Of a sighting that weighs less nothing is left to go by.
+_FORGOTTEN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +106,15 @@ class Points:
         # take() is several times as fast as an index.
         at = np.flatnonzero(which) if which.dtype == np.bool_ else which.astype(np.intp, copy=False)
         return Points(*(_taken(getattr(self, name), at) for name in _NAMES))
+
+    def remembered(self) -> Points:
+        """Without those of which nothing measured is remembered.
+
+        A point may be followed for minutes in both images and tell no place, for want of
+        disparity; what was once known of it fades to numbers that cannot be inverted any more.
+        """
+        remembered = self.sums.count > _FORGOTTEN
+        return self if remembered.all() else self.take(remembered)
 
     def joined(self, other: Points) -> Points:
         """These points and then the others."""

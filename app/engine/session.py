@@ -24,7 +24,7 @@ from observer.opening import OpenedSource
 from observer.parameters import Parameters
 from observer.rig.applied import mount_for
 from observer.rig.rig_file import read_rig
-from observer.robots.contract import RobotWorld
+from observer.robots.contract import RobotPort, RobotWorld
 from observer.sources.contract import LiveSource, SkippedFrame, Source
 from observer.types import Observation, StereoFrame, Trace
 
@@ -187,16 +187,18 @@ class Session(PlayedSource):
         skipped: tuple[SkippedFrame, ...],
         calibration_yaml: str,
         mount: CameraMount | None,
+        ports: tuple[RobotPort, ...],
     ) -> None:
         """
         Args:
             calibration_yaml, mount: what the observer was made with.
+            ports: where the robots of the source's world are reached.
         """
         super().__init__(command.source, opened.source, player, skipped, opened.robots)
         self._command = command
         self.calibration_yaml = calibration_yaml
         self.mount = mount
-        self._ports = () if self.robots is None else self.robots.serve()
+        self._ports = ports
         self.ageing = CalibrationAgeing(observer.camera, mount)
         self.observer = observer
         self.run_id = command.run_id
@@ -290,9 +292,11 @@ def open_session(
             mount=mount,
             clock=clock,
         )
+        # Before the first frame: it takes a second or two, and again once robots follow it.
+        ports = () if opened.robots is None else opened.robots.serve()
         player = Player(opened.source, paused=command.paused, rate=command.rate, loop=command.loop)
         skipped = read_first(player)
-        return Session(command, opened, observer, player, skipped, text, mount)
+        return Session(command, opened, observer, player, skipped, text, mount, ports)
     except BaseException:
         close_opened(opened)
         raise

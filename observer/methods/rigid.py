@@ -273,7 +273,7 @@ class RigidMethod:
 
     def _renew_points(self, view: View, p: Parameters) -> None:
         """Leave one point in each square of the image, and find one where there is none."""
-        points = self._points
+        points = self._points.remembered()
         moving = points.dynamic | (points.obstacle != NO_OBSTACLE)
         boxes = self._tracker.boxes_px(self._T_camera_world, self._camera)
         size = (self._camera.width, self._camera.height)

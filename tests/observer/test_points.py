@@ -90,3 +90,15 @@ def test_a_change_leaves_the_rest_and_the_points_themselves_alone() -> None:
     assert_same(points, columns(some(3)))
     with pytest.raises(TypeError):
         points.but(colour=1)
+
+
+def test_points_that_were_not_measured_for_long_are_forgotten() -> None:
+    points = some(3)
+    for _ in range(600):
+        seen = np.where(np.array([1.0, 0.0, 1.0])[:, None, None] > 0, np.eye(3), 0.0)
+        sums = points.sums.advanced(0.1, 1.0).with_sightings(points.sums.origin, seen)
+        points = points.but(sums=sums)
+    assert points.remembered().number.tolist() == [0, 2]
+    assert np.isfinite(points.remembered().sums.velocity_information()[0]).all()
+    young = some(3)
+    assert young.remembered() is young
