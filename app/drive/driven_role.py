@@ -21,7 +21,7 @@ from app.drive.ramp import ramped
 from app.processes.errors import ProcessRefused
 from observer.guard.guard import Verdict
 from observer.rig.rig import Role
-from observer.robots.contract import Robot, RobotPhase, RobotReport, Sent
+from observer.robots.contract import Explained, Robot, RobotPhase, RobotReport, Sent
 
 _log = logging.getLogger(__name__)
 
@@ -210,10 +210,14 @@ class DrivenRole:
             self.disarm(now, "fault", report.fault)
         else:
             trouble = self._stand_while_blind(tick)
+            if trouble is None and lapsed and (played or self.sent != ZERO):
+                self._still(now, "expired", _EXPIRED)
+            if self.armed and report.wanted is not None and not self.consent.released:
+                # It drives by itself, so nobody can let go of its controls: arm it anew.
+                self.disarm(now, None, trouble or _EXPIRED)
+                return self.why_disarmed
             if trouble is not None:
                 return trouble
-            if lapsed and (played or self.sent != ZERO):
-                self._still(now, "expired", _EXPIRED)
             return _EXPIRED if played and not self.consent.present else None
         return self.why_disarmed
 
@@ -248,7 +252,7 @@ class DrivenRole:
         Args:
             played: what a programme asks for, None while none moves this role.
         """
-        self.asked = self.consent.velocity if played is None else played
+        self.asked = self._asked(played)
         self.hindrance = self._hindrance(tick, played is not None)
         robot, report = self.robot, self.report
         if robot is None or report is None:
@@ -286,7 +290,17 @@ class DrivenRole:
                 report,
                 tick.parameters,
             )
+        if isinstance(robot, Explained):
+            robot.explain(self.hindrance)
         return sent
+
+    def _asked(self, played: Velocity | None) -> Velocity:
+        """By a programme, by a robot that drives by itself while somebody is there, or by hand."""
+        if played is not None:
+            return played
+        if self.report is not None and self.report.wanted is not None:
+            return self.report.wanted if self.consent.present else ZERO
+        return self.consent.velocity
 
     def _ask_guard(self, report: RobotReport, tick: Tick, wanted: Velocity) -> Verdict:
         assert self.connection is not None

@@ -1,0 +1,53 @@
+"""A robot that drives by itself: what it wants is permitted while somebody is there to consent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from observer.guard.guard import Verdict
+
+SLOW = Verdict("slow", False, 0.1, 0.0, "obstacle 3 would be met in 0.9 s", 0.1, (), ())
+
+
+def guarded(bench: Any) -> Any:
+    """Armed, and somebody is there."""
+    bench.connect("observer")
+    bench.lease("observer")
+    robot = bench.robots["observer"]
+    robot.change(wanted=(0.3, 0.1))
+    bench.present("observer")
+    bench.arm("observer")
+    bench.stay("observer", 2.0)
+    return robot
+
+
+def test_what_it_wants_is_permitted_within_what_the_guard_lets(bench: Any) -> None:
+    robot = guarded(bench)
+    assert robot.velocities[-1] == (0.3, 0.1)
+    bench.guard.answers["observer"] = SLOW
+    bench.stay("observer", 0.2)
+    assert robot.velocities[-1] == (0.1, 0.0)
+    bench.guard.answers.clear()
+    robot.change(wanted=(0.0, 0.0))
+    bench.stay("observer", 0.2)
+    assert robot.velocities[-1] == (0.0, 0.0)
+
+
+def test_it_stands_when_nobody_is_there_and_until_it_is_armed_anew(bench: Any) -> None:
+    robot = guarded(bench)
+    bench.run(0.4)
+    assert bench.state("observer") == "disarmed"
+    bench.stay("observer", 1.0)
+    assert bench.state("observer") == "disarmed"
+    bench.arm("observer")
+    bench.stay("observer", 2.0)
+    assert robot.velocities[-1] == (0.3, 0.1)
+
+
+def test_it_stands_after_a_moment_without_sight_until_it_is_armed_anew(bench: Any) -> None:
+    guarded(bench)
+    seen, bench.seeing = bench.seeing, None
+    bench.stay("observer", 0.4)
+    bench.seeing = seen
+    bench.stay("observer", 1.0)
+    assert bench.state("observer") == "disarmed"
