@@ -2,6 +2,8 @@
 #
 #   make run     set up, then serve the panel on the simulated lab   (ARGS="--port 9000")
 #   make test    set up, then all tests                              (ARGS="tests/app -k speeds")
+#   make faults  what must happen when something fails while a robot drives: the worst of
+#                TRIALS=100 times each, which takes hours
 #   make lint    ruff, mypy, import-linter, the page's JavaScript
 #   make bench   set up, then time the method and the server
 #   make wheel   dist/*.whl, the page's files inside
@@ -15,6 +17,8 @@ BIN := $(VENV)/bin
 # Empty: the first of the usual names that is new enough is taken.
 PYTHON ?=
 ARGS ?=
+# Of each fault; see tests/faults.
+TRIALS ?= 100
 
 # Stamps: what they stand for was done after the files they depend on last changed.
 MADE := $(VENV)/.made
@@ -29,7 +33,7 @@ ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
 $(MADE): moved
 endif
 
-.PHONY: moved help setup setup-dev run test lint bench wheel chromium ffmpeg constraints clean
+.PHONY: moved help setup setup-dev run test faults lint bench wheel chromium ffmpeg constraints clean
 .DELETE_ON_ERROR:
 
 help:
@@ -50,11 +54,15 @@ test: setup-dev
 	@( $(install_chromium) ) || true
 	@( $(install_ffmpeg) ) || true
 ifeq ($(strip $(ARGS)),)
-	$(BIN)/pytest -n 2 --dist loadfile -m "not browser"
+	$(BIN)/pytest -n 2 --dist loadfile -m "not browser and not alone"
+	$(BIN)/pytest -s -m alone
 	$(BIN)/pytest -m browser
 else
 	$(BIN)/pytest $(ARGS)
 endif
+
+faults: setup-dev
+	FAULT_TRIALS=$(TRIALS) $(BIN)/pytest -s tests/faults $(ARGS)
 
 lint: setup-dev
 	$(BIN)/ruff check .

@@ -1,0 +1,154 @@
+"""The whole system before a robot that is emulated: cameras, server, operator, and a stopwatch."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+_START_S = 60.0
+_STOP_S = 15.0
+
+RIG = """mount: {{height_m: {height}, tilt_deg: {tilt}, forward_m: {forward}, left_m: {left}}}
+models: {{observer: amigo-sh, obstacle: p3dx-sh}}
+"""
+
+
+class Refused(Exception):
+    """The server said no.
+
+    Attributes:
+        status: of the answer.
+    """
+
+    def __init__(self, status: int, said: str) -> None:
+        self.status = status
+        super().__init__(f"{status}: {said}")
+
+
+@dataclass
+class Server:
+    """A server as a person starts it.
+
+    Attributes:
+        process: the web process. port, token: of its page.
+    """
+
+    process: psutil.Process
+    port: int
+    token: str
+
+    def request(self, method: str, path: str, body: Any = None) -> Any:
+        """One REST call below ``/api``; the decoded answer.
+
+        Raises:
+            Refused: it was answered with an error.
+        """
+        request = urllib.request.Request(
+            f"http://127.0.0.1:{self.port}/api{path}",
+            method=method,
+            data=None if body is None else json.dumps(body).encode(),
+            headers={
+                "Authorization": f"Bearer {self.token}",
+                "Content-Type": "application/json",
+            },
+        )
+        try:
+            with urllib.request.urlopen(request, timeout=20) as answer:
+                text = answer.read()
+        except urllib.error.HTTPError as error:
+            with error:
+                raise Refused(error.code, error.read().decode(errors="replace")) from None
+        return json.loads(text) if text else None
+
+    def upload(self, path: str, name: str, content: bytes) -> Any:
+        """A file as a form sends it."""
+        boundary = "----dynamic-observer"
+        body = (
+            f"--{boundary}\r\nContent-Disposition: form-data; name=\"file\"; filename=\"{name}\""
+            f"\r\nContent-Type: application/octet-stream\r\n\r\n"
+        ).encode() + content + f"\r\n--{boundary}--\r\n".encode()
+        request = urllib.request.Request(
+            f"http://127.0.0.1:{self.port}/api{path}",
+            method="POST",
+            data=body,
+            headers={
+                "Authorization": f"Bearer {self.token}",
+                "Content-Type": f"multipart/form-data; boundary={boundary}",
+            },
+        )
+        with urllib.request.urlopen(request, timeout=20) as answer:
+            return json.loads(answer.read())
+
+    def robot(self, role: str = "observer") -> dict[str, Any]:
+        """The facts of one robot; empty where it has no port."""
+        facts: dict[str, Any] | None = self.request("GET", "/robots")["robots"][role]
+        return facts or {}
+
+
+@contextmanager
+def served(folder: Path, source: str) -> Iterator[Server]:
+    """A server on a free port with its data in ``folder``; gone in the end, however it fared."""
+    folder.mkdir(parents=True, exist_ok=True)
+    log = folder / "server.log"
+    command = [sys.executable, "-m", "app.cli", "serve", source, "--port", "0"]
+    command += ["--data", str(folder), "--token-file", str(folder / "token")]
+    with log.open("a") as stream:
+        stream.truncate(0)
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT
+        )
+    children: list[psutil.Process] = []
+    try:
+        link = _wait_for_link(process, log)
+        port = int(re.findall(r":(\d+)/", link)[0])
+        yield Server(psutil.Process(process.pid), port, link.partition("token=")[2])
+        children = psutil.Process(process.pid).children(recursive=True)
+        process.send_signal(signal.SIGTERM)
+        process.wait(_STOP_S)
+    except psutil.NoSuchProcess:
+        # A test killed it.
+        process.wait(_STOP_S)
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGCONT)
+            process.kill()
+            process.wait()
+        psutil.wait_procs(children, 3.0)
+
+
+def _wait_for_link(process: subprocess.Popen[bytes], log: Path) -> str:
+    deadline = time.monotonic() + _START_S
+    while time.monotonic() < deadline and process.poll() is None:
+        found = re.search(r"http://\S+/\?token=\S+", log.read_text())
+        if found:
+            return found.group()
+        time.sleep(0.05)
+    raise AssertionError(f"the server gave no link: {log.read_text()[-2000:]}")
+
+
+def wait_until(what: str, true: Callable[[], Any], timeout_s: float = 10.0) -> Any:
+    """Ask until the answer is true; the answer.
+
+    Raises:
+        AssertionError: it never was; ``what`` says what was waited for.
+    """
+    deadline = time.monotonic() + timeout_s
+    while True:
+        answer = true()
+        if answer:
+            return answer
+        assert time.monotonic() < deadline, f"not within {timeout_s:g} s: {what}"
+        time.sleep(0.02)
