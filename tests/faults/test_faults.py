@@ -1,8 +1,9 @@
 """What must happen when something fails while a robot drives at 0.3 m/s: the worst of many times.
 
 Each fault is tried ``FAULT_TRIALS`` times (once unless the environment says otherwise; ``make
-faults`` takes 100) with everything at work as it is for a user: two cameras over the network, engine, drive
-process, web process, an operator at the drive socket and an emulated robot behind a TCP port.
+faults`` takes 100) with everything at work as it is for a user: two cameras over the network,
+engine, drive process, web process, an operator at the drive socket and an emulated robot behind a
+TCP port.
 "Zero" is the first packet on the robot's port behind which it is to stand.
 """
 
