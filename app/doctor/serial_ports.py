@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,62 +24,68 @@ class SerialPort:
     Attributes:
         path: as in ``/dev/ttyUSB0``. by_id: its name by maker and serial number, None without one.
         description: what it says of itself, None where it says nothing.
-        usable: whether this user may read and write it.
+        trouble: why this user may not read and write it, and what to do; None: it may be used.
     """
 
     path: str
     by_id: str | None
     description: str | None
-    usable: bool
+    trouble: str | None
+
+    @property
+    def usable(self) -> bool:
+        """Whether this user may read and write it."""
+        return self.trouble is None
+
+
+def find_serial_ports(machine: Machine) -> tuple[SerialPort, ...]:
+    """The ports on USB, by name. None is opened: that resets some boards."""
+    described = {
+        path: None if says == "n/a" else says for path, says in machine.ports().items()
+    }
+    if sys.platform != "linux":
+        # Where ports are no device files with groups, such as COM3, pyserial alone knows them.
+        return tuple(SerialPort(path, None, says, None) for path, says in described.items())
+    by_id = _by_id(machine.root)
+    return tuple(
+        SerialPort(
+            f"/dev/{file.name}",
+            by_id.get(file.name),
+            described.get(f"/dev/{file.name}"),
+            None if machine.access.may_use(file) else _advice(file, machine),
+        )
+        for file in _on_usb(machine.root)
+    )
 
 
 def examine_serial_ports(machine: Machine) -> tuple[list[Finding], tuple[SerialPort, ...]]:
-    """What was found, and the ports it was found on. None is opened: that resets some boards."""
-    described = machine.ports()
-    if sys.platform != "linux":
-        return _named_by_pyserial(described)
-    ports: list[SerialPort] = []
-    findings: list[Finding] = []
-    by_id = _by_id(machine.root)
-    for file in _on_usb(machine.root):
-        path = f"/dev/{file.name}"
-        says = described.get(path)
-        port = SerialPort(
-            path,
-            by_id.get(file.name),
-            None if says in (None, "n/a") else says,
-            machine.access.may_use(file),
-        )
-        ports.append(port)
-        findings.append(_finding(port, file, machine))
+    """What was found, and the ports it was found on."""
+    ports = find_serial_ports(machine)
+    findings = [_finding(port) for port in ports]
     if not ports:
         text = (
-            "no serial port on USB, so no robot can be connected; "
+            "no serial port on USB, so no robot can be connected by one; "
             "in a container hand it in with --device /dev/ttyUSB0 --group-add dialout"
         )
-        findings.append(Finding(_SECTION, "ok", text))
-    return findings, tuple(ports)
+        findings.append(
+            Finding(_SECTION, "ok", text if sys.platform == "linux" else "no serial port")
+        )
+    return findings, ports
 
 
-def _named_by_pyserial(
-    described: Mapping[str, str],
-) -> tuple[list[Finding], tuple[SerialPort, ...]]:
-    """Where ports are no device files with groups, such as COM3, pyserial alone knows them."""
-    ports = tuple(SerialPort(path, None, says, usable=True) for path, says in described.items())
-    findings = [Finding(_SECTION, "ok", f"{each.path} ({each.description})") for each in ports]
-    return findings or [Finding(_SECTION, "ok", "no serial port")], ports
-
-
-def _finding(port: SerialPort, file: Path, machine: Machine) -> Finding:
+def _finding(port: SerialPort) -> Finding:
     name = f"{port.path} ({port.description})" if port.description else port.path
     details = (f"stays the same on every port: {port.by_id}",) if port.by_id else ()
-    if port.usable:
+    if port.trouble is None:
         return Finding(_SECTION, "ok", name, details)
+    return Finding(_SECTION, "warning", port.trouble, details)
+
+
+def _advice(file: Path, machine: Machine) -> str:
     try:
-        advice = permission_advice(file, machine.root, machine.user)
+        return permission_advice(file, machine.root, machine.user)
     except OSError:
-        advice = f"{port.path} may not be used by you"
-    return Finding(_SECTION, "warning", advice, details)
+        return f"/dev/{file.name} may not be used by you"
 
 
 def _on_usb(root: Path) -> Iterator[Path]:

@@ -15,11 +15,20 @@ const MODELS = [
   ["amigo-sh", "AmigoBot, SH controller"],
   ["amigo", "AmigoBot, older"],
 ];
-const USUAL = ["/dev/ttyUSB0", "/dev/ttyACM0", "socket://localhost:8101", "external:127.0.0.1:8765"];
+const ELSEWHERE = [
+  ["socket://localhost:8101", "a robot behind a network, or a simulator of the maker's"],
+  ["external:127.0.0.1:7700", "a robot of your own, on this server"],
+  ["coppeliasim:localhost:23000/PioneerP3DX", "a robot of a CoppeliaSim scene"],
+];
+
+/** @typedef {{path: string, by_id: string | null, description: string | null, usable: boolean, trouble: string | null}} SerialPort */
 
 export class PortForm extends Part {
   #port = h("input", { type: "text", id: "robot-port", list: "robot-ports", autocomplete: "off", spellcheck: "false", required: true, "aria-describedby": "robot-port-error" });
-  #ports = h("datalist", { id: "robot-ports" }, ...USUAL.map((value) => h("option", { value })));
+  #ports = h("datalist", { id: "robot-ports" });
+  #found = h("p", { class: "hint", role: "status" });
+  #troubles = h("ul", { class: "plain-list warnings" });
+  #again = h("button", { type: "button", class: "button" }, "Look for ports");
   #model = h("select", { id: "robot-model" }, ...MODELS.map(([value, words]) => h("option", { value }, words ?? "")));
   #error = h("p", { class: "field-error", role: "alert", id: "robot-port-error" });
   #connect = h("button", { type: "submit", class: "button primary" }, "Connect");
@@ -31,19 +40,36 @@ export class PortForm extends Part {
 
   build() {
     const form = h("form", { class: "stack", novalidate: true },
-      field("Port", this.#port, "A serial port of the server, socket://HOST:8101, coppeliasim:HOST:PORT/OBJECT, or external:HOST:PORT for a robot of your own."),
-      this.#ports,
+      field("Port", this.#port, "A serial port of the server, socket://HOST:8101, coppeliasim:HOST:PORT/OBJECT, or external:HOST:PORT?key=KEY for a robot of your own. A key that is kept is not shown; leave the port as it is to keep it."),
+      this.#ports, this.#found, this.#troubles,
       field("Model", this.#model), this.#error,
-      h("div", { class: "row" }, this.#connect, this.#forget), this.#own);
+      h("div", { class: "row" }, this.#connect, this.#forget, this.#again), this.#own);
     this.append(form);
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       void this.#save();
     });
     this.#forget.addEventListener("click", () => void this.#drop());
+    this.#again.addEventListener("click", () => void this.#look());
+    this.hear("reconnected", () => void this.#look());
     this.hear("change", () => this.#render(), this.hub.driver);
     this.hear("robots", () => this.#render());
     this.#render();
+    void this.#look();
+  }
+
+  /** Suggest the serial ports that are there now. */
+  async #look() {
+    /** @type {{serial_ports: SerialPort[]} | null} */
+    const devices = await request("GET", "/devices").catch(() => null);
+    const ports = devices?.serial_ports ?? [];
+    this.#ports.replaceChildren(
+      ...ports.map((port) => h("option", { value: port.by_id ?? port.path }, wordsOf(port))),
+      ...ELSEWHERE.map(([value, words]) => h("option", { value }, words ?? "")));
+    setText(this.#found, !devices ? "The server does not tell which serial ports it has."
+      : ports.length === 0 ? "The server's machine has no serial port on USB."
+        : `On the server's machine: ${ports.map(wordsOf).join("; ")}.`);
+    this.#troubles.replaceChildren(...ports.flatMap(({ trouble }) => trouble ? [h("li", {}, trouble)] : []));
   }
 
   #render() {
@@ -90,6 +116,11 @@ export class PortForm extends Part {
     setText(this.#error, message);
     setAttribute(this.#port, "aria-invalid", message ? "true" : null);
   }
+}
+
+/** @param {SerialPort} port */
+function wordsOf({ path, description, usable }) {
+  return `${path}${description ? ` (${description})` : ""}${usable ? "" : ", may not be opened"}`;
 }
 
 customElements.define("observer-robot-port", PortForm);

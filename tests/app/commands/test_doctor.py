@@ -174,6 +174,7 @@ def test_serial_ports_are_told_with_names_and_permissions(bench: Bench) -> None:
     (finding,), (listed,) = examine_serial_ports(machine)
     assert finding.level == "warning"
     assert "sudo usermod -aG dialout ada" in finding.text
+    assert listed.trouble == finding.text
     assert not listed.usable
 
 

@@ -453,9 +453,10 @@ def test_devices_of_a_machine_without_cameras(
         answer = await served.http.get("/api/devices")
         assert answer.status_code == 200
         told = answer.json()
-        assert set(told) == {"cameras", "hints"}
+        assert set(told) == {"cameras", "serial_ports", "hints"}
         monkeypatch.setattr("app.web.api.devices.list_devices", lambda: ())
+        monkeypatch.setattr("app.web.api.devices.find_serial_ports", lambda _: ())
         none = await served.http.get("/api/devices")
-        assert none.json() == {"cameras": [], "hints": []}
+        assert none.json() == {"cameras": [], "serial_ports": [], "hints": []}
 
     run(serve, scenario)

@@ -1,0 +1,49 @@
+"""What the page suggests as a robot's port; the devices are made up at the REST border."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+pytestmark = pytest.mark.browser
+
+_BY_ID = "/dev/serial/by-id/usb-Prolific_2303-if00-port0"
+_LOCKED = "/dev/ttyACM1 may be used by the group dialout only; join it"
+
+
+def _port(path: str, **changed):
+    plain = {"by_id": None, "description": None, "usable": True, "trouble": None}
+    return {"path": path, **plain, **changed}
+
+
+def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(open_panel):
+    page = open_panel(viewer=False)
+    ports = [
+        _port("/dev/ttyUSB0", by_id=_BY_ID, description="USB-Serial Controller"),
+        _port("/dev/ttyACM1", usable=False, trouble=_LOCKED),
+    ]
+    page.route(
+        "**/api/devices",
+        lambda route: route.fulfill(json={"cameras": [], "serial_ports": ports, "hints": []}),
+    )
+    page.get_by_role("tab", name="Robots").click()
+    form = page.locator("observer-robot-port")
+    if not form.is_visible():
+        page.get_by_text("Port and model").click()
+    look = form.get_by_role("button", name="Look for ports")
+    look.click()
+    told = form.get_by_role("status")
+    expect(told).to_contain_text("/dev/ttyUSB0 (USB-Serial Controller)")
+    expect(told).to_contain_text("/dev/ttyACM1, may not be opened")
+    expect(form.get_by_text(_LOCKED)).to_be_visible()
+    suggested = form.locator("datalist option").evaluate_all("all => all.map(({value}) => value)")
+    assert suggested[:2] == [_BY_ID, "/dev/ttyACM1"]
+    assert [value.partition(":")[0] for value in suggested[2:]] == [
+        "socket", "external", "coppeliasim",
+    ]  # fmt: skip
+    # Plugged out meanwhile.
+    ports.clear()
+    look.click()
+    expect(told).to_have_text("The server's machine has no serial port on USB.")
+    expect(form.get_by_text(_LOCKED)).to_have_count(0)
+    assert form.locator("datalist option").count() == len(suggested) - 2
