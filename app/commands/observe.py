@@ -27,7 +27,10 @@ from observer.sources.contract import NoFrame, SkippedFrame, Source
 def observe(
     source: Annotated[
         str,
-        typer.Argument(help="simulated:SCENARIO, video:LEFT,RIGHT or a folder of stereo images."),
+        typer.Argument(
+            help="simulated:SCENARIO, video:LEFT,RIGHT, coppeliasim:HOST:PORT, cameras or a folder "
+            "of stereo images."
+        ),
     ],
     output: Annotated[
         Path | None, typer.Option(help="File for the JSON lines, one per frame; else stdout.")

@@ -62,7 +62,9 @@ def check_spec(source: str) -> None:
     """
     if not source.isprintable() or not 0 < len(source) <= _LONGEST_SPEC:
         raise FieldError(
-            ("body", "source"), "give simulated:SCENARIO, video:LEFT,RIGHT or the path of a folder"
+            ("body", "source"),
+            "give simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, "
+            "coppeliasim:HOST:PORT or the path of a folder",
         )
 
 

@@ -29,6 +29,12 @@ _HINTS = (
         "Two videos",
         "Paths of two video files on the server, or of one with both images side by side.",
     ),
+    (
+        "coppeliasim:HOST:PORT",
+        "CoppeliaSim",
+        "A simulator that runs, as in coppeliasim:127.0.0.1:23000, with the two cameras and the "
+        "robots of its scene; needs the extra coppeliasim.",
+    ),
 )
 
 
