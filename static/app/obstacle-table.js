@@ -3,7 +3,7 @@
 import { h, setAttribute, setText } from "./dom.js";
 import { fillFigures } from "./figure-list.js";
 import { Part } from "./part.js";
-import { bearingInWords, fixed, speedWithBand, trackColour } from "./words.js";
+import { bearingInWords, fixed, sentence as asSentence, speedWithBand, trackColour } from "./words.js";
 
 const COLUMNS = ["Id", "Speed, m/s", "Truth", "Where"];
 
@@ -100,7 +100,7 @@ function fillRow([figures, why], obstacle, truth) {
   setAttribute(figures, "data-state", obstacle.state);
   const [sentence, behind] = why.cells[0]?.children ?? [];
   const state = obstacle.state === "coasting" ? "Not seen now" : STATES[obstacle.motion];
-  if (sentence) setText(sentence, `${state ?? obstacle.motion}. ${(obstacle.why ?? "").replace(/\.?$/, ".")}`);
+  if (sentence) setText(sentence, `${state ?? obstacle.motion}. ${obstacle.why ? asSentence(obstacle.why) : ""}`);
   if (behind instanceof HTMLDListElement && !behind.hidden) fillFigures(behind, figuresBehind(obstacle));
 }
 
