@@ -38,6 +38,15 @@ class Consent:
         """As asked for, m/s and rad/s; whether it may be driven is for the caller to say."""
         return self._velocity
 
+    @property
+    def sign(self) -> float | None:
+        """When what still counts was given: the velocity, or else the newest sign of presence.
+
+        None where nobody gave any yet; behind ``withdraw`` it is the newest of either.
+        """
+        moment = self._issued if self._velocity == ZERO else self._velocity_issued
+        return moment if math.isfinite(moment) else None
+
     def take(self, sequence: int, issued: float, velocity: Velocity | None, now: float) -> float:
         """A command, or with no velocity a sign of presence.
 

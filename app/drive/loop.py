@@ -19,10 +19,12 @@ from app.drive.jitter import Jitter, Lateness
 from app.drive.messages import ArmRobot, DisarmRobot, DriveEvent, LeaveDrive, WheelSpeedEvent
 from app.drive.priority import Priority, tidy
 from app.drive.roles import DriveAnswer, Roles
+from app.drive.stopping import Stopping
 from app.drive.wheels import Wheels
 from app.messages import Reply, Request
 from app.processes.errors import ProcessRefused
 from observer.errors import InputError
+from observer.guard.guard import sight_trouble
 from observer.guard.sight import Sight
 from observer.rig.rig import Role
 
@@ -78,6 +80,7 @@ class DriveLoop:
         self._jitter = Jitter()
         self._lateness = Lateness(None, None, None)
         self._wheels = Wheels()
+        self._stopping = Stopping(sight_trouble)
         self._told: object = None
         self._tick_of_event = -_EVENT_TICKS
         self._failures = 0
@@ -178,8 +181,9 @@ class DriveLoop:
     # --- telling ---------------------------------------------------------------------------
 
     def _tell(self, now: float) -> None:
-        for incident in self._roles.incidents():
-            self._send(incident)
+        incidents = self._roles.incidents()
+        for event in (*incidents, *self._stopping.look(now, self._roles, incidents)):
+            self._send(event)
         ticks = self._jitter.ticks
         if ticks % _LATENESS_TICKS == 1:
             self._lateness = self._jitter.lateness()

@@ -250,7 +250,41 @@ class IncidentEvent:
     speed_mps: float | None
 
 
-DriveProcessEvent = DriveEvent | WheelSpeedEvent | IncidentEvent
+@dataclass(frozen=True)
+class StoppedEvent:
+    """A robot that moved was stopped by an incident, and stands or is not followed any more.
+
+    All times are of the host's monotonic clock.
+
+    Attributes:
+        kind, sentence, incident_time: of its ``IncidentEvent``.
+        cause_time: the last moment at which all was well: for ``sight`` the reception of the last
+            good frame, for ``expired`` and ``lease`` the operator's last sign as it was given,
+            for ``fault`` the packet that told it (or the last that came), else the incident.
+        zero_time: when zero went out on its port; None where it never did.
+        stood_time: of the first status packet by whose encoders it stands (below 0.01 m/s); None
+            where it drove on or was not seen to stand within 4 s.
+        speed_mps: at the cause, by its encoders. before_mps: the same when the guard began to
+            slow it, for ``guard``; otherwise as ``speed_mps``.
+        distance_m: by odometry from cause to standing; None where it tells none.
+        separation_m: behind a stop of the guard, what was left to the nearest that is seen ahead;
+            None where sight does not tell.
+    """
+
+    role: Role
+    kind: Literal["stop", "expired", "sight", "guard", "fault", "lease", "programme"]
+    sentence: str
+    incident_time: float
+    cause_time: float
+    zero_time: float | None
+    stood_time: float | None
+    speed_mps: float | None
+    before_mps: float | None
+    distance_m: float | None
+    separation_m: float | None
+
+
+DriveProcessEvent = DriveEvent | WheelSpeedEvent | IncidentEvent | StoppedEvent
 
 
 # --- made by the supervisor ------------------------------------------------------------------

@@ -19,6 +19,7 @@ from app.drive.messages import (
     WHEELS_NAME,
     DriveEvent,
     IncidentEvent,
+    StoppedEvent,
     WheelSpeedEvent,
 )
 from app.drive.priority import calm_interpreter, raise_priority
@@ -52,7 +53,7 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
     priority = raise_priority()
     sock = socket.socket(fileno=arguments.channel)
     sender = MessageSender(
-        sock, latest=(DriveEvent,), droppable=(WheelSpeedEvent, IncidentEvent)
+        sock, latest=(DriveEvent,), droppable=(WheelSpeedEvent, IncidentEvent, StoppedEvent)
     )
     parameters = GuardParameters()
     attendants = {role: AttendantThread(role, open_robot) for role in ROLES}

@@ -1,0 +1,303 @@
+"""Every stop of a robot that moved, measured from its cause until the robot stands.
+
+Fed at the end of each tick; it commands nothing and looks at no clock.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.drive.consent import ZERO
+from app.drive.driven_role import DrivenRole
+from app.drive.guarding import SightTrouble
+from app.drive.messages import IncidentEvent, StoppedEvent
+from app.drive.roles import Roles
+from observer.guard.outline import Outline
+from observer.guard.sight import Sight
+from observer.rig.rig import ROLES, Role
+from observer.robots.contract import RobotPhase, RobotReport
+
+# Slower than this by its encoders it stands.
+STANDS_MPS = 0.01
+# It is followed for so long: a firmware's watchdog of 2 s and the braking behind it lie within.
+_FOLLOWED_S = 4.0
+# For what is left before it, a frame of the robot at rest is waited for.
+_LOOK_S = 0.5
+_KEPT_S = 6.0
+# A surface is ahead as far as the robot is wide, and this to each side.
+_BESIDE_M = 0.1
+
+
+@dataclass(frozen=True)
+class _Packet:
+    """What one status packet told; metres in the odometry's frame, m/s."""
+
+    received: float
+    place: tuple[float, float] | None
+    speed_mps: float | None
+
+
+@dataclass
+class _Stop:
+    """One that is being measured."""
+
+    incident: IncidentEvent
+    cause: float
+    speed_mps: float | None
+    before_mps: float | None
+    zero: float | None = None
+    stood: float | None = None
+
+
+class Stopping:
+    """The stops of both robots."""
+
+    def __init__(self, sight_trouble: SightTrouble) -> None:
+        self._watches = {role: StopWatch(role, sight_trouble) for role in ROLES}
+
+    def look(
+        self, now: float, roles: Roles, incidents: Iterable[IncidentEvent]
+    ) -> list[StoppedEvent]:
+        """The stops whose end is known at this tick.
+
+        Args:
+            now: the host's monotonic clock. incidents: those since the last call.
+        """
+        told = tuple(incidents)
+        ended = (
+            watch.look(now, roles.driven[role], roles.sight, told)
+            for role, watch in self._watches.items()
+        )
+        return [stop for stop in ended if stop is not None]
+
+
+class StopWatch:
+    """The stops of one role, one after the other: what comes while one is being measured, be it
+    the motors' going off behind it, belongs to it.
+    """
+
+    def __init__(self, role: Role, sight_trouble: SightTrouble) -> None:
+        self._role = role
+        self._sight_trouble = sight_trouble
+        self._packets: deque[_Packet] = deque()
+        self._open: _Stop | None = None
+        # As of the tick before.
+        self._sent = ZERO
+        self._sign: float | None = None
+        self._seen: float | None = None
+        self._slowed: float | None = None
+        self._zero: float | None = None
+
+    def look(
+        self,
+        now: float,
+        driven: DrivenRole,
+        sight: Sight | None,
+        incidents: Iterable[IncidentEvent],
+    ) -> StoppedEvent | None:
+        """See what this tick brought; a stop whose end is known now."""
+        report = driven.report
+        if driven.robot is None:
+            self._packets.clear()
+        else:
+            self._take(report, now)
+        self._zero = _zero_since(self._zero, driven, report, now)
+        for incident in incidents:
+            if self._open is None and self._concerns(incident):
+                self._open = self._begun(incident, report)
+        told = None if self._open is None else self._followed(self._open, now, driven, sight)
+        if told is not None:
+            self._open = None
+        self._remember(now, driven, sight)
+        return told
+
+    def _concerns(self, incident: IncidentEvent) -> bool:
+        if incident.kind == "programme":
+            # It tells of a programme; whatever stopped its robots tells of itself.
+            return False
+        return incident.role in (self._role, None)
+
+    def _take(self, report: RobotReport | None, now: float) -> None:
+        if report is None or report.phase is not RobotPhase.CONNECTED or report.received is None:
+            return
+        packets, place = self._packets, report.odometry
+        if not packets or report.received > packets[-1].received:
+            packets.append(
+                _Packet(
+                    report.received,
+                    None if place is None else (place.x, place.y),
+                    report.speed_mps,
+                )
+            )
+        while now - packets[0].received > _KEPT_S and len(packets) > 1:
+            packets.popleft()
+
+    def _remember(self, now: float, driven: DrivenRole, sight: Sight | None) -> None:
+        self._sent = driven.sent
+        if driven.consent.sign is not None:
+            self._sign = driven.consent.sign
+        verdict = driven.verdict
+        if sight is not None and self._good(sight, now, driven):
+            self._seen = sight.received
+        if verdict is None or verdict.level == "clear":
+            self._slowed = None
+        elif self._slowed is None and not verdict.blind:
+            self._slowed = now
+
+    def _good(self, sight: Sight, now: float, driven: DrivenRole) -> bool:
+        connection, verdict = driven.connection, driven.verdict
+        if connection is None or (verdict is not None and verdict.blind):
+            return False
+        return self._sight_trouble(sight, now, connection.world) is None
+
+    # --- from its cause --------------------------------------------------------------------
+
+    def _begun(self, incident: IncidentEvent, report: RobotReport | None) -> _Stop | None:
+        """None where nothing moved that could be stopped."""
+        cause = self._cause(incident, report)
+        speed, lately = self._speed_at(cause), self._speed_at(incident.time)
+        if speed is not None and abs(speed) < STANDS_MPS:
+            return None
+        if self._sent == ZERO and (lately is None or abs(lately) < STANDS_MPS):
+            # Whatever stopped it, it stands by now.
+            return None
+        before = speed
+        if incident.kind == "guard" and self._slowed is not None:
+            before = self._speed_at(self._slowed)
+        return _Stop(incident, cause, speed, before)
+
+    def _cause(self, incident: IncidentEvent, report: RobotReport | None) -> float:
+        """The last moment at which all was well, as far as it is known."""
+        known: float | None = None
+        match incident.kind:
+            case "sight":
+                known = self._seen
+            case "expired" | "lease":
+                known = self._sign
+            case "fault":
+                known = None if report is None else report.received
+                if known is None and self._packets:
+                    known = self._packets[-1].received
+            case _:
+                pass
+        return incident.time if known is None else min(known, incident.time)
+
+    def _speed_at(self, moment: float) -> float | None:
+        """As the newest packet until then told; as the oldest one where all came later."""
+        before = [each for each in self._packets if each.received <= moment]
+        if before:
+            return before[-1].speed_mps
+        return self._packets[0].speed_mps if self._packets else None
+
+    # --- to its end ------------------------------------------------------------------------
+
+    def _followed(
+        self, stop: _Stop, now: float, driven: DrivenRole, sight: Sight | None
+    ) -> StoppedEvent | None:
+        """The stop, once no more of it is to come."""
+        if stop.zero is None and self._zero is not None:
+            # It may have gone out before: the driver of a robot that stalls waits for nobody.
+            stop.zero = max(self._zero, stop.cause)
+        if stop.stood is None:
+            stop.stood = self._stood(stop.cause)
+        if stop.zero is not None and stop.stood is not None:
+            return self._look_ahead(stop, now, driven, sight)
+        over = (
+            now - stop.cause > _FOLLOWED_S
+            or driven.robot is None
+            or (stop.zero is not None and (stop.speed_mps is None or driven.sent != ZERO))
+        )
+        return self._told(stop, None) if over else None
+
+    def _stood(self, cause: float) -> float | None:
+        for packet in self._packets:
+            speed = packet.speed_mps
+            if packet.received > cause and speed is not None and abs(speed) < STANDS_MPS:
+                return packet.received
+        return None
+
+    def _look_ahead(
+        self, stop: _Stop, now: float, driven: DrivenRole, sight: Sight | None
+    ) -> StoppedEvent | None:
+        """Behind a guard's stop, what is left before it, by a frame of the robot at rest."""
+        assert stop.stood is not None
+        if stop.incident.kind != "guard" or self._role != "observer":
+            return self._told(stop, None)
+        if sight is not None and sight.received >= stop.stood and self._good(sight, now, driven):
+            return self._told(stop, separation(sight, driven.report))
+        return self._told(stop, None) if now - stop.stood > _LOOK_S else None
+
+    def _told(self, stop: _Stop, separation_m: float | None) -> StoppedEvent:
+        return StoppedEvent(
+            role=self._role,
+            kind=stop.incident.kind,
+            sentence=stop.incident.sentence,
+            incident_time=stop.incident.time,
+            cause_time=stop.cause,
+            zero_time=stop.zero,
+            stood_time=stop.stood,
+            speed_mps=stop.speed_mps,
+            before_mps=stop.before_mps,
+            distance_m=None if stop.stood is None else self._way(stop.cause, stop.stood),
+            separation_m=separation_m,
+        )
+
+    def _way(self, start: float, end: float) -> float | None:
+        """By odometry between two moments; between packets it drives evenly."""
+        packets = [each for each in self._packets if each.received <= end]
+        within = [each for each in packets if each.received > start]
+        before = packets[: len(packets) - len(within)]
+        if not before or not within:
+            return None
+        places = [each.place for each in (before[-1], *within)]
+        known = [place for place in places if place is not None]
+        if len(known) < len(places):
+            return None
+        steps = [math.dist(one, other) for one, other in itertools.pairwise(known)]
+        first, second = before[-1].received, within[0].received
+        steps[0] *= (second - start) / (second - first)
+        return sum(steps)
+
+
+def _zero_since(
+    before: float | None, driven: DrivenRole, report: RobotReport | None, now: float
+) -> float | None:
+    """Since when zero is what went out; None while something else does, or nothing is known."""
+    if driven.robot is None or report is None:
+        return before
+    sent = report.sent
+    if sent is None:
+        # It tells nothing of its port: as it was handed to its driver.
+        return None if driven.sent != ZERO else now if before is None else before
+    if sent.speed_mps != 0.0 or sent.turn_rate_radps != 0.0:
+        return None
+    return sent.time if before is None else before
+
+
+def separation(sight: Sight, report: RobotReport | None) -> float | None:
+    """Metres from a robot's outline to the nearest that a frame shows; None where it shows none.
+
+    Obstacles count wherever they are, surfaces on the way straight ahead.
+    """
+    if report is None:
+        return None
+    outline = Outline.of(report.length_m, report.width_m, report.radius_m)
+    distances = [
+        max(0.0, float(outline.distance(np.array(each.x), np.array(each.y))) - each.radius_m)
+        for each in sight.obstacles
+    ]
+    if sight.scan is not None:
+        half = outline.width_m / 2 + _BESIDE_M
+        for bearing, blocked in zip(sight.scan.bearings, sight.scan.blocked_m, strict=True):
+            if blocked is None:
+                continue
+            x, y = blocked * math.cos(bearing), blocked * math.sin(bearing)
+            if x > 0.0 and abs(y) <= half:
+                distances.append(float(outline.distance(np.array(x), np.array(y))))
+    return min(distances, default=None)

@@ -1,0 +1,276 @@
+"""Stops measured to their end, by robots that roll out and tell of it every 100 ms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from app.drive.messages import (
+    ConnectRobot,
+    IncidentEvent,
+    ReleaseLease,
+    StoppedEvent,
+    StopRobots,
+)
+from app.drive.stopping import Stopping, separation
+from observer.guard.guard import Verdict, sight_trouble
+from observer.guard.sight import FreeScan, SeenObstacle, Sight
+from observer.robots.contract import RobotPhase, RobotReport, Sent
+from observer.types import Odometry, Status
+
+TICK_S = 0.02
+BRAKES_MPS2 = 1.0
+STOPPED = Verdict("stop", False, 0.0, 0.0, "obstacle 7 is too near", 0.0, (), ())
+
+
+class Rolling:
+    """The bench's robots, with wheels that follow what is sent."""
+
+    def __init__(self, bench: Any) -> None:
+        self.bench = bench
+        self.stopping = Stopping(sight_trouble)
+        self.stops: list[StoppedEvent] = []
+        self.told = 0
+        self.x = dict.fromkeys(bench.robots, 0.0)
+        self.speed = dict.fromkeys(bench.robots, 0.0)
+        self.silent = False
+
+    def tick(self, count: int = 1) -> None:
+        bench = self.bench
+        for _ in range(count):
+            bench.now += TICK_S
+            for role, robot in bench.robots.items():
+                self._roll(role, robot)
+            if bench.seeing is not None:
+                bench.see(**bench.seeing)
+            bench.roles.step(bench.now, bench.sight)
+            incidents = bench.roles.incidents()
+            bench.incidents += incidents
+            self.stops += self.stopping.look(bench.now, bench.roles, incidents)
+        self.told += count
+
+    def _roll(self, role: Any, robot: Any) -> None:
+        wanted = robot.velocities[-1][0] if robot.velocities else 0.0
+        if robot.calls and robot.calls[-1] in (("stop",), ("disable",)):
+            wanted = 0.0
+        most = BRAKES_MPS2 * TICK_S
+        speed = self.speed[role]
+        self.speed[role] = speed + max(-most, min(most, wanted - speed))
+        self.x[role] += self.speed[role] * TICK_S
+        if round(self.bench.now / TICK_S) % 5 == 0 and not self.silent:
+            robot.change(
+                received=self.bench.now,
+                odometry=Odometry(self.x[role], 0.0, 0.0),
+                speed_mps=self.speed[role],
+            )
+
+    def run(self, seconds: float) -> None:
+        self.tick(round(seconds / TICK_S))
+
+    def hold(self, role: str, speed: float, seconds: float) -> None:
+        for _ in range(round(seconds / 0.1)):
+            self.bench.drive(role, speed)
+            self.tick(5)
+
+    def ready(self, role: str) -> None:
+        bench = self.bench
+        bench.take(ConnectRobot(role, bench.robots[role].port, None, "real"))  # type: ignore[arg-type]
+        self.tick()
+        bench.lease(role)
+        bench.arm(role)
+        self.hold(role, 0.3, 1.5)
+        assert self.speed[role] == pytest.approx(0.3)
+
+    def only(self) -> StoppedEvent:
+        (stop,) = self.stops
+        return stop
+
+
+@pytest.fixture
+def rolling(bench: Any) -> Rolling:
+    return Rolling(bench)
+
+
+def test_an_expired_command_is_measured_from_the_last_sign_to_standing(rolling: Rolling) -> None:
+    rolling.ready("obstacle")
+    sign, x = rolling.bench.now - 0.1, rolling.x["obstacle"] - 0.1 * 0.3
+    rolling.run(1.5)
+    stop = rolling.only()
+    assert (stop.role, stop.kind) == ("obstacle", "expired")
+    assert stop.cause_time == pytest.approx(sign)
+    assert stop.zero_time is not None
+    assert 0.2 <= stop.zero_time - sign <= 0.26
+    assert (stop.speed_mps, stop.before_mps) == (pytest.approx(0.3), pytest.approx(0.3))
+    assert stop.stood_time is not None
+    # 0.3 s of braking at 1 m/s^2, told by the next packet.
+    assert 0.28 <= stop.stood_time - stop.zero_time <= 0.42
+    assert stop.distance_m == pytest.approx(rolling.x["obstacle"] - x, abs=0.003)
+    assert stop.separation_m is None
+
+
+def test_lost_sight_counts_from_the_reception_of_the_last_good_frame(rolling: Rolling) -> None:
+    bench = rolling.bench
+    rolling.ready("observer")
+    last = bench.now
+    # Frames that show nothing are no good ones.
+    bench.seeing = {"status": Status.DEGRADED, "reasons": ("the lens is covered",)}
+    rolling.hold("observer", 0.3, 1.6)
+    stop = rolling.only()
+    assert (stop.kind, stop.cause_time) == ("sight", pytest.approx(last))
+    assert "covered" in stop.sentence
+    assert stop.zero_time == pytest.approx(last + TICK_S)
+    assert stop.stood_time is not None
+    # Behind it the motors went off as well: that is no other stop.
+    assert bench.kinds() == ["sight", "sight"]
+
+
+def test_a_camera_that_tells_nothing_counts_as_well(rolling: Rolling) -> None:
+    bench = rolling.bench
+    rolling.ready("observer")
+    last, bench.seeing = bench.now, None
+    rolling.hold("observer", 0.3, 1.6)
+    stop = rolling.only()
+    assert stop.cause_time == pytest.approx(last)
+    assert stop.zero_time is not None
+    assert 0.2 <= stop.zero_time - last <= 0.24
+
+
+def test_the_guards_stop_tells_what_is_left_by_a_frame_at_rest(rolling: Rolling) -> None:
+    bench = rolling.bench
+    rolling.ready("observer")
+    bench.guard.answers["observer"] = Verdict("slow", False, 0.1, 0.0, "soon", 0.1, (), ())
+    rolling.hold("observer", 0.3, 1.0)
+    assert rolling.stops == []
+    bench.guard.answers["observer"] = STOPPED
+    bench.robots["observer"].change(length_m=0.3, width_m=0.28)
+    before = SeenObstacle(7, 0.9, 0.0, 0.0, 0.0, 0.2, None, None, False)
+    after = SeenObstacle(7, 0.75, 0.0, 0.0, 0.0, 0.2, None, None, False)
+    bench.seeing = {"obstacles": (before,)}
+    rolling.hold("observer", 0.3, 0.1)
+    verdict = bench.incidents[-1].time
+    bench.seeing = {"obstacles": (after,)}
+    rolling.hold("observer", 0.3, 0.5)
+    stop = rolling.only()
+    assert (stop.kind, stop.sentence) == ("guard", "obstacle 7 is too near")
+    assert stop.cause_time == stop.zero_time == verdict
+    assert stop.speed_mps == pytest.approx(0.1)
+    # It was slowed before it was stopped.
+    assert stop.before_mps == pytest.approx(0.3)
+    assert stop.separation_m == pytest.approx(0.75 - 0.2 - 0.15)
+
+
+def test_what_the_guard_lets_go_on_never_stood(rolling: Rolling) -> None:
+    bench = rolling.bench
+    rolling.ready("observer")
+    bench.guard.answers["observer"] = STOPPED
+    rolling.hold("observer", 0.3, 0.1)
+    del bench.guard.answers["observer"]
+    rolling.hold("observer", 0.3, 0.3)
+    stop = rolling.only()
+    assert (stop.stood_time, stop.distance_m, stop.separation_m) == (None, None, None)
+
+
+def test_a_fault_counts_from_its_packet_and_zero_as_it_went_out(rolling: Rolling) -> None:
+    bench = rolling.bench
+    rolling.ready("obstacle")
+    robot = bench.robots["obstacle"]
+    robot.change(sent=Sent(0.3, 0.0, bench.now))
+    rolling.hold("obstacle", 0.3, 0.1)
+    # Its driver waits for no tick: zero is out before one sees the fault.
+    packet = bench.now
+    robot.change(fault="a wheel stalled", received=packet, sent=Sent(0.0, 0.0, packet + 0.004))
+    rolling.run(1.0)
+    stop = rolling.only()
+    assert (stop.kind, stop.sentence, stop.cause_time) == ("fault", "a wheel stalled", packet)
+    assert stop.zero_time == pytest.approx(packet + 0.004)
+
+
+def test_a_port_that_is_lost_counts_from_its_last_packet_and_is_given_up(
+    rolling: Rolling,
+) -> None:
+    bench = rolling.bench
+    rolling.ready("obstacle")
+    robot = bench.robots["obstacle"]
+    robot.change(sent=Sent(0.3, 0.0, bench.now))
+    last = robot.state.received
+    rolling.silent = True
+    rolling.hold("obstacle", 0.3, 0.3)
+    robot.change(phase=RobotPhase.WAITING, speed_mps=None, received=None)
+    rolling.run(3.0)
+    assert rolling.stops == []
+    rolling.run(1.5)
+    stop = rolling.only()
+    assert (stop.kind, stop.cause_time, stop.zero_time) == ("fault", last, None)
+    assert (stop.stood_time, stop.speed_mps) == (None, pytest.approx(0.3))
+
+
+def test_a_stop_is_measured_of_each_robot_that_moves(rolling: Rolling) -> None:
+    bench = rolling.bench
+    rolling.ready("observer")
+    rolling.ready("obstacle")
+    # Its operator was silent meanwhile.
+    assert [(stop.role, stop.kind) for stop in rolling.stops] == [("observer", "expired")]
+    rolling.stops.clear()
+    bench.take(StopRobots("Bob"))
+    asked = bench.now
+    rolling.run(1.0)
+    stop = rolling.only()
+    assert (stop.role, stop.kind, stop.cause_time) == ("obstacle", "stop", asked)
+
+
+def test_who_leaves_at_rest_or_while_it_rolls_out(rolling: Rolling) -> None:
+    bench = rolling.bench
+    rolling.ready("obstacle")
+    # A page that closes lets go, and its lease ends behind that.
+    bench.drive("obstacle", 0.0)
+    given = bench.now
+    rolling.tick(2)
+    bench.take(ReleaseLease("obstacle", bench.leases["obstacle"]))
+    rolling.run(1.0)
+    stop = rolling.only()
+    assert (stop.kind, stop.cause_time) == ("lease", given)
+    assert stop.zero_time == pytest.approx(given + TICK_S)
+    assert stop.speed_mps == pytest.approx(0.3)
+    rolling.stops.clear()
+    bench.lease("obstacle")
+    bench.take(ReleaseLease("obstacle", bench.leases["obstacle"]))
+    rolling.run(1.0)
+    assert rolling.stops == []
+
+
+def test_a_robot_without_encoders_or_odometry(rolling: Rolling) -> None:
+    bench = rolling.bench
+    rolling.ready("obstacle")
+    rolling.silent = True
+    bench.robots["obstacle"].change(received=bench.now, odometry=None, speed_mps=None)
+    rolling.hold("obstacle", 0.3, 0.1)
+    rolling.run(6.2)
+    stop = rolling.stops[0]
+    assert stop.kind == "expired"
+    assert (stop.distance_m, stop.stood_time) == (None, None)
+
+
+def test_separation_is_to_the_nearest_obstacle_or_to_a_surface_ahead() -> None:
+    report = RobotReport(RobotPhase.CONNECTED, length_m=0.4, width_m=0.4)
+    aside = FreeScan((-1.0, 0.0, 1.0), (0.6, 1.2, 0.6), (0.0,) * 3, (0.6, 1.2, 0.6))
+    nothing = Sight(1, 0.0, 0.0, "real", Status.OK, (), True)
+    assert separation(nothing, report) is None
+    assert separation(nothing, None) is None
+    walls = Sight(1, 0.0, 0.0, "real", Status.OK, (), True, (), aside)
+    assert separation(walls, report) == pytest.approx(1.0)
+    person = SeenObstacle(1, 0.5, 0.9, 0.0, 0.0, 0.3, None, None, False)
+    seen = Sight(1, 0.0, 0.0, "real", Status.OK, (), True, (person,), aside)
+    assert separation(seen, report) == pytest.approx((0.3**2 + 0.7**2) ** 0.5 - 0.3)
+
+
+def test_programmes_and_other_roles_are_nothing_to_it(rolling: Rolling) -> None:
+    rolling.ready("obstacle")
+    told = [
+        IncidentEvent(None, "programme", "it was ended", rolling.bench.now, None),
+        IncidentEvent("observer", "fault", "a wheel stalled", rolling.bench.now, 0.3),
+    ]
+    stops = rolling.stopping.look(rolling.bench.now, rolling.bench.roles, told)
+    for _ in range(10):
+        rolling.hold("obstacle", 0.3, 0.1)
+    assert stops == rolling.stops == []
