@@ -41,7 +41,7 @@ from observer.programmes.playing import duration_s
 from observer.rig.rig import ROLES, Role
 from observer.robots.contract import Robot
 from observer.robots.models import robot_spec
-from observer.robots.opening import check_port
+from observer.robots.opening import check_port, shown_port
 
 _log = logging.getLogger(__name__)
 
@@ -262,17 +262,19 @@ class Roles:
     def _connect(self, command: ConnectRobot, now: float) -> dict[str, Any]:
         role = _checked(command.role)
         check_port(command.port)
+        # What is told of it from here on goes to people and into records.
+        shown = shown_port(command.port)
         if command.model is not None:
             robot_spec(command.model)
         for other, driven in self.driven.items():
-            if other != role and driven.connection and driven.connection.port == command.port:
+            if other != role and driven.connection and driven.connection.port == shown:
                 raise ProcessRefused(
-                    f"{command.port} is the port of the {other}; give the {role} another one",
+                    f"{shown} is the port of the {other}; give the {role} another one",
                     "input",
                 )
         self._end_programme_of(role, now, "was connected anew")
         before = self.driven[role].connect(
-            Connection(command.port, command.world, command.name)
+            Connection(shown, command.world, command.name)
         )
         attendant = self._attendants[role]
         attendant.close(before)

@@ -281,7 +281,7 @@ class StationCore:
             playback=self.state.playback if same else None,
             run_id=None if run is None else run.id,
             segment=segment,
-            rig_yaml=self.rig.text,
+            rig_yaml=self.rig.observed_text,
         )
         reply = await ask(self.engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
         self.telemetry.new_source()

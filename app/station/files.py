@@ -13,7 +13,7 @@ from app.storage import StorageFull
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file so that nobody ever sees half of it.
+    """Write a file so that nobody ever sees half of it, and no other user (mode 0600) any of it.
 
     Raises:
         StorageFull: no space is left. FieldError: it cannot be written; what was there stays.

@@ -11,7 +11,7 @@ from app.station.files import write_whole
 from observer.errors import InputError
 from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
 from observer.rig.rig_file import read_rig, rig_text
-from observer.robots.opening import check_port
+from observer.robots.opening import check_port, shown_port
 
 FILE_NAME = "rig.yaml"
 
@@ -47,8 +47,13 @@ class RigDesk:
 
     @property
     def text(self) -> str:
-        """The rig as the file holds it."""
+        """The rig as the file holds it, keys of ports included."""
         return rig_text(self.rig)
+
+    @property
+    def observed_text(self) -> str:
+        """As ``text``, without what is nothing to who observes: ports, and the keys in them."""
+        return rig_text(replace(self.rig, ports={}))
 
     def keep(self, rig: Rig) -> None:
         """Put a rig into force and into the file, which is replaced as a whole.
@@ -103,6 +108,8 @@ class RigDesk:
     def with_port(self, role: Role, port: str | None, model: RobotModel | None) -> Rig:
         """The rig with another port and model of a robot; without a port both are forgotten.
 
+        A port that is named as it is shown keeps the key that is not.
+
         Raises:
             FieldError: it names no port.
         """
@@ -110,6 +117,9 @@ class RigDesk:
         models = {each: m for each, m in self.rig.models.items() if each != role}
         try:
             if port is not None:
+                before = self.rig.ports.get(role)
+                if before is not None and port == shown_port(before):
+                    port = before
                 check_port(port)
                 ports[role] = port
             if model is not None:

@@ -202,4 +202,6 @@ def _is_loopback(host: str) -> bool:
 
 
 def _without_key(text: str) -> str:
-    return text.partition("?")[0][:80]
+    from observer.robots.opening import shown_port
+
+    return shown_port(text)[:80]

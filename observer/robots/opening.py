@@ -13,6 +13,8 @@ from observer.robots.models import robot_spec
 EXTERNAL, COPPELIASIM, SOCKET = "external:", "coppeliasim:", "socket://"
 _HOST = r"(?:\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+)"
 _HOST_AND_PORT = re.compile(rf"{_HOST}:(?P<port>\d{{1,5}})(?P<rest>/.*)?")
+# Where a key begins, however it was mistyped.
+_BEFORE_KEY = re.compile(r"[?&]|key=", re.IGNORECASE)
 _FORMS = (
     "a robot's port is a device as /dev/ttyUSB0, socket://HOST:8101, external:HOST:PORT or "
     "coppeliasim:HOST:PORT/OBJECT"
@@ -57,7 +59,7 @@ def check_port(port: str) -> None:
         InputError: it does not.
     """
     if not port or any(ord(each) < 32 or ord(each) == 127 for each in port):
-        raise InputError(f"{_FORMS}, not {port!r}")
+        raise InputError(f"{_FORMS}, not {shown_port(port)!r}")
     if port.startswith(SOCKET):
         _check_address(port, SOCKET)
         return
@@ -72,12 +74,22 @@ def check_port(port: str) -> None:
         parse_robot(port)
         return
     if not re.match(r"\.{0,2}/[^/]", port):
-        raise InputError(f"{_FORMS}, not {port!r}")
+        raise InputError(f"{_FORMS}, not {shown_port(port)!r}")
+
+
+def shown_port(port: str) -> str:
+    """The text that names a robot's port, without its key: for people, records and logs."""
+    # Names of devices and of a scene's objects may hold anything.
+    if port.startswith(COPPELIASIM) or re.match(r"\.{0,2}/", port):
+        return port
+    return _BEFORE_KEY.split(port, maxsplit=1)[0]
 
 
 def _check_address(port: str, kind: str) -> None:
     found = _HOST_AND_PORT.fullmatch(port.removeprefix(kind))
     if found is None or not 1 <= int(found["port"]) <= 65535:
-        raise InputError(f"{port!r} lacks a host or a port from 1 to 65535; {_FORMS}")
+        raise InputError(f"{shown_port(port)!r} lacks a host or a port from 1 to 65535; {_FORMS}")
     if (found["rest"] or "/") != "/":
-        raise InputError(f"{port!r} has more behind its port than belongs there; {_FORMS}")
+        raise InputError(
+            f"{shown_port(port)!r} has more behind its port than belongs there; {_FORMS}"
+        )

@@ -32,6 +32,7 @@ from app.drive.messages import (
 from app.processes.errors import ProcessRefused, ProcessUnavailable
 from app.station.contracts import DriveEvents
 from observer.rig.rig import ROLES, Role
+from observer.robots.opening import shown_port
 
 
 @dataclass
@@ -222,7 +223,7 @@ class FakeDrive:
         if robot is None:
             return None
         return {
-            "port": robot.port,
+            "port": shown_port(robot.port),
             "name": robot.name,
             "world": robot.world,
             "state": "armed" if role in self.armed else "disarmed",

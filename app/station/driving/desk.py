@@ -32,6 +32,7 @@ from app.station.driving.operators import Operators
 from app.station.driving.wheels import WheelLog, WheelSample
 from app.station.errors import Conflict, NotAvailable
 from observer.rig.rig import ROLES, Rig, Role
+from observer.robots.opening import shown_port
 
 log = structlog.get_logger(__name__)
 
@@ -204,7 +205,7 @@ class DrivingDesk:
             },
             "world": self._world,
             "ports": {
-                role: {"port": rig.ports[role], "model": rig.models.get(role)}
+                role: {"port": shown_port(rig.ports[role]), "model": rig.models.get(role)}
                 if role in rig.ports
                 else None
                 for role in ROLES
@@ -309,7 +310,7 @@ class DrivingDesk:
             if late:
                 raise Conflict(f"the {role} was not connected again in time")
             return False
-        if (robot.get("port"), robot.get("world")) != (given.port, given.world):
+        if (robot.get("port"), robot.get("world")) != (shown_port(given.port), given.world):
             # What was told last is of the robot before.
             return False
         if self.is_driven(role):

@@ -16,7 +16,9 @@ RobotModelName = Literal["p3dx-sh", "p3dx", "amigo-sh", "amigo"]
 
 class PortChoice(In):
     port: Annotated[str, Field(strict=True, min_length=1, max_length=200)] = Field(
-        description="As in /dev/ttyUSB0, a path below /dev/serial/by-id, socket://HOST:8101."
+        description="As in /dev/ttyUSB0, a path below /dev/serial/by-id, socket://HOST:8101, "
+        "coppeliasim:HOST:PORT/OBJECT, external:HOST:PORT?key=KEY; as it is shown (without its "
+        "key): the key stays."
     )
     model: RobotModelName | None = Field(None, description="None: as the robot says of itself.")
 

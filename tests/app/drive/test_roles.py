@@ -485,6 +485,19 @@ def test_another_port_lets_the_old_robot_go_at_zero(bench: Any) -> None:
     assert bench.attendants["observer"].closed == [robot, robot]
 
 
+def test_a_key_is_given_to_the_driver_and_told_to_nobody(bench: Any) -> None:
+    key = "0123456789abcdefSECRET"
+    port = f"external:0.0.0.0:7700?key={key}"
+    bench.take(ConnectRobot("observer", port, None, "real"))
+    bench.tick()
+    assert bench.attendants["observer"].ports[-1] == port
+    assert bench.roles.driven["observer"].connection.port == "external:0.0.0.0:7700"
+    # The same place with another key is the same port.
+    with pytest.raises(ProcessRefused, match="is the port of the observer") as told:
+        bench.take(ConnectRobot("obstacle", f"{port}2", None, "real"))
+    assert key not in str(told.value)
+
+
 def test_a_port_that_nobody_can_name_is_told(bench: Any) -> None:
     for port, model in (("x", None), ("socket://host", None), ("/dev/ttyUSB0", "r2d2")):
         with pytest.raises(InputError):

@@ -155,6 +155,56 @@ def test_a_stop_waits_for_nobody_and_outlives_the_process(
     run(serve, scenario)
 
 
+def test_a_key_is_kept_and_never_shown(
+    serve: Any,
+    drive: Any,
+    peer: Any,
+    tmp_path: Path,
+    eventually: Any,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    peer.world = "real"
+    key = "0123456789abcdefSECRET"
+    port, shown = f"external:0.0.0.0:7700?key={key}", "external:0.0.0.0:7700"
+
+    async def scenario(served: Any) -> None:
+        http = served.http
+        answers = [await http.put("/api/robots/observer/port", json={"port": port})]
+        assert answers[0].json()["ports"]["observer"] == {"port": shown, "model": None}
+        await eventually(lambda: drive.robots)
+        assert drive.of(ConnectRobot)[-1].port == port
+        # Changed on the page, which knows no key: it stays.
+        choice = {"port": shown, "model": "p3dx"}
+        answers.append(await http.put("/api/robots/observer/port", json=choice))
+        await eventually(
+            lambda: drive.of(ConnectRobot)[-1] == ConnectRobot("observer", port, "p3dx", "real")
+        )
+        # Nobody gets it by naming another place, and the other role has no key to keep.
+        for role, place in (("observer", "external:0.0.0.0:7701"), ("obstacle", shown)):
+            refused = await http.put(f"/api/robots/{role}/port", json={"port": place})
+            assert refused.status_code == 422
+            answers.append(refused)
+        assert (await http.post("/api/runs", json={"name": "With a key"})).status_code == 201
+        for path in ("robots", "status", "rig", "runs", "sources"):
+            answers.append(await http.get(f"/api/{path}"))
+        assert (await http.get("/api/robots")).json()["robots"]["observer"]["port"] == shown
+        for answer in answers:
+            assert key not in answer.text, answer.url
+        assert all(key not in str(c.rig_yaml) for c in peer.commands if isinstance(c, OpenSource))
+        # The file is the configuration itself: it keeps the key, for this user alone.
+        assert key in (await http.get("/api/rig/file")).text
+
+    run(serve, scenario)
+    file = tmp_path / "rig.yaml"
+    assert read_rig(file.read_text(), "rig.yaml").ports == {"observer": port}
+    assert file.stat().st_mode & 0o777 == 0o600
+    for other in tmp_path.rglob("*"):
+        if other.is_file() and other != file:
+            assert key.encode() not in other.read_bytes(), other
+    told = capfd.readouterr()
+    assert key not in told.out + told.err
+
+
 def test_a_port_is_kept_and_changed_in_a_run(
     serve: Any, drive: Any, peer: Any, tmp_path: Path, eventually: Any
 ) -> None:

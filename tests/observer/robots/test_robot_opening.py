@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from observer.errors import InputError
-from observer.robots.opening import check_port, open_robot
+from observer.robots.opening import check_port, open_robot, shown_port
 from observer.robots.pioneer import Pioneer
 
 
@@ -42,6 +42,39 @@ def test_what_names_none_is_refused_in_a_sentence(port: str) -> None:
     assert "\n" not in str(refused.value)
     with pytest.raises(InputError):
         open_robot(port, None)
+
+
+SECRET = "0123456789abcdefSECRET"
+
+
+@pytest.mark.parametrize(
+    ("port", "shown"),
+    [
+        (f"external:0.0.0.0:7700?key={SECRET}", "external:0.0.0.0:7700"),
+        ("external:127.0.0.1:7700", "external:127.0.0.1:7700"),
+        (f"EXTERNAL:0.0.0.0:7700&KEY={SECRET}", "EXTERNAL:0.0.0.0:7700"),
+        ("socket://10.0.0.7:8101", "socket://10.0.0.7:8101"),
+        ("/dev/serial/by-id/usb-what?key=1", "/dev/serial/by-id/usb-what?key=1"),
+        ("coppeliasim:localhost:23000/Pioneer#0", "coppeliasim:localhost:23000/Pioneer#0"),
+    ],
+)
+def test_a_port_is_shown_without_its_key(port: str, shown: str) -> None:
+    assert shown_port(port) == shown
+
+
+@pytest.mark.parametrize(
+    "port",
+    [
+        f"external:0.0.0.0:7700?kay={SECRET}", f"external:0.0.0.0:7700&key={SECRET}",
+        f"external:7700?key={SECRET}", f"External:0.0.0.0:7700?key={SECRET}",
+        f"socket://host?key={SECRET}", f"external:0.0.0.0:7700?key={SECRET}\n",
+        f"external:0.0.0.0:7700?key={SECRET}!",
+    ],
+)  # fmt: skip
+def test_no_refusal_repeats_a_key(port: str) -> None:
+    with pytest.raises(InputError) as refused:
+        check_port(port)
+    assert SECRET not in str(refused.value)
 
 
 def test_an_unknown_model_is_refused_before_a_port_is_opened() -> None:
