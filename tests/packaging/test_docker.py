@@ -13,13 +13,17 @@ from typing import Any
 import pytest
 import yaml
 
+from app.drive import priority
 from app.settings import ENVIRONMENT_PREFIX, Settings
 
 # https://github.com/compose-spec/compose-spec/blob/main/05-services.md, those of one service.
 SERVICE_KEYS = {
     "build", "cap_drop", "command", "devices", "group_add", "healthcheck", "image", "init",
-    "ports", "read_only", "restart", "security_opt", "stop_grace_period", "tmpfs", "volumes",
+    "ports", "read_only", "restart", "security_opt", "stop_grace_period", "tmpfs", "ulimits",
+    "volumes",
 }  # fmt: skip
+# getrlimit(2): a niceness of -15 is allowed by a limit of 20 + 15.
+_LIMITS = {"rtprio": 1, "nice": 35}
 HEALTHCHECK_KEYS = {"test", "interval", "timeout", "start_period", "retries"}
 
 
@@ -107,12 +111,24 @@ def test_the_compose_file(
 
 def test_the_commented_devices_become_valid_when_taken_in(repository: Path) -> None:
     text = (repository / "docker" / "compose.yaml").read_text()
-    opened = re.sub(r"^    # ((?:devices|group_add):|  - )", r"    \1", text, flags=re.MULTILINE)
+    commented = r"^    # ((?:devices|group_add|ulimits):|  - |  (?:rtprio|nice): )"
+    opened = re.sub(commented, r"    \1", text, flags=re.MULTILINE)
     service = yaml.safe_load(opened)["services"]["observer"]
     assert set(service) <= SERVICE_KEYS
     assert any(device.startswith("/dev/video") for device in service["devices"])
-    assert any(device.startswith("/dev/ttyUSB") for device in service["devices"])
+    # Robots by names that stay, at places where the doctor and the page look for them.
+    robots = [each.partition(":") for each in service["devices"] if "serial" in each]
+    assert all(host.startswith("/dev/serial/by-id/") for host, _, _ in robots)
+    assert [inside for _, _, inside in robots] == ["/dev/ttyUSB0", "/dev/ttyUSB1"]
     assert service["group_add"] == ["video", "dialout"]
+    assert service["ulimits"] == _LIMITS
+
+
+def test_the_drive_loops_priority_is_what_the_limits_allow(repository: Path) -> None:
+    assert _LIMITS == {"rtprio": priority.REALTIME, "nice": 20 - priority.NICENESS}
+    readme = (repository / "docker" / "README.md").read_text()
+    for name, value in _LIMITS.items():
+        assert f"--ulimit {name}={value}" in readme
 
 
 def test_health_is_asked_the_same_way_in_both(

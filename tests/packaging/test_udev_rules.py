@@ -9,8 +9,8 @@ import pytest
 
 # man udev, section "Rules files".
 _PART = re.compile(r'(?P<key>[A-Z]+)(\{[A-Za-z_]+\})?(?P<operator>==|!=|\+=|=)"[^"]*"')
-_MATCHES = {"SUBSYSTEM", "SUBSYSTEMS", "ATTR", "ENV"}
-_ASSIGNMENTS = {"GROUP", "MODE", "SYMLINK"}
+_MATCHES = {"SUBSYSTEM", "SUBSYSTEMS", "KERNELS", "ATTR", "ATTRS", "ENV"}
+_ASSIGNMENTS = {"GROUP", "MODE", "SYMLINK", "IMPORT"}
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def rules(repository: Path) -> list[str]:
 
 
 def test_every_rule_matches_and_assigns_with_keys_that_udev_has(rules: list[str]) -> None:
-    assert len(rules) == 4
+    assert len(rules) == 7
     for rule in rules:
         parts = [_PART.fullmatch(part.strip()) for part in rule.split(",")]
         assert None not in parts, rule
@@ -36,3 +36,18 @@ def test_devices_are_given_to_the_groups_that_the_doctor_names(rules: list[str])
         re.findall(r'^SUBSYSTEM=="(\w+)".*GROUP="(\w+)", MODE="0660"$', "\n".join(rules), re.M)
     )
     assert given == {"video4linux": "video", "tty": "dialout"}
+
+
+def test_names_by_path_come_after_the_path_is_known(rules: list[str]) -> None:
+    # Our file is read before 60-persistent-v4l.rules, and within one rule matches come first.
+    known = rules.index('SUBSYSTEM=="video4linux", IMPORT{builtin}="path_id"')
+    by_path = [place for place, rule in enumerate(rules) if "ENV{ID_PATH}==" in rule]
+    assert len(by_path) == 2
+    assert known < min(by_path)
+
+
+def test_robots_ports_can_be_named_one_by_one(rules: list[str]) -> None:
+    named = [rule for rule in rules if 'SYMLINK+="robot-' in rule]
+    assert {rule.rpartition('"robot-')[2].rstrip('"') for rule in named} == {"observer", "obstacle"}
+    # Of the same device upwards: the adapter, not any USB device above it by another key.
+    assert all('SUBSYSTEM=="tty", SUBSYSTEMS=="usb"' in rule for rule in named)
