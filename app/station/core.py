@@ -37,9 +37,10 @@ from app.station.asking import ask
 from app.station.binding import calibration_of_cameras
 from app.station.calibration_desk import CalibrationDesk
 from app.station.contracts import Drive, Engine
-from app.station.current_run import CurrentRun
+from app.station.current_run import CurrentRun, versions
 from app.station.drive_survey import DriveSurvey
 from app.station.driving import AbsentDrive, DrivingDesk
+from app.station.driving.circumstances import Circumstances
 from app.station.driving.shelf import ProgrammeShelf
 from app.station.errors import Conflict, FieldError, NotAvailable
 from app.station.followers import Followers
@@ -83,6 +84,7 @@ class StationCore:
         source: str,
         rig_file: Path | None = None,
         programme_folder: Path | None = None,
+        check_folder: Path | None = None,
         drive: Drive | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -103,6 +105,8 @@ class StationCore:
             guard=lambda: self.parameters.group("guard"),
             changed=self.followers.robots_changed,
             run=lambda: self._run,
+            circumstances=self._circumstances,
+            check_folder=check_folder,
             clock=clock,
         )
         self.programmes = ProgrammeShelf(programme_folder)
@@ -257,6 +261,16 @@ class StationCore:
     def wanted(self) -> Opening:
         """What is open, or was meant to be."""
         return self._wanted
+
+    def _circumstances(self) -> Circumstances:
+        calibration = self._wanted.calibration
+        return Circumstances.of(
+            software=versions(),
+            source=shown_spec(self._wanted.source),
+            calibration=None if calibration is None else calibration.id,
+            rig=self.rig.rig,
+            guard=self.parameters.group("guard"),
+        )
 
     async def _use(self, opening: Opening) -> None:
         await self._open(opening)

@@ -15,7 +15,7 @@ from app.settings import Settings
 from app.station import Engine, Station
 from app.station.contracts import Drive
 from app.station.current_run import app_version
-from app.station.driving.shelf import FOLDER_NAME
+from app.station.driving import check_records, shelf
 from app.station.rig_desk import FILE_NAME
 from app.storage import Storage
 from app.viewer import Viewer, start_viewer
@@ -25,6 +25,7 @@ from app.web.api import (
     calibrating,
     calibrations,
     devices,
+    guard_checks,
     parameters,
     pixels,
     programmes,
@@ -106,7 +107,8 @@ def create_app(
         storage or Storage(settings.database_location),
         source=settings.source,
         rig_file=settings.data / FILE_NAME,
-        programme_folder=settings.data / FOLDER_NAME,
+        programme_folder=settings.data / shelf.FOLDER_NAME,
+        check_folder=settings.data / check_records.FOLDER_NAME,
         drive=drive,
     )
     folder = static_folder()
@@ -187,6 +189,7 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
         boards,
         rig,
         robots,
+        guard_checks,
         programmes,
         views,
         pixels,

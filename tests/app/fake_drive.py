@@ -24,6 +24,7 @@ from app.drive.messages import (
     ReleaseLease,
     ResetStop,
     StartProgramme,
+    StoppedEvent,
     StopProgramme,
     StopRobots,
     TakeLease,
@@ -243,6 +244,22 @@ class FakeDrive:
     def happen(self, role: Role | None, sentence: str, kind: Any = "fault") -> None:
         """Something stopped a robot."""
         self.publish(IncidentEvent(role, kind, sentence, time.monotonic(), 0.25))
+
+    def come_to_rest(self, role: Role, kind: Any, sentence: str, **more: Any) -> None:
+        """A robot at 0.25 m/s was stopped and stands: by its incident, then as it was measured."""
+        now = time.monotonic()
+        self.publish(IncidentEvent(role, kind, sentence, now - 0.7, 0.25))
+        values = {
+            "cause_time": now - 0.9,
+            "zero_time": now - 0.7,
+            "stood_time": now - 0.4,
+            "speed_mps": 0.25,
+            "before_mps": 0.25,
+            "distance_m": 0.09,
+            "separation_m": None,
+            **more,
+        }
+        self.publish(StoppedEvent(role, kind, sentence, now - 0.7, **values))
 
     def of(self, *kinds: type) -> list[Any]:
         """The commands of some kinds, in order."""

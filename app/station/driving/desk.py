@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any, Protocol
 
 import structlog
@@ -18,6 +19,7 @@ from app.drive.messages import (
     IncidentEvent,
     ResetStop,
     StartProgramme,
+    StoppedEvent,
     StopProgramme,
     StopRobots,
     WheelSpeedEvent,
@@ -26,6 +28,8 @@ from app.messages import ObservationEvent, StateEvent
 from app.processes.errors import ProcessUnavailable
 from app.station.asking import ask_drive
 from app.station.contracts import Drive, DriveEvents
+from app.station.driving.check_desk import CheckDesk
+from app.station.driving.circumstances import Circumstances
 from app.station.driving.connecting import Connecting
 from app.station.driving.incidents import Incident, Incidents
 from app.station.driving.operators import Operators
@@ -58,6 +62,7 @@ class DrivingDesk:
 
     Attributes:
         operators: who drives. wheels: speeds sent and measured. incidents: the newest ones.
+        checks: of what stops them.
         newest: observation of the open source, by which speeds get their time.
     """
 
@@ -69,12 +74,15 @@ class DrivingDesk:
         guard: Callable[[], dict[str, Any]],
         changed: Callable[[], None],
         run: Callable[[], RunKeeper | None],
+        circumstances: Callable[[], Circumstances],
+        check_folder: Path | None,
         clock: Callable[[], float],
     ) -> None:
         """
         Args:
             rig: the one in force. guard: its parameters, by dotted name.
             changed: called when ``facts`` are others. run: the one that is kept.
+            circumstances: with what a check is made. check_folder: of its records, if any.
             clock: the host's monotonic clock.
         """
         self._drive = drive
@@ -92,6 +100,9 @@ class DrivingDesk:
         self.operators = Operators(self.ask, self._soon)
         self.wheels = WheelLog()
         self.incidents = Incidents(clock)
+        self.checks = CheckDesk(
+            check_folder, circumstances, changed=changed, soon=self._soon, clock=clock
+        )
         self.newest: ObservationEvent | None = None
 
     # --- life ------------------------------------------------------------------------------
@@ -109,6 +120,7 @@ class DrivingDesk:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await self._drive.stop()
         self._unsubscribe()
+        await self.checks.close()
 
     async def _start(self) -> None:
         try:
@@ -154,6 +166,7 @@ class DrivingDesk:
             case DriveEvent():
                 self._facts = {**_nothing_known(), **finite(event.facts)}
                 self.operators.drive_said(self._facts["robots"])
+                self.checks.drive_said(self._facts["robots"])
                 self._connecting.stopped = self._facts["stopped"]
                 self._changed()
             case WheelSpeedEvent():
@@ -164,6 +177,10 @@ class DrivingDesk:
                 incident, run = self.incidents.take(event), self._run()
                 if run is not None:
                     run.happened(incident)
+                self._changed()
+            case StoppedEvent():
+                self.incidents.stopped(event)
+                self.checks.stopped(event)
                 self._changed()
             case DriveStartedEvent():
                 self._started(event.generation)
@@ -212,6 +229,7 @@ class DrivingDesk:
             },
             "trouble": {role: self._connecting.trouble.get(role) for role in ROLES},
             "incidents": [incident.facts() for incident in self.incidents.newest],
+            "check": self.checks.facts(),
         }
 
     @property

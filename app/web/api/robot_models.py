@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, StrictBool, StrictInt
 
-from app.web.api.values import Identifier, In
+from app.web.api.values import Identifier, In, Name
 from observer.programmes.playing import MAX_REPEAT
 from observer.programmes.programme_file import MAX_BYTES
 
@@ -40,6 +40,17 @@ class ProgrammeStart(In):
 
 class ProgrammeText(In):
     text: Annotated[str, Field(strict=True, min_length=1, max_length=MAX_BYTES)]
+
+
+class By(In):
+    """Who asks, as others shall read it; the address is added."""
+
+    name: Name | None = None
+
+
+class CheckStart(By):
+    role: RoleName = "observer"
+    note: Annotated[str, Field(strict=True, max_length=500)] | None = None
 
 
 # --- answers --------------------------------------------------------------------------------
@@ -86,12 +97,74 @@ class RobotPortNow(BaseModel):
     model: str | None
 
 
+class StopFiguresNow(BaseModel):
+    """A stop of a robot that moved, from its cause (the last good frame, the operator's last
+    sign, the guard's verdict, the packet of a fault, the request) until it stood."""
+
+    zero_ms: float | None = Field(description="Until zero went out on its port.")
+    stood_ms: float | None = Field(description="Until its encoders told that it stands.")
+    distance_m: float | None = Field(description="Driven meanwhile, by odometry.")
+    speed_mps: float | None = Field(description="At the cause, by its encoders.")
+    separation_m: float | None = Field(
+        description="Left to what is seen ahead, behind a stop of the guard."
+    )
+
+
 class IncidentNow(BaseModel):
     at: str = Field(description="Wall clock, UTC.")
     role: str | None = Field(description="None: all robots.")
     kind: str
     sentence: str
     speed_mps: float | None
+    stops: dict[RoleName, StopFiguresNow] = Field(
+        description="Of each robot that moved, once it stands."
+    )
+
+
+class CheckStep(BaseModel):
+    name: str
+    title: str
+    instruction: str
+    state: Literal["waiting", "driving", "passed", "failed", "skipped"]
+    kind: str | None = Field(description="Of the stop that was taken.")
+    sentence: str | None
+    at: str | None = Field(description="Wall clock of its cause, UTC.")
+    operator: str | None = Field(description="Who drove.")
+    figures: StopFiguresNow | None
+    verdict: str | None = Field(description="How that compares with what is promised.")
+    told: str | None = Field(description="The newest stop that was not taken, and why.")
+    skipped_by: str | None
+
+
+class CheckNow(BaseModel):
+    """A guided check that goes on, or the one that ended last."""
+
+    role: RoleName
+    note: str | None
+    started_at: str
+    started_by: str
+    ended_at: str | None
+    outcome: Literal["passed", "failed", "incomplete", "given_up"] | None
+    given_up_by: str | None
+    present: int | None = Field(description="Which step it is at, from 0; None at its end.")
+    promised_ms: float
+    steps: list[CheckStep]
+    record: str | None = Field(description="The name under which it is kept.")
+    trouble: str | None = Field(description="Why it could not be kept.")
+
+
+class ChecksNow(BaseModel):
+    check: CheckNow | None
+    advice: str | None = Field(description="Why to check (again), one sentence.")
+
+
+class CheckEntry(BaseModel):
+    name: str
+    role: RoleName
+    started_at: str
+    outcome: Literal["passed", "failed", "incomplete", "given_up"]
+    note: str | None
+    states: dict[str, str] = Field(description="By step.")
 
 
 class RobotsNow(BaseModel):
@@ -107,6 +180,7 @@ class RobotsNow(BaseModel):
     ports: dict[RoleName, RobotPortNow | None] = Field(description="Of real robots.")
     trouble: dict[RoleName, str | None] = Field(description="Why a robot could not be connected.")
     incidents: list[IncidentNow] = Field(description="The last 20, oldest first.")
+    check: CheckNow | None = Field(description="The guided check of the guard, if any.")
 
 
 class ProgrammeEntry(BaseModel):

@@ -331,7 +331,8 @@ def test_a_run_begins_and_ends_with_its_programme(
         (incident,) = (await http.get(path)).json()
         assert incident["sentence"] == "the observer's left wheel stalled"
         assert (incident["kind"], incident["speed_mps"]) == ("fault", 0.25)
-        assert (await http.get("/api/robots")).json()["incidents"] == [incident]
+        shown = (await http.get("/api/robots")).json()["incidents"]
+        assert shown == [{**incident, "stops": {}}]
         assert (await http.get("/api/runs/none/incidents")).status_code == 404
 
     run(serve, scenario)

@@ -1,0 +1,62 @@
+"""With what a check was made, and what of it is another by now."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from observer.rig.rig import Rig
+from observer.rig.rig_file import rig_text
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """What the guard goes by.
+
+    Attributes:
+        software: versions by name. source: as it is shown.
+        calibration: its id; None: the source's own. rig: its id, see ``rig_id``.
+        rig_yaml: the rig as its file holds it. guard: its parameters by dotted name.
+    """
+
+    software: Mapping[str, str]
+    source: str
+    calibration: str | None
+    rig: str
+    rig_yaml: str
+    guard: Mapping[str, Any]
+
+    @staticmethod
+    def of(
+        *,
+        software: Mapping[str, str],
+        source: str,
+        calibration: str | None,
+        rig: Rig,
+        guard: Mapping[str, Any],
+    ) -> Circumstances:
+        """Those with a rig."""
+        return Circumstances(software, source, calibration, rig_id(rig), rig_text(rig), dict(guard))
+
+    def facts(self) -> dict[str, Any]:
+        """As plain values, for JSON."""
+        return asdict(self)
+
+    def differences(self, before: Mapping[str, Any]) -> list[str]:
+        """What is another than in a record, in words; what a record does not have is another."""
+        words = []
+        if before.get("rig") != self.rig:
+            words.append("the rig")
+        own = self.calibration is None and before.get("source") != self.source
+        if before.get("calibration", "") != self.calibration or own:
+            words.append("the calibration")
+        if before.get("guard") != dict(self.guard):
+            words.append("the guard's parameters")
+        return words
+
+
+def rig_id(rig: Rig) -> str:
+    """The same for rigs that differ only in how the robots are reached: SHA-256, 12 digits."""
+    return hashlib.sha256(rig_text(replace(rig, ports={})).encode()).hexdigest()[:12]
