@@ -75,7 +75,8 @@ ServedFactory = Callable[..., AbstractAsyncContextManager[Served]]
 
 @asynccontextmanager
 async def serving(app: Any, settings: Settings) -> AsyncIterator[Served]:
-    with socket.socket() as listener:
+    # As run_server makes it: only with its protocol named does asyncio switch delays off.
+    with socket.socket(proto=socket.IPPROTO_TCP) as listener:
         listener.bind(("127.0.0.1", 0))
         listener.listen()
         port = listener.getsockname()[1]
