@@ -10,6 +10,7 @@ from app.doctor.cameras import examine_cameras
 from app.doctor.data_folder import examine_data
 from app.doctor.finding import Finding
 from app.doctor.machine import Machine
+from app.doctor.robots import examine_robots
 from app.doctor.serial_ports import SerialPort, examine_serial_ports
 from app.doctor.software import examine_software, program_version
 from app.settings import Settings
@@ -51,7 +52,8 @@ def examine(settings: Settings | str, machine: Machine) -> Examination:
     """
     cameras, devices = examine_cameras(machine)
     serial, ports = examine_serial_ports(machine)
-    findings = [*examine_software(), *cameras, *serial]
+    robots = examine_robots(settings, machine)
+    findings = [*examine_software(), *cameras, *serial, *robots]
     if isinstance(settings, str):
         findings.append(Finding("Settings", "problem", settings))
     else:

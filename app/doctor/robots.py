@@ -1,0 +1,101 @@
+"""Whether robots can be driven: the drive loop's priority, and the ports that the rig names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from app.doctor.finding import Finding
+from app.doctor.machine import Machine
+from app.drive.priority import permitted_priority
+from app.settings import Settings
+from app.station.rig_desk import FILE_NAME
+from observer.errors import InputError
+from observer.rig.rig import ROLES, Rig, Role
+from observer.rig.rig_file import read_rig
+from observer.robots.opening import shown_port
+from observer.sources.cameras.device_files import permission_advice
+
+_SECTION = "Robots"
+_ALLOW_IT = (
+    "allow it with the line '$USER - rtprio 1' in a file below /etc/security/limits.d and sign in "
+    "again (LimitRTPRIO=1 in a service of systemd, --ulimit rtprio=1 for a container)"
+)
+
+
+def examine_robots(settings: Settings | str, machine: Machine) -> Iterator[Finding]:
+    """Nothing is connected, opened or changed.
+
+    Args:
+        settings: a sentence where there are none; then it is not known which rig there is.
+    """
+    rig = Rig()
+    if not isinstance(settings, str):
+        found = _rig(settings.data.expanduser().absolute() / FILE_NAME)
+        if isinstance(found, Finding):
+            yield found
+        else:
+            rig = found
+    # Who drives nothing has nothing to mend.
+    yield _priority(machine, driven=bool(rig.ports))
+    for role in ROLES:
+        if role in rig.ports:
+            yield _port(role, rig.ports[role], machine)
+
+
+def _rig(file: Path) -> Rig | Finding:
+    try:
+        return read_rig(file.read_text(encoding="utf-8"), FILE_NAME)
+    except FileNotFoundError:
+        return Rig()
+    except (InputError, UnicodeDecodeError) as error:
+        return Finding(_SECTION, "warning", f"the rig is unknown: {error}")
+    except OSError as error:
+        # A data folder that cannot be used is told under its own heading.
+        return Finding(
+            _SECTION, "warning", f"the rig is unknown: {file} cannot be read ({error.strerror})"
+        )
+
+
+def _priority(machine: Machine, *, driven: bool) -> Finding:
+    permitted = permitted_priority(machine.root)
+    if permitted == "realtime":
+        return Finding(_SECTION, "ok", "the drive loop may take real-time priority")
+    if permitted is None:
+        return Finding(
+            _SECTION,
+            "ok",
+            "whether the drive loop may take real-time priority is not known on this system; "
+            "GET /api/robots tells which one it took",
+        )
+    instead = (
+        "it goes before ordinary programs only"
+        if permitted == "raised"
+        else "it is late where the machine is busy"
+    )
+    return Finding(
+        _SECTION,
+        "warning" if driven else "ok",
+        f"the drive loop may not take real-time priority, so {instead}; {_ALLOW_IT}",
+    )
+
+
+def _port(role: Role, port: str, machine: Machine) -> Finding:
+    shown = shown_port(port)
+    if not port.startswith(("/", ".")):
+        return Finding(_SECTION, "ok", f"the {role} is reached at {shown} (not asked here)")
+    file = machine.root / port.removeprefix("/") if port.startswith("/") else Path(port)
+    if not file.exists():
+        return Finding(
+            _SECTION,
+            "warning",
+            f"the {role}'s port {shown} does not exist; plug its adapter in, or choose another "
+            f"port under Robots",
+        )
+    if machine.access.may_use(file):
+        return Finding(_SECTION, "ok", f"the {role}'s port {shown} is there")
+    try:
+        why = permission_advice(file.resolve(), machine.root, machine.user)
+    except (OSError, ValueError):
+        why = f"{shown} may not be used by you"
+    return Finding(_SECTION, "warning", f"the {role}'s port: {why}")
