@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,17 +16,21 @@ import pytest
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
-@pytest.fixture
-def wheel(clone: Path, tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def wheel(clone_into: Callable[[Path], None], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built once, of the files as they are now."""
+    folder = tmp_path_factory.mktemp("wheel")
+    clone = folder / "fresh clone"
+    clone_into(clone)
     done = subprocess.run(
-        [sys.executable, "-m", "build", "--wheel", "--outdir", str(tmp_path / "dist"), str(clone)],
+        [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder / "dist"), str(clone)],
         capture_output=True,
         text=True,
         timeout=300,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    (made,) = (tmp_path / "dist").glob("*.whl")
+    (made,) = (folder / "dist").glob("*.whl")
     return made
 
 
@@ -58,8 +63,12 @@ def test_it_serves_from_an_empty_environment(
 ) -> None:
     environment = tmp_path / "empty"
     python = environment / "bin" / "python"
-    pip = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
-    subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True, timeout=120)
+    subprocess.run(
+        [sys.executable, "-m", "venv", "--without-pip", str(environment)], check=True, timeout=120
+    )
+    # The pip of here, and without compiling what is never imported: both only take time.
+    pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "-q", "--no-compile"]
+    pip.append("--disable-pip-version-check")
     constraints = ["-c", str(repository / "constraints.txt")]
     subprocess.run([*pip, *constraints, str(wheel)], check=True, timeout=400)
 
@@ -99,7 +108,7 @@ def wait_for_token(server: subprocess.Popen[bytes], log: Path) -> str:
 def get(port: int, path: str, token: str) -> tuple[int, str]:
     deadline = time.monotonic() + 30
     while True:
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
         try:
             connection.request("GET", path, headers={"Authorization": f"Bearer {token}"})
             answer = connection.getresponse()
