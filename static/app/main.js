@@ -3,6 +3,7 @@
 import "./calibrating/wizard.js";
 import "./calibration-health.js";
 import "./calibration-panel.js";
+import "./driving/guard-check.js";
 import "./driving/programmes.js";
 import "./driving/robots-panel.js";
 import "./driving/stop-bar.js";

@@ -38,7 +38,7 @@ BLIND = replace(STOP, kind="sight", sentence="vision is none", separation_m=None
 GONE = replace(STOP, kind="lease", sentence="its operator gave the lease back", separation_m=None)
 ROBOT = {
     "name": "amigo",
-    "port": "/dev/ttyUSB0",
+    "port": "external:127.0.0.1:7700",
     "operator": "Anna",
     "report": {"model": "amigo-sh", "watchdog_s": 2.0, "speed_mps": 0.0, "name": "x"},
 }
@@ -49,7 +49,10 @@ def circumstances(**changes: Any) -> Circumstances:
         "software": {"dynamic-observer": "0.5"},
         "source": "camera:0,1",
         "calibration": "abc",
-        "rig": Rig(mount=RigMount(height_m=RigValue(0.4))),
+        "rig": Rig(
+            mount=RigMount(height_m=RigValue(0.4)),
+            ports={"observer": "external:127.0.0.1:7700?key=abcdefgh12345678"},
+        ),
         "guard": {"guard.margin_m": 0.08, "guard.reaction_s": 0.3},
         **changes,
     }
@@ -155,9 +158,9 @@ def test_a_record_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
     names = [records.save(ended()) for _ in range(11)]
     assert names[:2] == ["2026-11-22T0209-observer", "2026-11-22T0209-observer-2"]
     record = json.loads(records.text(names[0], "json"))
-    assert record["robot"] == {
-        "name": "amigo", "model": "amigo-sh", "port": "/dev/ttyUSB0", "watchdog_s": 2.0,
-    }  # fmt: skip
+    assert record["robot"] == {"name": "amigo", "model": "amigo-sh", "watchdog_s": 2.0}
+    # A port may hold a key.
+    assert "127.0.0.1" not in records.text(names[0], "json")
     assert (record["outcome"], record["operators"], record["note"]) == (
         "passed", ["Anna"], "new robot",
     )  # fmt: skip

@@ -17,8 +17,10 @@ class Circumstances:
 
     Attributes:
         software: versions by name. source: as it is shown.
-        calibration: its id; None: the source's own. rig: its id, see ``rig_id``.
-        rig_yaml: the rig as its file holds it. guard: its parameters by dotted name.
+        calibration: its id; None: the source's own. rig: its id, the same for rigs that
+            differ only in how the robots are reached.
+        rig_yaml: the rig as its file holds it, without ports: they may hold keys.
+        guard: its parameters by dotted name.
     """
 
     software: Mapping[str, str]
@@ -38,7 +40,8 @@ class Circumstances:
         guard: Mapping[str, Any],
     ) -> Circumstances:
         """Those with a rig."""
-        return Circumstances(software, source, calibration, rig_id(rig), rig_text(rig), dict(guard))
+        text = _text_of(rig)
+        return Circumstances(software, source, calibration, _id_of(text), text, dict(guard))
 
     def facts(self) -> dict[str, Any]:
         """As plain values, for JSON."""
@@ -57,6 +60,9 @@ class Circumstances:
         return words
 
 
-def rig_id(rig: Rig) -> str:
-    """The same for rigs that differ only in how the robots are reached: SHA-256, 12 digits."""
-    return hashlib.sha256(rig_text(replace(rig, ports={})).encode()).hexdigest()[:12]
+def _text_of(rig: Rig) -> str:
+    return rig_text(replace(rig, ports={}))
+
+
+def _id_of(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -80,7 +80,6 @@ class GuardCheck:
             self._robot = {
                 "name": robot.get("name") or report.get("name"),
                 "model": report.get("model"),
-                "port": robot.get("port"),
                 "watchdog_s": report.get("watchdog_s"),
             }
             self._operator = robot.get("operator") or self._operator

@@ -105,11 +105,22 @@ export function figuresOf({ report, sent }) {
 }
 
 /** @param {import("./types.js").Incident} incident */
-export function incidentInWords({ at, role, sentence: words, speed_mps }) {
+export function incidentInWords({ at, role, sentence: words, speed_mps, stops }) {
   const date = new Date(at);
   const time = Number.isNaN(date.getTime()) ? at : date.toLocaleTimeString();
   const speed = speed_mps === null ? "" : ` (at ${fixed(speed_mps, 2)} m/s)`;
-  return `${time} ${role ? ROLE_WORDS[role] : "All"}${speed}: ${sentence(words)}`;
+  const ends = Object.values(stops ?? {}).map((stop) => `; ${stopInWords(stop)}`);
+  return `${time} ${role ? ROLE_WORDS[role] : "All"}${speed}: ${sentence(words)}${ends.join("")}`;
+}
+
+/** @param {import("./types.js").StopFigures} figures @returns {string} as in "zero after 220 ms, stood after 610 ms and 0.12 m" */
+export function stopInWords({ zero_ms, stood_ms, distance_m, separation_m }) {
+  const way = distance_m === null ? "" : ` and ${fixed(distance_m, 2)} m`;
+  return [
+    zero_ms === null ? "zero never went out" : `zero after ${fixed(zero_ms, 0)} ms`,
+    stood_ms === null ? "not seen to stand" : `stood after ${fixed(stood_ms, 0)} ms${way}`,
+    separation_m === null ? null : `${fixed(separation_m, 2)} m left`,
+  ].filter(Boolean).join(", ");
 }
 
 /** @param {number} radians */

@@ -83,6 +83,7 @@
  * @property {string | null} [world] of the open source; null: it is only replayed
  * @property {Record<Role, string | null>} [trouble] why a role's robot could not be connected
  * @property {Incident[]} [incidents] oldest first
+ * @property {Check | null} [check]
  * @property {Record<Role, {port: string, model: string | null} | null>} [ports] as kept
  *
  * @typedef {object} Incident something stopped a robot
@@ -91,6 +92,43 @@
  * @property {string} sentence
  * @property {number | null} speed_mps at that moment
  * @property {string} at ISO 8601
+ * @property {Partial<Record<Role, StopFigures>>} [stops] of each robot that moved, once it stands
+ *
+ * @typedef {object} StopFigures a stop from its cause on; null: not known
+ * @property {number | null} zero_ms until zero went out
+ * @property {number | null} stood_ms until it stood
+ * @property {number | null} distance_m driven meanwhile
+ * @property {number | null} speed_mps at the cause
+ * @property {number | null} separation_m left to what is seen ahead
+ *
+ * @typedef {object} CheckStep
+ * @property {string} name
+ * @property {string} title
+ * @property {string} instruction
+ * @property {"waiting" | "driving" | "passed" | "failed" | "skipped"} state
+ * @property {string | null} sentence why the robot was stopped
+ * @property {StopFigures | null} figures
+ * @property {string | null} verdict how that compares with what is promised
+ * @property {string | null} told of a stop that was not taken
+ * @property {string | null} skipped_by
+ *
+ * @typedef {object} Check the guided check that goes on or ended last
+ * @property {Role} role
+ * @property {string} started_at
+ * @property {string | null} ended_at
+ * @property {"passed" | "failed" | "incomplete" | "given_up" | null} outcome
+ * @property {number | null} present which step it is at
+ * @property {CheckStep[]} steps
+ * @property {string | null} record the name under which it is kept
+ * @property {string | null} trouble why it could not be
+ *
+ * @typedef {object} CheckEntry one of GET /api/robots/checks
+ * @property {string} name
+ * @property {Role} role
+ * @property {string} started_at
+ * @property {"passed" | "failed" | "incomplete" | "given_up"} outcome
+ * @property {string | null} note
+ * @property {Record<string, string>} states by step
  *
  * @typedef {object} ProgrammeEntry one of GET /api/programmes
  * @property {string} name

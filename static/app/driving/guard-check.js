@@ -1,0 +1,189 @@
+/** The guided check: what to do at each step, what was measured, and the records of earlier ones. */
+
+import { request } from "../api.js";
+import { field, h, icon, setAttribute, setText } from "../dom.js";
+import { KeptList, passFocus } from "../focus-place.js";
+import { confirmed, notifyError } from "../notice.js";
+import { Part } from "../part.js";
+import { fixed, sentence, when } from "../words.js";
+import { ROLE_WORDS, stopInWords } from "./robot-words.js";
+
+/** @typedef {import("./types.js").Check} Check */
+/** @typedef {import("./types.js").CheckStep} CheckStep */
+/** @typedef {import("./types.js").CheckEntry} CheckEntry */
+
+/** @type {Record<string, string>} */
+const STATES = {
+  waiting: "To do",
+  driving: "Driving",
+  passed: "Passed",
+  failed: "Failed",
+  skipped: "Skipped",
+  incomplete: "Steps skipped",
+  given_up: "Given up",
+};
+
+class GuardCheck extends Part {
+  #whole = h("details", {}, h("summary", {}, "Check the guard"));
+  #advice = h("p", { class: "check-advice" });
+  #note = h("input", { type: "text", id: "check-note", maxlength: "500", autocomplete: "off" });
+  #start = h("button", { type: "submit", class: "button primary" }, "Start check");
+  #form = h("form", { class: "stack" }, field("Note for the record", this.#note), h("div", { class: "row" }, this.#start));
+  #title = h("p", { class: "figure" });
+  #instruction = h("p", { class: "check-instruction", role: "status" });
+  #told = h("p", { class: "check-told", role: "status" });
+  #skip = h("button", { type: "button", class: "button" }, "Skip step");
+  #giveUp = h("button", { type: "button", class: "button" }, "Give up");
+  #now = h("div", { class: "check-now", hidden: true }, this.#title, this.#instruction, this.#told,
+    h("div", { class: "row" }, this.#skip, this.#giveUp));
+  #outcome = h("p", { role: "status" });
+  #trouble = h("p", { class: "robot-trouble", role: "alert", hidden: true });
+  #keep = h("button", { type: "button", class: "button", hidden: true }, "Keep the record");
+  #stepList = h("ul", { class: "item-list check-steps", "aria-label": "Steps of the check" });
+  #steps = new KeptList(this.#stepList, (/** @type {CheckStep} */ step) => stepItem(step));
+  #recordList = h("ul", { class: "item-list check-records", "aria-label": "Records of checks" });
+  #records = new KeptList(this.#recordList, (/** @type {CheckEntry} */ entry) => recordItem(entry));
+  #none = h("p", { class: "empty" }, "No check is kept yet.");
+  #busy = false;
+  /** Role and record of what was loaded; another means to load again. */
+  #loaded = "";
+
+  build() {
+    this.#whole.append(
+      h("p", { class: "hint" }, "You drive by hand and do what each step says: somebody walks in, covers a lens, unplugs a camera, you close the browser. How soon the robot is told zero, how soon it stands and how far it rolled goes into a dated record on the server."),
+      this.#advice, this.#form, this.#now, this.#outcome, this.#trouble, this.#keep, this.#stepList,
+      h("h4", {}, "Earlier checks"), this.#none, this.#recordList);
+    this.append(this.#whole);
+    this.#form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#do(() => this.#begin());
+    });
+    this.#skip.addEventListener("click", () => void this.#do(() => request("POST", "/robots/check/skip", { name: this.#own })));
+    this.#giveUp.addEventListener("click", () => void this.#do(() => this.#leave()));
+    this.#keep.addEventListener("click", () => void this.#do(() => this.#end()));
+    this.#whole.addEventListener("toggle", () => this.#render());
+    this.hear("robots", () => this.#render());
+    this.hear("change", () => this.#render(), this.hub.driver);
+    this.hear("reconnected", () => {
+      this.#loaded = "";
+    });
+    this.#render();
+  }
+
+  /** What others read of who asks; null where nobody gave a name. */
+  get #own() {
+    return this.hub.driver.link.name || null;
+  }
+
+  async #begin() {
+    await request("POST", "/robots/check", { role: this.hub.driver.role, note: this.#note.value.trim() || null, name: this.#own });
+    this.#note.value = "";
+  }
+
+  async #leave() {
+    if (await confirmed("Give the check up?", "What was measured so far is kept, and says so.", "Give up")) await this.#end();
+  }
+
+  async #end() {
+    const name = this.#own;
+    await request("DELETE", `/robots/check${name ? `?name=${encodeURIComponent(name)}` : ""}`);
+  }
+
+  /** @param {() => Promise<unknown>} action */
+  async #do(action) {
+    if (this.#busy) return;
+    this.#busy = true;
+    try {
+      await action();
+    } catch (error) {
+      notifyError(error);
+    } finally {
+      this.#busy = false;
+      this.#loaded = "";
+      this.#render();
+    }
+  }
+
+  async #load() {
+    const { role } = this.hub.driver;
+    try {
+      const [{ advice }, records] = await Promise.all([
+        /** @type {Promise<{advice: string | null}>} */ (request("GET", `/robots/check?role=${role}`)),
+        /** @type {Promise<CheckEntry[]>} */ (request("GET", "/robots/checks")),
+      ]);
+      setText(this.#advice, advice ?? "");
+      this.#records.show(records, ({ name }) => name);
+      this.#none.hidden = records.length > 0;
+    } catch {
+      // The next message of the server asks again.
+      this.#loaded = "";
+    }
+  }
+
+  #render() {
+    if (this.offsetParent === null) return;
+    const { robots, driver } = this.hub;
+    const check = robots?.check ?? null;
+    const going = check !== null && check.ended_at === null;
+    // A page that comes back in the middle of a check shows where it is.
+    if (going && !this.#whole.open && !this.#loaded) this.#whole.open = true;
+    const wanted = `${driver.role} ${check?.record ?? ""}`;
+    if (robots && wanted !== this.#loaded) {
+      this.#loaded = wanted;
+      void this.#load();
+    }
+    const step = going && check.present !== null ? (check.steps[check.present] ?? null) : null;
+    if (step) passFocus(this.#form, this.#skip);
+    this.#form.hidden = going;
+    this.#now.hidden = !step;
+    if (!going) passFocus(this.#now, this.#start);
+    this.#start.disabled = !driver.robot() || (check !== null && !going && !check.record);
+    this.#start.title = driver.robot() ? "" : `There is no ${driver.role}: connect a robot first`;
+    if (step && check) {
+      setText(this.#title, `${ROLE_WORDS[check.role]}, step ${(check.present ?? 0) + 1} of ${check.steps.length}: ${step.title}${step.state === "driving" ? " (driving)" : ""}`);
+      setText(this.#instruction, step.instruction);
+      setText(this.#told, step.told ? sentence(step.told) : "");
+    }
+    const outcome = check?.outcome;
+    setText(this.#outcome, outcome ? `This check: ${(STATES[outcome] ?? outcome).toLowerCase()}.` : "");
+    setText(this.#trouble, sentence(check?.trouble ?? ""));
+    this.#trouble.hidden = !check?.trouble;
+    this.#keep.hidden = !check?.trouble;
+    this.#steps.show(check?.steps ?? [], ({ name }) => name);
+  }
+}
+
+/** @param {string} state */
+function chip(state) {
+  const element = h("span", { class: "state-chip" }, STATES[state] ?? state);
+  // To do is nothing to be warned of.
+  setAttribute(element, "data-state", state === "waiting" ? "none" : state);
+  return element;
+}
+
+/** @param {CheckStep} step */
+function stepItem({ title, state, figures, verdict, sentence: why, skipped_by }) {
+  const words = figures ? `From ${fixed(figures.speed_mps, 2)} m/s: ${stopInWords(figures)}.` : "";
+  return h("li", {},
+    h("div", { class: "item-words" },
+      h("p", {}, h("b", {}, title), " ", chip(state)),
+      words ? h("p", { class: "figure" }, words) : null,
+      verdict ? h("p", { class: "hint" }, sentence(verdict)) : null,
+      why ? h("p", { class: "hint" }, sentence(why)) : null,
+      skipped_by ? h("p", { class: "hint" }, `Skipped by ${skipped_by}`) : null));
+}
+
+/** @param {CheckEntry} entry */
+function recordItem({ name, role, started_at, outcome, note }) {
+  const path = `/api/robots/checks/${encodeURIComponent(name)}`;
+  const at = when(started_at);
+  return h("li", {},
+    h("div", { class: "item-words" },
+      h("p", {}, h("b", {}, at), " ", chip(outcome)),
+      h("p", { class: "hint" }, [ROLE_WORDS[role], note].filter(Boolean).join(" · "))),
+    h("div", { class: "row" },
+      h("a", { class: "button", href: `${path}?format=markdown`, download: `${name}.md`, "aria-label": `Check of ${at} to read` }, icon("download"), "Text"),
+      h("a", { class: "button", href: path, download: `${name}.json`, "aria-label": `Check of ${at} as JSON` }, icon("download"), "JSON")));
+}
+
+customElements.define("observer-guard-check", GuardCheck);
