@@ -21,6 +21,30 @@ _RATE_WINDOW_S = 2.0
 
 
 @dataclass(frozen=True)
+class DriveLateness:
+    """How far behind its deadlines, every 20 ms, the loop that drives robots was.
+
+    Attributes:
+        late_p99_ms, late_max_ms: of its last 1500 ticks (30 s); None before its first.
+        priority: that it runs at: realtime, raised or normal.
+    """
+
+    late_p99_ms: float | None
+    late_max_ms: float | None
+    priority: str
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        if self.late_p99_ms is None or self.late_max_ms is None:
+            return f"not told, priority {self.priority}"
+        return (
+            f"p99 {self.late_p99_ms:.2f} ms, max {self.late_max_ms:.2f} ms, "
+            f"priority {self.priority}"
+        )
+
+
+@dataclass(frozen=True)
 class LoopRates:
     """Frames per second that the engine observed at one playback rate.
 
@@ -29,6 +53,7 @@ class LoopRates:
         alone, with_viewers: unique frames per second without and with the viewers.
         viewers: how many there were. messages: what they received in all, so that idle viewers
             cannot pass for served ones.
+        drive: the drive loop at the end of the time with viewers; None without a drive process.
     """
 
     playback_rate: float
@@ -39,6 +64,7 @@ class LoopRates:
     observation_messages: int
     image_messages: int
     failures: tuple[str, ...]
+    drive: DriveLateness | None
 
     @property
     def ratio(self) -> float:
@@ -125,6 +151,7 @@ def _loop_rates(
     say(f"the loop with {viewer_count} viewers, playing at {playback_rate:g} x")
     with viewers(server, viewer_count) as drained:
         with_viewers = _observed_rate(server, seconds)
+        drive = _drive_lateness(server)
     after = _observed_rate(server, seconds / 2)
     return LoopRates(
         playback_rate,
@@ -135,7 +162,15 @@ def _loop_rates(
         drained.observations,
         drained.images,
         tuple(drained.failures),
+        drive,
     )
+
+
+def _drive_lateness(server: RunningServer) -> DriveLateness | None:
+    loop = server.request("GET", "/api/robots")["loop"]
+    if loop is None:
+        return None
+    return DriveLateness(loop["late_p99_ms"], loop["late_max_ms"], loop["priority"])
 
 
 def _dense_cloud_rates(

@@ -233,12 +233,22 @@ def _markdown(method: Benchmark, served: ServedFigures | None, seeds: list[int] 
                     for r in served.rates
                 ],
             ),
+            f"\n{_drive_line(served)}",
             "\n## The dense cloud beside the loop\n",
             _dense_cloud_table(served.dense_cloud),
             "\n## One visible page\n",
             served.page if isinstance(served.page, str) else _page_table(served.page),
         ]  # fmt: skip
     return "\n".join(parts).rstrip()
+
+
+def _drive_line(served: ServedFigures) -> str:
+    told = "; ".join(
+        f"at {r.playback_rate:g} x "
+        f"{'there was no drive process' if r.drive is None else r.drive.words}"
+        for r in served.rates
+    )
+    return f"The drive loop's lateness with viewers, over its last 30 s: {told}."
 
 
 def _dense_cloud_table(rates: DenseCloudRates) -> str:

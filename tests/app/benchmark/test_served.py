@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import pytest
 
-from app.benchmark.served import _dense_cloud_rates, _loop_rates
+from app.benchmark.served import (
+    DenseCloudRates,
+    DriveLateness,
+    LoopRates,
+    ServedFigures,
+    _dense_cloud_rates,
+    _loop_rates,
+)
 from app.benchmark.server_process import BenchmarkError, running_server
+from app.commands.benchmark import _as_dict, _drive_line
+from observer.evaluation.breakdown import LAB
+from observer.evaluation.results import Benchmark
 
 
 def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served() -> None:
@@ -20,6 +32,37 @@ def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served
     assert rates.failures == ()
     assert min(rates.scene_messages, rates.observation_messages, rates.image_messages) > 0
     assert len(said) == 2
+    drive = rates.drive
+    assert drive is not None
+    assert drive.late_p99_ms is not None
+    assert drive.late_max_ms is not None
+    assert 0 <= drive.late_p99_ms <= drive.late_max_ms
+    assert drive.priority in ("realtime", "raised", "normal")
+    assert asdict(rates)["drive"]["late_max_ms"] == drive.late_max_ms
+
+
+def test_the_drive_loops_lateness_is_one_line_of_the_report() -> None:
+    def rates(playback_rate: float, drive: DriveLateness | None) -> LoopRates:
+        return LoopRates(playback_rate, 30.0, 29.0, 3, 1, 1, 1, (), drive)
+
+    figures = ServedFigures(
+        (
+            rates(1.0, DriveLateness(0.312, 4.5, "realtime")),
+            rates(2.0, DriveLateness(None, None, "normal")),
+            rates(4.0, None),
+        ),
+        DenseCloudRates(4.0, 30.0, 29.0, 2.0, 0.5, 100.0, 1, ()),
+        "no page in this test",
+    )
+    assert _drive_line(figures) == (
+        "The drive loop's lateness with viewers, over its last 30 s: at 1 x p99 0.31 ms, "
+        "max 4.50 ms, priority realtime; at 2 x not told, priority normal; at 4 x there was no "
+        "drive process."
+    )
+    method = Benchmark(LAB, 1, (), ())
+    assert _as_dict(method, figures, None)["served"]["loop"][0]["drive"] == {
+        "late_p99_ms": 0.312, "late_max_ms": 4.5, "priority": "realtime",
+    }  # fmt: skip
 
 
 def test_the_dense_cloud_is_measured_while_it_is_really_made() -> None:
