@@ -396,3 +396,52 @@ def test_a_programme_runs_while_its_operator_is_there(room, seat):
         report("programme without its operator", witness.zero_after(start))
     page.evaluate(_HIDE, False)
     expect(page.locator(".programme-running")).to_be_hidden()
+
+
+def test_a_check_outlasts_the_page_that_is_closed(room, seat, keep_picture):
+    page = seat()
+    page.get_by_text("Check the guard").click()
+    section = page.locator("observer-guard-check")
+    expect(section.locator(".check-advice")).to_contain_text("not checked yet")
+    page.locator("#check-note").fill("a test")
+    page.get_by_role("button", name="Start check").click()
+    expect(section.locator(".check-instruction")).to_contain_text("steps in front")
+    page.get_by_role("button", name="Skip step").click()
+    expect(section.locator(".check-now")).to_contain_text("step 2 of 2: Close the browser")
+    # It is not what the step is about, and is not taken.
+    page.locator("#drive-share").fill("40")
+    page.locator(".drive-pad").focus()
+    page.keyboard.down("w")
+    _until(lambda: _speed(room) > 0.15, 10)
+    page.keyboard.press("Escape")
+    page.keyboard.up("w")
+    expect(section.locator(".check-told")).to_contain_text("(stop, not expired or lease)")
+    keep_picture(page, "guard-check")
+    page.get_by_role("button", name="Reset").click()
+    _until(lambda: _speed(room) < 0.01, 10)
+    _arm(page)
+    page.locator(".drive-pad").focus()
+    page.keyboard.down("s")
+    _until(lambda: _speed(room) > 0.15, 10)
+    page.close()
+    _until(lambda: room.get("/robots/check")["check"]["record"], 10)
+    page = seat(armed=False)
+    page.get_by_text("Check the guard").click()
+    steps = page.locator(".check-steps > li")
+    expect(steps.nth(0)).to_contain_text("Skipped by")
+    expect(steps.nth(1)).to_contain_text("zero after")
+    (step,) = room.get("/robots/check")["check"]["steps"][1:]
+    assert step["state"] in ("passed", "failed")
+    assert step["figures"]["distance_m"] > 0.0
+    report("page closed, as the check measured it", step["figures"]["zero_ms"] / 1000)
+    record = page.locator(".check-records > li").first
+    expect(record).to_contain_text("a test")
+    with page.expect_download() as download:
+        record.get_by_text("Text").click()
+    assert "| Close the browser |" in download.value.path().read_text()
+    keep_picture(page, "guard-check-record")
+
+
+def _speed(server) -> float:
+    robot = server.get("/robots")["robots"]["obstacle"]
+    return abs(robot["report"]["speed_mps"] or 0.0)
