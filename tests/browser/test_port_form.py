@@ -47,3 +47,31 @@ def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(op
     expect(told).to_have_text("The server's machine has no serial port on USB.")
     expect(form.get_by_text(_LOCKED)).to_have_count(0)
     assert form.locator("datalist option").count() == len(suggested) - 2
+
+
+def test_a_key_is_kept_and_seen_no_more(server, open_panel):
+    key = "0123456789abcdefSECRET"
+    shown = "external:127.0.0.1:7799"
+    page = open_panel(viewer=False)
+    page.get_by_role("tab", name="Robots").click()
+    form = page.locator("observer-robot-port")
+    if not form.is_visible():
+        page.get_by_text("Port and model").click()
+    port = form.get_by_label("Port", exact=True)
+    try:
+        port.fill(f"{shown}?key={key}")
+        port.press("Enter")
+        expect(port).to_have_value(shown)
+        assert key not in page.content()
+        # Another model, and the port as it is shown: the key stays.
+        form.get_by_label("Model").select_option("p3dx")
+        with page.expect_response("**/api/robots/observer/port") as answer:
+            form.get_by_role("button", name="Connect").click()
+        assert answer.value.ok
+        assert server.get("/robots")["ports"]["observer"] == {"port": shown, "model": "p3dx"}
+        assert f"{shown}?key={key}" in server.api.get("/api/rig/file").text
+        form.get_by_role("button", name="Forget").click()
+        expect(port).to_have_value("")
+    finally:
+        server.api.delete("/api/robots/observer/port").raise_for_status()
+    assert key not in server.api.get("/api/rig/file").text

@@ -94,8 +94,12 @@ export class PortForm extends Part {
     if (!port) return this.#fail("Give the port of the robot.");
     this.#fail("");
     try {
-      await request("PUT", `/robots/${this.#role}/port`, { port, model: this.#model.value || null });
-      notify(`The ${ROLE_WORDS[this.#role].toLowerCase()} is being connected at ${port}.`);
+      /** @type {import("./types.js").DrivingFacts} */
+      const robots = await request("PUT", `/robots/${this.#role}/port`, { port, model: this.#model.value || null });
+      // As it is shown from now on: a key that was typed is kept, and seen no more.
+      const shown = robots.ports?.[this.#role]?.port ?? "";
+      if (this.#port.value.trim() === port) this.#port.value = shown;
+      notify(`The ${ROLE_WORDS[this.#role].toLowerCase()} is being connected at ${shown}.`);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       this.#fail(error.message);
