@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from app.channel.latest import LatestReader, LatestWriter, create_slot
@@ -36,6 +37,7 @@ from app.drive.messages import (
     ReleaseLease,
     ResetStop,
     SetGuard,
+    StoppedEvent,
     StopRobots,
     TakeLease,
 )
@@ -73,6 +75,8 @@ class Eyes:
         self._ended = threading.Event()
         self.open = True
         self.last = 0.0
+        # How far ahead something stands.
+        self.blocked_m: float | None = None
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
@@ -82,7 +86,7 @@ class Eyes:
             if self.open:
                 frame += 1
                 self.last = time.monotonic()
-                self._writer.write(clear_sight(frame, self.last).facts())
+                self._writer.write(sight_to(self.blocked_m, frame, self.last).facts())
 
     def close(self) -> None:
         self._ended.set()
@@ -90,10 +94,13 @@ class Eyes:
         self._writer.close()
 
 
-def clear_sight(frame: int, now: float) -> Sight:
+def sight_to(blocked_m: float | None, frame: int, now: float) -> Sight:
     bearings = tuple(math.radians(3 * number - 60) for number in range(41))
     count = len(bearings)
-    scan = FreeScan(bearings, (None,) * count, (0.0,) * count, (20.0,) * count)
+    # Straight ahead alone.
+    blocked = tuple(blocked_m if abs(bearing) < 0.15 else None for bearing in bearings)
+    known_to = tuple(20.0 if each is None else each for each in blocked)
+    scan = FreeScan(bearings, blocked, (0.0,) * count, known_to)
     return Sight(frame, now, now, "real", Status.OK, (), True, (), scan)
 
 
@@ -111,6 +118,7 @@ class Drive:
                 start_new_session=True,
             )
         self.facts: dict[str, Any] = {}
+        self.stops: list[StoppedEvent] = []
         self._replies: dict[int, Reply] = {}
         self._number = 0
         self._sequence = 0
@@ -125,6 +133,8 @@ class Drive:
                 self._replies[message.number] = message
             elif isinstance(message, DriveEvent):
                 self.facts = message.facts
+            elif isinstance(message, StoppedEvent):
+                self.stops.append(message)
 
     def ask(self, command: Any) -> Reply:
         self._number += 1
@@ -336,6 +346,75 @@ def test_one_ports_trouble_never_delays_the_other(
     assert len(latest.header["obstacle"]) >= 5
     assert latest.header["observer"] == []
     sys.stdout.write(f"\nloop: {drive.facts['loop']}\n")
+
+
+class Path:
+    """Where a robot truly was, for as long as it is followed."""
+
+    def __init__(self, robot: EmulatedRobot) -> None:
+        self._robot = robot
+        self._ended = threading.Event()
+        self._was: list[tuple[float, float]] = []
+        self._thread = threading.Thread(target=self._run)
+
+    def _run(self) -> None:
+        while not self._ended.wait(0.004):
+            self._was.append((time.monotonic(), self._robot.vehicle.state.x))
+
+    def __enter__(self) -> Path:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def way(self, start: float, end: float) -> float:
+        """Between two moments."""
+        times, places = zip(*self._was, strict=True)
+        return float(abs(np.interp(end, times, places) - np.interp(start, times, places)))
+
+
+def test_each_stop_is_measured_as_it_really_was(drive: Drive, robots: Robots, eyes: Eyes) -> None:
+    drive.connect(robots)
+    for kind, role in (("expired", "obstacle"), ("sight", "observer"), ("guard", "observer")):
+        robot = robots[role]
+        drive.arm(role)
+        with Path(robot.robot) as path:
+            cause = drive.speed_up([role], 0.4)
+            drive.stops.clear()
+            if kind == "sight":
+                eyes.open = False
+                cause = eyes.last
+            elif kind == "guard":
+                eyes.blocked_m, cause = 0.25, time.monotonic()
+            while kind != "expired" and not drive.stops and time.monotonic() < cause + 3:
+                drive.command(role, SPEED_MPS)
+                time.sleep(0.02)
+            stop = until(lambda: drive.stops and drive.stops[0], f"the stop by {kind}", 6)
+        eyes.open, eyes.blocked_m = True, None
+        assert (stop.role, stop.kind) == (role, kind)
+        assert stop.zero_time is not None
+        assert stop.stood_time is not None
+        # A frame of the engine's may still have been under way; a verdict comes by the next one.
+        assert -0.01 <= stop.cause_time - cause <= (0.25 if kind == "guard" else 0.05)
+        first = robot.robot.log.first_standing(cause)
+        assert first is not None
+        # To the port and back: a busy machine may look at either end late.
+        assert first.time == pytest.approx(stop.zero_time, abs=0.1)
+        took, stood = stop.zero_time - stop.cause_time, stop.stood_time - stop.cause_time
+        way = path.way(stop.cause_time, stop.stood_time)
+        sys.stdout.write(
+            f"\n{kind}: zero after {1000 * took:.0f} ms, stood after {1000 * stood:.0f} ms, "
+            f"{stop.distance_m:.3f} m of {way:.3f} m\n"
+        )
+        assert took <= PROMISED_S
+        assert stop.speed_mps == pytest.approx(SPEED_MPS, abs=0.03)
+        assert stop.distance_m == pytest.approx(way, abs=0.03)
+        length = drive.facts["robots"][role]["report"]["length_m"]
+        left = pytest.approx(0.25 - length / 2, abs=0.003) if kind == "guard" else None
+        assert stop.separation_m == left
+        drive.value(DisarmRobot(role))  # type: ignore[arg-type]
 
 
 # --- while it is ended --------------------------------------------------------------------------
