@@ -44,6 +44,7 @@ class GuardCheck extends Part {
   #recordList = h("ul", { class: "item-list check-records", "aria-label": "Records of checks" });
   #records = new KeptList(this.#recordList, (/** @type {CheckEntry} */ entry) => recordItem(entry));
   #none = h("p", { class: "empty" }, "No check is kept yet.");
+  #earlier = h("div");
   #busy = false;
   /** Role and record of what was loaded; another means to load again. */
   #loaded = "";
@@ -52,7 +53,8 @@ class GuardCheck extends Part {
     this.#whole.append(
       h("p", { class: "hint" }, "You drive by hand and do what each step says: somebody walks in, covers a lens, unplugs a camera, you close the browser. How soon the robot is told zero, how soon it stands and how far it rolled goes into a dated record on the server."),
       this.#advice, this.#form, this.#now, this.#outcome, this.#trouble, this.#keep, this.#stepList,
-      h("h4", {}, "Earlier checks"), this.#none, this.#recordList);
+      this.#earlier);
+    this.#earlier.append(h("h4", {}, "Earlier checks"), this.#none, this.#recordList);
     this.append(this.#whole);
     this.#form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -134,7 +136,9 @@ class GuardCheck extends Part {
     }
     const step = going && check.present !== null ? (check.steps[check.present] ?? null) : null;
     if (step) passFocus(this.#form, this.#skip);
-    this.#form.hidden = going;
+    // What is to be done stands above what it is done with.
+    setAttribute(this, "data-going", going ? "" : null);
+    this.#form.hidden = this.#earlier.hidden = going;
     this.#now.hidden = !step;
     if (!going) passFocus(this.#now, this.#start);
     this.#start.disabled = !driver.robot() || (check !== null && !going && !check.record);
