@@ -57,14 +57,18 @@ class DeadReckoning:
         self._rows[self._count] = row
         self._count += 1
 
+    def poses(self, times: Float64Array) -> Float64Array:
+        """Poses (N, 3) at instants (N,); as ``then_from_now`` before what is remembered."""
+        rows = self._rows[: self._count]
+        return np.stack([np.interp(times, rows[:, 0], rows[:, k]) for k in (1, 2, 3)], axis=-1)
+
     def then_from_now(self, times: Float64Array) -> Float64Array:
         """Poses (N, 3) of the base as it stands now, in the base frame of each instant (N,).
 
         Before the first remembered instant the robot is taken to have stood.
         """
-        rows = self._rows[: self._count]
-        x0, y0, yaw0 = (np.interp(times, rows[:, 0], rows[:, k]) for k in (1, 2, 3))
-        x, y, yaw = rows[-1, 1:]
+        x0, y0, yaw0 = self.poses(times).T
+        x, y, yaw = self._rows[self._count - 1, 1:]
         c, s = np.cos(yaw0), np.sin(yaw0)
         dx, dy = x - x0, y - y0
         return np.stack([c * dx + s * dy, c * dy - s * dx, yaw - yaw0], axis=-1)

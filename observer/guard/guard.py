@@ -11,9 +11,9 @@ What the robot passes over until it would stand again must be known to be free:
 - or seen free a moment ago, as far as nothing unseen can have come in since.
 
 A surface that is seen is in the way whatever sonar says, and an echo within ``sonar_stop_m`` ahead
-whatever is seen. Tracked obstacles are followed along their own motion (``separation``). A turn on
-the spot asks the same of the robot's turning circle. The obstacle robot has no eyes: only echoes
-limit it.
+whatever is seen. Tracked obstacles are followed along their own motion (``separation``), and so is
+what sonar hears come nearer by itself (``intruders``). A turn on the spot asks the same of the
+robot's turning circle. The obstacle robot has no eyes: only echoes limit it.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import DeadReckoning, inverse, moved
+from observer.guard.intruders import SonarWatch
 from observer.guard.outline import Outline, is_spot_turn, swept
 from observer.guard.seen_ground import RememberedGround, ScanView
 from observer.guard.separation import Approach, Stopping, approach
@@ -156,6 +157,8 @@ class Guard:
         if trouble is None and role == "observer":
             assert sight is not None
             side.see(sight)
+        if role == "observer":
+            side.watch.listen(sonars, now, side.past, p)
         zones = side.zones(outline, wanted, p)
         if trouble is not None:
             side.permitted = (0.0, 0.0)
@@ -174,12 +177,17 @@ class Guard:
         return Verdict(level, False, speed, turn, reason, abs(speed), *zones)
 
 
+# Of the ground passed over: places, times, which lie in the margin, and the step between times.
+_Way = tuple[Float64Array, Float64Array, NDArray[np.bool_], float]
+
+
 class _Side:
     """What is held of one robot from tick to tick."""
 
     def __init__(self) -> None:
         self.past = DeadReckoning()
         self.ground = RememberedGround()
+        self.watch = SonarWatch()
         self.scan: ScanView | None = None
         self.permitted = (0.0, 0.0)
         self._frame: tuple[int, float] | None = None
@@ -187,6 +195,7 @@ class _Side:
         self._heading: tuple[int, int] | None = None
         self._stopped = False
         self._drawn: tuple[object, tuple[Polygon, Polygon]] | None = None
+        self._way: tuple[object, _Way] | None = None
 
     def advance(self, now: float, measured: tuple[float | None, float | None]) -> None:
         speed, turn = (
@@ -195,6 +204,7 @@ class _Side:
         )
         if not self.past.advance(now, speed, turn):
             self.ground.forget()
+            self.watch.forget()
             self.release()
 
     def zones(
@@ -205,6 +215,16 @@ class _Side:
         if self._drawn is None or self._drawn[0] != key:
             self._drawn = key, (stop_zone(outline, wanted, p), slow_zone(outline, wanted, p))
         return self._drawn[1]
+
+    def way(
+        self, outline: Outline, wanted: tuple[float, float], seconds: float, margin_m: float
+    ) -> _Way:
+        """The ground to be passed over; most ticks want the same as the one before."""
+        key = (outline, wanted, seconds, margin_m)
+        if self._way is None or self._way[0] != key:
+            ground = swept(outline, *wanted, seconds, margin_m)
+            self._way = key, (*ground.listed(), ground.step_s)
+        return self._way[1]
 
     def see(self, sight: Sight) -> None:
         """Take over a frame that was not there at the last tick."""
@@ -265,7 +285,21 @@ def _limit(
     near = approach(sight.obstacles, inverse(then), age, wanted, outline, p)
     by_obstacles = _limit_by_obstacles(near, p)
     by_ground = _limit_by_ground(side, then, wanted, view, outline, p, now)
-    return min(by_obstacles, by_ground, key=lambda one: one.share)
+    by_coming = _limit_by_coming(side, wanted, outline, p, now)
+    return min(by_obstacles, by_ground, by_coming, key=lambda one: one.share)
+
+
+def _limit_by_coming(
+    side: _Side, wanted: tuple[float, float], outline: Outline, p: GuardParameters, now: float
+) -> _Limit:
+    """What sonar hears come nearer by itself, also where no camera looks."""
+    least = _Limit(1.0)
+    for index, places in side.watch.coming(now, side.past, p):
+        near = approach(places, (0.0, 0.0, 0.0), 0.0, wanted, outline, p)
+        share = _limit_by_obstacles(near, p).share
+        if share < least.share:
+            least = _Limit(share, f"sonar {index} hears something come nearer")
+    return least
 
 
 def _limit_by_obstacles(near: Approach, p: GuardParameters) -> _Limit:
@@ -293,9 +327,8 @@ def _limit_by_ground(
 ) -> _Limit:
     stopping = Stopping.of(*wanted, p)
     stop_s = stopping.way_s()
-    way = swept(outline, *wanted, max(stop_s, p.slow_time_s), p.margin_m)
-    points, times, beside = way.listed()
-    step = way.step_s
+    seconds = max(stop_s, p.slow_time_s)
+    points, times, beside, step = side.way(outline, wanted, seconds, p.margin_m)
     # Beyond where the robot would stand nothing has to be known.
     needed = (times <= stop_s) & ~beside
     free = blocked = np.zeros(len(points), np.bool_)

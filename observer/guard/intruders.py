@@ -1,0 +1,240 @@
+"""What comes nearer by itself, as sonar hears it: also from the side, where no camera looks.
+
+An echo tells how far something is, not where across the cone. So what stands still explains a new
+echo as long as some place on its arc has not been told to be clear a moment ago: by this sonar's
+earlier readings or by any other's, carried along by the odometry. Driving past boxes and through
+doors brings new ground into the cone at its leading edge, and the echo may jump nearer; a thing
+that moves comes nearer over ground that was clear, by steps that fit a speed, reading by reading.
+
+Such a thing is predicted from several places across the cone: as if it kept its bearing, which is
+how two meet, and as if it came straight along the cone. The standard deviations that go with it
+are those of the range, of the rate at which it falls, and of the cone's width.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.guard.dead_reckoning import DeadReckoning
+from observer.guard.sight import SeenObstacle
+from observer.parameters import GuardParameters
+from observer.robots.contract import SonarReading
+
+# How long ground counts as clear because it was: what stands still does not come into it.
+_MEMORY_S = 4.0
+# A range is noisy by about 1 cm, and a packet tells it up to 0.1 s after it was taken.
+_RANGE_SIGMA_M = 0.015
+_TOLERANCE_M = 0.04
+_DELAY_S = 0.05
+# Error of the odometry, as a share of the way since.
+_DRIFT = 0.05
+# An echo where there was one so long ago is of something that stands.
+_STANDS_S = 0.45
+# Two echoes further apart in time are not compared.
+_LONGEST_GAP_S = 0.8
+# Readings of one sonar that follow each other faster tell nothing more.
+_APART_S = 0.1
+# Nothing comes nearer than by this over ground, beside the robot's own speed.
+_FASTEST_MPS = 1.5
+_SLOWEST_MPS = 0.05
+# So much of an echo's arc must have been clear for it to be of something that moves; while it
+# comes nearer still, so much is enough.
+_CLEAR_SHARE = 0.8
+_STILL_CLEAR_SHARE = 0.4
+_ARC = 7
+_DEGREE = math.radians(1.0)
+# Well within the cone, wherever the echo came from now, it would have been heard.
+_SURE_SHARE = 0.67
+_ACROSS = (-0.67, 0.0, 0.67)
+
+
+@dataclass(frozen=True)
+class _Heard:
+    """An echo, in the odometry's axes.
+
+    Attributes:
+        x, y, heading: of the sonar. comes: something that comes nearer by itself.
+    """
+
+    received: float
+    x: float
+    y: float
+    heading: float
+    range_m: float
+    comes: bool
+
+
+class SonarWatch:
+    """Follows each sonar's echoes and tells which are of something that comes nearer."""
+
+    def __init__(self) -> None:
+        # Columns: received, x, y, heading, range (infinite where nothing echoed), clear up to.
+        self._readings: deque[tuple[float, ...]] = deque(maxlen=256)
+        self._newest: dict[int, tuple[float, float]] = {}
+        self._trails: dict[int, deque[_Heard]] = {}
+        self._doubted: dict[int, _Heard] = {}
+
+    def forget(self) -> None:
+        """Nobody knows where the robot was before."""
+        self._readings.clear()
+        self._newest.clear()
+        self._trails.clear()
+        self._doubted.clear()
+
+    def listen(
+        self, sonars: Sequence[SonarReading], now: float, past: DeadReckoning, p: GuardParameters
+    ) -> None:
+        """Take in the readings that were not there at the last call."""
+        new = [one for one in sonars if self._is_new(one, now, p)]
+        if not new:
+            return
+        rows = np.array(
+            [
+                (one.received, one.x, one.y, one.heading,
+                 math.inf if one.range_m is None else one.range_m)
+                for one in new
+            ]
+        )  # fmt: skip
+        poses = past.poses(rows[:, 0])
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x = poses[:, 0] + c * rows[:, 1] - s * rows[:, 2]
+        y = poses[:, 1] + s * rows[:, 1] + c * rows[:, 2]
+        rows[:, 1], rows[:, 2], rows[:, 3] = x, y, poses[:, 2] + rows[:, 3]
+        shares = np.zeros(len(new))
+        nearer = [self._may_come(one.index, one.range_m, p) for one in new]
+        if any(nearer):
+            shares[nearer] = self._come_in(rows[nearer], p)
+        for one, row, share in zip(new, rows.tolist(), shares.tolist(), strict=True):
+            # Echoes fail to come now and then: what one reading alone calls clear may not be.
+            _, before = self._newest.get(one.index, (0.0, 0.0))
+            self._newest[one.index] = one.received, row[4]
+            self._readings.append((*row, min(row[4], before)))
+            self._follow(one.index, row, share, p)
+
+    def _is_new(self, one: SonarReading, now: float, p: GuardParameters) -> bool:
+        before, _ = self._newest.get(one.index, (-math.inf, 0.0))
+        return one.received - before >= _APART_S and now - one.received <= p.sonar_fresh_s
+
+    def _may_come(self, index: int, range_m: float | None, p: GuardParameters) -> bool:
+        """Whether it is nearer than what it may go on from; the rest need not be looked at."""
+        if range_m is None or range_m > p.sonar_reach_m:
+            return False
+        trail, doubted = self._trails.get(index), self._doubted.get(index)
+        return bool(trail and trail[-1].range_m > range_m) or (
+            doubted is not None and doubted.range_m > range_m
+        )
+
+    def _come_in(self, rows: Float64Array, p: GuardParameters) -> Float64Array:
+        """(M,) which share of each echo's arc was clear before, with nothing standing there."""
+        while self._readings and rows[0, 0] - self._readings[0][0] > _MEMORY_S:
+            self._readings.popleft()
+        if not self._readings:
+            return np.zeros(len(rows))
+        received, x, y, heading, echo, free = np.array(self._readings).T
+        half = math.radians(p.sonar_half_angle_deg)
+        off = np.linspace(-half, half, _ARC)
+        angle = rows[:, 3, None] + off
+        # (M, K, J): new echo, place on its arc, earlier reading.
+        dx = (rows[:, 1, None] + rows[:, 4, None] * np.cos(angle))[..., None] - x
+        dy = (rows[:, 2, None] + rows[:, 4, None] * np.sin(angle))[..., None] - y
+        distance = np.hypot(dx, dy)
+        c, s = np.cos(heading), np.sin(heading)
+        aside = np.abs(np.arctan2(c * dy - s * dx, c * dx + s * dy))
+        age = (rows[:, 0, None] - received)[:, None, :]
+        # What is heard so far off the axis now would have been heard there before.
+        surely = np.maximum(np.abs(off) + _DEGREE, _SURE_SHARE * half)[None, :, None]
+        reach = np.minimum(free, p.sonar_reach_m)
+        driven = np.hypot(rows[:, 1, None] - x, rows[:, 2, None] - y)
+        tolerance = (_TOLERANCE_M + _DRIFT * driven)[:, None, :]
+        clear = (aside <= surely) & (distance < reach - tolerance) & (age > 0)
+        stands = (
+            (aside <= half + 3 * _DEGREE)
+            & (np.abs(distance - echo) <= tolerance)
+            & (age >= _STANDS_S)
+        )
+        moved_in = clear.any(axis=2) & ~stands.any(axis=2)
+        return np.asarray(moved_in.mean(axis=1))
+
+    def _follow(self, index: int, row: list[float], share: float, p: GuardParameters) -> None:
+        """Whether a sonar's new reading goes on where its last ones came nearer."""
+        received, x, y, heading, echo = row
+        trail = self._trails.setdefault(index, deque(maxlen=4))
+        doubted = self._doubted.pop(index, None)
+        new = _Heard(received, x, y, heading, echo, comes=False)
+        if trail and received - trail[-1].received > _LONGEST_GAP_S:
+            trail.clear()
+        if trail and not _follows(trail[-1], new, p):
+            if doubted is None:
+                # A wild reading, or something else: for that it takes two.
+                self._doubted[index] = new
+                return
+            trail.clear()
+            if _follows(doubted, new, p):
+                trail.append(doubted)
+        comes = bool(trail) and _comes(trail[-1], new, share)
+        if not comes:
+            # The rate is that since it began to come.
+            trail.clear()
+        if echo <= p.sonar_reach_m:
+            trail.append(replace(new, comes=comes))
+
+    def coming(
+        self, now: float, past: DeadReckoning, p: GuardParameters
+    ) -> list[tuple[int, list[SeenObstacle]]]:
+        """What comes nearer: the sonar's number and where it may be, in the base frame of now."""
+        found: list[tuple[int, list[SeenObstacle]]] = []
+        for index, trail in self._trails.items():
+            if trail and trail[-1].comes and now - trail[-1].received <= p.sonar_fresh_s:
+                found.append((index, _predicted(trail, now, past, p)))
+        return found
+
+
+def _follows(last: _Heard, new: _Heard, p: GuardParameters) -> bool:
+    """Whether one thing may have echoed twice: it does not jump."""
+    gap = new.received - last.received
+    own = math.hypot(new.x - last.x, new.y - last.y)
+    most = _FASTEST_MPS * (gap + _DELAY_S) + own
+    return new.range_m <= p.sonar_reach_m and abs(last.range_m - new.range_m) <= most
+
+
+def _comes(last: _Heard, new: _Heard, share: float) -> bool:
+    """Whether what echoes came nearer over ground of which such a share was clear."""
+    if last.range_m - new.range_m <= _SLOWEST_MPS * (new.received - last.received):
+        return False
+    return share >= (_STILL_CLEAR_SHARE if last.comes else _CLEAR_SHARE)
+
+
+def _predicted(
+    trail: Sequence[_Heard], now: float, past: DeadReckoning, p: GuardParameters
+) -> list[SeenObstacle]:
+    first, last = trail[0], trail[-1]
+    gap, age = last.received - first.received, now - last.received
+    rate = (first.range_m - last.range_m) / gap
+    rate_sigma = math.hypot(math.sqrt(2) * _RANGE_SIGMA_M, rate * _DELAY_S) / gap
+    own_x, own_y = (last.x - first.x) / gap, (last.y - first.y) / gap
+    half = math.radians(p.sonar_half_angle_deg)
+    place_sigma = math.hypot(_RANGE_SIGMA_M, last.range_m * half * 0.3)
+    x0, y0, yaw = past.poses(np.array([now]))[0].tolist()
+    c0, s0 = math.cos(yaw), math.sin(yaw)
+    found = []
+    for share in _ACROSS:
+        c, s = math.cos(last.heading + share * half), math.sin(last.heading + share * half)
+        along = own_x * c + own_y * s
+        for across in (own_y * c - own_x * s, 0.0):
+            vx, vy = (along - rate) * c - across * s, (along - rate) * s + across * c
+            dx = last.x + last.range_m * c + vx * age - x0
+            dy = last.y + last.range_m * s + vy * age - y0
+            found.append(
+                SeenObstacle(
+                    -1, c0 * dx + s0 * dy, c0 * dy - s0 * dx, c0 * vx + s0 * vy,
+                    c0 * vy - s0 * vx, 0.0, math.hypot(place_sigma, rate_sigma * age),
+                    rate_sigma, False,
+                )
+            )  # fmt: skip
+    return found
