@@ -7,11 +7,16 @@ import shutil
 import socket
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
 import pytest
+
+from observer.simulation import rendering
+from observer.simulation.facets import Material
+from observer.simulation.textures import Texture, paint
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SHARED_DATA = REPOSITORY.parent / "shared" / "data"
@@ -19,6 +24,8 @@ CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 # How long threads and processes may take to end after a test that ended them.
 _GRACE_S = 3.0
+# Of what test worlds share, in one test process.
+_TEXTURE_BYTES = 400_000_000
 # Python's own helper of shared memory and spawned processes lives until the interpreter ends.
 _PYTHON_HELPERS = ("multiprocessing.resource_tracker", "multiprocessing.forkserver")
 
@@ -79,6 +86,38 @@ def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
         for name in [each for each in os.environ if each.startswith("DYNAMIC_OBSERVER_")]:
             patch.delenv(name)
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _surfaces_painted_once() -> Iterator[None]:
+    """Worlds of one test process share their textures: painting takes longer than a whole clip.
+
+    A texture depends on nothing but its material and extent; worlds keep them by these as well.
+    """
+    kept: OrderedDict[tuple[Material, tuple[float, float]], Texture] = OrderedDict()
+    room = _TEXTURE_BYTES
+
+    def paint_once(material: Material, extent: tuple[float, float]) -> Texture:
+        nonlocal room
+        with lock:
+            key = (material, extent)
+            found = kept.pop(key, None)
+            if found is None:
+                found = paint(material, extent)
+                room -= _size(found)
+            kept[key] = found
+            while room < 0 and len(kept) > 1:
+                room += _size(kept.popitem(last=False)[1])
+            return found
+
+    lock = threading.Lock()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rendering, "paint", paint_once)
+        yield
+
+
+def _size(texture: Texture) -> int:
+    return sum(level.image.nbytes for level in texture.levels)
 
 
 @pytest.fixture(autouse=True)

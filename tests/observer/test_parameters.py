@@ -57,10 +57,12 @@ def test_both_ends_of_a_range_are_taken_and_beyond_is_refused(name: str) -> None
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True, "1", None, [1], 10**400])
-@pytest.mark.parametrize("name", REALS)
-def test_what_is_no_finite_number_is_refused(name: str, value: object) -> None:
-    with pytest.raises(ParameterError, match="must be a finite number from"):
-        Parameters().changed({name: value})
+def test_what_is_no_finite_number_is_refused(value: object) -> None:
+    before = Parameters()
+    for name in REALS:
+        with pytest.raises(ParameterError) as refused:
+            before.changed({name: value})
+        assert "must be a finite number from" in refused.value.problems[name]
 
 
 @pytest.mark.parametrize(

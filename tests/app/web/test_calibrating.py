@@ -173,7 +173,7 @@ def test_what_is_not_possible_is_a_sentence(serve: Any, peer: Any) -> None:
         assert making in await refused("PUT", "/source", {"source": "a/folder"}, 409)
         assert making in await refused("POST", "/runs", {}, 409)
         assert making in await refused("POST", "/calibrations/deactivate", {}, 409)
-        assert making in await refused("PUT", "/rig", {"mount": {}}, 409)
+        assert making in await refused("PUT", "/rig", {"mount": {"height_m": {"value": 0.5}}}, 409)
         assert "nothing is observed" in await refused("POST", "/rig/floor", {}, 409)
         peer.lose()
         await refused("PATCH", "/calibrating", {"capture": True}, 503)

@@ -175,8 +175,8 @@ def test_silence_deafness_pieces_and_delays(served: Robots) -> None:
         faults.silent = True
         client.hear(0.2)
         assert client.hear(0.5) == []
-        client.write(command(Command.PULSE))
         count = log.count
+        client.write(command(Command.PULSE))
         assert soon(lambda: log.count > count)
         faults.silent, faults.deaf = False, True
         client.until(0x32)
