@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Locator, Page, expect
 
 pytestmark = pytest.mark.browser
 
@@ -16,6 +16,22 @@ def _port(path: str, **changed):
     return {"path": path, **plain, **changed}
 
 
+@pytest.fixture(autouse=True)
+def _a_robot(server, eventually):
+    eventually(lambda: server.get("/robots")["robots"]["observer"], 40)
+
+
+def _opened_form(page: Page) -> Locator:
+    page.get_by_role("tab", name="Robots").click()
+    # By then the page has decided whether it opens the form by itself.
+    chip = page.locator(".role-card:has([value=observer]) .state-chip")
+    expect(chip).not_to_have_text("No robot")
+    form = page.locator("observer-robot-port")
+    if not form.is_visible():
+        page.get_by_text("Port and model").click()
+    return form
+
+
 def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(open_panel):
     page = open_panel(viewer=False)
     ports = [
@@ -26,10 +42,7 @@ def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(op
         "**/api/devices",
         lambda route: route.fulfill(json={"cameras": [], "serial_ports": ports, "hints": []}),
     )
-    page.get_by_role("tab", name="Robots").click()
-    form = page.locator("observer-robot-port")
-    if not form.is_visible():
-        page.get_by_text("Port and model").click()
+    form = _opened_form(page)
     look = form.get_by_role("button", name="Look for ports")
     look.click()
     told = form.get_by_role("status")
@@ -53,10 +66,7 @@ def test_a_key_is_kept_and_seen_no_more(server, open_panel):
     key = "0123456789abcdefSECRET"
     shown = "external:127.0.0.1:7799"
     page = open_panel(viewer=False)
-    page.get_by_role("tab", name="Robots").click()
-    form = page.locator("observer-robot-port")
-    if not form.is_visible():
-        page.get_by_text("Port and model").click()
+    form = _opened_form(page)
     port = form.get_by_label("Port", exact=True)
     try:
         port.fill(f"{shown}?key={key}")
