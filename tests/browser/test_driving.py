@@ -416,6 +416,7 @@ def test_a_check_outlasts_the_page_that_is_closed(room, seat, keep_picture):
     page.keyboard.press("Escape")
     page.keyboard.up("w")
     expect(section.locator(".check-told")).to_contain_text("(stop, not expired or lease)")
+    section.scroll_into_view_if_needed()
     keep_picture(page, "guard-check")
     page.get_by_role("button", name="Reset").click()
     _until(lambda: _speed(room) < 0.01, 10)

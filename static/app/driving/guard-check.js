@@ -25,6 +25,7 @@ const STATES = {
 
 class GuardCheck extends Part {
   #whole = h("details", {}, h("summary", {}, "Check the guard"));
+  #what = h("p", { class: "hint" }, "You drive by hand and do what each step says: somebody walks in, covers a lens, unplugs a camera, you close the browser. How soon the robot is told zero, how soon it stands and how far it rolled goes into a dated record on the server.");
   #advice = h("p", { class: "check-advice" });
   #note = h("input", { type: "text", id: "check-note", maxlength: "500", autocomplete: "off" });
   #start = h("button", { type: "submit", class: "button primary" }, "Start check");
@@ -50,10 +51,7 @@ class GuardCheck extends Part {
   #loaded = "";
 
   build() {
-    this.#whole.append(
-      h("p", { class: "hint" }, "You drive by hand and do what each step says: somebody walks in, covers a lens, unplugs a camera, you close the browser. How soon the robot is told zero, how soon it stands and how far it rolled goes into a dated record on the server."),
-      this.#advice, this.#form, this.#now, this.#outcome, this.#trouble, this.#keep, this.#stepList,
-      this.#earlier);
+    this.#whole.append(this.#what, this.#advice, this.#form, this.#now, this.#outcome, this.#trouble, this.#keep, this.#stepList, this.#earlier);
     this.#earlier.append(h("h4", {}, "Earlier checks"), this.#none, this.#recordList);
     this.append(this.#whole);
     this.#form.addEventListener("submit", (event) => {
@@ -138,7 +136,7 @@ class GuardCheck extends Part {
     if (step) passFocus(this.#form, this.#skip);
     // What is to be done stands above what it is done with.
     setAttribute(this, "data-going", going ? "" : null);
-    this.#form.hidden = this.#earlier.hidden = going;
+    for (const part of [this.#what, this.#advice, this.#form, this.#earlier]) part.hidden = going;
     this.#now.hidden = !step;
     if (!going) passFocus(this.#now, this.#start);
     this.#start.disabled = !driver.robot() || (check !== null && !going && !check.record);
