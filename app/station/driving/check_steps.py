@@ -62,7 +62,7 @@ _UNPLUG = StepPlan(
 _CLOSE_BROWSER = StepPlan(
     "close_browser",
     "Close the browser",
-    "Plug in what was unplugged, arm again, drive at 0.2 to 0.3 m/s, and close this page while "
+    "With everything plugged in, arm again, drive at 0.2 to 0.3 m/s, and close this page while "
     "you drive. Then open it again: the check is kept.",
     ("expired", "lease"),
 )
