@@ -48,6 +48,8 @@ _SLOWEST_MPS = 0.05
 _CLEAR_SHARE = 0.8
 _STILL_CLEAR_SHARE = 0.4
 _ARC = 7
+# Further off a cone is too wide to tell what moves.
+_FARTHEST_M = 1.5
 _DEGREE = math.radians(1.0)
 # Well within the cone, wherever the echo came from now, it would have been heard.
 _SURE_SHARE = 0.67
@@ -123,7 +125,7 @@ class SonarWatch:
 
     def _may_come(self, index: int, range_m: float | None, p: GuardParameters) -> bool:
         """Whether it is nearer than what it may go on from; the rest need not be looked at."""
-        if range_m is None or range_m > p.sonar_reach_m:
+        if range_m is None or range_m > min(_FARTHEST_M, p.sonar_reach_m):
             return False
         trail, doubted = self._trails.get(index), self._doubted.get(index)
         return bool(trail and trail[-1].range_m > range_m) or (
