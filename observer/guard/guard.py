@@ -293,13 +293,13 @@ def _limit_by_coming(
     side: _Side, wanted: tuple[float, float], outline: Outline, p: GuardParameters, now: float
 ) -> _Limit:
     """What sonar hears come nearer by itself, also where no camera looks."""
-    least = _Limit(1.0)
-    for index, places in side.watch.coming(now, side.past, p):
-        near = approach(places, (0.0, 0.0, 0.0), 0.0, wanted, outline, p)
-        share = _limit_by_obstacles(near, p).share
-        if share < least.share:
-            least = _Limit(share, f"sonar {index} hears something come nearer")
-    return least
+    places = [one for _, several in side.watch.coming(now, side.past, p) for one in several]
+    if not places:
+        return _Limit(1.0)
+    near = approach(places, (0.0, 0.0, 0.0), 0.0, wanted, outline, p)
+    limit = _limit_by_obstacles(near, p)
+    sonar = near.stopper if limit.share == near.stop_share else near.nearest
+    return _Limit(limit.share, f"sonar {sonar} hears something come nearer")
 
 
 def _limit_by_obstacles(near: Approach, p: GuardParameters) -> _Limit:

@@ -145,18 +145,18 @@ class SonarWatch:
         # (M, K, J): new echo, place on its arc, earlier reading.
         dx = (rows[:, 1, None] + rows[:, 4, None] * np.cos(angle))[..., None] - x
         dy = (rows[:, 2, None] + rows[:, 4, None] * np.sin(angle))[..., None] - y
-        distance = np.hypot(dx, dy)
+        distance = np.sqrt(dx * dx + dy * dy)
         c, s = np.cos(heading), np.sin(heading)
-        aside = np.abs(np.arctan2(c * dy - s * dx, c * dx + s * dy))
+        along, aside = c * dx + s * dy, np.abs(c * dy - s * dx)
         age = (rows[:, 0, None] - received)[:, None, :]
         # What is heard so far off the axis now would have been heard there before.
-        surely = np.maximum(np.abs(off) + _DEGREE, _SURE_SHARE * half)[None, :, None]
+        surely = np.tan(np.maximum(np.abs(off) + _DEGREE, _SURE_SHARE * half))[:, None]
         reach = np.minimum(free, p.sonar_reach_m)
         driven = np.hypot(rows[:, 1, None] - x, rows[:, 2, None] - y)
         tolerance = (_TOLERANCE_M + _DRIFT * driven)[:, None, :]
-        clear = (aside <= surely) & (distance < reach - tolerance) & (age > 0)
+        clear = (aside <= along * surely) & (distance < reach - tolerance) & (age > 0)
         stands = (
-            (aside <= half + 3 * _DEGREE)
+            (aside <= along * math.tan(half + 3 * _DEGREE))
             & (np.abs(distance - echo) <= tolerance)
             & (age >= _STANDS_S)
         )
@@ -193,7 +193,7 @@ class SonarWatch:
         found: list[tuple[int, list[SeenObstacle]]] = []
         for index, trail in self._trails.items():
             if trail and trail[-1].comes and now - trail[-1].received <= p.sonar_fresh_s:
-                found.append((index, _predicted(trail, now, past, p)))
+                found.append((index, _predicted(index, trail, now, past, p)))
         return found
 
 
@@ -213,7 +213,7 @@ def _comes(last: _Heard, new: _Heard, share: float) -> bool:
 
 
 def _predicted(
-    trail: Sequence[_Heard], now: float, past: DeadReckoning, p: GuardParameters
+    index: int, trail: Sequence[_Heard], now: float, past: DeadReckoning, p: GuardParameters
 ) -> list[SeenObstacle]:
     first, last = trail[0], trail[-1]
     gap, age = last.received - first.received, now - last.received
@@ -234,7 +234,7 @@ def _predicted(
             dy = last.y + last.range_m * s + vy * age - y0
             found.append(
                 SeenObstacle(
-                    -1, c0 * dx + s0 * dy, c0 * dy - s0 * dx, c0 * vx + s0 * vy,
+                    index, c0 * dx + s0 * dy, c0 * dy - s0 * dx, c0 * vx + s0 * vy,
                     c0 * vy - s0 * vx, 0.0, math.hypot(place_sigma, rate_sigma * age),
                     rate_sigma, False,
                 )
