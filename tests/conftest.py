@@ -30,8 +30,21 @@ _TEXTURE_BYTES = 400_000_000
 _PYTHON_HELPERS = ("multiprocessing.resource_tracker", "multiprocessing.forkserver")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave the browser tests out where no Chromium is, but never in CI: there it must be."""
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep our order of files among several processes; xdist begins with those of many tests."""
+    if hasattr(config.option, "loadscopereorder"):
+        config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave the browser tests out where no Chromium is, but never in CI: there it must be.
+
+    Among several processes files with slow tests come first, so that none of them begins a long
+    one when the others have nothing left to do.
+    """
+    if hasattr(config, "workerinput"):
+        slow = {item.path for item in items if item.get_closest_marker("slow")}
+        items.sort(key=lambda item: item.path not in slow)
     if chromium() is not None or os.environ.get("CI"):
         return
     reason = "no Chromium on this machine: apt-get install chromium"

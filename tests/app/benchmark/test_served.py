@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
 from dataclasses import asdict
 
+import psutil
 import pytest
 
+from app.benchmark import served
 from app.benchmark.served import (
     DenseCloudRates,
     DriveLateness,
@@ -14,19 +18,38 @@ from app.benchmark.served import (
     _dense_cloud_rates,
     _loop_rates,
 )
-from app.benchmark.server_process import BenchmarkError, running_server
+from app.benchmark.server_process import BenchmarkError, RunningServer, running_server
 from app.commands.benchmark import _as_dict, _drive_line
 from observer.evaluation.breakdown import LAB
 from observer.evaluation.results import Benchmark
 
+pytestmark = pytest.mark.slow
 
-def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served() -> None:
-    said: list[str] = []
+
+@pytest.fixture(scope="module", autouse=True)
+def _nothing_left_behind() -> Iterator[None]:
+    """In place of the check after every test: the server outlives them and starts children."""
+    yield
+    _, alive = psutil.wait_procs(psutil.Process().children(recursive=True), 3.0)
+    left = [each.cmdline() for each in alive]
+    assert not [each for each in left if "app.engine" in each or "app.drive" in each], left
+
+
+@pytest.fixture(scope="module")
+def server(_nothing_left_behind: None) -> Iterator[RunningServer]:
+    """One for all: starting it takes longer than what is measured here."""
     with running_server("simulated:lab") as server:
         server.wait_for_frames()
-        rates = _loop_rates(server, 1.0, 2.0, 2, said.append)
-        with pytest.raises(BenchmarkError, match="PUT /api/source was answered 422"):
-            server.request("PUT", "/api/source", {"source": "simulated:moon"})
+        yield server
+
+
+def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served(
+    server: RunningServer,
+) -> None:
+    said: list[str] = []
+    rates = _loop_rates(server, 1.0, 2.0, 2, said.append)
+    with pytest.raises(BenchmarkError, match="PUT /api/source was answered 422"):
+        server.request("PUT", "/api/source", {"source": "simulated:moon"})
     assert rates.alone > 0
     assert rates.with_viewers > 0
     assert rates.failures == ()
@@ -65,10 +88,11 @@ def test_the_drive_loops_lateness_is_one_line_of_the_report() -> None:
     }  # fmt: skip
 
 
-def test_the_dense_cloud_is_measured_while_it_is_really_made() -> None:
-    with running_server("simulated:lab") as server:
-        server.wait_for_frames()
-        rates = _dense_cloud_rates(server, 1.0, 2.0, lambda _: None)
+def test_the_dense_cloud_is_measured_while_it_is_really_made(
+    server: RunningServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(served, "_TURNS", 1)
+    rates = _dense_cloud_rates(server, 1.0, 3.0, lambda _: None)
     assert rates.without > 0
     assert rates.ratio == pytest.approx(rates.watched / rates.without)
     assert rates.clouds_per_s > 1.0, "a busy machine makes few, but not none"
@@ -78,5 +102,10 @@ def test_the_dense_cloud_is_measured_while_it_is_really_made() -> None:
 
 
 def test_a_source_that_cannot_be_opened_is_told_with_the_engines_reason() -> None:
-    with running_server("simulated:moon") as server, pytest.raises(BenchmarkError, match="moon"):
-        server.wait_for_frames(8.0)
+    with running_server("simulated:moon") as server:
+        until = time.monotonic() + 30
+        while not server.request("GET", "/api/status")["engine"]["reason"]:
+            assert time.monotonic() < until, "the engine gave no reason"
+            time.sleep(0.05)
+        with pytest.raises(BenchmarkError, match="moon"):
+            server.wait_for_frames(0.0)

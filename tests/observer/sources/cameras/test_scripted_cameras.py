@@ -1,15 +1,13 @@
-"""Faults of a camera, by cameras that do what a test says behind the real process."""
+"""Pairs of cameras that do what a test says, behind the real process."""
 
 from __future__ import annotations
 
 import dataclasses
-import signal
 import statistics
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +17,7 @@ import pytest
 from observer.errors import SourceError
 from observer.sources.cameras.settings import CameraSettings
 from observer.sources.cameras.source import CameraSource, open_devices
-from observer.sources.contract import LIVE_PATIENCE_S, LiveSource
+from observer.sources.contract import LiveSource
 
 from .scripted_camera import OPENER, scripted_spec, write_script
 from .watching import Watch, grabbers
@@ -32,26 +30,6 @@ LATE_S = 0.05
 def tell(measured: str) -> None:
     """What was measured, for those who run it with -s."""
     sys.stdout.write(f"{measured}\n")
-
-
-@pytest.fixture
-def left(tmp_path: Path) -> Path:
-    write_script(tmp_path / "left")
-    return tmp_path / "left"
-
-
-@pytest.fixture
-def right(tmp_path: Path) -> Path:
-    write_script(tmp_path / "right", phase=0.2)
-    return tmp_path / "right"
-
-
-@pytest.fixture
-def watch(left: Path, right: Path) -> Iterator[Watch]:
-    source = CameraSource(scripted_spec(left, right), opener=OPENER)
-    yield Watch(source)
-    source.close()
-    assert grabbers() == []
 
 
 def test_pairs_have_the_stamps_of_their_exposures(watch: Watch) -> None:
@@ -127,117 +105,6 @@ def test_one_device_that_shows_both_images(left: Path) -> None:
         watch.trouble_after("the camera (left) sends no more images")
     finally:
         source.close()
-
-
-@pytest.mark.parametrize(
-    ("mode", "words", "borne_s"),
-    [
-        # Those that may pass by themselves are borne for a second before it is opened again.
-        ("hang in grab", "sends no more images", 1.2),
-        ("hang in retrieve", "sends no more images", 1.2),
-        ("no image", "sends what cannot be decoded as images", 1.2),
-        ("frozen", "sends the same image again and again", 1.2),
-        ("gone", "has stopped sending images", 0.1),
-        ("raise", "failed inside its driver (RuntimeError)", 0.1),
-        ("die", "its process ended unexpectedly", 0.1),
-    ],
-)
-def test_a_fault_is_told_by_name_in_time_and_gets_over(
-    watch: Watch, right: Path, mode: str, words: str, borne_s: float
-) -> None:
-    watch.read_frames(5)
-    write_script(right, phase=0.2, mode=mode)
-    after_s = watch.trouble_after(words)
-    tell(f"{mode}: told {after_s * 1e3:.0f} ms after the last frame was received")
-    assert after_s < 0.2 + LATE_S
-    assert watch.troubles[-1][1].startswith("the right camera (right) ")
-    watch.read_for(borne_s)
-    fault = watch.source.report().cameras[1]
-    assert words in str(fault.trouble)
-    before = watch.frames[-1]
-    write_script(right, phase=0.2)
-    healed = time.monotonic()
-    watch.read_frames(5)
-    back_s = watch.frames[-5].received - healed
-    tell(f"{mode}: back {back_s:.2f} s after it healed")
-    assert back_s < 5.0
-    assert watch.frames[-5].index > before.index
-    times = [frame.time for frame in watch.frames]
-    assert times == sorted(set(times))
-    report = watch.source.report()
-    assert report.reopened >= 1
-    assert [each.trouble for each in report.cameras] == [None, None]
-    assert len(grabbers()) == 2
-    # Starting a process anew may take long on a busy machine, after the fault was told.
-    assert watch.longest_read_s < LIVE_PATIENCE_S + 4 * LATE_S
-
-
-def test_an_unplugged_camera_is_opened_by_its_name_when_it_is_back(
-    watch: Watch, left: Path
-) -> None:
-    watch.read_frames(5)
-    left.unlink()
-    after_s = watch.trouble_after("the left camera (left) is not connected; plug it in again")
-    assert after_s < 0.2 + LATE_S
-    watch.read_for(0.3)
-    ready = set(grabbers())
-    watch.read_for(0.8)
-    report = watch.source.report()
-    assert report.cameras[0].state == "waiting"
-    assert set(grabbers()) == ready  # none is started in vain for what is not there
-    write_script(left)
-    plugged = time.monotonic()
-    watch.read_frames(3)
-    assert watch.frames[-3].received - plugged < 5.0
-
-
-def test_opening_anew_that_hangs_is_given_up_and_tried_again(watch: Watch, left: Path) -> None:
-    watch.read_frames(5)
-    write_script(left, mode="hang in opening")
-    grabbers()[0].kill()
-    watch.trouble_after("the left camera (left) was lost because its process ended unexpectedly")
-    watch.read_until(lambda: "does not answer" in watch.troubles[-1][1])
-    write_script(left)
-    watch.read_frames(3)
-    assert len(grabbers()) == 2
-
-
-@pytest.mark.parametrize("sent", [signal.SIGSTOP, signal.SIGKILL])
-def test_a_process_that_stops_or_is_killed_is_replaced(watch: Watch, sent: signal.Signals) -> None:
-    watch.read_frames(5)
-    victim = grabbers()[0]
-    victim.send_signal(sent)
-    after_s = watch.trouble_after("camera")
-    tell(f"{sent.name}: told {after_s * 1e3:.0f} ms after the last frame was received")
-    assert after_s < 0.2 + LATE_S
-    count = len(watch.frames)
-    watch.read_until(lambda: len(watch.frames) >= count + 5)
-    assert watch.source.report().reopened == 1
-    assert not victim.is_running()
-    assert len(grabbers()) == 2
-
-
-def test_changed_size_is_told_until_it_is_set_back(watch: Watch, left: Path) -> None:
-    watch.read_frames(5)
-    write_script(left, size=[32, 24])
-    after_s = watch.trouble_after("changed its images from 64x48 to 32x24 pixels")
-    assert after_s < 0.2 + LATE_S
-    watch.read_until(lambda: "now delivers 32x24 pixels instead of 64x48" in watch.troubles[-1][1])
-    assert watch.source.report().cameras[0].state == "failed"
-    count = len(watch.frames)
-    watch.read_for(0.5)
-    assert len(watch.frames) == count
-    write_script(left)
-    watch.read_frames(3)
-    assert watch.frames[-1].left.shape == (48, 64, 3)
-
-
-def test_stamps_that_stand_still_are_a_fault(watch: Watch, left: Path) -> None:
-    watch.read_frames(5)
-    write_script(left, stamps="standing")
-    assert watch.trouble_after("images whose time stamps stand still") < 0.2 + LATE_S
-    write_script(left)
-    watch.read_frames(3)
 
 
 def test_images_without_contrast_are_left_to_the_observers_health(
