@@ -37,6 +37,8 @@ class RigPanel extends Part {
   /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
   #estimated = new Map();
   #looking = false;
+  /** Whether the form holds something that is not in use yet. */
+  #changed = false;
   /** What was filled in by a drive. @type {Set<string>} */
   #driven = new Set();
 
@@ -60,6 +62,9 @@ class RigPanel extends Part {
         this.#note(key, null);
       });
     }
+    form.addEventListener("input", () => {
+      this.#changed = true;
+    });
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       void this.#save();
@@ -110,7 +115,8 @@ class RigPanel extends Part {
   async #load() {
     /** @type {Rig | null} */
     const rig = await request("GET", "/rig").catch(() => null);
-    if (rig) this.#show(rig);
+    // What was typed or estimated meanwhile is not lost.
+    if (rig && !this.#changed) this.#show(rig);
   }
 
   /** @param {Rig} rig */
@@ -119,12 +125,14 @@ class RigPanel extends Part {
     this.#driven.clear();
     for (const [key, , , digits] of NUMBERS) this.#fill(key, rig.mount[key] ?? null, digits);
     this.#simulated.checked = rig.for_simulated;
+    this.#changed = false;
   }
 
   /** @param {string} key @param {RigNumber | null} number @param {number} digits */
   #fill(key, number, digits) {
     const input = this.#inputs.get(key);
     if (!input) return;
+    this.#changed = true;
     input.value = number === null ? "" : String(Number(number.value.toFixed(digits)));
     if (number?.sigma) this.#estimated.set(key, number);
     this.#note(key, number);
