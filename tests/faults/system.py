@@ -143,6 +143,8 @@ class System:
     def _drive_off(self, operator: Operator) -> bool:
         """Press the key; whether the robot drives soon."""
         operator.release()
+        # It may still roll on from the trial before, which is no driving.
+        wait_until("the robot stands", lambda: self.robot.robot.speed_mps < 0.01)
         self._arm()
         operator.hold(SPEED_MPS)
         until = time.monotonic() + 2.5
