@@ -38,6 +38,8 @@ class Simulation:
         self._connection = connection
         self._started = False
         self._stepping = False
+        # Where the last step of ours led to; None as long as it may be elsewhere.
+        self._stepped_to: float | None = None
         self._closing = threading.Event()
         self._shower: threading.Thread | None = None
         self.time_step_s = number(connection.call("getSimulationTimeStep"), connection)
@@ -57,6 +59,7 @@ class Simulation:
         connection = self._connection
         stopped = connection.constant("simulation_stopped")
         advancing = connection.constant("simulation_advancing")
+        self._stepped_to = None
         self._wait_while_stopping()
         self._step_alone()
         state = connection.call("getSimulationState")
@@ -78,6 +81,10 @@ class Simulation:
         """
         connection = self._connection
         before = self.time
+        if self._stepped_to is not None and before > self._stepped_to:
+            # It forgot that we step it, and went on by itself.
+            self.hold_again()
+            before = self.time
         try:
             connection.call("step", within_s=STEP_WITHIN_S)
         except CoppeliaSimUnreachable as error:
@@ -86,6 +93,7 @@ class Simulation:
             ) from None
         after = self.time
         if after > before:
+            self._stepped_to = after
             return after
         raise CoppeliaSimError(
             f"the simulation at {connection.address} does not go on from {after:.3f} s, as if it "
@@ -95,6 +103,7 @@ class Simulation:
     def hold_again(self) -> None:
         """Stand still between steps again, after the simulator forgot us."""
         self._stepping = False
+        self._stepped_to = None
         self._step_alone()
 
     def restart(self) -> None:
