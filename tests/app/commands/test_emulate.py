@@ -53,6 +53,10 @@ def test_a_robot_answers_at_the_port_it_prints_until_ctrl_c() -> None:
             with socket.create_connection((host, int(port)), 5) as client:
                 client.settimeout(5)
                 names, config = handshake(client.sendall, lambda: client.recv(4096))
+                # It goes when it has read all that was sent.
+                client.shutdown(socket.SHUT_WR)
+                while client.recv(4096):
+                    pass
             assert names.split(b"\0")[1:3] == [b"Pioneer", b"p3dx-sh"]
             assert decode_config(config).watchdog_ms == 1500
             process.send_signal(signal.SIGINT)

@@ -44,7 +44,9 @@ def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_path: Pat
             assert changed.json()["frame"] > 0
 
             run = (await served.http.post("/api/runs", json={"name": "Killed"})).json()
-            await message(live, lambda m: m["type"] == "observation")
+            # Frames of before the run may still be on their way, and keep nothing.
+            while (await served.http.get(f"/api/runs/{run['id']}")).json()["frames"] == 0:
+                await message(live, lambda m: m["type"] == "observation")
             pid = (await served.http.get("/api/status")).json()["engine"]["pid"]
             os.kill(pid, signal.SIGKILL)
             killed = time.monotonic()
