@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from typing import Any
 
@@ -21,7 +19,7 @@ from app.drive.messages import (
     WheelSpeedEvent,
 )
 from app.messages import EngineState, StateEvent
-from app.station import NotAvailable, Station
+from app.station import NotAvailable
 from app.station.current_run import speed_rows, wheel_rows
 from app.station.driving.connecting import wanted_robots
 from app.station.driving.desk import finite
@@ -34,35 +32,13 @@ from observer.parameters import Parameters
 from observer.rig.rig import Rig
 from observer.robots.contract import RobotPort
 
+from .stations import run, started, until
+
 RIG = Rig(ports={"observer": "/dev/ttyUSB0"}, models={"observer": "amigo-sh", "obstacle": "p3dx"})
 OWN = tuple(
     vars(RobotPort(role, f"socket://127.0.0.1:{port}", model, f"the {role}"))  # type: ignore[arg-type]
     for role, port, model in (("observer", 5001, "amigo-sh"), ("obstacle", 5002, "p3dx-sh"))
 )
-
-
-def run(scenario: Coroutine[Any, Any, None]) -> None:
-    async def limited() -> None:
-        async with asyncio.timeout(60):
-            await scenario
-
-    asyncio.run(limited())
-
-
-async def until(condition: Callable[[], Any]) -> None:
-    while not condition():
-        await asyncio.sleep(0.005)
-
-
-@asynccontextmanager
-async def started(peer: Any, drive: Any, storage: Storage) -> AsyncIterator[Station]:
-    station = Station(peer, storage, source="simulated:lab", drive=drive)
-    try:
-        await station.start()
-        await until(lambda: station.state.state is not EngineState.IDLE)
-        yield station
-    finally:
-        await station.stop()
 
 
 def shows(world: str | None, robots: Any = ()) -> StateEvent:
@@ -90,7 +66,7 @@ def test_robots_belong_to_the_world_that_is_seen() -> None:
 def test_each_source_brings_its_own_robots(peer: Any, drive: Any, storage: Storage) -> None:
     async def scenario() -> None:
         peer.world, peer.robots = "simulated:lab/1", OWN
-        async with started(peer, drive, storage) as station:
+        async with started(peer, storage, drive=drive) as station:
             await until(lambda: len(drive.robots) == 2)
             station.rig.rig = RIG
             peer.world, peer.robots = "real", ()
@@ -115,7 +91,7 @@ def test_a_lost_engine_keeps_the_robots_and_the_next_one_brings_others(
 ) -> None:
     async def scenario() -> None:
         peer.world, peer.robots = "simulated:lab/1", OWN
-        async with started(peer, drive, storage):
+        async with started(peer, storage, drive=drive):
             await until(lambda: len(drive.robots) == 2)
             peer.lose()
             await asyncio.sleep(0.02)
@@ -136,7 +112,7 @@ def test_the_guard_is_told_first_and_of_every_change(
 
     async def scenario() -> None:
         peer.world, peer.robots = "simulated:lab/1", OWN
-        async with started(peer, drive, storage) as station:
+        async with started(peer, storage, drive=drive) as station:
             await until(lambda: len(drive.robots) == 2)
             assert isinstance(drive.commands[0], SetGuard)
             assert sorted(drive.commands[0].parameters) == sorted(names)
@@ -164,7 +140,7 @@ def test_what_cannot_be_connected_is_said_and_not_repeated(
     async def scenario() -> None:
         peer.world, peer.robots = "simulated:lab/1", OWN
         drive.refuse[ConnectRobot] = ("input", "nothing answers there")
-        async with started(peer, drive, storage) as station:
+        async with started(peer, storage, drive=drive) as station:
             await until(lambda: len(station.driving.warnings) == 2)
             warnings = status(station)["warnings"]
             assert "the obstacle is not connected: nothing answers there" in warnings
@@ -191,7 +167,7 @@ def test_who_does_not_answer_is_asked_again(
     async def scenario() -> None:
         peer.world, peer.robots = "simulated:lab/1", OWN
         drive.refuse[ConnectRobot] = ("failure", "the port is busy")
-        async with started(peer, drive, storage) as station:
+        async with started(peer, storage, drive=drive) as station:
             await until(lambda: len(drive.of(ConnectRobot)) > 5)
             assert "the port is busy" in station.driving.warnings[0]
             drive.refuse.clear()
@@ -205,7 +181,7 @@ def test_a_stop_that_nobody_heard_is_told_the_next_process(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
     async def scenario() -> None:
-        async with started(peer, drive, storage) as station:
+        async with started(peer, storage, drive=drive) as station:
             await until(lambda: drive.health.alive)
             drive.lose()
             with pytest.raises(NotAvailable, match="begins stopped"):
@@ -238,7 +214,7 @@ def test_the_robots_stop_before_anything_else_ends(
                 await stop()
 
             monkeypatch.setattr(one, "stop", noted)
-        async with started(peer, drive, storage):
+        async with started(peer, storage, drive=drive):
             pass
 
     run(scenario())
@@ -275,7 +251,7 @@ def test_a_driven_roles_command_is_written_once(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
     async def scenario() -> None:
-        async with started(peer, drive, storage):
+        async with started(peer, storage, drive=drive):
             event = peer.observe()
         assert "commanded" in {row.source for row in speed_rows("run", event)}
         assert "commanded" not in {row.source for row in speed_rows("run", event, ["obstacle"])}

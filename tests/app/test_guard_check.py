@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
-from collections.abc import Coroutine
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -19,6 +17,8 @@ from app.station.driving.check_records import CheckRecords, advice
 from app.station.driving.circumstances import Circumstances
 from app.station.driving.guard_check import GuardCheck
 from observer.rig.rig import Rig, RigMount, RigValue
+
+from .stations import run
 
 NOW = "2026-11-22T02:09:41.000+00:00"
 STOP = StoppedEvent(
@@ -227,10 +227,6 @@ def test_it_is_said_when_to_check_again(tmp_path: Path) -> None:
     assert advice(own, circumstances(calibration=None), today) is None
     other = circumstances(calibration=None, source="camera:2,3")
     assert "the calibration changed" in str(advice(own, other, today))
-
-
-def run(scenario: Coroutine[Any, Any, None]) -> None:
-    asyncio.run(asyncio.wait_for(scenario, 20))
 
 
 def desk_at(folder: Path, work: list[Any]) -> CheckDesk:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import sqlite3
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,41 +19,12 @@ from app.station.writer import Writer
 from app.storage import RunState, Storage, StorageBusy, StorageError
 from observer.errors import ParameterError
 
-
-@asynccontextmanager
-async def started(
-    peer: Any, storage: Storage, source: str = "simulated:lab"
-) -> AsyncIterator[Station]:
-    station = Station(peer, storage, source=source)
-    try:
-        await station.start()
-        while station.state.state is EngineState.IDLE:
-            await asyncio.sleep(0.005)
-        yield station
-    finally:
-        await station.stop()
-
-
-def run(scenario: Coroutine[Any, Any, None]) -> None:
-    async def limited() -> None:
-        async with asyncio.timeout(60):
-            await scenario
-
-    asyncio.run(limited())
-
-
-async def until(condition: Callable[[], Any]) -> None:
-    while not condition():
-        await asyncio.sleep(0.005)
+from .stations import opens, run, started, until
 
 
 async def begin(station: Station, **more: Any) -> Any:
     given = {"name": None, "source": None, "calibration_id": None, "preset": None}
     return await station.start_run(**{**given, "parameters": {}, **more})
-
-
-def opens(peer: Any) -> list[OpenSource]:
-    return [command for command in peer.commands if isinstance(command, OpenSource)]
 
 
 # --- engines that are lost ------------------------------------------------------------------

@@ -3,49 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import asynccontextmanager
+from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from app.calibration_worker.messages import BoardsFound, Fitted, FitViews, Progress
-from app.messages import BeginCalibration, ChangeCalibration, EngineState, OpenSource
+from app.messages import BeginCalibration, ChangeCalibration
 from app.station import Station
-from app.storage import Storage
 from observer.calibration.board import Board
-from observer.calibration.views import BoardSighting, BoardView
+from observer.calibration.views import BoardView
+
+from ..stations import until
 
 BOARD = Board("chessboard", 9, 6, 0.025)
 CAMERAS = "simulated:calibration"
 CAPTURE = ChangeCalibration(capture=True)
-
-
-@asynccontextmanager
-async def started(
-    peer: Any, storage: Storage, source: str = "simulated:lab"
-) -> AsyncIterator[Station]:
-    station = Station(peer, storage, source=source)
-    try:
-        await station.start()
-        await until(lambda: station.state.state is not EngineState.IDLE)
-        yield station
-    finally:
-        await station.stop()
-
-
-def run(scenario: Coroutine[Any, Any, None]) -> None:
-    async def limited() -> None:
-        async with asyncio.timeout(60):
-            await scenario
-
-    asyncio.run(limited())
-
-
-async def until(condition: Callable[[], Any]) -> None:
-    async with asyncio.timeout(20):
-        while not condition():
-            await asyncio.sleep(0.005)
 
 
 async def captured(peer: Any, station: Station, count: int = 3) -> None:
@@ -56,12 +27,6 @@ async def captured(peer: Any, station: Station, count: int = 3) -> None:
         await station.change_calibration(CAPTURE)
 
 
-def sighting_of(board: Board) -> BoardSighting:
-    """All corners of a board, somewhere in an image."""
-    px = board.object_points[:, :2] / board.square_m * 20.0 + 50.0
-    return BoardSighting(np.arange(len(px), dtype=np.int32), px)
-
-
 def names(station: Station) -> list[str]:
     facts = station.calibrating.facts()
     assert facts is not None
@@ -70,10 +35,6 @@ def names(station: Station) -> list[str]:
 
 def begun(peer: Any) -> list[BeginCalibration]:
     return [command for command in peer.commands if isinstance(command, BeginCalibration)]
-
-
-def opens(peer: Any) -> list[OpenSource]:
-    return [command for command in peer.commands if isinstance(command, OpenSource)]
 
 
 class Computing:

@@ -21,6 +21,7 @@ from app.supervisor import EngineRefused
 from observer.calibration.formats.opencv_file import calibration_id
 from observer.errors import CalibrationError
 
+from ..stations import opens, run, started, until
 from .desk import (
     BOARD,
     CAMERAS,
@@ -29,10 +30,6 @@ from .desk import (
     captured,
     computed,
     names,
-    opens,
-    run,
-    started,
-    until,
 )
 
 

@@ -15,6 +15,8 @@ from app.supervisor import EngineRefused
 from observer.calibration.board import Board
 from observer.calibration.views import BoardSighting, BoardView
 
+from ..peer_engine import sighting_of
+from ..stations import opens, run, started, until
 from .desk import (
     BOARD,
     CAMERAS,
@@ -23,11 +25,6 @@ from .desk import (
     begun,
     captured,
     names,
-    opens,
-    run,
-    sighting_of,
-    started,
-    until,
 )
 
 # --- beginning and leaving ------------------------------------------------------------------

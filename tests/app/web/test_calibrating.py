@@ -21,17 +21,10 @@ from app.messages import BeginCalibration
 from app.station import calibration_desk
 from observer.calibration.formats.opencv_file import calibration_id
 
-JSON = {"Content-Type": "application/json"}
+from .scenarios import JSON, run
+
 CAMERAS = {"source": "simulated:calibration"}
 BOARD = {"kind": "chessboard", "columns": "9", "rows": "6", "square_mm": "25"}
-
-
-def run(serve: Any, scenario: Any, **settings: Any) -> None:
-    async def serving() -> None:
-        async with serve(**settings) as served:
-            await scenario(served)
-
-    asyncio.run(serving())
 
 
 async def facts(http: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import io
 import zipfile
 from typing import Any
@@ -16,7 +15,8 @@ from observer.calibration.formats.recognition import read_any
 from observer.calibration.formats.understanding import NamedFile
 from observer.camera import StereoCalibration
 
-JSON = {"Content-Type": "application/json"}
+from .scenarios import JSON, run
+
 RIG = StereoCalibration(
     640,
     480,
@@ -69,14 +69,6 @@ FORMATS: dict[str, tuple[tuple[NamedFile, ...], dict[str, str], int, float]] = {
     "ZED": (texts(ZED), {"size": "1280 x 720"}, 1280, 0.12),
     "EuRoC": (texts(EUROC.format(x=0), EUROC.format(x=0.11)), {}, 752, 0.11),
 }
-
-
-def run(serve: Any, scenario: Any, **settings: Any) -> None:
-    async def serving() -> None:
-        async with serve(**settings) as served:
-            await scenario(served)
-
-    asyncio.run(serving())
 
 
 async def send(served: Any, files: Any, **told: str) -> Any:

@@ -18,6 +18,8 @@ from websockets.sync.client import connect
 from app.drive.messages import DriveCommand, Presence, ReleaseLease, StopRobots, TakeLease
 from observer.robots.contract import RobotPort
 
+from .scenarios import run
+
 # A page's clock begins when it is opened.
 EPOCH = time.monotonic() - 12.0
 
@@ -99,14 +101,6 @@ def world(peer: Any) -> None:
     """A simulated world with both robots."""
     peer.world = "simulated:lab/1"
     peer.robots = (robot("observer", "5001"), robot("obstacle", "5002"))
-
-
-def run(serve: Any, scenario: Any, **settings: Any) -> None:
-    async def serving() -> None:
-        async with asyncio.timeout(60), serve(**settings) as served:
-            await scenario(served)
-
-    asyncio.run(serving())
 
 
 pytestmark = pytest.mark.usefixtures("world")

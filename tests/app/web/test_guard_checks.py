@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import re
 from pathlib import Path
@@ -13,13 +12,7 @@ import pytest
 from app.web.api.robot_models import CheckNow, ChecksNow, RobotsNow
 from observer.robots.contract import RobotPort
 
-
-def run(serve: Any, scenario: Any) -> None:
-    async def serving() -> None:
-        async with asyncio.timeout(60), serve() as served:
-            await scenario(served)
-
-    asyncio.run(serving())
+from .scenarios import run
 
 
 @pytest.fixture(autouse=True)

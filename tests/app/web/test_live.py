@@ -12,13 +12,7 @@ import psutil
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-
-def run(serve: Any, scenario: Any, **settings: Any) -> None:
-    async def serving() -> None:
-        async with asyncio.timeout(60), serve(**settings) as served:
-            await scenario(served)
-
-    asyncio.run(serving())
+from .scenarios import run
 
 
 async def next_of(socket: Any, kind: str) -> dict[str, Any]:

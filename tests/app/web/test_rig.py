@@ -15,20 +15,13 @@ from app.web.server import create_app
 from observer.rig.rig import LIMITS
 from observer.rig.rig_file import read_rig
 
-JSON = {"Content-Type": "application/json"}
+from .scenarios import JSON, run
+
 FILE = (
     "mount:\n  height_m: 0.42\n  tilt_deg: {estimated: 4.0, sigma: 0.2}\n"
     "T_body_base:\n  P3-DX: [[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, -0.2]]\n"
     "models:\n  observer: p3dx-sh\n"
 )
-
-
-def run(serve: Any, scenario: Any, **settings: Any) -> None:
-    async def serving() -> None:
-        async with serve(**settings) as served:
-            await scenario(served)
-
-    asyncio.run(serving())
 
 
 def opens(peer: Any) -> list[OpenSource]:

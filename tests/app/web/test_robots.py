@@ -25,7 +25,8 @@ from observer.programmes import programme_names
 from observer.rig.rig_file import read_rig
 from observer.robots.contract import RobotPort
 
-JSON = {"Content-Type": "application/json"}
+from .scenarios import JSON, run
+
 OWN = """
 name: to_and_fro
 title: To and fro
@@ -35,14 +36,6 @@ steps:
     - {seconds: 2, speed_mps: 0.2}
     - {seconds: 2, speed_mps: -0.2}
 """
-
-
-def run(serve: Any, scenario: Any, **settings: Any) -> None:
-    async def serving() -> None:
-        async with asyncio.timeout(60), serve(**settings) as served:
-            await scenario(served)
-
-    asyncio.run(serving())
 
 
 @pytest.fixture

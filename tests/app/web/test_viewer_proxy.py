@@ -16,6 +16,8 @@ from app.viewer import viewer as viewer_module
 from app.web.sockets import BadMessage
 from app.web.viewer_proxy import passes
 
+from .scenarios import run
+
 PROTOCOL = f"viser-v{viser.__version__}"
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -33,14 +35,6 @@ CAMERA = {
 
 def real_viewer(station: Any) -> ViserViewer:
     return ViserViewer(station, points=500, rate_hz=20)
-
-
-def run(serve: Any, scenario: Any, **more: Any) -> None:
-    async def serving() -> None:
-        async with asyncio.timeout(90), serve(**more) as served:
-            await scenario(served)
-
-    asyncio.run(serving())
 
 
 async def started(served: Any) -> Any:

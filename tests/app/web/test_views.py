@@ -11,13 +11,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.messages import VIEW_NAMES
 
-
-def run(serve: Any, scenario: Any) -> None:
-    async def serving() -> None:
-        async with asyncio.timeout(60), serve() as served:
-            await scenario(served)
-
-    asyncio.run(serving())
+from .scenarios import run
 
 
 async def image(socket: Any) -> tuple[int, float, bytes]:

@@ -1,0 +1,434 @@
+"""An engine within the test's own process: keeps state instead of observing."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+
+from app.channel.latest import LatestReader, LatestWriter, create_slot
+from app.messages import (
+    CLOUD_NAME,
+    VIEW_NAMES,
+    BeginCalibration,
+    BoardLookEvent,
+    BoardViewsEvent,
+    ChangeCalibration,
+    CloseSource,
+    Command,
+    EngineLostEvent,
+    EngineStartedEvent,
+    EngineState,
+    Event,
+    ExplainPixel,
+    LookAtFloor,
+    MeasureDepth,
+    ObservationEvent,
+    OpenSource,
+    PreviewCalibration,
+    SetParameters,
+    SetPlayback,
+    StateEvent,
+    StopRun,
+    TakeScenePairs,
+    WatchViews,
+)
+from app.supervisor import EngineHealth, EngineRefused, EngineUnavailable
+from observer.calibration.board import Board
+from observer.calibration.formats.opencv_file import calibration_text
+from observer.calibration.views import BoardSighting, BoardView
+from observer.camera import StereoCalibration
+from observer.mount import CameraMount
+
+# The smallest JPEG there is would do; the bytes are only carried.
+JPEG = b"\xff\xd8\xff\xe0 not a picture, but carried like one \xff\xd9"
+
+
+class PeerEngine:
+    """Fulfils ``app.station.Engine`` by keeping state instead of observing.
+
+    Sources: ``simulated:lab`` and anything else opens; ``missing`` is refused as input.
+    """
+
+    def __init__(self) -> None:
+        self._slots = {name: create_slot(1 << 20) for name in (*VIEW_NAMES, CLOUD_NAME)}
+        self.writers = {name: LatestWriter(fd) for name, fd in self._slots.items()}
+        readers = {name: LatestReader(fd) for name, fd in self._slots.items()}
+        self.cloud = readers.pop(CLOUD_NAME)
+        self.views = readers
+        self.commands: list[Command] = []
+        self.subscribers: list[Callable[[Event], None]] = []
+        self.generation = 0
+        self.alive = False
+        self.opened: OpenSource | None = None
+        # What is calibrated, the views it has, and whether both cameras see the board.
+        self.calibrating: BeginCalibration | None = None
+        self.captured: list[BoardView] = []
+        self.board_seen = False
+        self.devices: tuple[str, ...] = ()
+        # The world that the source shows, and the robots in it.
+        self.world: str | None = None
+        self.robots: tuple[dict[str, Any], ...] = ()
+        self.parameters: dict[str, Any] = {}
+        self.watched: tuple[str, ...] = ()
+        self.frame = 0
+        self.sequence = 0
+        self.playback: dict[str, Any] = {}
+        # Makes observations as large as a test wants them.
+        self.padding = ""
+        # Drawn like the real engine: what is newly watched at once.
+        self.draw_on_watch = True
+
+    async def start(self) -> None:
+        self.start_process()
+
+    def start_process(self) -> None:
+        self.generation += 1
+        self.alive = True
+        self.opened = self.calibrating = None
+        self.sequence = 0
+        self.publish(EngineStartedEvent(self.generation, 1000 + self.generation))
+        self.publish(self.state())
+
+    def lose(self, reason: str = "the engine was killed") -> None:
+        self.alive = False
+        self.publish(EngineLostEvent(self.generation, reason))
+
+    async def stop(self) -> None:
+        self.alive = False
+        if not self._slots:
+            return
+        for slot in (*self.writers.values(), *self.views.values(), self.cloud):
+            slot.close()
+        for fd in self._slots.values():
+            os.close(fd)
+        self._slots = {}
+
+    def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
+        self.subscribers.append(callback)
+        return lambda: self.subscribers.remove(callback)
+
+    def publish(self, event: Event) -> None:
+        for callback in tuple(self.subscribers):
+            callback(event)
+
+    @property
+    def health(self) -> EngineHealth:
+        pid = 1000 + self.generation if self.alive else None
+        return EngineHealth(self.generation, pid, self.alive, max(0, self.generation - 1), 0.01, 0)
+
+    async def request(self, command: Command, timeout_s: float = 10.0) -> dict[str, Any]:
+        assert timeout_s > 0
+        if not self.alive:
+            raise EngineUnavailable("the engine is being replaced")
+        self.commands.append(command)
+        match command:
+            case OpenSource():
+                return self._open(command)
+            case BeginCalibration():
+                return self._begin(command)
+            case ChangeCalibration():
+                return self._change(command)
+            case CloseSource():
+                self.opened = self.calibrating = None
+                self.publish(self.state())
+                return {}
+            case MeasureDepth():
+                return self._measure(command)
+            case LookAtFloor():
+                self.frame += 1
+                return {"frame": self.frame, "points": floor_points(self.frame)}
+            case TakeScenePairs():
+                text = self.opened and self.opened.calibration_yaml
+                return {"pairs": (), "calibration_yaml": text or rectified_calibration()}
+            case SetParameters():
+                self.parameters = dict(command.parameters)
+                return {"frame": self.frame + 1 if self.opened else None}
+            case SetPlayback():
+                if self.opened is None:
+                    raise EngineRefused("no source is open", "state")
+                changes = asdict(command)
+                for name in ("paused", "rate", "loop"):
+                    if changes[name] is not None:
+                        self.playback[name] = changes[name]
+                self.publish(self.state())
+                return dict(self.playback)
+            case StopRun():
+                if self.opened is None or self.opened.run_id is None:
+                    raise EngineRefused("no run is going", "state")
+                self.opened = replace(self.opened, run_id=None)
+                self.publish(self.state())
+                return {}
+            case WatchViews():
+                new = set(command.names) - set(self.watched)
+                self.watched = command.names
+                if self.draw_on_watch:
+                    for name in new & set(VIEW_NAMES):
+                        self.draw(name)
+                return {}
+            case PreviewCalibration():
+                return {"jpeg": JPEG, "vertical_error_px": 0.125, "matches": 42}
+            case ExplainPixel():
+                return self._explain(command)
+        return {}
+
+    def _explain(self, command: ExplainPixel) -> dict[str, Any]:
+        if self.sequence == 0:
+            raise EngineRefused("no frame has been observed yet", "state")
+        if not (0 <= command.u < 512 and 0 <= command.v < 256):
+            raise EngineRefused("the pixel is outside the image of 512 x 256 pixels", "input")
+        return {
+            "frame": self.frame - 1,
+            "segment": 0,
+            "u": command.u,
+            "v": command.v,
+            "verdict": "dynamic",
+            "sentence": "It moves at 0.40 m/s.",
+            "numbers": {"residual_px": 4.2, "depth_m": None},
+            "would_change": "With flow.residual_threshold_px at 4.21 px or above it would not.",
+            "obstacle": {"id": 7, "reported": True, "why": "its flow differs"},
+        }
+
+    def _begin(self, command: BeginCalibration) -> dict[str, Any]:
+        if command.source == "missing":
+            raise EngineRefused("there is no folder missing; name one that exists", "input")
+        if self.opened is not None and self.opened.run_id is not None:
+            raise EngineRefused("a run is going", "state")
+        self.opened, self.calibrating = None, command
+        self.captured = list(command.views)
+        self.publish(self.state())
+        return asdict(self.state())
+
+    def _change(self, command: ChangeCalibration) -> dict[str, Any]:
+        if self.calibrating is None:
+            raise EngineRefused("nothing is being calibrated", "state")
+        if command.capture:
+            if not self.board_seen:
+                raise EngineRefused("the board is not in both views now", "state")
+            self.capture()
+        if command.undo:
+            if not self.captured:
+                raise EngineRefused("there is no view to take back", "state")
+            self.captured.pop()
+            self.publish(BoardViewsEvent(self._names()))
+        if command.remove is not None:
+            self.captured = [view for view in self.captured if view.name != command.remove]
+            self.publish(BoardViewsEvent(self._names()))
+        return {"views": list(self._names())}
+
+    def _names(self) -> tuple[str, ...]:
+        return tuple(view.name for view in self.captured)
+
+    def capture(self, view: BoardView | None = None) -> BoardView:
+        """One more view, as when a person holds the board still."""
+        assert self.calibrating is not None
+        number = max((int(name) for name in self._names()), default=0) + 1
+        seen = sighting_of(self.calibrating.board)
+        taken = BoardView(str(number), seen, seen) if view is None else view
+        self.captured.append(taken)
+        self.publish(BoardViewsEvent(self._names(), taken, (JPEG, JPEG)))
+        return taken
+
+    def look(self, **more: Any) -> None:
+        """One more pair was looked at."""
+        look = {"frame": self.frame, "words": "Hold it still", "next": None, "seen": [54, 54]}
+        self.publish(BoardLookEvent({**look, **more}, time.monotonic()))
+
+    def _measure(self, command: MeasureDepth) -> dict[str, Any]:
+        if command.u >= 512 or command.v >= 256:
+            raise EngineRefused("the pixel is outside the image of 512 x 256", "input")
+        return {"range_m": 2.0, "depth_m": 1.9, "disparity_px": 28.0}
+
+    def _open(self, command: OpenSource) -> dict[str, Any]:
+        if command.source == "missing":
+            raise EngineRefused("there is no folder missing; name one that exists", "input")
+        if command.source == "uncalibrated" and command.calibration_yaml is None:
+            raise EngineRefused("uncalibrated brings no calibration", "input")
+        self.opened, self.calibrating = command, None
+        self.parameters = dict(command.parameters)
+        self.frame = 0
+        self.playback = {
+            "paused": command.paused,
+            "rate": command.rate,
+            "loop": command.loop,
+            "frame": 0,
+            "frame_count": 100,
+            "ended": False,
+            "achieved_rate": 1.0,
+        }
+        self.publish(self.state())
+        return {"calibration_yaml": command.calibration_yaml or rectified_calibration()}
+
+    def state(self, **more: Any) -> StateEvent:
+        opened = self.opened
+        if opened is None and self.calibrating is None:
+            return StateEvent(EngineState.IDLE, None)
+        source = {
+            "spec": (opened or self.calibrating).source,
+            "kind": "simulated",
+            "width": 512,
+            "height": 256,
+            "frame_rate": 15.0,
+            "frame_count": 100,
+            "live": False,
+            "mount_height_m": 0.4,
+            "mount_tilt_rad": 0.1,
+            "devices": self.devices,
+        }
+        if opened is None:
+            return StateEvent(EngineState.CALIBRATING, None, source=source)
+        camera = {
+            "width": 512,
+            "height": 256,
+            "fx": 443.0,
+            "fy": 443.0,
+            "cx": 255.5,
+            "cy": 127.5,
+            "baseline": 0.12,
+        }
+        return (
+            StateEvent(
+                EngineState.PREVIEW if opened.run_id is None else EngineState.RUNNING,
+                None,
+                source=source,
+                playback=dict(self.playback),
+                camera=camera,
+                run_id=opened.run_id,
+                segment=opened.segment,
+                has_truth=True,
+                mount=asdict(CameraMount(0.4, 0.1)),
+                world=self.world,
+                robots=self.robots,
+            )
+            if not more
+            else replace(self.state(), **more)
+        )
+
+    def draw(self, name: str) -> None:
+        header = {
+            "frame": self.frame,
+            "time": 0.0,
+            "received": time.monotonic(),
+            "width": 512,
+            "height": 256,
+        }
+        self.writers[name].write(header, JPEG)
+
+    def draw_cloud(self, points: int = 50) -> None:
+        rng = np.random.default_rng(self.frame)
+        header = {
+            "frame": self.frame,
+            "time": 0.0,
+            "received": time.monotonic(),
+            "count": points,
+            "T_world_camera": np.eye(4).ravel().tolist(),
+            "segment": 0,
+        }
+        cloud = rng.uniform(1, 3, (points, 3)).astype(np.float32)
+        colors = rng.integers(0, 255, (points, 3), dtype=np.uint8)
+        self.writers[CLOUD_NAME].write(header, cloud.tobytes(), colors.tobytes())
+
+    def observe(self, **more: Any) -> ObservationEvent:
+        """One more frame with one obstacle; also draws what is watched."""
+        opened = self.opened
+        assert opened is not None
+        for name in self.watched:
+            if name in VIEW_NAMES:
+                self.draw(name)
+            else:
+                self.draw_cloud()
+        event = ObservationEvent(
+            sequence=self.sequence,
+            line=line(self.frame, opened.segment, opened.parameters_revision, self.padding),
+            truth=[truth(self.frame)],
+            received=time.monotonic(),
+            published=time.monotonic(),
+            frame_skips=0,
+            run_id=opened.run_id,
+        )
+        event = replace(event, **more)
+        self.frame += 1
+        self.sequence += 1
+        self.publish(event)
+        return event
+
+
+def line(frame: int, segment: int, revision: int, padding: str) -> dict[str, Any]:
+    """A JSON line with one obstacle that drives to the right at 0.4 m/s."""
+    at = [0.4 * frame / 15, 0.1, 3.0]
+    return {
+        "frame": frame,
+        "time": frame / 15,
+        "segment": segment,
+        "status": "ok",
+        "reasons": [padding] if padding else [],
+        "parameters_revision": revision,
+        "pose": {"position": [0.0, 0.0, 0.02 * frame], "orientation_wxyz": [1.0, 0, 0, 0]},
+        "obstacles": [
+            {
+                "id": 7,
+                "state": "confirmed",
+                "motion": "moving",
+                "position": at,
+                "velocity": [0.4, 0.0, 0.0],
+                "speed": 0.4,
+                "speed_std": 0.05,
+                "position_cov": None,
+                "velocity_cov": None,
+                "velocity_time": frame / 15,
+                "size": [0.5, 0.3, 0.4],
+                "orientation_wxyz": [1.0, 0.0, 0.0, 0.0],
+                "range": 3.0,
+                "bearing": 0.1,
+                "closing_speed": 0.0,
+                "points": 20,
+                "significance": 8.0,
+                "box_px": [100.0, 50.0, 160.0, 90.0],
+                "why": "its flow differs from the background's",
+            }
+        ],
+        "timings_ms": {"features": 1.0 + frame % 3, "total": 20.0},
+    }
+
+
+def truth(frame: int) -> dict[str, Any]:
+    return {
+        "id": 1,
+        "name": "P3-DX",
+        "role": "obstacle",
+        "position": [0.4 * frame / 15, 0.1, 3.0],
+        "velocity": [0.4, 0.0, 0.0],
+        "speed": 0.4,
+        "size": [0.455, 0.381, 0.237],
+        "yaw": 1.5708,
+        "visible": 1.0,
+        "commanded_speed": 0.4,
+        "track_id": 7,
+    }
+
+
+def sighting_of(board: Board) -> BoardSighting:
+    """All corners of a board, somewhere in an image."""
+    px = board.object_points[:, :2] / board.square_m * 20.0 + 50.0
+    return BoardSighting(np.arange(len(px), dtype=np.int32), px)
+
+
+def floor_points(seed: int, height_m: float = 0.4, count: int = 3000) -> np.ndarray[Any, Any]:
+    """A floor below a level camera, (N, 3) metres in its frame, a millimetre rough."""
+    rng = np.random.default_rng(seed)
+    points = np.column_stack(
+        [rng.uniform(-1, 1, count), np.full(count, height_m), rng.uniform(1.2, 4, count)]
+    )
+    points[:, 1] += rng.normal(0, 0.001, count)
+    return points
+
+
+def rectified_calibration(width: int = 512, height: int = 256) -> str:
+    """The text of a calibration file."""
+    return calibration_text(
+        StereoCalibration.rectified(width, height, 443.0, 443.0, 255.5, 127.5, 0.12)
+    )
