@@ -18,6 +18,8 @@ from observer.robots.contract import SonarReading
 _RANGE_ERROR_M = 0.04
 # Beside its own face a sonar notices nothing; what is level with it is noticed by its neighbour.
 _BEHIND_FACE_M = 0.08
+# A reading may come while the tick that asks is under way: later than its "now" by so much.
+_SINCE_S = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ def fresh_sonar(
 
     What a sonar told before is worth less by what may have come in since at ``intruder_mps``.
     """
-    fresh = [one for one in sonars if 0 <= now - one.received <= p.sonar_fresh_s]
+    fresh = [one for one in sonars if -_SINCE_S <= now - one.received <= p.sonar_fresh_s]
     if not fresh:
         return None
     rows = np.array(
@@ -70,7 +72,7 @@ def fresh_sonar(
         c * ry - s * rx,
         heading - yaw,
         echo,
-        reach - p.intruder_mps * (now - received),
+        reach - p.intruder_mps * np.maximum(now - received, 0.0),
     )
 
 

@@ -273,6 +273,14 @@ def test_new_parameters_hold_from_the_next_tick_on() -> None:
     assert loop.ask((0.5, 0.0)).speed_mps == pytest.approx(0.2)
 
 
+def test_zones_are_drawn_anew_for_new_parameters() -> None:
+    loop = Loop()
+    before = loop.ask((0.3, 0.6)).stop_zone
+    for name, value in (("sigmas", 5.0), ("turn_acceleration_radps2", 0.2)):
+        loop.guard.use(P.model_copy(update={name: value}))
+        assert loop.ask((0.3, 0.6)).stop_zone != before
+
+
 def test_a_verdict_takes_little_of_a_tick() -> None:
     loop = Loop()
     crowd = tuple(

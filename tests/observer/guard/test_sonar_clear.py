@@ -49,6 +49,11 @@ def test_an_old_reading_is_worth_less_and_then_nothing() -> None:
     assert fresh_sonar((), NOW, standing(), P) is None
 
 
+def test_a_reading_that_comes_while_it_is_asked_for_counts() -> None:
+    assert clear((1.4, 0.0), ahead(1.5, NOW + 0.003))
+    assert not clear((1.6, 0.0), ahead(1.5, NOW + 0.003))
+
+
 def test_between_two_cones_nothing_wide_can_stand_unnoticed() -> None:
     pair = [
         SonarReading(k, 0.1, 0.0, math.radians(sign * 30), None, NOW)

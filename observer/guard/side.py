@@ -1,0 +1,129 @@
+"""What the guard holds of one robot from tick to tick: what it knows and what it permitted."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.guard.dead_reckoning import DeadReckoning
+from observer.guard.intruders import SonarWatch
+from observer.guard.outline import Outline, is_spot_turn, swept
+from observer.guard.seen_ground import RememberedGround, ScanView
+from observer.guard.sight import Sight
+from observer.guard.zones import Polygon, slow_zone, stop_zone
+from observer.parameters import GuardParameters
+
+# A share that differs by less is not worth a word.
+WHOLE = 0.999
+# A turn on the spot that was stopped begins again with at least this share.
+_LEAST_TURN = 0.1
+
+# Of the ground passed over: places, times, which lie in the margin, and the step between times.
+_Way = tuple[Float64Array, Float64Array, NDArray[np.bool_], float]
+
+
+class Side:
+    """One robot's side of the guard.
+
+    Attributes:
+        past: where it was. ground: what was seen free a moment ago. watch: what its sonar hears.
+        scan: of the newest frame. permitted: m/s and rad/s at the last tick.
+    """
+
+    def __init__(self) -> None:
+        self.past = DeadReckoning()
+        self.ground = RememberedGround()
+        self.watch = SonarWatch()
+        self.scan: ScanView | None = None
+        self.permitted = (0.0, 0.0)
+        self._frame: tuple[int, float] | None = None
+        self._calls: deque[tuple[float, float, str | None]] = deque()
+        self._heading: tuple[int, int] | None = None
+        self._stopped = False
+        self._drawn: tuple[object, tuple[Polygon, Polygon]] | None = None
+        self._way: tuple[object, _Way] | None = None
+
+    def advance(self, now: float, measured: tuple[float | None, float | None]) -> None:
+        speed, turn = (
+            told if known is None else known
+            for known, told in zip(measured, self.permitted, strict=True)
+        )
+        if not self.past.advance(now, speed, turn):
+            self.ground.forget()
+            self.watch.forget()
+            self.release()
+
+    def zones(
+        self, outline: Outline, wanted: tuple[float, float], p: GuardParameters
+    ) -> tuple[Polygon, Polygon]:
+        """The stop and the slow zone; most ticks want the same as the one before."""
+        key = (outline, wanted, p)
+        if self._drawn is None or self._drawn[0] != key:
+            self._drawn = key, (stop_zone(outline, wanted, p), slow_zone(outline, wanted, p))
+        return self._drawn[1]
+
+    def way(
+        self, outline: Outline, wanted: tuple[float, float], seconds: float, margin_m: float
+    ) -> _Way:
+        """The ground to be passed over; most ticks want the same as the one before."""
+        key = (outline, wanted, seconds, margin_m)
+        if self._way is None or self._way[0] != key:
+            ground = swept(outline, *wanted, seconds, margin_m)
+            self._way = key, (*ground.listed(), ground.step_s)
+        return self._way[1]
+
+    def see(self, sight: Sight) -> None:
+        """Take over a frame that was not there at the last tick."""
+        if self._frame == (sight.frame, sight.received):
+            return
+        self._frame = (sight.frame, sight.received)
+        self.scan = None if sight.scan is None else ScanView.of(sight.scan)
+        if self.scan is not None:
+            self.ground.remember(sight.received, self.scan)
+
+    def release(self) -> None:
+        """What was called for before holds no longer."""
+        self._calls.clear()
+        self._stopped = False
+
+    def held(
+        self,
+        share: float,
+        reason: str | None,
+        wanted: tuple[float, float],
+        now: float,
+        p: GuardParameters,
+    ) -> tuple[float, str | None]:
+        """The share in force: it falls at once, and rises when less was not called for lately.
+
+        Args:
+            share, reason: of the wanted velocity, called for at this moment.
+        """
+        spot = is_spot_turn(*wanted)
+        heading = (0, _sign(wanted[1])) if spot else (_sign(wanted[0]), 0)
+        if heading != self._heading:
+            # Making way in another direction has nothing to do with why this one was closed.
+            self._heading = heading
+            self.release()
+        size = abs(wanted[1]) if spot else abs(wanted[0])
+        while self._calls and now - self._calls[0][0] > p.release_s:
+            self._calls.popleft()
+        if share < WHOLE:
+            self._calls.append((now, share * size, reason))
+        if not self._calls:
+            self._stopped = False
+            return 1.0, None
+        _, least, reason = min(self._calls, key=lambda call: call[1])
+        share = min(1.0, least / size)
+        # Who stands begins again only with room for more than the slowest speed.
+        slowest = _LEAST_TURN * size if spot else min(p.creep_mps, size)
+        enough = slowest * (1 if spot or not self._stopped else 2)
+        self._stopped = share < WHOLE and least < enough
+        return (0.0 if self._stopped else share), reason
+
+
+def _sign(value: float) -> int:
+    return (value > 0) - (value < 0)
