@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from app.channel.latest import create_slot
+from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.storage import Storage
 from observer.parameters import Parameters
 
@@ -23,6 +26,15 @@ def peer() -> PeerEngine:
 @pytest.fixture
 def drive() -> FakeDrive:
     return FakeDrive()
+
+
+@pytest.fixture
+def slots() -> Iterator[dict[str, int]]:
+    """What engine and drive process share."""
+    slots = {name: create_slot(256 * 1024) for name in (SIGHT_NAME, WHEELS_NAME)}
+    yield slots
+    for fd in slots.values():
+        os.close(fd)
 
 
 @pytest.fixture

@@ -7,15 +7,12 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 import pytest
 
-from app.channel.latest import create_slot
 from app.drive.messages import (
-    SIGHT_NAME,
-    WHEELS_NAME,
     ArmRobot,
     ConnectRobot,
     DriveCommand,
@@ -64,14 +61,6 @@ class Watched:
     def state(self, role: str) -> Any:
         robot = self.all(DriveEvent)[-1].facts["robots"][role]
         return None if robot is None else robot["state"]
-
-
-@pytest.fixture
-def slots() -> Iterator[dict[str, int]]:
-    slots = {name: create_slot(256 * 1024) for name in (SIGHT_NAME, WHEELS_NAME)}
-    yield slots
-    for fd in slots.values():
-        os.close(fd)
 
 
 def run(work: Coroutine[Any, Any, None]) -> None:

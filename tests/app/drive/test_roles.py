@@ -15,25 +15,15 @@ from app.drive.messages import (
     DriveCommand,
     ReleaseLease,
     ResetStop,
-    SetGuard,
     StopRobots,
     TakeLease,
 )
 from app.processes.errors import ProcessRefused
 from observer.errors import InputError
-from observer.guard.guard import Verdict
 from observer.robots.contract import RobotPhase
 from observer.types import Status
 
-STOP = Verdict("stop", False, 0.0, 0.0, "something stands 0.2 m ahead", 0.0, (), ())
-SLOW = Verdict("slow", False, 0.1, 0.0, "obstacle 3 would be met in 0.9 s", 0.1, (), ())
-
-
-def refused(bench: Any, command: Any, match: str, kind: str = "state") -> None:
-    with pytest.raises(ProcessRefused, match=match) as error:
-        bench.take(command)
-    assert error.value.refusal == kind
-
+from .scripted import both, driving, refused
 
 # --- arming -------------------------------------------------------------------------------------
 
@@ -222,151 +212,6 @@ def test_stop_reaches_all_robots_in_the_same_tick_and_latches(bench: Any) -> Non
 
 
 # --- sight --------------------------------------------------------------------------------------
-
-
-def driving(bench: Any) -> None:
-    bench.ready("observer")
-    bench.ready("obstacle")
-    for _ in range(15):
-        bench.drive("observer", 0.3)
-        bench.drive("obstacle", 0.3)
-        bench.tick(5)
-
-
-def both(bench: Any, seconds: float) -> None:
-    for _ in range(round(seconds / 0.1)):
-        bench.drive("observer", 0.3)
-        bench.drive("obstacle", 0.3)
-        bench.tick(5)
-
-
-def test_expired_sight_stops_the_observer_alone(bench: Any) -> None:
-    driving(bench)
-    assert bench.sent("observer") == (0.3, 0.0)
-    last, bench.seeing = bench.now, None
-    while bench.sent("observer") != (0.0, 0.0):
-        bench.tick()
-        bench.drive("observer", 0.3)
-        bench.drive("obstacle", 0.3)
-        assert bench.now - last <= 0.2 + 0.041
-    assert bench.kinds() == ["sight"]
-    assert bench.sent("obstacle") == (0.3, 0.0)
-    # A frame that comes again restarts nothing while the key is held.
-    bench.seeing = {}
-    both(bench, 0.5)
-    assert bench.state("observer") == "armed"
-    bench.drive("observer", 0.0)
-    bench.tick()
-    both(bench, 0.3)
-    assert bench.state("observer") == "moving"
-
-
-def test_a_key_pressed_while_it_cannot_see_starts_nothing_when_it_can(bench: Any) -> None:
-    driving(bench)
-    bench.seeing = {"status": Status.DEGRADED}
-    both(bench, 0.2)
-    bench.drive("observer", 0.0)
-    bench.tick(2)
-    both(bench, 0.3)
-    bench.seeing = {}
-    both(bench, 0.5)
-    assert bench.sent("observer") == (0.0, 0.0)
-    bench.drive("observer", 0.0)
-    bench.tick()
-    both(bench, 0.2)
-    assert bench.state("observer") == "moving"
-
-
-def test_a_second_without_sight_disarms(bench: Any) -> None:
-    driving(bench)
-    bench.seeing = None
-    both(bench, 1.1)
-    assert bench.state("observer") == "armed"
-    both(bench, 0.2)
-    assert bench.state("observer") == "disarmed"
-    assert bench.robots["observer"].calls.count(("disable",)) == 1
-    assert "no frame" in bench.why("observer")
-    assert bench.kinds() == ["sight", "sight"]
-    assert bench.state("obstacle") == "moving"
-    bench.seeing = {}
-    bench.drive("observer", 0.0)
-    both(bench, 0.5)
-    assert bench.state("observer") == "disarmed"
-
-
-@pytest.mark.parametrize(
-    "seeing",
-    [
-        {"status": Status.DEGRADED},
-        {"status": Status.LOST},
-        {"world": "simulated:lab:7"},
-        {"world": None},
-        {"mount_known": False},
-    ],
-)
-def test_one_frame_that_is_none_to_go_by_is_enough(bench: Any, seeing: Any) -> None:
-    driving(bench)
-    bench.seeing = seeing
-    bench.tick()
-    assert bench.sent("observer") == (0.0, 0.0)
-    bench.seeing = {}
-    both(bench, 0.5)
-    assert bench.sent("observer") == (0.0, 0.0)
-
-
-# --- guard --------------------------------------------------------------------------------------
-
-
-def test_an_obstacle_slows_stops_and_lets_go_while_the_key_is_held(bench: Any) -> None:
-    driving(bench)
-    bench.guard.answers["observer"] = SLOW
-    both(bench, 0.2)
-    assert bench.sent("observer") == (0.1, 0.0)
-    assert bench.why("observer") == SLOW.reason
-    bench.guard.answers["observer"] = STOP
-    both(bench, 0.2)
-    assert bench.sent("observer") == (0.0, 0.0)
-    assert bench.kinds() == ["guard"]
-    bench.guard.answers.clear()
-    both(bench, 1.5)
-    assert bench.sent("observer") == (0.3, 0.0)
-
-
-@pytest.mark.parametrize(
-    "answer",
-    [
-        Verdict("clear", False, 0.9, 0.5, None, None, (), ()),
-        Verdict("stop", True, 0.3, 0.0, "it cannot see", 0.0, (), ()),
-        Verdict("clear", False, -0.3, -0.5, None, None, (), ()),
-        Verdict("clear", False, float("nan"), float("nan"), None, None, (), ()),
-        RuntimeError("a bug"),
-    ],
-)
-def test_a_guard_that_errs_never_makes_a_robot_faster(bench: Any, answer: Any) -> None:
-    driving(bench)
-    bench.guard.answers["observer"] = answer
-    before = len(bench.robots["observer"].velocities)
-    both(bench, 0.5)
-    for speed, turn in bench.robots["observer"].velocities[before:]:
-        assert 0.0 <= speed <= 0.3
-        assert turn == 0.0
-        assert speed == 0.0 or not (isinstance(answer, Verdict) and answer.blind)
-    if not isinstance(answer, Verdict) or answer.blind or answer.speed_mps != 0.9:
-        assert bench.sent("observer") == (0.0, 0.0)
-    if isinstance(answer, Exception):
-        assert "guard failed" in bench.why("observer")
-        assert bench.sent("obstacle") == (0.3, 0.0)
-
-
-def test_the_guards_parameters_are_checked_and_used(bench: Any) -> None:
-    bench.take(SetGuard({"guard.acceleration_mps2": 3.0}))
-    assert bench.guard.parameters[-1].acceleration_mps2 == 3.0
-    refused(bench, SetGuard({"guard.speed_max_mps": -1}), "guard.speed_max_mps", "input")
-    refused(bench, SetGuard({"guard.nonsense": 1}), "guard.nonsense", "input")
-    assert len(bench.guard.parameters) == 1
-    bench.ready("obstacle")
-    bench.hold("obstacle", 0.3, 0.1)
-    assert bench.sent("obstacle")[0] == pytest.approx(0.3)
 
 
 # --- faults and leases --------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import sys
 import time
 from collections.abc import Iterator
@@ -12,8 +11,6 @@ from typing import Any
 
 import pytest
 
-from app.channel.latest import create_slot
-from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.drive.supervisor import DriveSupervisor
 from app.settings import Settings
 from app.storage import Storage
@@ -26,14 +23,6 @@ from observer.simulation.robots.serving import Serving, serve_tcp
 from .test_drive_socket import Elsewhere
 
 PROMISED_S = 0.300
-
-
-@pytest.fixture
-def slots() -> Iterator[dict[str, int]]:
-    slots = {name: create_slot(64 * 1024) for name in (SIGHT_NAME, WHEELS_NAME)}
-    yield slots
-    for fd in slots.values():
-        os.close(fd)
 
 
 @pytest.fixture

@@ -1,0 +1,225 @@
+"""A drive process before emulated robots, and who speaks to it as the web process does."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import random
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from app.channel.latest import LatestWriter
+from app.channel.pipe import encode, receive_message
+from app.drive.messages import (
+    ArmRobot,
+    ConnectRobot,
+    DriveCommand,
+    DriveEvent,
+    LeaveDrive,
+    SetGuard,
+    StoppedEvent,
+    TakeLease,
+)
+from app.drive.supervisor import DRIVE_COMMAND
+from app.messages import Reply, Request
+from app.native_environment import program_environment
+from app.processes.arguments import ProcessArguments
+from observer.guard.sight import FreeScan, Sight
+from observer.simulation.robots.emulated import EmulatedRobot
+from observer.simulation.robots.serving import Serving
+from observer.types import Status
+
+PROMISED_S = 0.300
+PATIENCE_S = 15.0
+SPEED_MPS = 0.3
+MODELS = {"observer": "amigo-sh", "obstacle": "p3dx-sh"}
+Robots = dict[str, Serving[EmulatedRobot]]
+
+
+def until(found: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
+    deadline = time.monotonic() + patience_s
+    while not (result := found()):
+        assert time.monotonic() < deadline, f"{what} did not come"
+        time.sleep(0.005)
+    return result
+
+
+class Eyes:
+    """Writes a clear sight into the slot, 30 times a second, as the engine does."""
+
+    def __init__(self, slot: int) -> None:
+        self._writer = LatestWriter(slot)
+        self._ended = threading.Event()
+        self.open = True
+        self.last = 0.0
+        # How far ahead something stands.
+        self.blocked_m: float | None = None
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        frame = 0
+        while not self._ended.wait(1 / 30):
+            if self.open:
+                frame += 1
+                self.last = time.monotonic()
+                self._writer.write(sight_to(self.blocked_m, frame, self.last).facts())
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        self._writer.close()
+
+
+def sight_to(blocked_m: float | None, frame: int, now: float) -> Sight:
+    bearings = tuple(math.radians(3 * number - 60) for number in range(41))
+    count = len(bearings)
+    # Straight ahead alone.
+    blocked = tuple(blocked_m if abs(bearing) < 0.15 else None for bearing in bearings)
+    known_to = tuple(20.0 if each is None else each for each in blocked)
+    scan = FreeScan(bearings, blocked, (0.0,) * count, known_to)
+    return Sight(frame, now, now, "real", Status.OK, (), True, (), scan)
+
+
+class Drive:
+    """A drive process and what a web process says to it."""
+
+    def __init__(self, slots: dict[str, int]) -> None:
+        self.sock, there = socket.socketpair()
+        with there:
+            arguments = ProcessArguments(there.fileno(), os.getpid(), slots)
+            self.process = subprocess.Popen(
+                [*DRIVE_COMMAND, *arguments.as_command_line()],
+                pass_fds=[there.fileno(), *slots.values()],
+                env=program_environment(),
+                start_new_session=True,
+            )
+        self.facts: dict[str, Any] = {}
+        self.stops: list[StoppedEvent] = []
+        self._replies: dict[int, Reply] = {}
+        self._number = 0
+        self._sequence = 0
+        self.leases: dict[str, str] = {}
+        self._hearing = threading.Thread(target=self._hear)
+        self._hearing.start()
+        until(lambda: self.facts, "the first event")
+
+    def _hear(self) -> None:
+        while (message := receive_message(self.sock)) is not None:
+            if isinstance(message, Reply):
+                self._replies[message.number] = message
+            elif isinstance(message, DriveEvent):
+                self.facts = message.facts
+            elif isinstance(message, StoppedEvent):
+                self.stops.append(message)
+
+    def ask(self, command: Any) -> Reply:
+        self._number += 1
+        self.sock.sendall(encode(Request(self._number, command)))
+        number = self._number
+        reply: Reply = until(lambda: self._replies.pop(number, None), type(command).__name__)
+        return reply
+
+    def value(self, command: Any) -> dict[str, Any]:
+        reply = self.ask(command)
+        assert reply.refusal is None, reply.error
+        return reply.value or {}
+
+    def state(self, role: str) -> str | None:
+        robot = self.facts["robots"][role]
+        return None if robot is None else robot["state"]
+
+    def connect(self, robots: Robots) -> None:
+        for role, robot in robots.items():
+            self.value(ConnectRobot(role, robot.port, None, "real"))  # type: ignore[arg-type]
+        until(lambda: all(self.state(role) == "disarmed" for role in robots), "the robots")
+        # Who has come to speed sooner can be stopped more often.
+        self.value(SetGuard({"guard.acceleration_mps2": 3.0}))
+
+    def arm(self, role: str) -> None:
+        self.leases[role] = self.value(TakeLease(role, "Ann", takeover=True))["lease"]  # type: ignore[arg-type]
+        reply = None
+        # A robot may have to come to rest before.
+        for _ in range(100):
+            reply = self.ask(ArmRobot(role, self.leases[role]))  # type: ignore[arg-type]
+            if reply.refusal is None:
+                return
+            time.sleep(0.02)
+        raise AssertionError(reply)
+
+    def command(self, role: str, speed: float) -> tuple[float, dict[str, Any]]:
+        """When it was given, and the answer."""
+        self._sequence += 1
+        issued = time.monotonic()
+        command = DriveCommand(role, self.leases[role], self._sequence, issued, speed, 0.0)  # type: ignore[arg-type]
+        return issued, self.value(command)
+
+    def speed_up(self, roles: Any, hold_s: float = 0.2) -> float:
+        """Drive until all are at speed; when the last command was given."""
+        issued, begun = 0.0, time.monotonic()
+        deadline = begun + PATIENCE_S
+        while time.monotonic() < begun + hold_s:
+            assert time.monotonic() < deadline, self.facts
+            for role in roles:
+                issued, answer = self.command(role, SPEED_MPS)
+                if answer["speed_mps"] < SPEED_MPS - 0.01:
+                    begun = time.monotonic()
+                if "let go" in (answer["limited_by"] or ""):
+                    # This process stood still for too long.
+                    self.command(role, 0.0)
+            time.sleep(random.uniform(0.05, 0.1))
+        return issued
+
+    def hold(self, role: str, seconds: float) -> bool:
+        """Drive on; whether this process gave every command in time, so that it had to work."""
+        begun = before = time.monotonic()
+        while time.monotonic() < begun + seconds:
+            issued, answer = self.command(role, SPEED_MPS)
+            if issued - before > 0.2:
+                self.speed_up([role])
+                return False
+            assert answer["speed_mps"] == pytest.approx(SPEED_MPS)
+            before = issued
+            time.sleep(0.05)
+        return True
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            with contextlib.suppress(OSError):
+                self.sock.sendall(encode(Request(0, LeaveDrive())))
+            try:
+                self.process.wait(6)
+            finally:
+                self.process.kill()
+                self.process.wait()
+        with contextlib.suppress(OSError):
+            self.sock.shutdown(socket.SHUT_RDWR)
+        self._hearing.join()
+        self.sock.close()
+
+
+def zero_after(robot: Serving[EmulatedRobot], moment: float) -> float:
+    """Seconds from a moment to the first packet behind which the robot stands for good."""
+    first = until(lambda: robot.robot.log.first_standing(moment), "zero", 3.0)
+    assert not robot.robot.log.unintended
+    return float(first.time - moment)
+
+
+def stays_at_rest(robots: Robots, moment: float) -> None:
+    """Behind the first zero nothing but standing was commanded."""
+    for robot in robots.values():
+        behind = robot.robot.log.since(moment)
+        start = next(number for number, each in enumerate(behind) if each.stands)
+        assert all(each.stands for each in behind[start:]), "it was set in motion again"
+
+
+def report(what: str, worst: float) -> None:
+    sys.stdout.write(f"\n{what}: zero after {1000 * worst:.0f} ms at most\n")

@@ -1,0 +1,251 @@
+"""Robots, guard and attendants by script, and a bench on which time is told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from app.drive.messages import (
+    ArmRobot,
+    ConnectRobot,
+    DriveCommand,
+    IncidentEvent,
+    Presence,
+    TakeLease,
+)
+from app.drive.roles import Roles
+from app.processes.errors import ProcessRefused
+from observer.guard.guard import Verdict, sight_trouble
+from observer.guard.sight import Sight
+from observer.parameters import GuardParameters
+from observer.rig.rig import ROLES, Role
+from observer.robots.contract import RobotPhase, RobotReport, Sent
+from observer.types import Odometry, Status
+
+TICK_S = 0.02
+
+
+class ScriptedRobot:
+    """Does as told at once, and writes down what it was told."""
+
+    def __init__(self, port: str = "/dev/robot") -> None:
+        self.port = port
+        self.now = 0.0
+        self.calls: list[tuple[Any, ...]] = []
+        self.state = RobotReport(
+            RobotPhase.CONNECTED,
+            received=0.0,
+            odometry=Odometry(0.0, 0.0, 0.0),
+            speed_mps=0.0,
+            turn_rate_radps=0.0,
+            motors_enabled=False,
+        )
+        self.most = math.inf
+
+    def report(self) -> RobotReport:
+        return self.state
+
+    def change(self, **values: Any) -> None:
+        self.state = replace(self.state, **values)
+
+    def enable(self) -> None:
+        self.calls.append(("enable",))
+        self.change(motors_enabled=True)
+
+    def disable(self) -> None:
+        self.calls.append(("disable",))
+        self.change(motors_enabled=False)
+
+    def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
+        moves = self.state.motors_enabled and self.state.fault is None
+        speed = min(max(speed_mps, -self.most), self.most) if moves else 0.0
+        turn = turn_rate_radps if moves else 0.0
+        self.calls.append(("drive", speed, turn))
+        return Sent(speed, turn, self.now)
+
+    def stop(self) -> None:
+        self.calls.append(("stop",))
+        self.change(motors_enabled=False)
+
+    def clear(self) -> None:
+        self.calls.append(("clear",))
+        self.change(fault=None)
+
+    def close(self) -> None:
+        self.calls.append(("close",))
+
+    @property
+    def velocities(self) -> list[tuple[float, float]]:
+        return [call[1:] for call in self.calls if call[0] == "drive"]
+
+
+class ScriptedGuard:
+    """Permits all, or by ``answers`` what a test says."""
+
+    def __init__(self) -> None:
+        self.answers: dict[Role, Any] = {}
+        self.parameters: list[GuardParameters] = []
+        self.sights: list[tuple[Role, Sight | None]] = []
+
+    def use(self, parameters: GuardParameters) -> None:
+        self.parameters.append(parameters)
+
+    def forget(self, role: Role) -> None:
+        pass
+
+    def limit(self, role: Role, wanted: tuple[float, float], *more: Any) -> Verdict:
+        self.sights.append((role, more[1]))
+        answer = self.answers.get(role)
+        if isinstance(answer, Exception):
+            raise answer
+        if answer is not None:
+            return answer
+        return Verdict("clear", False, *wanted, None, None, (), ())
+
+
+class ScriptedAttendant:
+    """Has the robot that a test prepared, or a sentence of why there is none."""
+
+    def __init__(self, prepared: ScriptedRobot | str) -> None:
+        self.prepared = prepared
+        self.closed: list[Any] = []
+        self.ports: list[str] = []
+        self._due: ScriptedRobot | str | None = None
+
+    def open(self, port: str, model: str | None) -> None:
+        del model
+        self.ports.append(port)
+        self._due = self.prepared
+
+    def close(self, robot: Any) -> None:
+        self._due = None
+        if robot is not None:
+            self.closed.append(robot)
+
+    def opened(self) -> Any:
+        due, self._due = self._due, None
+        return due
+
+
+class Bench:
+    """Both roles, with the clock in the test's hand."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+        self.robots = {role: ScriptedRobot(f"/dev/{role}") for role in ROLES}
+        self.guard = ScriptedGuard()
+        self.attendants = {role: ScriptedAttendant(self.robots[role]) for role in ROLES}
+        self.parameters = GuardParameters()
+        self.roles = Roles(self.guard, sight_trouble, self.attendants, self.parameters)
+        self.leases: dict[Role, str] = {}
+        self.sequence = 0
+        self.frame = 0
+        self.sight: Sight | None = None
+        # None: no new frame comes any more.
+        self.seeing: dict[str, Any] | None = {}
+        self.incidents: list[IncidentEvent] = []
+
+    def see(self, **more: Any) -> None:
+        self.frame += 1
+        values = {
+            "world": "real",
+            "status": Status.OK,
+            "reasons": (),
+            "mount_known": True,
+            **more,
+        }
+        self.sight = Sight(frame=self.frame, received=self.now, published=self.now, **values)
+
+    def tick(self, count: int = 1) -> None:
+        for _ in range(count):
+            self.now += TICK_S
+            if self.seeing is not None:
+                self.see(**self.seeing)
+            self.roles.step(self.now, self.sight)
+            self.incidents += self.roles.incidents()
+
+    def run(self, seconds: float) -> None:
+        self.tick(round(seconds / TICK_S))
+
+    def take(self, command: Any) -> Any:
+        return self.roles.take(command, self.now)
+
+    def connect(self, role: Role, world: str = "real") -> None:
+        assert self.take(ConnectRobot(role, self.robots[role].port, None, world)) == {}
+        self.tick()
+
+    def lease(self, role: Role, operator: str = "Ann", takeover: bool = False) -> str:
+        self.leases[role] = self.take(TakeLease(role, operator, takeover))["lease"]
+        return self.leases[role]
+
+    def arm(self, role: Role) -> None:
+        self.take(ArmRobot(role, self.leases.get(role)))
+
+    def ready(self, role: Role) -> None:
+        """Connected, leased and armed."""
+        self.connect(role)
+        self.lease(role)
+        self.arm(role)
+
+    def drive(self, role: Role, speed: float, turn: float = 0.0, *, age_s: float = 0.0) -> Any:
+        self.sequence += 1
+        issued = self.now - age_s
+        return self.take(
+            DriveCommand(role, self.leases[role], self.sequence, issued, speed, turn)
+        )
+
+    def present(self, role: Role) -> None:
+        self.sequence += 1
+        self.take(Presence(role, self.leases[role], self.sequence, self.now))
+
+    def hold(self, role: Role, speed: float, seconds: float, turn: float = 0.0) -> None:
+        """A key held: a command ten times a second."""
+        for _ in range(round(seconds / 0.1)):
+            self.drive(role, speed, turn)
+            self.tick(5)
+
+    def stay(self, role: Role, seconds: float) -> None:
+        """The page is open: present ten times a second."""
+        for _ in range(round(seconds / 0.1)):
+            self.present(role)
+            self.tick(5)
+
+    def sent(self, role: Role) -> tuple[float, float]:
+        return self.roles.driven[role].sent
+
+    def state(self, role: Role) -> str | None:
+        return self.roles.driven[role].state
+
+    def why(self, role: Role) -> str | None:
+        return self.roles.driven[role].hindrance
+
+    def kinds(self) -> list[str]:
+        return [incident.kind for incident in self.incidents]
+
+
+def refused(bench: Bench, command: Any, match: str, kind: str = "state") -> None:
+    """It is answered with a refusal of this kind that says so."""
+    with pytest.raises(ProcessRefused, match=match) as error:
+        bench.take(command)
+    assert error.value.refusal == kind
+
+
+def driving(bench: Bench) -> None:
+    """Both roles come to speed."""
+    bench.ready("observer")
+    bench.ready("obstacle")
+    for _ in range(15):
+        bench.drive("observer", 0.3)
+        bench.drive("obstacle", 0.3)
+        bench.tick(5)
+
+
+def both(bench: Bench, seconds: float) -> None:
+    """Both keys are held."""
+    for _ in range(round(seconds / 0.1)):
+        bench.drive("observer", 0.3)
+        bench.drive("obstacle", 0.3)
+        bench.tick(5)

@@ -1,0 +1,86 @@
+"""What the drive process says of each stop, beside how it really was."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from app.drive.messages import (
+    DisarmRobot,
+)
+from observer.simulation.robots.emulated import EmulatedRobot
+
+from .driving import PROMISED_S, SPEED_MPS, Drive, Eyes, Robots, until
+
+
+class Followed:
+    """Where a robot truly was, for as long as it is followed."""
+
+    def __init__(self, robot: EmulatedRobot) -> None:
+        self._robot = robot
+        self._ended = threading.Event()
+        self._was: list[tuple[float, float]] = []
+        self._thread = threading.Thread(target=self._run)
+
+    def _run(self) -> None:
+        while not self._ended.wait(0.004):
+            self._was.append((time.monotonic(), self._robot.vehicle.state.x))
+
+    def __enter__(self) -> Followed:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def way(self, start: float, end: float) -> float:
+        """Between two moments."""
+        times, places = zip(*self._was, strict=True)
+        return float(abs(np.interp(end, times, places) - np.interp(start, times, places)))
+
+
+def test_each_stop_is_measured_as_it_really_was(drive: Drive, robots: Robots, eyes: Eyes) -> None:
+    drive.connect(robots)
+    for kind, role in (("expired", "obstacle"), ("sight", "observer"), ("guard", "observer")):
+        robot = robots[role]
+        drive.arm(role)
+        with Followed(robot.robot) as path:
+            cause = drive.speed_up([role], 0.4)
+            drive.stops.clear()
+            if kind == "sight":
+                eyes.open = False
+                cause = eyes.last
+            elif kind == "guard":
+                eyes.blocked_m, cause = 0.25, time.monotonic()
+            while kind != "expired" and not drive.stops and time.monotonic() < cause + 3:
+                drive.command(role, SPEED_MPS)
+                time.sleep(0.02)
+            stop = until(lambda: drive.stops and drive.stops[0], f"the stop by {kind}", 6)
+        eyes.open, eyes.blocked_m = True, None
+        assert (stop.role, stop.kind) == (role, kind)
+        assert stop.zero_time is not None
+        assert stop.stood_time is not None
+        # A frame of the engine's may still have been under way; a verdict comes by the next one.
+        assert -0.01 <= stop.cause_time - cause <= (0.25 if kind == "guard" else 0.05)
+        first = robot.robot.log.first_standing(cause)
+        assert first is not None
+        # To the port and back: a busy machine may look at either end late.
+        assert first.time == pytest.approx(stop.zero_time, abs=0.1)
+        took, stood = stop.zero_time - stop.cause_time, stop.stood_time - stop.cause_time
+        way = path.way(stop.cause_time, stop.stood_time)
+        sys.stdout.write(
+            f"\n{kind}: zero after {1000 * took:.0f} ms, stood after {1000 * stood:.0f} ms, "
+            f"{stop.distance_m:.3f} m of {way:.3f} m\n"
+        )
+        assert took <= PROMISED_S
+        assert stop.speed_mps == pytest.approx(SPEED_MPS, abs=0.03)
+        assert stop.distance_m == pytest.approx(way, abs=0.03)
+        length = drive.facts["robots"][role]["report"]["length_m"]
+        left = pytest.approx(0.25 - length / 2, abs=0.003) if kind == "guard" else None
+        assert stop.separation_m == left
+        drive.value(DisarmRobot(role))  # type: ignore[arg-type]
