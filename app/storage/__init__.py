@@ -23,6 +23,7 @@ from app.storage.records import (
     RunState,
     SavedParameters,
     SpeedRow,
+    StopFigures,
     utc_now,
 )
 from app.storage.storage import Storage
@@ -36,6 +37,7 @@ __all__ = [
     "RunState",
     "SavedParameters",
     "SpeedRow",
+    "StopFigures",
     "Storage",
     "StorageBusy",
     "StorageCorrupt",

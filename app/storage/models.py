@@ -83,6 +83,20 @@ class Incident(Base):
     speed_mps: Mapped[float | None] = mapped_column(Float(53))
 
 
+class IncidentStop(Base):
+    __tablename__ = "incident_stops"
+
+    incident_id: Mapped[int] = mapped_column(
+        ForeignKey(Incident.id, ondelete="CASCADE"), primary_key=True
+    )
+    role: Mapped[str] = mapped_column(String(20), primary_key=True)
+    zero_ms: Mapped[float | None] = mapped_column(Float(53))
+    stood_ms: Mapped[float | None] = mapped_column(Float(53))
+    distance_m: Mapped[float | None] = mapped_column(Float(53))
+    speed_mps: Mapped[float | None] = mapped_column(Float(53))
+    separation_m: Mapped[float | None] = mapped_column(Float(53))
+
+
 class Revision(Base):
     __tablename__ = "parameter_revisions"
 

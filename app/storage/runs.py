@@ -12,8 +12,16 @@ from sqlalchemy import delete, insert, select
 
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
-from app.storage.models import Incident, Run, Speed
-from app.storage.records import IncidentRecord, RunRecord, RunState, SpeedRow, SpeedSource, utc_now
+from app.storage.models import Incident, IncidentStop, Run, Speed
+from app.storage.records import (
+    IncidentRecord,
+    RunRecord,
+    RunState,
+    SpeedRow,
+    SpeedSource,
+    StopFigures,
+    utc_now,
+)
 
 _SPEED_COLUMNS = (
     Speed.run_id,
@@ -171,22 +179,57 @@ class RunTables(Database):
                 for row in session.execute(query)
             ]
 
-    def append_incident(self, record: IncidentRecord) -> None:
-        """Keep one incident.
+    def append_incident(self, record: IncidentRecord) -> int:
+        """Keep one incident; returns the number by which ``append_stop`` knows it.
 
         Raises:
             StorageMissing: its run is not there.
         """
+        values = asdict(record)
+        stops = values.pop("stops")
         with self._writing() as session:
-            session.add(Incident(**asdict(record)))
+            row = Incident(**values)
+            session.add(row)
+            session.flush()
+            session.add_all(
+                IncidentStop(incident_id=row.id, role=role, **figures)
+                for role, figures in stops.items()
+            )
+            return row.id
+
+    def append_stop(self, incident: int, role: str, figures: StopFigures) -> None:
+        """Keep how a robot that an incident stopped came to stand.
+
+        Raises:
+            StorageMissing: the incident is not there (its run was deleted).
+        """
+        with self._writing() as session:
+            session.add(IncidentStop(incident_id=incident, role=role, **asdict(figures)))
 
     def incidents(self, run_id: str) -> list[IncidentRecord]:
         """Those of a run, oldest first; empty for an unknown run."""
         query = select(Incident).where(Incident.run_id == run_id).order_by(Incident.id)
+        of_them = select(IncidentStop).join(Incident).where(Incident.run_id == run_id)
+        stops: dict[int, dict[str, StopFigures]] = {}
         with self._reading() as session:
+            for stop in session.scalars(of_them):
+                figures = StopFigures(
+                    zero_ms=stop.zero_ms,
+                    stood_ms=stop.stood_ms,
+                    distance_m=stop.distance_m,
+                    speed_mps=stop.speed_mps,
+                    separation_m=stop.separation_m,
+                )
+                stops.setdefault(stop.incident_id, {})[stop.role] = figures
             return [
                 IncidentRecord(
-                    row.run_id, row.at, row.role, row.kind, row.sentence, row.speed_mps
+                    row.run_id,
+                    row.at,
+                    row.role,
+                    row.kind,
+                    row.sentence,
+                    row.speed_mps,
+                    stops.get(row.id, {}),
                 )
                 for row in session.scalars(query)
             ]

@@ -10,12 +10,15 @@ from pathlib import Path
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, create_engine
 
-from app.storage import Storage, StorageError
+from app.storage import IncidentRecord, Storage, StorageError
 from app.storage.database import _engine, _url
 from app.storage.migration import MIGRATIONS, upgrade
 from app.storage.models import Base
+
+HEAD = ScriptDirectory(str(MIGRATIONS)).get_current_head()
 
 
 @pytest.fixture
@@ -25,7 +28,7 @@ def later(tmp_path: Path) -> Callable[[str], Path]:
     def make(body: str) -> Path:
         folder = tmp_path / "migrations"
         shutil.copytree(MIGRATIONS, folder, ignore=shutil.ignore_patterns("__pycache__"))
-        lines = ["from alembic import op", 'revision = "9999"', 'down_revision = "0002"']
+        lines = ["from alembic import op", 'revision = "9999"', f'down_revision = "{HEAD}"']
         lines += ["branch_labels = None", "depends_on = None", "def upgrade():"]
         source = "\n".join(lines) + "\n" + textwrap.indent(textwrap.dedent(body), "    ")
         (folder / "versions" / "9999_later.py").write_text(source)
@@ -49,6 +52,28 @@ def test_the_migrations_make_the_tables_of_the_models(file: Path) -> None:
     assert differences == []
 
 
+def test_incidents_of_before_stops_were_measured_stay_without_any(
+    file: Path, tmp_path: Path
+) -> None:
+    before = tmp_path / "migrations"
+    unknown = shutil.ignore_patterns("__pycache__", "0003_*", "000[4-9]_*")
+    shutil.copytree(MIGRATIONS, before, ignore=unknown)
+    engine = engine_of(file)
+    upgrade(engine, file, before)
+    engine.dispose()
+    with closing(sqlite3.connect(file)) as connection, connection:
+        connection.execute(
+            "INSERT INTO runs (id, name, state, source, parameters, started_at, updated_at, frames,"
+            " segments, versions) VALUES ('a', 'a', 'finished', 's', '{}', 't', 't', 0, 1, '{}')"
+        )
+        connection.execute(
+            "INSERT INTO incidents (run_id, at, kind, sentence) VALUES ('a', 't', 'stop', 'Stop.')"
+        )
+    with Storage(file) as storage:
+        assert storage.incidents("a") == [IncidentRecord("a", "t", None, "stop", "Stop.", None)]
+    assert [each.name for each in file.parent.glob("*.before-migration-from-0002-*")]
+
+
 def test_a_new_or_current_database_is_not_copied(file: Path) -> None:
     for _ in range(2):
         with Storage(file):
@@ -66,7 +91,7 @@ def test_the_file_is_copied_before_a_migration(file: Path, later: Callable[[str]
     storage.close()
     assert copy is not None
     assert copy.parent == file.parent
-    assert copy.name.startswith("observer.before-migration-from-0002-")
+    assert copy.name.startswith(f"observer.before-migration-from-{HEAD}-")
     with Storage(copy) as old:
         assert old.get_setting("kept") == "in the log only"
     with closing(sqlite3.connect(file)) as connection:
