@@ -8,11 +8,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import structlog
 
@@ -34,6 +33,7 @@ from app.messages import (
 from app.parameter_store import ParametersInForce
 from app.station.archive import RunArchive
 from app.station.asking import ask
+from app.station.background import Background
 from app.station.binding import calibration_of_cameras
 from app.station.calibration_desk import CalibrationDesk
 from app.station.contracts import Drive, Engine
@@ -123,7 +123,7 @@ class StationCore:
         self._restoring = False
         # One change of source, run, calibration or parameters at a time.
         self._lock = asyncio.Lock()
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._background = Background()
         self._unsubscribe: Callable[[], None] = lambda: None
         self._started = False
 
@@ -139,7 +139,7 @@ class StationCore:
         self.writer.start()
         self._started = True
         self._unsubscribe = self.engine.subscribe(self._on_event)
-        self._spawn(self.watching.run())
+        self._background.start(self.watching.run())
         self.driving.start()
         await self.engine.start()
         # An engine that was up before somebody listened.
@@ -151,9 +151,7 @@ class StationCore:
         # The robots stop first, while everything that hears of it is still there.
         await self.driving.stop()
         self._unsubscribe()
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._background.cancel()
         await self.calibrating.cancel()
         if self._run is not None:
             await self._close_run(RunState.INTERRUPTED, "the server was stopped during the run")
@@ -176,16 +174,6 @@ class StationCore:
         self._wanted = replace(
             self._wanted, calibration=calibration or self.storage.active_calibration()
         )
-
-    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._task_done)
-
-    def _task_done(self, task: asyncio.Task[None]) -> None:
-        self._tasks.discard(task)
-        if not task.cancelled() and task.exception() is not None:
-            log.error("background_work_failed", exc_info=task.exception())
 
     # --- events ----------------------------------------------------------------------------
 
@@ -232,7 +220,7 @@ class StationCore:
         playback = event.playback or {}
         run = self._run
         if run is not None and event.run_id == run.id and playback.get("ended"):
-            self._spawn(self._finish_played_run(run))
+            self._background.start(self._finish_played_run(run))
         self.followers.status_changed()
 
     def _engine_started(self, generation: int) -> None:
@@ -241,7 +229,7 @@ class StationCore:
         self._generation = generation
         self.telemetry.new_engine()
         self.watching.engine_started()
-        self._spawn(self._restore())
+        self._background.start(self._restore())
 
     def _engine_lost(self, event: EngineLostEvent) -> None:
         self._fruitless_losses += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import importlib.metadata
 import platform
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,7 +14,16 @@ from app.messages import ObservationEvent
 from app.station.driving.incidents import Incident
 from app.station.driving.wheels import WheelSample
 from app.station.writer import Writer
-from app.storage import IncidentRecord, RunRecord, RunState, SpeedRow, Storage, utc_now
+from app.storage import (
+    IncidentRecord,
+    RunRecord,
+    RunState,
+    SpeedRow,
+    StopFigures,
+    Storage,
+    utc_now,
+)
+from observer.rig.rig import Role
 
 # At most this much is lost when the machine stops.
 _FLUSH_S = 0.5
@@ -43,6 +52,8 @@ class CurrentRun:
         self._clock = clock
         self._rows: list[SpeedRow] = []
         self._flushed = clock()
+        # What the database calls each incident; of the writer's thread alone.
+        self._incidents: dict[int, int] = {}
 
     @property
     def id(self) -> str:
@@ -56,13 +67,16 @@ class CurrentRun:
         """
         self.frames += 1
         self.segments = max(self.segments, int(event.line["segment"]) + 1)
-        self._rows.extend(speed_rows(self.id, event, driven))
-        if self._clock() - self._flushed >= _FLUSH_S:
-            self.flush()
+        self._collect(speed_rows(self.id, event, driven))
 
     def measured(self, sample: WheelSample) -> None:
         """Keep what a robot was sent and what its wheels said."""
-        self._rows.extend(wheel_rows(self.id, sample))
+        self._collect(wheel_rows(self.id, sample))
+
+    def _collect(self, rows: Iterable[SpeedRow]) -> None:
+        self._rows.extend(rows)
+        if self._clock() - self._flushed >= _FLUSH_S:
+            self.flush()
 
     def happened(self, incident: Incident) -> None:
         """Keep that something stopped a robot."""
@@ -70,7 +84,13 @@ class CurrentRun:
             self.id, incident.at, incident.role, incident.kind, incident.sentence,
             incident.speed_mps,
         )  # fmt: skip
-        self._writer.post(partial(self._storage.append_incident, record))
+        self._writer.post(partial(self._write_incident, incident.number, record))
+
+    def stopped(self, incident: Incident, role: Role) -> None:
+        """Keep how a robot came to stand by it; also behind the end of the run."""
+        self._writer.post(
+            partial(self._write_stop, incident.number, role, incident.stops[role])
+        )
 
     def flush(self) -> None:
         """Give the rows so far to the writer."""
@@ -92,6 +112,15 @@ class CurrentRun:
     def _write(self, rows: list[SpeedRow], frames: int, segments: int) -> None:
         self._storage.append_speeds(rows)
         self._storage.update_run(self.id, frames=frames, segments=segments)
+
+    def _write_incident(self, number: int, record: IncidentRecord) -> None:
+        self._incidents[number] = self._storage.append_incident(record)
+
+    def _write_stop(self, number: int, role: Role, figures: StopFigures) -> None:
+        incident = self._incidents.get(number)
+        # None: the incident could not be written, which was told then.
+        if incident is not None:
+            self._storage.append_stop(incident, role, figures)
 
 
 def speed_rows(

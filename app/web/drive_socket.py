@@ -9,13 +9,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import Coroutine
 from typing import Any
 
 from fastapi import APIRouter, WebSocket
 
 from app.drive.messages import COMMAND_FRESH_S, DriveCommand, Presence
 from app.station import Conflict, FieldError, NotAvailable, Station
+from app.station.background import Background
 from app.web.api.common import TheStation
 from app.web.drive_messages import Command, Pong, Release, Stop, Take, Unusable, read_message
 from app.web.link import TOO_SLOW, Link
@@ -51,7 +51,7 @@ class DriveSocket:
         self._link = Link()
         self._waiting: asyncio.Queue[dict[str, Any]] = asyncio.Queue(_MOST_WAITING)
         self._overrun = asyncio.Event()
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._background = Background()
         self._unanswered = 0
         # Taking and giving back happens in the order in which it was asked for.
         self._leasing = asyncio.Lock()
@@ -69,8 +69,7 @@ class DriveSocket:
         finally:
             # First of all: the robots stop.
             self._driving.operators.leave(self._operator)
-            for task in self._tasks:
-                task.cancel()
+            await self._background.cancel()
 
     # --- out -------------------------------------------------------------------------------
 
@@ -138,14 +137,9 @@ class DriveSocket:
                 case Unusable():
                     self._refuse(message.role, message.sequence, message.sentence)
                 case Stop():
-                    self._do(self._stop())
+                    self._background.start(self._stop())
                 case Take() | Release():
-                    self._do(self._change_lease(message))
-
-    def _do(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+                    self._background.start(self._change_lease(message))
 
     def _refuse(self, role: Role | None, sequence: int | None, sentence: str) -> None:
         self._say({"type": "refused", "role": role, "sequence": sequence, "sentence": sentence})
@@ -190,7 +184,7 @@ class DriveSocket:
             return
         self._sequences[lease] = command.sequence
         self._unanswered += 1
-        self._do(self._pass_on(command, lease, now - age))
+        self._background.start(self._pass_on(command, lease, now - age))
 
     async def _pass_on(self, command: Command, lease: str, issued: float) -> None:
         role, sequence = command.role, command.sequence

@@ -96,7 +96,7 @@ class LiveHub:
     def robots_changed(self) -> None:
         if self._robots_later is not None:
             return
-        connected = any(self._station.driving.facts()["robots"].values())
+        connected = self._station.driving.connected
         interval = _ROBOTS_INTERVAL_S if connected else _NO_ROBOTS_INTERVAL_S
         wait = max(0.0, self._robots_told + interval - self._station.clock())
         self._robots_later = asyncio.get_running_loop().call_later(wait, self._tell_robots)

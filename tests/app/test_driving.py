@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -14,12 +15,13 @@ from app.drive.messages import (
     DisconnectRobot,
     IncidentEvent,
     SetGuard,
+    StoppedEvent,
     StopRobots,
     TakeLease,
     WheelSpeedEvent,
 )
 from app.messages import EngineState, StateEvent
-from app.station import NotAvailable
+from app.station import NotAvailable, Station
 from app.station.current_run import speed_rows, wheel_rows
 from app.station.driving.connecting import wanted_robots
 from app.station.driving.desk import finite
@@ -27,7 +29,7 @@ from app.station.driving.incidents import Incidents
 from app.station.driving.operators import Operators
 from app.station.driving.wheels import WheelLog
 from app.station.status import status
-from app.storage import IncidentRecord, Storage, StorageMissing
+from app.storage import IncidentRecord, StopFigures, Storage, StorageMissing
 from observer.parameters import Parameters
 from observer.rig.rig import Rig
 from observer.robots.contract import RobotPort
@@ -261,10 +263,11 @@ def test_a_driven_roles_command_is_written_once(
 
 
 def test_incidents_have_the_time_of_day_and_the_newest_twenty_stay() -> None:
-    incidents = Incidents(lambda: 100.0)
+    incidents = Incidents(lambda: 100.0, lambda: None)
     for number in range(25):
-        taken = incidents.take(IncidentEvent("observer", "fault", f"number {number}", 90.0, None))
-    ago = (datetime.now(UTC) - datetime.fromisoformat(taken.at)).total_seconds()
+        incidents.take(IncidentEvent("observer", "fault", f"number {number}", 90.0, None))
+    at = incidents.newest[-1].at
+    ago = (datetime.now(UTC) - datetime.fromisoformat(at)).total_seconds()
     assert ago == pytest.approx(10.0, abs=2.0)
     assert len(incidents.newest) == 20
     assert incidents.newest[-1].sentence == "number 24"
@@ -275,12 +278,88 @@ def test_incidents_are_kept_with_their_run_and_go_with_it(storage: Storage) -> N
     record = storage.create_run(name="a", source="b", parameters={}, versions={})
     at = "2026-01-01T00:00:00.000+00:00"
     incident = IncidentRecord(record.id, at, None, "stop", "Stop.", 0.2)
-    storage.append_incident(incident)
+    number = storage.append_incident(incident)
     assert storage.incidents(record.id) == [incident]
+    known = StopFigures(212.4, 603.1, 0.085, 0.25, 0.71)
+    unknown = StopFigures(None, None, None, None, None)
+    storage.append_stop(number, "observer", known)
+    storage.append_stop(number, "obstacle", unknown)
+    stopped = replace(incident, stops={"observer": known, "obstacle": unknown})
+    storage.append_incident(stopped)
+    assert storage.incidents(record.id) == [stopped, stopped]
     with pytest.raises(StorageMissing):
         storage.append_incident(IncidentRecord("none", "t", None, "stop", "Stop.", None))
     assert storage.delete_run(record.id)
     assert storage.incidents(record.id) == []
+    with pytest.raises(StorageMissing):
+        storage.append_stop(number, "observer", known)
+
+
+def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
+    peer: Any, drive: Any, storage: Storage
+) -> None:
+    async def scenario() -> None:
+        async with started(peer, storage, drive=drive) as station:
+            first = await begun(station)
+            now = time.monotonic()
+            drive.publish(IncidentEvent(None, "stop", "all robots were stopped", now, 0.3))
+            stopped = StoppedEvent(
+                "observer", "stop", "all robots were stopped", now, now, now + 0.0124, now + 0.4,
+                0.3, 0.3, 0.0612, None,
+            )  # fmt: skip
+            drive.publish(stopped)
+            # What is told again, or of an incident that nobody knows, is nobody's.
+            drive.publish(replace(stopped, distance_m=5.0))
+            drive.publish(replace(stopped, incident_time=now + 1.0))
+            await station.stop_run(first)
+            second = await begun(station)
+            # This one stood only when its run was over, and tells next to nothing.
+            late = replace(stopped, role="obstacle", zero_time=None, stood_time=None)
+            drive.publish(replace(late, speed_mps=None, distance_m=float("nan")))
+            drive.publish(IncidentEvent("observer", "fault", "a wheel stalled", now, None))
+            (incident,) = station.driving.facts()["incidents"][:1]
+            assert incident["stops"] == {
+                "observer": {
+                    "zero_ms": pytest.approx(12.4),
+                    "stood_ms": pytest.approx(400.0),
+                    "distance_m": 0.061,
+                    "speed_mps": 0.3,
+                    "separation_m": None,
+                },
+                "obstacle": dict.fromkeys(incident["stops"]["observer"]),
+            }
+            await station.stop_run(second)
+            (kept,) = await station.runs.incidents(first)
+            assert {role: asdict(each) for role, each in kept.stops.items()} == incident["stops"]
+            (other,) = await station.runs.incidents(second)
+            assert (other.sentence, other.stops) == ("a wheel stalled", {})
+
+    async def begun(station: Station) -> str:
+        run = await station.start_run(
+            name=None, source=None, calibration_id=None, preset=None, parameters={}
+        )
+        return run.id
+
+    run(scenario())
+
+
+def test_what_wheels_tell_is_kept_while_no_frame_comes(
+    peer: Any, drive: Any, storage: Storage
+) -> None:
+    async def scenario() -> None:
+        async with started(peer, storage, drive=drive) as station:
+            record = await station.start_run(
+                name=None, source=None, calibration_id=None, preset=None, parameters={}
+            )
+            peer.observe()
+            told = 0
+            while not any(row.source == "encoder" for row in storage.speeds(record.id)):
+                drive.measure("observer", 0.3, 0.25)
+                told += 1
+                await asyncio.sleep(0.02)
+            assert told > 1
+
+    run(scenario())
 
 
 def test_a_lease_that_comes_after_its_operator_left_is_given_back() -> None:

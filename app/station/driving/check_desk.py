@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from app.drive.messages import StoppedEvent
 from app.station.driving.check_records import CheckRecords, advice
 from app.station.driving.circumstances import Circumstances
 from app.station.driving.guard_check import GuardCheck
+from app.station.driving.time_of_day import time_of_day
 from app.station.errors import Conflict, FieldError
 from app.storage import StorageError
 from observer.rig.rig import Role
@@ -65,7 +66,7 @@ class CheckDesk:
         check = self._check
         if check is None or check.over():
             return
-        check.stopped(event, _ago(self._clock() - event.cause_time))
+        check.stopped(event, time_of_day(self._clock() - event.cause_time))
         self._changed()
         if check.over():
             self._soon(self._save_or_tell())
@@ -97,7 +98,7 @@ class CheckDesk:
             raise Conflict(f"a check of the {self._check.role} is going on; give it up first")
         self._refuse_unsaved()
         self._check = GuardCheck(
-            role, self._circumstances(), started_at=_ago(0.0), started_by=by, note=note
+            role, self._circumstances(), started_at=time_of_day(), started_by=by, note=note
         )
         self._saved = self._trouble = None
         log.info("guard_check_started", role=role, by=by)
@@ -111,7 +112,7 @@ class CheckDesk:
                 not be kept; it stays, and ``give_up`` tries again.
         """
         check = self._going()
-        check.skip(by, _ago(0.0))
+        check.skip(by, time_of_day())
         self._changed()
         if check.over():
             await self._save()
@@ -125,7 +126,7 @@ class CheckDesk:
         if self._unsaved:
             await self._save()
             return
-        self._going().give_up(by, _ago(0.0))
+        self._going().give_up(by, time_of_day())
         self._changed()
         await self._save()
 
@@ -133,7 +134,7 @@ class CheckDesk:
         """The server ends; what is not kept yet is."""
         check = self._check
         if check is not None and self._saved is None:
-            check.give_up("the end of the server", _ago(0.0))
+            check.give_up("the end of the server", time_of_day())
             await self._save_or_tell()
 
     def _going(self) -> GuardCheck:
@@ -174,9 +175,3 @@ class CheckDesk:
             await self._save()
         except (Conflict, FieldError, StorageError) as error:
             log.error("guard_check_not_kept", reason=str(error))
-
-
-def _ago(seconds: float) -> str:
-    """The time of day so long ago."""
-    moment = datetime.now(UTC) - timedelta(seconds=max(0.0, seconds))
-    return moment.isoformat(timespec="milliseconds")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from app.drive.messages import StoppedEvent
-from app.station.driving.stop_figures import StopFigures
+from app.station.driving.stop_figures import stop_figures
+from app.storage import StopFigures
 from observer.rig.rig import Role
 
 # Zero is on the robot's port so soon behind whatever forbids to move.
@@ -113,7 +114,7 @@ class Step:
             speed = "at a speed that it does not tell" if before is None else f"at {before:.2f} m/s"
             told = f"it stopped {speed}; it must drive at {MOVING_MPS:g} m/s at least"
             return replace(self, told=told)
-        figures = StopFigures.of(event)
+        figures = stop_figures(event)
         passed, verdict = judged(event.kind, figures, margin_m)
         return replace(
             self,
@@ -138,7 +139,7 @@ class Step:
             "sentence": self.sentence,
             "at": self.at,
             "operator": self.operator,
-            "figures": None if self.figures is None else self.figures.facts(),
+            "figures": None if self.figures is None else asdict(self.figures),
             "verdict": self.verdict,
             "told": self.told,
             "skipped_by": self.skipped_by,

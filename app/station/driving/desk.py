@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -27,11 +27,12 @@ from app.drive.messages import (
 from app.messages import ObservationEvent, StateEvent
 from app.processes.errors import ProcessUnavailable
 from app.station.asking import ask_drive
+from app.station.background import Background
 from app.station.contracts import Drive, DriveEvents
 from app.station.driving.check_desk import CheckDesk
 from app.station.driving.circumstances import Circumstances
 from app.station.driving.connecting import Connecting
-from app.station.driving.incidents import Incident, Incidents
+from app.station.driving.incidents import IncidentKeeper, Incidents
 from app.station.driving.operators import Operators
 from app.station.driving.wheels import WheelLog, WheelSample
 from app.station.errors import Conflict, NotAvailable
@@ -47,12 +48,10 @@ _NO_PROCESS = "there is no drive process yet"
 _DRIVEN = ("armed", "moving")
 
 
-class RunKeeper(Protocol):
-    """What is kept of driving with a run."""
+class RunKeeper(IncidentKeeper, Protocol):
+    """Who keeps with a run what there is of driving."""
 
     def measured(self, sample: WheelSample) -> None: ...
-
-    def happened(self, incident: Incident) -> None: ...
 
 
 class DrivingDesk:
@@ -90,18 +89,22 @@ class DrivingDesk:
         self._changed = changed
         self._run = run
         self._clock = clock
-        self._tasks: set[asyncio.Future[None]] = set()
+        self._background = Background()
         self._unsubscribe: Callable[[], None] = lambda: None
         self._connecting = Connecting(drive, guard)
         self._facts = _nothing_known()
         self._trouble: str | None = None
         self._generation = 0
         self._world: str | None = None
-        self.operators = Operators(self.ask, self._soon)
+        self.operators = Operators(self.ask, self._background.start)
         self.wheels = WheelLog()
-        self.incidents = Incidents(clock)
+        self.incidents = Incidents(clock, run)
         self.checks = CheckDesk(
-            check_folder, circumstances, changed=changed, soon=self._soon, clock=clock
+            check_folder,
+            circumstances,
+            changed=changed,
+            soon=self._background.start,
+            clock=clock,
         )
         self.newest: ObservationEvent | None = None
 
@@ -110,14 +113,12 @@ class DrivingDesk:
     def start(self) -> None:
         """Start the drive process in the background: the server serves without it as well."""
         self._unsubscribe = self._drive.subscribe(self._on_event)
-        self._soon(self._start())
-        self._soon(self._connecting.run())
+        self._background.start(self._start())
+        self._background.start(self._connecting.run())
 
     async def stop(self) -> None:
         """Stop all robots and end the drive process; safe to call twice."""
-        for task in tuple(self._tasks):
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._background.cancel()
         await self._drive.stop()
         self._unsubscribe()
         await self.checks.close()
@@ -134,16 +135,6 @@ class DrivingDesk:
         health = self._drive.health
         if health.alive and health.generation > self._generation:
             self._started(health.generation)
-
-    def _soon(self, work: Awaitable[None]) -> None:
-        task = asyncio.ensure_future(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._done)
-
-    def _done(self, task: asyncio.Future[None]) -> None:
-        self._tasks.discard(task)
-        if not task.cancelled() and task.exception() is not None:
-            log.error("driving_work_failed", exc_info=task.exception())
 
     # --- what others tell ------------------------------------------------------------------
 
@@ -174,9 +165,7 @@ class DrivingDesk:
                 if sample is not None and run is not None:
                     run.measured(sample)
             case IncidentEvent():
-                incident, run = self.incidents.take(event), self._run()
-                if run is not None:
-                    run.happened(incident)
+                self.incidents.take(event)
                 self._changed()
             case StoppedEvent():
                 self.incidents.stopped(event)
@@ -238,9 +227,19 @@ class DrivingDesk:
         troubles = (self._trouble, *self._connecting.trouble.values(), self._connecting.complaint)
         return [trouble for trouble in troubles if trouble is not None]
 
+    @property
+    def connected(self) -> bool:
+        """Whether there is any robot, or shall be one."""
+        return any(self._facts["robots"].values())
+
+    def robot(self, role: Role) -> dict[str, Any] | None:
+        """How one is, as in ``facts``; None where there is none."""
+        robot: dict[str, Any] | None = self._facts["robots"].get(role)
+        return robot
+
     def is_driven(self, role: Role) -> bool:
         """Whether a robot of this role is armed."""
-        robot = self._facts["robots"].get(role)
+        robot = self.robot(role)
         return robot is not None and robot.get("state") in _DRIVEN
 
     @property
@@ -323,7 +322,7 @@ class DrivingDesk:
         late = self._clock() > deadline
         if self._facts["stopped"] is not None:
             raise Conflict("all robots were stopped; reset the stop first")
-        given, robot = self._connecting.given(role), self._facts["robots"].get(role)
+        given, robot = self._connecting.given(role), self.robot(role)
         if given is None or robot is None:
             if late:
                 raise Conflict(f"the {role} was not connected again in time")

@@ -51,7 +51,7 @@ async def start_check(
 ) -> Response:
     """It moves nothing: somebody drives by hand and does as each step says, stops are measured."""
     wanted = wanted or CheckStart()
-    if station.driving.facts()["robots"].get(wanted.role) is None:
+    if station.driving.robot(wanted.role) is None:
         raise Conflict(f"no robot is connected as the {wanted.role}")
     station.driving.checks.start(wanted.role, wanted.note or None, _by(request, wanted))
     return SafeJSON(station.driving.checks.facts(), 201)

@@ -274,16 +274,6 @@ class RunStart(In):
     )
 
 
-class RunIncident(BaseModel):
-    """Something stopped a robot, or took its motors away."""
-
-    at: str = Field(description="Wall clock, UTC.")
-    role: str | None = Field(description="None: all robots.")
-    kind: str
-    sentence: str
-    speed_mps: float | None = Field(description="At that moment, by its encoders.")
-
-
 class Run(BaseModel):
     id: str
     name: str

@@ -97,7 +97,7 @@ class RobotPortNow(BaseModel):
     model: str | None
 
 
-class StopFiguresNow(BaseModel):
+class StopMeasured(BaseModel):
     """A stop of a robot that moved, from its cause (the last good frame, the operator's last
     sign, the guard's verdict, the packet of a fault, the request) until it stood."""
 
@@ -110,13 +110,15 @@ class StopFiguresNow(BaseModel):
     )
 
 
-class IncidentNow(BaseModel):
+class RobotIncident(BaseModel):
+    """Something stopped a robot, or took its motors away."""
+
     at: str = Field(description="Wall clock, UTC.")
     role: str | None = Field(description="None: all robots.")
     kind: str
     sentence: str
-    speed_mps: float | None
-    stops: dict[RoleName, StopFiguresNow] = Field(
+    speed_mps: float | None = Field(description="At that moment, by its encoders.")
+    stops: dict[RoleName, StopMeasured] = Field(
         description="Of each robot that moved, once it stands."
     )
 
@@ -130,7 +132,7 @@ class CheckStep(BaseModel):
     sentence: str | None
     at: str | None = Field(description="Wall clock of its cause, UTC.")
     operator: str | None = Field(description="Who drove.")
-    figures: StopFiguresNow | None
+    figures: StopMeasured | None
     verdict: str | None = Field(description="How that compares with what is promised.")
     told: str | None = Field(description="The newest stop that was not taken, and why.")
     skipped_by: str | None
@@ -179,7 +181,7 @@ class RobotsNow(BaseModel):
     world: str | None = Field(description="Of the open source; None: nothing to drive in.")
     ports: dict[RoleName, RobotPortNow | None] = Field(description="Of real robots.")
     trouble: dict[RoleName, str | None] = Field(description="Why a robot could not be connected.")
-    incidents: list[IncidentNow] = Field(description="The last 20, oldest first.")
+    incidents: list[RobotIncident] = Field(description="The last 20, oldest first.")
     check: CheckNow | None = Field(description="The guided check of the guard, if any.")
 
 

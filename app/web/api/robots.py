@@ -142,7 +142,7 @@ async def delete_port(role: RoleName, station: TheStation) -> Response:
 
 
 def _robot(station: Station, role: RoleName) -> Response:
-    robot = station.driving.facts()["robots"][role]
+    robot = station.driving.robot(role)
     if robot is None:
         raise NotThere(f"no {role} is connected")
     return SafeJSON(robot)

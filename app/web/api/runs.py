@@ -13,8 +13,9 @@ from fastapi import APIRouter, Path, Query, Response
 
 from app.storage import IncidentRecord, RunRecord, SpeedRow
 from app.web.api.common import TheStation, refusals
-from app.web.api.models import Run, RunIncident, RunStart, SpeedEntry
+from app.web.api.models import Run, RunStart, SpeedEntry
 from app.web.api.programmes import programme_command
+from app.web.api.robot_models import RobotIncident
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -101,7 +102,7 @@ async def get_speeds(
 
 @router.get(
     "/{id}/incidents",
-    response_model=list[RunIncident],
+    response_model=list[RobotIncident],
     summary="What stopped robots during a run",
     responses=refusals(404, 503),
 )

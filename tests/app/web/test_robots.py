@@ -315,7 +315,7 @@ def test_a_run_begins_and_ends_with_its_programme(
         assert begun.status_code == 201, begun.text
         assert drive.programme is not None
         assert served.station.state.state.value == "running"
-        drive.happen("observer", "the observer's left wheel stalled")
+        drive.come_to_rest("observer", "fault", "the observer's left wheel stalled")
         await http.post(f"/api/runs/{begun.json()['id']}/stop")
         assert drive.programme is None
         assert len(drive.of(StopProgramme)) == 1
@@ -325,7 +325,16 @@ def test_a_run_begins_and_ends_with_its_programme(
         assert incident["sentence"] == "the observer's left wheel stalled"
         assert (incident["kind"], incident["speed_mps"]) == ("fault", 0.25)
         shown = (await http.get("/api/robots")).json()["incidents"]
-        assert shown == [{**incident, "stops": {}}]
+        assert shown == [incident]
+        assert incident["stops"] == {
+            "observer": {
+                "zero_ms": 200.0,
+                "stood_ms": 500.0,
+                "distance_m": 0.09,
+                "speed_mps": 0.25,
+                "separation_m": None,
+            }
+        }
         assert (await http.get("/api/runs/none/incidents")).status_code == 404
 
     run(serve, scenario)
