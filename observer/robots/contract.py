@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Literal, Protocol, runtime_checkable
 
+from observer.rig.rig import Role
 from observer.types import Odometry
 
 # A velocity that is not repeated for so long is replaced by zero by the port's own thread, so
@@ -193,7 +194,7 @@ class RobotPort:
         model: of ``observer.robots.models``. name: shown to people.
     """
 
-    role: Literal["observer", "obstacle"]
+    role: Role
     port: str
     model: str
     name: str

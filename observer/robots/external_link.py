@@ -106,6 +106,10 @@ class ExternalLink:
                 with listener:
                     self._serve(listener)
         finally:
+            if not self._closing.is_set():
+                # Something that nobody expected: it must not pass for being waited for.
+                with self._lock:
+                    self._watch.failed()
             self._selector.close()
             self._woken.close()
             self._waker.close()
@@ -177,11 +181,7 @@ class ExternalLink:
         except BlockingIOError:
             return
         except OSError as error:
-            self._drop(
-                connection,
-                None,
-                _lost(error),
-            )
+            self._drop(connection, None, _lost(error))
             return
         if not data:
             self._drop(connection, None, "the robot ended the connection")
@@ -272,11 +272,7 @@ class ExternalLink:
         except BlockingIOError:
             return False
         except OSError as error:
-            self._drop(
-                connection,
-                None,
-                _lost(error),
-            )
+            self._drop(connection, None, _lost(error))
             return False
         return True
 

@@ -108,6 +108,11 @@ class ExternalWatch:
         self.phase, self.trouble = RobotPhase.WAITING, sentence
         self._said = self.sent = None
 
+    def failed(self) -> None:
+        """Nobody listens any more, though somebody should."""
+        self.lost("its driver failed")
+        self.phase = RobotPhase.REFUSED
+
     def refused(self, sentence: str) -> None:
         """Somebody connected who was not taken for the robot."""
         if self.phase is not RobotPhase.CONNECTED:

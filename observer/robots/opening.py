@@ -61,7 +61,7 @@ def check_port(port: str) -> None:
     if not port or any(ord(each) < 32 or ord(each) == 127 for each in port):
         raise InputError(f"{_FORMS}, not {shown_port(port)!r}")
     if port.startswith(SOCKET):
-        _check_address(port, SOCKET)
+        _check_address(port)
         return
     if port.startswith(EXTERNAL):
         from observer.robots.external import parse_external
@@ -85,8 +85,8 @@ def shown_port(port: str) -> str:
     return _BEFORE_KEY.split(port, maxsplit=1)[0]
 
 
-def _check_address(port: str, kind: str) -> None:
-    found = _HOST_AND_PORT.fullmatch(port.removeprefix(kind))
+def _check_address(port: str) -> None:
+    found = _HOST_AND_PORT.fullmatch(port.removeprefix(SOCKET))
     if found is None or not 1 <= int(found["port"]) <= 65535:
         raise InputError(f"{shown_port(port)!r} lacks a host or a port from 1 to 65535; {_FORMS}")
     if (found["rest"] or "/") != "/":

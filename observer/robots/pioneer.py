@@ -40,6 +40,8 @@ _FIRST_PAUSE_S, _PAUSE_S = 0.3, 1.0
 # A robot that tells nothing for so long has been switched off, or its cable is out.
 _SILENCE_LOST_S = 3.0
 _FAREWELL_S = 0.1
+# CLOSE may be lost on its way: it is said again while status, every 100 ms, still comes.
+_GOODBYES, _SILENT_S = 3, 0.15
 _CLOSE_S = 1.9
 _COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects")
 _STOP = (command(Command.E_STOP), *STANDSTILL[1:], MOTORS_OFF)
@@ -198,7 +200,10 @@ class Pioneer:
             self._arrived(writer)
             while True:
                 self._serve(line, writer)
-        except Closing:
+        except (PortLost, NoSession, UnknownRobot):
+            raise
+        except BaseException:
+            # It shall go, or something happened that nobody expected: it must not drive on.
             self._say_goodbye(line, writer)
             discard = False
             raise
@@ -317,8 +322,11 @@ class Pioneer:
                 time.sleep(_FAREWELL_S)
             else:
                 line.send(*farewell)
-            line.send(command(Command.CLOSE))
-            time.sleep(_FAREWELL_S)
+            for _ in range(_GOODBYES):
+                line.send(command(Command.CLOSE))
+                # What comes first may have been under way.
+                if not line.port.read(_SILENT_S) or not line.port.read(_SILENT_S):
+                    return
         except PortLost:
             # Nobody is there to say it to.
             return

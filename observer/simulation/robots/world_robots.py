@@ -14,9 +14,8 @@ import threading
 import time as clocks
 import uuid
 from collections.abc import Callable
-from typing import Literal
 
-from observer.rig.rig import RobotModel
+from observer.rig.rig import RobotModel, Role
 from observer.robots.contract import RobotPort
 from observer.robots.models import robot_spec
 from observer.simulation.robots.driven import DrivenVehicle
@@ -32,8 +31,6 @@ _OBSERVER: RobotModel = "amigo-sh"
 _OBSTACLE: RobotModel = "p3dx-sh"
 # Without a frame for so long, or for three of them, no simulated time passes.
 _IDLE_S = 0.3
-
-_Role = Literal["observer", "obstacle"]
 
 
 class SimulatedRobots:
@@ -60,8 +57,8 @@ class SimulatedRobots:
         self._clock = clock
         self._name = f"{world.spec}:{uuid.uuid4().hex[:12]}"
         self._lock = threading.RLock()
-        self._vehicles: dict[_Role, DrivenVehicle] = {}
-        self.servings: dict[_Role, Serving[Firmware]] = {}
+        self._vehicles: dict[Role, DrivenVehicle] = {}
+        self.servings: dict[Role, Serving[Firmware]] = {}
         self._ports: tuple[RobotPort, ...] | None = None
         self._closed = False
         self._time: float | None = None
@@ -86,7 +83,7 @@ class SimulatedRobots:
             InputError: there is no free port.
         """
         if self._ports is None:
-            bodies: list[tuple[_Role, RobotModel, Body]] = [
+            bodies: list[tuple[Role, RobotModel, Body]] = [
                 ("observer", _OBSERVER, self._world.observer)
             ]
             if self._world.obstacles:
@@ -105,7 +102,7 @@ class SimulatedRobots:
             for vehicle in self._vehicles.values():
                 vehicle.switch_off()
 
-    def _served(self, role: _Role, model: RobotModel, body: Body) -> RobotPort:
+    def _served(self, role: Role, model: RobotModel, body: Body) -> RobotPort:
         bumpers = bumpers_of(model)
         spec = robot_spec(model)
         vehicle = DrivenVehicle(

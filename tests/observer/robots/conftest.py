@@ -90,6 +90,7 @@ def driven(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Driven]]:
     """
     monkeypatch.setattr(handshake, "_LISTEN_S", 0.15)
     monkeypatch.setattr(pioneer, "_FAREWELL_S", 0.02)
+    monkeypatch.setattr(pioneer, "_SILENT_S", 0.02)
     with ExitStack() as stack:
 
         def make(

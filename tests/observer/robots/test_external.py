@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from observer.errors import InputError
-from observer.robots import external_client
+from observer.robots import external_client, external_link
 from observer.robots.contract import Explained, RobotPhase, RobotReport
 from observer.robots.external import ExternalRobot, open_external, parse_external
 from observer.robots.external_client import ExternalClient, ExternalClientError, demo
@@ -44,6 +44,20 @@ def robot(free_port: int) -> Iterator[ExternalRobot]:
     robot = open_external(f"external:127.0.0.1:{free_port}")
     until(lambda: robot.report().phase is RobotPhase.WAITING)
     yield robot
+    robot.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_driver_that_fails_waits_for_nobody(
+    free_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: object) -> None:
+        raise RuntimeError("a mistake in the driver")
+
+    monkeypatch.setattr(external_link.ExternalLink, "_serve", failing)
+    robot = open_external(f"external:127.0.0.1:{free_port}")
+    until(lambda: robot.report().phase is RobotPhase.REFUSED)
+    assert robot.report().trouble == "its driver failed"
     robot.close()
 
 

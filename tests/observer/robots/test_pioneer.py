@@ -12,8 +12,9 @@ from typing import Any
 import pytest
 
 from observer.robots import pioneer
-from observer.robots.arcos import Command
+from observer.robots.arcos import Command, command
 from observer.robots.contract import SETPOINT_FRESH_S, RobotLimits, RobotPhase, RobotReport
+from observer.robots.serial_port import open_port
 from observer.simulation.robots.emulated import EmulatedRobot
 
 Drivens = Callable[..., Any]
@@ -338,6 +339,78 @@ def test_closing_says_goodbye_and_is_quick(
     assert took < 2.0
     assert it.robot.report().phase is RobotPhase.CLOSED
     assert it.robot.drive(0.3, 0.0).speed_mps == 0.0
+
+
+class TamperedPort:
+    """A real port, whose writes may be lost and whose reads may fail.
+
+    Attributes:
+        lose: commands that are lost on their way, each once. broken: whether reading fails as no
+            port does.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._port = open_port(text)
+        self.lose: list[bytes] = []
+        self.broken = False
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._port, name)
+
+    def write(self, data: bytes) -> None:
+        if data in self.lose:
+            self.lose.remove(data)
+        else:
+            self._port.write(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        if self.broken:
+            raise RuntimeError("a mistake in the driver")
+        return self._port.read(timeout_s)
+
+
+@pytest.fixture
+def tampered(driven: Drivens) -> tuple[Any, TamperedPort]:
+    """An armed robot, and the port it is driven by."""
+    ports: list[TamperedPort] = []
+
+    def opened(text: str) -> TamperedPort:
+        ports.append(TamperedPort(text))
+        return ports[-1]
+
+    it = driven(open_port=opened)
+    it.arm()
+    it.drive(0.3)
+    return it, ports[-1]
+
+
+def test_a_goodbye_that_is_lost_is_said_again(
+    tampered: tuple[Any, TamperedPort], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pioneer, "_SILENT_S", 0.15)
+    it, port = tampered
+    port.lose.append(command(Command.CLOSE))
+    began = time.monotonic()
+    it.robot.close()
+    assert time.monotonic() - began < 2.0
+    assert port.lose == []
+    time.sleep(0.05)
+    assert not it.there.firmware.is_open
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_driver_that_fails_leaves_no_robot_driving(tampered: tuple[Any, TamperedPort]) -> None:
+    it, port = tampered
+    assert it.there.log.since()[-1].speed_mps > 0
+    since = time.monotonic()
+    port.broken = True
+    report = it.drive_until(lambda report: report.phase is RobotPhase.REFUSED)
+    assert report.trouble == report.fault == "its driver failed"
+    time.sleep(0.05)
+    told = it.there.log.first_standing(since)
+    assert told is not None
+    assert told.time - since < 0.3
+    assert not it.there.firmware.motors_enabled
 
 
 def test_closing_does_not_wait_for_a_robot_that_is_not_there(
