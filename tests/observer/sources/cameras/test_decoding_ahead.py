@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import statistics
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -19,26 +18,6 @@ from .watching import Watch, grabbers
 
 PERIOD_S = 1 / 30
 LATE_S = 0.05
-
-
-@pytest.fixture
-def left(tmp_path: Path) -> Path:
-    write_script(tmp_path / "left")
-    return tmp_path / "left"
-
-
-@pytest.fixture
-def right(tmp_path: Path) -> Path:
-    write_script(tmp_path / "right", phase=0.2)
-    return tmp_path / "right"
-
-
-@pytest.fixture
-def watch(left: Path, right: Path) -> Iterator[Watch]:
-    source = CameraSource(scripted_spec(left, right), opener=OPENER)
-    yield Watch(source)
-    source.close()
-    assert grabbers() == []
 
 
 def tend_for(source: CameraSource, seconds: float) -> float:
