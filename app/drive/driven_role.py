@@ -16,7 +16,7 @@ from app.drive import reasons
 from app.drive.connection import Connection, Tick
 from app.drive.consent import ZERO, Consent, Velocity
 from app.drive.guarding import Guarding, SightTrouble, least
-from app.drive.messages import IncidentEvent
+from app.drive.messages import IncidentEvent, IncidentKind
 from app.drive.ramp import ramped
 from app.processes.errors import ProcessRefused
 from observer.guard.guard import Verdict
@@ -33,7 +33,6 @@ BLIND_S = 1.0
 _EXPIRED = "no command or sign of presence came in time"
 _GUARD_FAILED = "the guard failed; see the drive process's messages"
 
-Kind = Literal["stop", "expired", "sight", "guard", "fault", "lease", "programme"]
 State = Literal["connecting", "disarmed", "armed", "moving", "waiting", "refused"]
 
 
@@ -143,7 +142,7 @@ class DrivenRole:
         self.consent.arm()
 
     def disarm(
-        self, now: float, kind: Kind | None = None, sentence: str | None = None
+        self, now: float, kind: IncidentKind | None = None, sentence: str | None = None
     ) -> None:
         """Zero, motors off.
 
@@ -341,13 +340,13 @@ class DrivenRole:
 
     # --- telling ---------------------------------------------------------------------------
 
-    def _still(self, now: float, kind: Kind | None, sentence: str) -> None:
+    def _still(self, now: float, kind: IncidentKind | None, sentence: str) -> None:
         """Zero from here on, until the operator has let go."""
         if kind is not None:
             self._tell(now, kind, sentence)
         self.rest()
 
-    def _tell(self, now: float, kind: Kind, sentence: str) -> None:
+    def _tell(self, now: float, kind: IncidentKind, sentence: str) -> None:
         speed = None if self.report is None else self.report.speed_mps
         self._incidents.append(IncidentEvent(self.role, kind, sentence, now, speed))
 

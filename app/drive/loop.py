@@ -121,7 +121,7 @@ class DriveLoop:
             self._roles.stop("the end of the drive process", now)
         self._roles.step(now, self._newest_sight(now))
         for number, answer in answers:
-            self._reply(number, answer())
+            self._send(Reply(number, answer()))
         self._tell(now)
 
     # --- requests --------------------------------------------------------------------------
@@ -140,12 +140,12 @@ class DriveLoop:
             try:
                 answer = self._take(request, now)
             except ProcessRefused as error:
-                self._reply(request.number, {}, str(error), error.refusal)
+                self._send(Reply(request.number, error=str(error), refusal=error.refusal))
             except InputError as error:
-                self._reply(request.number, {}, str(error), "input")
+                self._send(Reply(request.number, error=str(error), refusal="input"))
             except Exception as error:
                 sentence = f"{type(request.command).__name__} failed: {error}"
-                self._reply(request.number, {}, sentence, "failure")
+                self._send(Reply(request.number, error=sentence, refusal="failure"))
                 raise
             else:
                 if answer is not None:
@@ -165,18 +165,6 @@ class DriveLoop:
             holder = self._roles.leases.holder(role)
             return lambda: {"robot": role_facts(driven, holder)}
         return lambda: taken
-
-    def _reply(
-        self,
-        number: int,
-        value: dict[str, Any],
-        error: str | None = None,
-        refusal: Any = None,
-    ) -> None:
-        if error is None:
-            self._send(Reply(number, value))
-        else:
-            self._send(Reply(number, error=error, refusal=refusal))
 
     # --- telling ---------------------------------------------------------------------------
 

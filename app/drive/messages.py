@@ -24,6 +24,9 @@ COMMAND_FRESH_S = 0.25
 # So old may the reception of the newest frame be.
 SIGHT_FRESH_S = 0.2
 
+# What stops a robot, or takes its motors away.
+IncidentKind = Literal["stop", "expired", "sight", "guard", "fault", "lease", "programme"]
+
 
 # --- commands, web to drive ------------------------------------------------------------------
 
@@ -238,13 +241,12 @@ class IncidentEvent:
     """Something stopped a robot or took its motors away.
 
     Attributes:
-        kind: ``stop``, ``expired``, ``sight``, ``guard``, ``fault``, ``lease``, ``programme``.
         sentence: for people. time: host's monotonic clock.
         speed_mps: at that moment, by its encoders.
     """
 
     role: Role | None
-    kind: Literal["stop", "expired", "sight", "guard", "fault", "lease", "programme"]
+    kind: IncidentKind
     sentence: str
     time: float
     speed_mps: float | None
@@ -272,7 +274,7 @@ class StoppedEvent:
     """
 
     role: Role
-    kind: Literal["stop", "expired", "sight", "guard", "fault", "lease", "programme"]
+    kind: IncidentKind
     sentence: str
     incident_time: float
     cause_time: float
@@ -304,3 +306,6 @@ class DriveLostEvent:
 
     generation: int
     reason: str
+
+
+DriveEvents = DriveProcessEvent | DriveStartedEvent | DriveLostEvent

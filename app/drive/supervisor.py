@@ -11,9 +11,9 @@ from typing import Any, ClassVar
 
 from app.drive.messages import (
     DriveEvent,
+    DriveEvents,
     DriveLostEvent,
     DriveProcessCommand,
-    DriveProcessEvent,
     DriveStartedEvent,
     LeaveDrive,
 )
@@ -27,8 +27,6 @@ DRIVE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.drive")
 DRIVE_LIMITS = SupervisorLimits(
     hang_s=0.5, start_s=20.0, standby_delay_s=None, most_backoff_s=5.0, stop_s=4.0
 )
-
-DriveEvents = DriveProcessEvent | DriveStartedEvent | DriveLostEvent
 
 
 class DriveSupervisor(ProcessSupervisor[DriveProcessCommand, DriveEvents]):

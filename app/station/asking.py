@@ -33,11 +33,10 @@ async def ask_drive(
     drive: Drive,
     command: DriveProcessCommand,
     *,
-    field: tuple[str, ...] = ("body",),
     timeout_s: float = 1.0,
 ) -> dict[str, Any]:
     """Send the drive process a command; as ``ask`` in all else."""
-    with _own_errors(field):
+    with _own_errors(("body",)):
         return await drive.request(command, timeout_s)
 
 

@@ -6,15 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from app.channel.latest import Latest
-from app.drive.messages import (
-    DriveLostEvent,
-    DriveProcessCommand,
-    DriveProcessEvent,
-    DriveStartedEvent,
-)
+from app.drive.messages import DriveEvents, DriveProcessCommand
 from app.messages import Command, Event, ObservationEvent
-
-DriveEvents = DriveProcessEvent | DriveStartedEvent | DriveLostEvent
 
 
 class LatestValue(Protocol):

@@ -16,6 +16,7 @@ from app.drive.messages import (
     DisconnectRobot,
     DriveCommand,
     DriveEvent,
+    DriveEvents,
     DriveLostEvent,
     DriveProcessCommand,
     DriveStartedEvent,
@@ -31,7 +32,6 @@ from app.drive.messages import (
     WheelSpeedEvent,
 )
 from app.processes.errors import ProcessRefused, ProcessUnavailable
-from app.station.contracts import DriveEvents
 from observer.rig.rig import ROLES, Role
 from observer.robots.opening import shown_port
 

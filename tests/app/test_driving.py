@@ -14,6 +14,7 @@ from app.drive.messages import (
     ConnectRobot,
     DisconnectRobot,
     IncidentEvent,
+    ResetStop,
     SetGuard,
     StoppedEvent,
     StopRobots,
@@ -175,6 +176,50 @@ def test_who_does_not_answer_is_asked_again(
             drive.refuse.clear()
             await until(lambda: len(drive.robots) == 2)
             assert station.driving.warnings == []
+
+    run(scenario())
+
+
+def test_a_robot_that_did_not_answer_is_let_go_where_it_is_not_wanted_any_more(
+    peer: Any, drive: Any, storage: Storage
+) -> None:
+    async def scenario() -> None:
+        peer.world, peer.robots = "simulated:lab/1", OWN
+        drive.refuse[ConnectRobot] = ("failure", "it took too long")
+        async with started(peer, storage, drive=drive) as station:
+            await until(lambda: len(station.driving.warnings) == 2)
+            assert not drive.of(DisconnectRobot)
+            peer.world, peer.robots = None, ()
+            await station.open_source("simulated:other", None)
+            # For all that is known, it may be connected by now.
+            await until(lambda: len(drive.of(DisconnectRobot)) == 2)
+            await until(lambda: station.driving.warnings == [])
+
+    run(scenario())
+
+
+def test_a_stop_while_another_one_is_reset_holds(
+    peer: Any, drive: Any, storage: Storage
+) -> None:
+    async def scenario() -> None:
+        async with started(peer, storage, drive=drive) as station:
+            await until(lambda: drive.health.alive)
+            await station.driving.stop_robots("Anna")
+            request = drive.request
+
+            async def slow(command: Any, timeout_s: float = 1.0) -> dict[str, Any]:
+                answer: dict[str, Any] = await request(command, timeout_s)
+                if isinstance(command, ResetStop):
+                    drive.lose()
+                    with pytest.raises(NotAvailable):
+                        await station.driving.stop_robots("Bert")
+                return answer
+
+            drive.request = slow
+            await station.driving.reset("Anna")
+            drive.start_process()
+            await until(lambda: drive.stopped)
+            assert drive.stopped["by"] == "Bert"
 
     run(scenario())
 

@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
-from app.drive.messages import DriveProcessCommand
+from app.drive.messages import DriveEvents, DriveProcessCommand
 from app.processes.errors import ProcessUnavailable
-from app.station.contracts import DriveEvents
-
-
-@dataclass(frozen=True)
-class _NoHealth:
-    generation: int = 0
-    pid: int | None = None
-    alive: bool = False
-    restarts: int = 0
-    heartbeat_age_s: float | None = None
-    observations_lost: int = 0
+from app.processes.supervisor import ProcessHealth
 
 
 class AbsentDrive:
     """Fulfils ``app.station.contracts.Drive`` by saying that nothing can be driven."""
 
-    health = _NoHealth()
+    health = ProcessHealth(
+        generation=0, pid=None, alive=False, restarts=0, heartbeat_age_s=None, observations_lost=0
+    )
 
     async def start(self) -> None:
         pass

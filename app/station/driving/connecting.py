@@ -21,13 +21,12 @@ from app.messages import StateEvent
 from app.station.asking import ask_drive
 from app.station.contracts import Drive
 from app.station.errors import Conflict, FieldError, NotAvailable
+from observer.guard.sight import REAL_WORLD
 from observer.rig.rig import ROLES, Rig, Role
 from observer.robots.contract import RobotPort
 
 log = structlog.get_logger(__name__)
 
-# What live cameras see; see ``observer.guard.sight.Sight.world``.
-REAL_WORLD = "real"
 # A drive process that did not answer is asked again.
 _RETRY_S = 1.0
 # The robot before says goodbye, which takes up to 2 s.
@@ -74,7 +73,8 @@ class Connecting:
         self._guard = guard
         self._wanted: dict[Role, ConnectRobot] = {}
         # As this drive process was told, refused wishes too: they do not mend by repeating.
-        self._told: dict[Role, ConnectRobot] = {}
+        # A role is missing while what it has is not known: it was told, and has not answered.
+        self._told: dict[Role, ConnectRobot | None] = {}
         self._told_guard: dict[str, Any] = {}
         # Of the process that is there (0: none), and of the one that was told stop and guard.
         self._generation = 0
@@ -110,7 +110,7 @@ class Connecting:
         self._forget()
 
     def _forget(self) -> None:
-        self._told, self._told_guard = {}, {}
+        self._told, self._told_guard = dict.fromkeys(ROLES), {}
         self._begun = 0
         self.trouble.clear()
         self.complaint = None
@@ -146,9 +146,10 @@ class Connecting:
 
     async def _tell_robot(self, role: Role) -> None:
         generation = self._begun
-        wanted, told = self._wanted.get(role), self._told.get(role)
-        if generation == 0 or wanted == told:
+        wanted = self._wanted.get(role)
+        if generation == 0 or (role in self._told and self._told[role] == wanted):
             return
+        self._told.pop(role, None)
         try:
             complaint = await self._refusal(
                 DisconnectRobot(role) if wanted is None else wanted, _CONNECT_TIMEOUT_S
@@ -159,10 +160,7 @@ class Connecting:
             raise
         if self._begun != generation:
             return
-        if wanted is None:
-            self._told.pop(role, None)
-        else:
-            self._told[role] = wanted
+        self._told[role] = wanted
         self.trouble.pop(role, None)
         if complaint is not None:
             self.trouble[role] = f"the {role} is not connected: {complaint}"

@@ -13,6 +13,7 @@ import structlog
 from app.drive.messages import (
     ArmRobot,
     DriveEvent,
+    DriveEvents,
     DriveLostEvent,
     DriveProcessCommand,
     DriveStartedEvent,
@@ -28,7 +29,7 @@ from app.messages import ObservationEvent, StateEvent
 from app.processes.errors import ProcessUnavailable
 from app.station.asking import ask_drive
 from app.station.background import Background
-from app.station.contracts import Drive, DriveEvents
+from app.station.contracts import Drive
 from app.station.driving.check_desk import CheckDesk
 from app.station.driving.circumstances import Circumstances
 from app.station.driving.connecting import Connecting
@@ -280,6 +281,8 @@ class DrivingDesk:
         try:
             await self.ask(StopRobots(by))
         except NotAvailable as error:
+            # Also where another stop, which was heard, has ended the wait for both.
+            self._connecting.stop_due = by
             self._connecting.look()
             raise NotAvailable(
                 f"the stop could not be told to the drive process ({error}): use the robots' own "
@@ -291,8 +294,13 @@ class DrivingDesk:
     async def reset(self, by: str) -> None:
         """Undo the stop; all robots stay disarmed."""
         log.warning("stop_reset", by=by)
-        await self.ask(ResetStop(by))
-        self._connecting.stop_due = self._connecting.stopped = None
+        # A stop that comes from here on is another one, and stays.
+        due, self._connecting.stop_due = self._connecting.stop_due, None
+        try:
+            await self.ask(ResetStop(by))
+        except (Conflict, NotAvailable):
+            self._connecting.stop_due = self._connecting.stop_due or due
+            raise
 
     def check_programme(self, start: StartProgramme) -> None:
         """See that its robots are armed, before anything is opened for it.

@@ -68,11 +68,11 @@ class GuardCheck:
         """Whether it has ended."""
         return self.ended_at is not None
 
-    def robot_said(self, robot: dict[str, Any] | None) -> bool:
-        """How its robot is, as in ``DriveEvent.facts``; whether a step looks different by it."""
+    def robot_said(self, robot: dict[str, Any] | None) -> None:
+        """How its robot is, as in ``DriveEvent.facts``."""
         present = self.present
         if present is None:
-            return False
+            return
         speed = None
         if robot is not None:
             report = robot.get("report") or {}
@@ -86,7 +86,6 @@ class GuardCheck:
         step = self.steps[present]
         drives = speed is not None and abs(speed) >= MOVING_MPS
         self.steps[present] = replace(step, state="driving" if drives else "waiting")
-        return self.steps[present] != step
 
     def stopped(self, event: StoppedEvent, at: str) -> None:
         """A robot was stopped; the first stop that fits the present step is its result."""
