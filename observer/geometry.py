@@ -146,6 +146,22 @@ class Pose:
         )
 
 
+def along_arc(
+    x: float, y: float, heading: float, way: float, turned: float
+) -> tuple[float, float]:
+    """Where an arc over a plane ends that begins at ``x``, ``y`` along ``heading``.
+
+    A circle's chord (Siegwart and Nourbakhsh, Introduction to Autonomous Mobile Robots, 5.2.4).
+
+    Args:
+        way: along the arc, metres, negative backwards. turned: over the way, radians.
+    """
+    half = turned / 2
+    # way * sinc(turned / 2), along the mean heading.
+    chord = way * (math.sin(half) / half if abs(half) > 1e-12 else 1.0)
+    return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half)
+
+
 def is_rotation(matrix: ArrayLike, tolerance: float = _ROTATION_TOLERANCE) -> bool:
     """Whether a (3, 3) matrix is orthonormal with determinant +1, within ``tolerance``."""
     m = np.asarray(matrix, dtype=np.float64)

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
+from observer.geometry import along_arc
 from observer.types import Odometry
 
 
 class WheelOdometry:
-    """Sums up how the wheels turned, as an arc between two readings.
-
-    A circle's chord and turn (Siegwart and Nourbakhsh, Introduction to Autonomous Mobile Robots,
-    section 5.2.4).
-    """
+    """Sums up how the wheels turned, as an arc between two readings."""
 
     def __init__(self, radius_m: float, track_m: float) -> None:
         self._radius, self._track = radius_m, track_m
@@ -27,10 +22,7 @@ class WheelOdometry:
         left, right = left_rad - before[0], right_rad - before[1]
         way = (left + right) / 2 * self._radius
         turn = (right - left) * self._radius / self._track
-        half = turn / 2
-        chord = way * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-        self._x += chord * math.cos(self._yaw + half)
-        self._y += chord * math.sin(self._yaw + half)
+        self._x, self._y = along_arc(self._x, self._y, self._yaw, way, turn)
         self._yaw += turn
         return self.odometry
 

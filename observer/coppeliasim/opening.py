@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 from observer.coppeliasim.address import Address, parse_address
 from observer.coppeliasim.connection import Connection, CoppeliaSimError
@@ -11,9 +10,8 @@ from observer.coppeliasim.pioneers import MODEL, Pioneer, find_pioneers
 from observer.coppeliasim.sensors import Sensor, create_sensors, find_sensors
 from observer.coppeliasim.source import CoppeliaSimSource
 from observer.coppeliasim.truth import CoppeliaSimTruth
+from observer.rig.rig import Role
 from observer.robots.contract import RobotPort
-
-Role = Literal["observer", "obstacle"]
 
 
 class CoppeliaSimRobots:

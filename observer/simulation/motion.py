@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from observer.errors import ScenarioError
+from observer.geometry import along_arc
 
 # A course whose end meets its start this closely is a closed one and repeats without drift.
 _CLOSED_M = 1e-6
@@ -222,12 +223,8 @@ class _TimedLeg:
         curvature = self.leg.angle / self.leg.distance
         turned = curvature * way
         heading = self.heading + turned
-        # The chord of an arc: way * sinc(turned / 2) along the mean heading.
-        half = turned / 2
-        chord = way * (math.sin(half) / half if abs(half) > 1e-12 else 1.0)
         return PlanarState(
-            self.x + chord * math.cos(self.heading + half),
-            self.y + chord * math.sin(self.heading + half),
+            *along_arc(self.x, self.y, self.heading, way, turned),
             heading,
             speed * math.cos(heading),
             speed * math.sin(heading),

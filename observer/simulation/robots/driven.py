@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from observer.geometry import along_arc
 from observer.robots.models import RobotSpec
 from observer.simulation.motion import PlanarMotion, PlanarState
 from observer.simulation.robots.chassis import Drive, Wheels
@@ -211,12 +212,10 @@ def _onward(state: PlanarState, seconds: float) -> PlanarState:
     """As it goes on with its velocities: along an arc."""
     c, s = math.cos(state.heading), math.sin(state.heading)
     speed = c * state.vx + s * state.vy
-    half = state.turn_rate * seconds / 2
-    chord = speed * seconds * (math.sin(half) / half if abs(half) > 1e-12 else 1.0)
-    heading = state.heading + 2 * half
+    turned = state.turn_rate * seconds
+    heading = state.heading + turned
     return PlanarState(
-        state.x + chord * math.cos(state.heading + half),
-        state.y + chord * math.sin(state.heading + half),
+        *along_arc(state.x, state.y, state.heading, speed * seconds, turned),
         heading,
         speed * math.cos(heading),
         speed * math.sin(heading),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from observer.geometry import along_arc
 from observer.robots.models import RobotSpec
 from observer.simulation.motion import PlanarState
 from observer.simulation.robots.chassis import Drive, Wheels
@@ -152,11 +153,7 @@ class Vehicle:
         if way == 0 and turned == 0:
             self._blocked = False
             return
-        half = turned / 2
-        # The chord of an arc: way * sinc(turned / 2) along the mean heading.
-        chord = way * (math.sin(half) / half if abs(half) > 1e-12 else 1.0)
-        x = self._x + chord * math.cos(self._heading + half)
-        y = self._y + chord * math.sin(self._heading + half)
+        x, y = along_arc(self._x, self._y, self._heading, way, turned)
         new = PlanarState(x, y, self._heading + turned)
         size = self.hull.length_m, self.hull.width_m
         depth = around.depth(outline_at(new, *size))
@@ -178,10 +175,9 @@ class Vehicle:
         way, turned = way * self._scale, turned * self._turn
         if self._slip:
             turned += self._slip * math.sqrt(abs(way)) * float(self._rng.standard_normal())
-        half = turned / 2
-        chord = way * (math.sin(half) / half if abs(half) > 1e-12 else 1.0)
-        self._wheel_x += chord * math.cos(self._wheel_yaw + half)
-        self._wheel_y += chord * math.sin(self._wheel_yaw + half)
+        self._wheel_x, self._wheel_y = along_arc(
+            self._wheel_x, self._wheel_y, self._wheel_yaw, way, turned
+        )
         self._wheel_yaw += turned
         self._left += way - self._half_track * turned
         self._right += way + self._half_track * turned
