@@ -13,9 +13,13 @@ import pytest
 
 from observer.robots import handshake, pioneer
 from observer.robots.contract import RobotPhase, RobotReport
+from observer.robots.external import ExternalRobot, open_external
 from observer.robots.pioneer import Pioneer
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving, serve_pty, serve_tcp
+
+from .external_sides import Wire
+from .external_sides import until as until_it_holds
 
 DRIVE_S = 0.02
 
@@ -175,3 +179,20 @@ def piloted() -> Iterator[Callable[..., Pioneer]]:
 def until() -> Callable[..., RobotReport]:
     """Gives ``wait_for_report(robot, reached, timeout_s)``."""
     return wait_for_report
+
+
+@pytest.fixture
+def robot(free_port: int) -> Iterator[ExternalRobot]:
+    """A robot of one's own as we see it: nobody has connected yet."""
+    robot = open_external(f"external:127.0.0.1:{free_port}")
+    until_it_holds(lambda: robot.report().phase is RobotPhase.WAITING)
+    yield robot
+    robot.close()
+
+
+@pytest.fixture
+def wire(free_port: int) -> Iterator[Wire]:
+    """Between ``robot`` and its client."""
+    wire = Wire(free_port)
+    yield wire
+    wire.close()
