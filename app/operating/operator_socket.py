@@ -89,13 +89,18 @@ class OperatorSocket:
         if self._over is not None:
             raise DrivingFailed(self._over)
 
-    def release(self) -> None:
-        """Give everything back: the robots stop and are disarmed. Safe where the link is gone."""
+    def release(self) -> tuple[Role, ...]:
+        """Give everything back: the robots stop and are disarmed. Safe where the link is gone.
+
+        Returns:
+            What was held until now.
+        """
         with self._lock:
             held, self._sequence = tuple(self._sequence), {}
         for role in held:
             with contextlib.suppress(DrivingFailed):
                 self._send({"type": "release", "role": role})
+        return held
 
     def close(self) -> None:
         """Say no more; the leases end with the connection. Safe to call twice."""

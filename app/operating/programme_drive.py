@@ -53,12 +53,14 @@ class ProgrammeDrive:
         self._elapsed_s = 0.0
 
     def run(self) -> None:
-        """Drive it to its end. However this ends, the robots are disarmed, or left to stop.
+        """Drive it to its end. However this ends, the robots that it took are disarmed, or
+        left to stop.
 
         Raises:
             InputError, DrivingFailed: one sentence of why it did not begin or did not end.
         """
         roles = self._request.roles
+        asked = False
         with OperatorSocket(self._api) as socket:
             try:
                 leases = {
@@ -67,13 +69,13 @@ class ProgrammeDrive:
                 for role in roles:
                     self._api.post("robots", role, "arm", body={"lease": leases[role]})
                 # Before it is asked for, so that it cannot end earlier than it seems to.
-                began = time.monotonic()
+                began, asked = time.monotonic(), True
                 self._start(leases)
                 self._follow(socket, began)
             finally:
                 # The quickest way first; it stops and disarms, and the rest is for certainty.
-                socket.release()
-                self._disarm()
+                # What somebody else drives, from the beginning or by now, is left alone.
+                self._disarm(socket.release(), asked)
 
     def summary(self) -> dict[str, Any]:
         """How far it came, by role; ready for JSON."""
@@ -136,11 +138,12 @@ class ProgrammeDrive:
             f"{'; '.join(reasons) or 'the server does not say why'}"
         )
 
-    def _disarm(self) -> None:
+    def _disarm(self, held: Sequence[Role], asked: bool) -> None:
         # A server that does not answer has lost this operator, and stops by itself.
         # Nor need a programme be going.
-        with contextlib.suppress(DynamicObserverError):
-            self._api.delete("robots", "programme")
-        for role in self._request.roles:
+        if held and asked:
+            with contextlib.suppress(DynamicObserverError):
+                self._api.delete("robots", "programme")
+        for role in held:
             with contextlib.suppress(DynamicObserverError):
                 self._api.post("robots", role, "disarm")
