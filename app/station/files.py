@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from app.station.errors import FieldError
@@ -18,8 +19,19 @@ def write_whole(path: Path, text: str) -> None:
     Raises:
         StorageFull: no space is left. FieldError: it cannot be written; what was there stays.
     """
-    try:
+    with told_as_ours(path):
         _write(path, text)
+
+
+@contextlib.contextmanager
+def told_as_ours(path: Path) -> Iterator[None]:
+    """What goes wrong in writing a file or a folder, as an error of ours.
+
+    Raises:
+        StorageFull: no space is left. FieldError: it cannot be written.
+    """
+    try:
+        yield
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise StorageFull(

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.station.errors import FieldError
-from app.station.files import write_whole
+from app.station.files import told_as_ours, write_whole
 from observer.errors import InputError
 from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
 from observer.rig.rig_file import read_rig, rig_text
@@ -53,7 +53,7 @@ class RigDesk:
     @property
     def observed_text(self) -> str:
         """As ``text``, without what is nothing to who observes: ports, and the keys in them."""
-        return rig_text(replace(self.rig, ports={}))
+        return text_without_ports(self.rig)
 
     def keep(self, rig: Rig) -> None:
         """Put a rig into force and into the file, which is replaced as a whole.
@@ -62,12 +62,8 @@ class RigDesk:
             FieldError, StorageFull: the file cannot be written; the old rig stays in force.
         """
         if self.path is not None:
-            try:
+            with told_as_ours(self.path):
                 _keep_unreadable(self.path)
-            except OSError as error:
-                raise FieldError(
-                    ("body",), f"{self.path} cannot be written: {error.strerror or error}"
-                ) from error
             write_whole(self.path, rig_text(rig))
         self.rig = rig
 
@@ -105,28 +101,31 @@ class RigDesk:
             key = next((key for key in MOUNT_KEYS if sentence.startswith(key)), "mount")
             raise FieldError(("body", "mount", key), sentence) from error
 
-    def with_port(self, role: Role, port: str | None, model: RobotModel | None) -> Rig:
-        """The rig with another port and model of a robot; without a port both are forgotten.
+    def with_port(self, role: Role, port: str, model: RobotModel | None) -> Rig:
+        """The rig with another port and model of a robot; model None: as the robot says of itself.
 
         A port that is named as it is shown keeps the key that is not.
 
         Raises:
             FieldError: it names no port.
         """
-        ports: dict[Role, str] = {each: p for each, p in self.rig.ports.items() if each != role}
+        before = self.rig.ports.get(role)
+        if before is not None and port == shown_port(before):
+            port = before
+        ports: dict[Role, str] = {**self.rig.ports, role: port}
         models = {each: m for each, m in self.rig.models.items() if each != role}
         try:
-            if port is not None:
-                before = self.rig.ports.get(role)
-                if before is not None and port == shown_port(before):
-                    port = before
-                check_port(port)
-                ports[role] = port
+            check_port(port)
             if model is not None:
                 models[role] = model
             return replace(self.rig, ports=ports, models=models)
         except InputError as error:
             raise FieldError(("body", "port"), str(error)) from error
+
+    def without_port(self, role: Role) -> Rig:
+        """The rig without a robot's port; its model stays."""
+        ports = {each: port for each, port in self.rig.ports.items() if each != role}
+        return replace(self.rig, ports=ports)
 
     def observes_alike(self, rig: Rig) -> bool:
         """Whether a source would be observed with another rig as with this one."""
@@ -144,9 +143,14 @@ class RigDesk:
             raise FieldError(("body", "text"), str(error)) from error
 
 
+def text_without_ports(rig: Rig) -> str:
+    """A rig as its file would hold it without ports, which may hold keys."""
+    return rig_text(replace(rig, ports={}))
+
+
 def _as_observed(rig: Rig) -> str:
     # Which robots there are, and how they are reached, is nothing to what is seen.
-    return rig_text(replace(rig, models={}, ports={}))
+    return text_without_ports(replace(rig, models={}))
 
 
 def _keep_unreadable(path: Path) -> None:

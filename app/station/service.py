@@ -260,22 +260,32 @@ class Station(StationCore):
             if not alike:
                 self._refuse_in_run("stop it before you change the rig")
                 self._refuse_calibrating()
-            await asyncio.to_thread(self.rig.keep, rig)
-            self.driving.rig_changed(self.state)
+            await self._put_rig(rig)
             if not alike and self.state.state is EngineState.PREVIEW:
                 await self._restore_preview()
-        self.followers.status_changed()
+                self.followers.status_changed()
 
-    async def set_port(self, role: Role, port: str | None, model: RobotModel | None) -> None:
-        """Reach a robot by this port from now on; None: there is none.
+    async def set_port(self, role: Role, port: str, model: RobotModel | None) -> None:
+        """Reach a robot by this port from now on.
 
         Raises:
             FieldError: it names no port, or the rig cannot be written.
         """
         async with self._lock:
-            rig = self.rig.with_port(role, port, model)
-            await asyncio.to_thread(self.rig.keep, rig)
-            self.driving.rig_changed(self.state)
+            await self._put_rig(self.rig.with_port(role, port, model))
+
+    async def forget_port(self, role: Role) -> None:
+        """Reach no real robot of this role from now on.
+
+        Raises:
+            FieldError: the rig cannot be written.
+        """
+        async with self._lock:
+            await self._put_rig(self.rig.without_port(role))
+
+    async def _put_rig(self, rig: Rig) -> None:
+        await asyncio.to_thread(self.rig.keep, rig)
+        self.driving.rig_changed(self.state)
         self.followers.status_changed()
 
     # --- calibrations ----------------------------------------------------------------------

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from typing import Any
 
-from app.web.sockets import BadMessage
+from app.web.sockets import BadMessage, json_object
 from observer.rig.rig import ROLES, Role
 
-_LONGEST_MESSAGE = 1000
 # Of JavaScript's numbers, those that count.
 _LARGEST_NUMBER = 2**53
 
@@ -74,14 +72,7 @@ def read_message(text: str) -> Message:
             one, and comes back as ``Unusable``.
     """
     expected = "send the messages of /api/drive as the description has them"
-    if len(text) > _LONGEST_MESSAGE:
-        raise BadMessage(expected)
-    try:
-        data: Any = json.loads(text)
-    except (ValueError, RecursionError):
-        raise BadMessage(expected) from None
-    if not isinstance(data, dict):
-        raise BadMessage(expected)
+    data = json_object(text, expected)
     kind, role = data.get("type"), _role(data.get("role"))
     if kind == "stop":
         return Stop()

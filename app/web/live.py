@@ -11,14 +11,13 @@ import asyncio
 import contextlib
 import json
 from dataclasses import dataclass
-from typing import Any
 
 from fastapi import WebSocket
 
 from app.messages import ObservationEvent
 from app.station import Station
 from app.station.status import observation_age_s, status
-from app.web.sockets import BadMessage, receive_text, until_one_ends
+from app.web.sockets import BadMessage, json_object, receive_text, until_one_ends
 
 _STATUS_INTERVAL_S = 0.5
 # Pages are promised one every 250 ms.
@@ -26,7 +25,6 @@ _HEARTBEAT_S = 0.2
 _MOST_UNACKNOWLEDGED = 2
 # An acknowledgement that never came (a page in the background paints nothing) is given up.
 _ACKNOWLEDGE_WITHIN_S = 5.0
-_LONGEST_MESSAGE = 1000
 # Between two messages on robots: while there are any, and while there is none.
 _ROBOTS_INTERVAL_S = 0.1
 _NO_ROBOTS_INTERVAL_S = 0.5
@@ -278,13 +276,8 @@ def _painted(text: str) -> int:
         BadMessage: it is none.
     """
     expected = 'send {"type": "painted", "sequence": NUMBER}'
-    if len(text) > _LONGEST_MESSAGE:
-        raise BadMessage(expected)
-    try:
-        message: Any = json.loads(text)
-    except (ValueError, RecursionError):
-        raise BadMessage(expected) from None
-    if not isinstance(message, dict) or message.get("type") != "painted":
+    message = json_object(text, expected)
+    if message.get("type") != "painted":
         raise BadMessage(expected)
     sequence = message.get("sequence")
     if not isinstance(sequence, int) or isinstance(sequence, bool):

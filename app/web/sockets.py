@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Coroutine
 from typing import Any
 
@@ -12,6 +13,8 @@ from starlette.websockets import WebSocketDisconnect, WebSocketState
 INVALID_DATA = 1007
 GOING_AWAY = 1001
 TRY_LATER = 1013
+
+_LONGEST_JSON = 1000
 
 
 class BadMessage(Exception):
@@ -31,6 +34,26 @@ async def receive_text(socket: WebSocket) -> str:
     if not isinstance(text, str):
         raise BadMessage("this socket takes text messages only")
     return text
+
+
+def json_object(text: str, expected: str) -> dict[str, Any]:
+    """The JSON object that a client sent.
+
+    Args:
+        expected: what it is told to send instead, where it is none or too long.
+
+    Raises:
+        BadMessage: with ``expected``.
+    """
+    if len(text) > _LONGEST_JSON:
+        raise BadMessage(expected)
+    try:
+        message: Any = json.loads(text)
+    except (ValueError, RecursionError):
+        raise BadMessage(expected) from None
+    if not isinstance(message, dict):
+        raise BadMessage(expected)
+    return message
 
 
 async def until_one_ends(socket: WebSocket, *jobs: Coroutine[Any, Any, None]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import json
 import re
 from datetime import UTC, datetime, timedelta
@@ -11,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from app.station.driving.circumstances import Circumstances
-from app.station.errors import Conflict, FieldError, NotThere
-from app.station.files import write_whole
-from app.storage import StorageFull
+from app.station.errors import Conflict, NotThere
+from app.station.files import told_as_ours, write_whole
 from observer.rig.rig import Role
 
 FOLDER_NAME = "guard-checks"
@@ -59,18 +57,13 @@ class CheckRecords:
 
     def _reserved(self, stem: str) -> str:
         """A name that nobody else has from now on: its JSON file is there, and empty."""
-        try:
-            self._file(stem, "json").parent.mkdir(parents=True, exist_ok=True)
+        assert self._folder is not None
+        with told_as_ours(self._folder):
+            self._folder.mkdir(parents=True, exist_ok=True)
             for number in range(1, _MOST_ALIKE + 1):
                 name = stem if number == 1 else f"{stem}-{number}"
                 with contextlib.suppress(FileExistsError), self._file(name, "json").open("x"):
                     return name
-        except OSError as error:
-            if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                raise StorageFull(f"no space is left in {self._folder}; free some") from error
-            raise FieldError(
-                ("body",), f"{self._folder} cannot be written: {error.strerror or error}"
-            ) from error
         raise Conflict(f"there are {_MOST_ALIKE} records {stem}; wait a minute")
 
     def all(self) -> list[dict[str, Any]]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
+from app.station.rig_desk import text_without_ports
 from observer.rig.rig import Rig
-from observer.rig.rig_file import rig_text
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Circumstances:
         guard: Mapping[str, Any],
     ) -> Circumstances:
         """Those with a rig."""
-        text = _text_of(rig)
+        text = text_without_ports(rig)
         return Circumstances(software, source, calibration, _id_of(text), text, dict(guard))
 
     def facts(self) -> dict[str, Any]:
@@ -58,10 +58,6 @@ class Circumstances:
         if before.get("guard") != dict(self.guard):
             words.append("the guard's parameters")
         return words
-
-
-def _text_of(rig: Rig) -> str:
-    return rig_text(replace(rig, ports={}))
 
 
 def _id_of(text: str) -> str:

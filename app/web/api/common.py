@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import Depends
+from fastapi import Depends, Request
 from fastapi.requests import HTTPConnection
 
 from app.station import Station
@@ -44,6 +44,18 @@ GATE_RESPONSES: dict[int | str, dict[str, Any]] = {
     403: {"model": Refused, "description": "Sent by a page of another site."},
     429: {"model": Refused, "description": "Too many wrong tokens from this address."},
 }
+
+
+def who(request: Request, name: str | None = None) -> str:
+    """Who asks, in words: there is one token for all, so it is where they are.
+
+    Args:
+        name: as they call themselves.
+    """
+    where = "the host itself" if request.client is None else request.client.host
+    if name is not None:
+        return f"{name} ({where})"
+    return where if request.client is None else f"somebody at {where}"
 
 
 def refusals(*codes: int) -> dict[int | str, dict[str, Any]]:

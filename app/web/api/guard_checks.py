@@ -9,7 +9,7 @@ from fastapi import APIRouter, Body, Path, Query, Request
 from fastapi.responses import Response
 
 from app.station import Conflict, Station
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation, refusals, who
 from app.web.api.robot_models import By, CheckEntry, CheckNow, ChecksNow, CheckStart, RoleName
 from app.web.errors import SafeJSON
 
@@ -18,12 +18,6 @@ router = APIRouter(prefix="/robots", tags=["robots"])
 CheckName = Annotated[str, Path(max_length=100)]
 _NOW: dict[int | str, dict[str, Any]] = {200: {"model": CheckNow}}
 _FORMATS = {"json": ("json", "application/json"), "markdown": ("md", "text/markdown")}
-
-
-def _by(request: Request, by: By | None) -> str:
-    """There is one token for all: a name as it was given, and where its bearer is."""
-    where = "the host itself" if request.client is None else request.client.host
-    return where if by is None or by.name is None else f"{by.name} ({where})"
 
 
 def _facts(station: Station) -> Response:
@@ -53,7 +47,7 @@ async def start_check(
     wanted = wanted or CheckStart()
     if station.driving.robot(wanted.role) is None:
         raise Conflict(f"no robot is connected as the {wanted.role}")
-    station.driving.checks.start(wanted.role, wanted.note or None, _by(request, wanted))
+    station.driving.checks.start(wanted.role, wanted.note or None, who(request, wanted.name))
     return SafeJSON(station.driving.checks.facts(), 201)
 
 
@@ -67,7 +61,7 @@ async def skip_step(
     request: Request, station: TheStation, by: Annotated[By | None, Body()] = None
 ) -> Response:
     """The record tells who did."""
-    await station.driving.checks.skip(_by(request, by))
+    await station.driving.checks.skip(who(request, None if by is None else by.name))
     return _facts(station)
 
 
@@ -83,7 +77,7 @@ async def give_up_check(
     name: Annotated[str | None, Query(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")] = None,
 ) -> Response:
     """What there is so far is kept, and says so. ``name``: who asks."""
-    await station.driving.checks.give_up(_by(request, By(name=name or None)))
+    await station.driving.checks.give_up(who(request, name or None))
     return _facts(station)
 
 

@@ -9,7 +9,7 @@ from fastapi.responses import Response
 
 from app.drive.messages import ArmRobot, DisarmRobot
 from app.station import NotThere, Station
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation, refusals, who
 from app.web.api.programmes import programme_command
 from app.web.api.robot_models import (
     Arming,
@@ -31,11 +31,6 @@ def _facts(station: Station) -> Response:
     return SafeJSON(station.driving.facts())
 
 
-def _who(request: Request) -> str:
-    """Who asks, in words: there is one token for all, so it is where they are."""
-    return "the host itself" if request.client is None else f"somebody at {request.client.host}"
-
-
 @router.get("", response_model=None, responses=_ROBOTS, summary="How the robots are")
 async def get_robots(station: TheStation) -> Response:
     return _facts(station)
@@ -52,7 +47,7 @@ async def stop_robots(request: Request, station: TheStation) -> Response:
 
     Anyone signed in may stop; it waits for no run, lease or other request.
     """
-    await station.driving.stop_robots(_who(request))
+    await station.driving.stop_robots(who(request))
     return _facts(station)
 
 
@@ -64,7 +59,7 @@ async def stop_robots(request: Request, station: TheStation) -> Response:
 )
 async def reset_stop(request: Request, station: TheStation) -> Response:
     """Faults whose cause is over are forgotten as well; all robots stay disarmed."""
-    await station.driving.reset(_who(request))
+    await station.driving.reset(who(request))
     return _facts(station)
 
 
@@ -137,7 +132,7 @@ async def put_port(role: RoleName, choice: PortChoice, station: TheStation) -> R
     summary="Forget a robot's port",
 )
 async def delete_port(role: RoleName, station: TheStation) -> Response:
-    await station.set_port(role, None, station.rig.rig.models.get(role))
+    await station.forget_port(role)
     return _facts(station)
 
 
