@@ -7,8 +7,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-# Enough for hours of driving at ten commands a second.
-_KEPT = 200_000
+# Minutes: a driver tells twenty commands a second, for as long as it is connected.
+_KEPT = 10_000
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -28,10 +29,12 @@ class Outline:
         around = ((a, b), (-a, b), (-a, -b), (a, -b))
         return Outline(tuple((x + c * u - s * v, y + s * u + c * v) for u, v in around))
 
-    @property
-    def centre(self) -> Point:
+    @cached_property
+    def circle(self) -> tuple[float, float, float]:
+        """x, y and radius of one about the middle of its corners that holds it."""
         n = len(self.corners)
-        return sum(x for x, _ in self.corners) / n, sum(y for _, y in self.corners) / n
+        x, y = sum(x for x, _ in self.corners) / n, sum(y for _, y in self.corners) / n
+        return x, y, max(math.hypot(u - x, v - y) for u, v in self.corners)
 
     def depth(self, other: Outline) -> float:
         """How deep the two overlap, metres; 0 where they do not.
@@ -65,15 +68,6 @@ class Surroundings:
 
     room: tuple[float, float, float, float] | None = None
     outlines: tuple[Outline, ...] = ()
-    _reach: tuple[tuple[float, float, float], ...] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        reach = []
-        for outline in self.outlines:
-            x, y = outline.centre
-            radius = max(math.hypot(u - x, v - y) for u, v in outline.corners)
-            reach.append((x, y, radius))
-        object.__setattr__(self, "_reach", tuple(reach))
 
     def depth(self, outline: Outline) -> float:
         """How deep an outline is in what is around it, the worst of all; metres, 0 for not."""
@@ -82,9 +76,9 @@ class Surroundings:
             x0, x1, y0, y1 = self.room
             for x, y in outline.corners:
                 worst = max(worst, x0 - x, x - x1, y0 - y, y - y1)
-        x, y = outline.centre
-        radius = max(math.hypot(u - x, v - y) for u, v in outline.corners)
-        for other, (u, v, far) in zip(self.outlines, self._reach, strict=True):
+        x, y, radius = outline.circle
+        for other in self.outlines:
+            u, v, far = other.circle
             if math.hypot(u - x, v - y) < far + radius:
                 worst = max(worst, outline.depth(other))
         return worst
