@@ -1,52 +1,8 @@
 """A robot of one's own: odometry in; permitted speed, stop and reason out, over TCP.
 
-We listen at ``external:HOST:PORT``, one robot connects. On loopback anybody on this machine may;
-any other address needs a key (``external:0.0.0.0:7700?key=...``) that the robot gives. The key
-crosses the network in the clear: use a network of the robot's own, or a tunnel.
-
-Both sides say JSON objects, one a line (UTF-8, newline, at most 4096 bytes). Numbers are finite,
-in m/s, rad/s, metres, radians, seconds; keys that are not known are ignored; anything else that
-is not as below ends the connection, with one line ``{"type": "refused", "sentence": ...}``.
-
-The robot begins, within 2 s::
-
-    {"type": "hello", "protocol": 1, "name": "Robbie", "mode": "driven", "key": "...",
-     "limits": {"speed_mps": 0.5, "turn_rate_radps": 1.5,
-                "acceleration_mps2": 0.5, "turn_acceleration_radps2": 2.0},
-     "outline": {"radius_m": 0.3, "width_m": 0.4, "length_m": 0.5}}
-
-and is answered ``{"type": "welcome", "protocol": 1, "interval_ms": 50, "expires_ms": 250}``. From
-then on it tells how it is, 10 times a second or more::
-
-    {"type": "odometry", "sequence": 17, "time": 12.34, "x": 0.1, "y": 0.0, "yaw": 0.02,
-     "speed_mps": 0.2, "turn_rate_radps": 0.0, "enabled": true, "permit": 391,
-     "wanted": {"speed_mps": 0.4, "turn_rate_radps": 0.0}, "battery_v": 12.4, "fault": null}
-
-``sequence`` rises, ``time`` is a clock of the robot's that never goes back: what is older than
-what was heard already is ignored. ``x y yaw`` may begin anywhere. ``enabled``: its motors are on.
-``permit``: sequence of the newest permit that it has. ``wanted``, ``battery_v``, ``fault`` (one
-sentence, while it cannot go on) may be missing. Every 50 ms, and at once when it changes, we say::
-
-    {"type": "permit", "sequence": 392, "time": 5021.7, "speed_mps": 0.2, "turn_rate_radps": 0.0,
-     "stop": false, "reason": "1.2 m before an obstacle", "expires_ms": 250}
-
-What a robot must do:
-
-- ``stop`` true: stop as hard as it can, motors off. False: motors on, drive this velocity.
-- ``mode`` ``driven``: the velocity is what to drive. ``guarded``: the robot drives by itself and
-  tells in ``wanted`` what it would drive; the velocity is what it may drive of it.
-- ``time`` is our monotonic clock. A permit counts until ``expires_ms`` after it was *said*, not
-  after it was read: by (arrival - ``time``), less the smallest such difference of the last
-  seconds, the robot knows how long it waited on its way.
-- A permit whose sequence is not above the last one is ignored. When the newest one has expired,
-  or the connection ends: stop, ``enabled`` false, and take nothing that moves until a permit with
-  ``stop`` true has come: a link that recovers must not set the robot moving.
-
-And what we do: without odometry for 0.5 s, without a newer ``permit`` confirmed for 0.7 s, with
-motors that go off by themselves, with ``fault``, or with the connection lost, the robot has a
-fault: ``stop`` until somebody clears it. It may connect again by itself, and then stands.
-
-``observer.robots.external_client`` is all this from the robot's side, on the standard library.
+We listen at ``external:HOST:PORT``, one robot connects. What both sides say, and what silence
+means to each, stands in ``EXTERNAL.md`` beside this file; ``observer.robots.external_client`` is
+all of it from the robot's side, on the standard library.
 """
 
 from __future__ import annotations

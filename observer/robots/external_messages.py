@@ -1,7 +1,7 @@
 """What a robot of one's own and we say to each other, as lines of text; pure.
 
 Every message is one JSON object on one line of UTF-8 that ends in a newline, at most
-``LONGEST_LINE`` bytes. What each holds stands in ``observer.robots.external``.
+``LONGEST_LINE`` bytes. What each holds stands in ``EXTERNAL.md``.
 """
 
 from __future__ import annotations
