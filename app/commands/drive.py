@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from app.commands.progress import drawn_progress
 from observer.errors import DynamicObserverError, InputError
 
 _DEFAULT_SERVER = "http://127.0.0.1:8080"
@@ -167,16 +166,8 @@ def _ended_by_signals() -> Iterator[None]:
 @contextmanager
 def _shown(duration_s: float, repeat: int, roles: Sequence[str]) -> Iterator[Watch]:
     """What is driven, on stderr: a bar on a terminal, and each reason to drive less once."""
-    console = Console(stderr=True)
     told: set[str] = set()
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
-        transient=True,
-    ) as progress:
+    with drawn_progress() as progress:
         task = progress.add_task("starting", total=duration_s)
 
         def watch(playing: dict[str, Any], robots: dict[str, Any]) -> None:

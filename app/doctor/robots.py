@@ -7,6 +7,7 @@ from pathlib import Path
 
 from app.doctor.finding import Finding
 from app.doctor.machine import Machine
+from app.doctor.serial_ports import port_trouble
 from app.drive.priority import permitted_priority
 from app.settings import Settings
 from app.station.rig_desk import FILE_NAME
@@ -14,7 +15,6 @@ from observer.errors import InputError
 from observer.rig.rig import ROLES, Rig, Role
 from observer.rig.rig_file import read_rig
 from observer.robots.opening import shown_port
-from observer.sources.cameras.device_files import permission_advice
 
 _SECTION = "Robots"
 _ALLOW_IT = (
@@ -92,10 +92,7 @@ def _port(role: Role, port: str, machine: Machine) -> Finding:
             f"the {role}'s port {shown} does not exist; plug its adapter in, or choose another "
             f"port under Robots",
         )
-    if machine.access.may_use(file):
+    trouble = port_trouble(file, shown, machine)
+    if trouble is None:
         return Finding(_SECTION, "ok", f"the {role}'s port {shown} is there")
-    try:
-        why = permission_advice(file.resolve(), machine.root, machine.user)
-    except (OSError, ValueError):
-        why = f"{shown} may not be used by you"
-    return Finding(_SECTION, "warning", f"the {role}'s port: {why}")
+    return Finding(_SECTION, "warning", f"the {role}'s port: {trouble}")

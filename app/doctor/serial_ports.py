@@ -52,7 +52,7 @@ def find_serial_ports(machine: Machine) -> tuple[SerialPort, ...]:
             f"/dev/{file.name}",
             by_id.get(file.name),
             described.get(f"/dev/{file.name}"),
-            None if machine.access.may_use(file) else _advice(file, machine),
+            port_trouble(file, f"/dev/{file.name}", machine),
         )
         for file in _on_usb(machine.root)
     )
@@ -81,11 +81,18 @@ def _finding(port: SerialPort) -> Finding:
     return Finding(_SECTION, "warning", port.trouble, details)
 
 
-def _advice(file: Path, machine: Machine) -> str:
+def port_trouble(file: Path, shown: str, machine: Machine) -> str | None:
+    """Why a port's file may not be read and written, and what to do; None: it may be.
+
+    Args:
+        shown: the port as people know it.
+    """
+    if machine.access.may_use(file):
+        return None
     try:
-        return permission_advice(file, machine.root, machine.user)
-    except OSError:
-        return f"/dev/{file.name} may not be used by you"
+        return permission_advice(file.resolve(), machine.root, machine.user)
+    except (OSError, ValueError):
+        return f"{shown} may not be used by you"
 
 
 def _on_usb(root: Path) -> Iterator[Path]:
