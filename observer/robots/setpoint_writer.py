@@ -28,6 +28,7 @@ _FROZEN_S = 1.0
 # mm/s and deg/s, whole numbers as they are sent.
 Setpoint = tuple[int, int]
 _ZERO: Setpoint = (0, 0)
+_E_STOP = command(Command.E_STOP)
 
 
 class SetpointWriter:
@@ -87,9 +88,10 @@ class SetpointWriter:
             self._changed.notify()
 
     def halt(self, *commands: bytes) -> None:
-        """These before anything else, and zero velocity; what waited is dropped."""
+        """These before anything else, and zero velocity; what waited is dropped but E_STOP."""
         with self._changed:
-            self._commands = deque(commands)
+            hard = _E_STOP in self._commands and _E_STOP not in commands
+            self._commands = deque((_E_STOP, *commands) if hard else commands)
             self._pair.clear()
             self._asked, self._told = _ZERO, _ZERO
             self._asked_at = self._told_at = self._clock()

@@ -156,6 +156,19 @@ def test_halting_goes_before_all_that_waits(writing: Writing) -> None:
     assert set(told[at + 2 :]) == {(VEL, 0), (RVEL, 0)}
 
 
+def test_a_hard_stop_is_not_lost_to_a_soft_one(writing: Writing) -> None:
+    wire, writer = writing()
+    writer.send(*[command(Command.SONAR, 1)] * 50)
+    time.sleep(0.02)
+    writer.halt(command(Command.E_STOP), command(Command.ENABLE, 0))
+    writer.halt(command(Command.ENABLE, 0))
+    time.sleep(0.05)
+    told = wire.commands()
+    stop = (int(Command.E_STOP), None)
+    assert told.count(stop) == 1
+    assert told[told.index(stop) + 1] == (int(Command.ENABLE), 0)
+
+
 def test_a_slow_line_is_not_filled_by_a_rising_velocity(writing: Writing) -> None:
     wire, writer = writing(9600)
     began = time.monotonic()
