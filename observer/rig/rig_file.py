@@ -56,8 +56,7 @@ def read_rig(text: str, name: str) -> Rig:
         mount = _mount(_mapping(data, "mount", name), name)
         calibration = _text(data, "calibration", name)
         bodies = _bodies(_mapping(data, "T_body_base", name), name)
-        models = _models(_mapping(data, "models", name), name)
-        ports = _ports(_mapping(data, "ports", name), name)
+        models, ports = _models(data, name), _ports(data, name)
         for_simulated = _yes(data, "for_simulated", name)
     except CalibrationError as error:
         # The readers of text and numbers are those of calibrations; their sentences name the key.
@@ -162,21 +161,25 @@ def _pose(item: PlainData, key: str, name: str) -> Pose:
 
 
 def _models(data: dict[str, PlainData], name: str) -> dict[Role, RobotModel]:
-    # Checked by Rig, whose sentences name role and model.
-    found = {role: model for role, model in data.items() if not _unknown(model)}
-    for role, model in found.items():
-        if not isinstance(model, str):
-            raise InputError(f"{name}: models.{role[:60]} must be a model's name")
+    found = _words(_mapping(data, "models", name), f"{name}: models", "a model's name")
     return cast("dict[Role, RobotModel]", found)
 
 
 def _ports(data: dict[str, PlainData], name: str) -> dict[Role, str]:
-    # Checked by Rig, as models are.
-    found = {role: port for role, port in data.items() if not _unknown(port)}
-    for role, port in found.items():
-        if not isinstance(port, str):
-            raise InputError(f"{name}: ports.{role[:60]} must be a path or address")
+    found = _words(_mapping(data, "ports", name), f"{name}: ports", "a path or address")
     return cast("dict[Role, str]", found)
+
+
+def _words(data: dict[str, PlainData], where: str, what: str) -> dict[str, str]:
+    """Those that are known; roles and words are checked by Rig, whose sentences name them."""
+    found: dict[str, str] = {}
+    for role, word in data.items():
+        if _unknown(word):
+            continue
+        if not isinstance(word, str):
+            raise InputError(f"{where}.{role[:60]} must be {what}")
+        found[role] = word
+    return found
 
 
 def _mapping(data: dict[str, PlainData], key: str, name: str) -> dict[str, PlainData]:
