@@ -1,4 +1,4 @@
-"""A server that follows a script, for what speaks to one."""
+"""The command line within the test's own process, and a scripted server for what asks one."""
 
 from __future__ import annotations
 
@@ -7,9 +7,16 @@ from collections.abc import Iterator
 import pytest
 
 from .scripted_server import ScriptedServer, running
+from .shell import Shell
 
 
 @pytest.fixture
 def server() -> Iterator[ScriptedServer]:
     with running(ScriptedServer()) as script:
         yield script
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    """``shell(*arguments)``: how the command ended."""
+    return Shell(capsys)

@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-
-def dynamic_observer(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "app.cli", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=100,
-        stdin=subprocess.DEVNULL,
-        check=False,
-    )
+from .shell import Shell, in_a_process
 
 
 def test_one_run_writes_json_markdown_and_figures(tmp_path: Path) -> None:
     folder, drawn = tmp_path / "new" / "results", tmp_path / "one.svg"
-    done = dynamic_observer(
+    done = in_a_process(
         "benchmark", "simulated:lateral", "--no-served", "--frames", "16", "--json",
         "--output", str(folder), "--figure", str(drawn),
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     assert {p.name for p in folder.iterdir()} == {
         "benchmark.json",
         "benchmark.md",
@@ -36,7 +25,7 @@ def test_one_run_writes_json_markdown_and_figures(tmp_path: Path) -> None:
     assert (folder / "benchmark.png").read_bytes().startswith(b"\x89PNG")
     assert drawn.read_text().startswith("<?xml")
     figures = json.loads((folder / "benchmark.json").read_text())
-    assert figures == json.loads(done.stdout)
+    assert figures == json.loads(done.out)
     assert figures["scale"] == "lab"
     for each in figures["presets"]:
         assert each["breakdown"]["by_kind"][0]["label"] == "ideal"
@@ -59,12 +48,12 @@ def test_one_run_writes_json_markdown_and_figures(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_written_is_refused_before_the_work(
-    arguments: tuple[str, ...], part: str
+    shell: Shell, arguments: tuple[str, ...], part: str
 ) -> None:
-    done = dynamic_observer("benchmark", "simulated:lateral", "--no-served", *arguments)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
-    assert part in done.stderr
+    done = shell("benchmark", "simulated:lateral", "--no-served", *arguments)
+    assert (done.code, done.out) == (2, "")
+    assert len(done.err.strip().splitlines()) == 1, done.err
+    assert part in done.err
 
 
 TRUTH = """frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw
@@ -103,27 +92,27 @@ def files(folder: Path) -> tuple[str, str]:
     return str(folder / "tracks.jsonl"), str(folder / "truth.csv")
 
 
-def test_evaluate_breaks_down_as_benchmark_does(tmp_path: Path) -> None:
+def test_evaluate_breaks_down_as_benchmark_does(shell: Shell, tmp_path: Path) -> None:
     tracks, truth = files(tmp_path)
-    done = dynamic_observer("evaluate", tracks, "--truth", truth, "--json")
-    assert done.returncode == 0, done.stderr
-    figures = json.loads(done.stdout)
+    done = shell("evaluate", tracks, "--truth", truth, "--json")
+    assert done.code == 0, done.err
+    figures = json.loads(done.out)
     assert figures["speed_rmse_mps"] == pytest.approx(0.1)
     groups = {g["label"]: g for g in figures["breakdown"]["by_range"]}
     assert groups["2-3 m"]["count"] == figures["truth_count"] == 14
     assert groups["2-3 m"]["speed_rmse_mps"] == pytest.approx(0.1)
     (false,) = figures["false_instances"]
     assert (false["frame"], false["id"], false["range_m"]) == (5, 9, pytest.approx(6.0, abs=0.01))
-    text = dynamic_observer("evaluate", tracks, "--truth", truth).stdout
+    text = shell("evaluate", tracks, "--truth", truth).out
     assert "| recall | 1.000 |" in text
     assert "| 2-3 m | 14 | 1.000 | 0.100 | 0.100 |" in text
     assert "| lateral | 1 | 0 | 0.000 |" in text
-    road = dynamic_observer("evaluate", tracks, "--truth", truth, "--road").stdout
+    road = shell("evaluate", tracks, "--truth", truth, "--road").out
     assert "| < 10 m | 14 |" in road
     assert "| < 5 m/s | 14 |" in road
 
 
-def test_calibration_and_capture_stand_for_themselves() -> None:
-    done = dynamic_observer("benchmark", "simulated:lateral", "--calibration")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "leave SOURCE and --figure out" in done.stderr
+def test_calibration_and_capture_stand_for_themselves(shell: Shell) -> None:
+    done = shell("benchmark", "simulated:lateral", "--calibration")
+    assert (done.code, done.out) == (2, "")
+    assert "leave SOURCE and --figure out" in done.err

@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-
-def dynamic_observer(*arguments: str, timeout_s: float = 100) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "app.cli", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=timeout_s,
-        stdin=subprocess.DEVNULL,
-        check=False,
-    )
+from .shell import Shell, in_a_process
 
 
-def test_observe_writes_one_valid_line_for_every_frame_and_nothing_else(tmp_path: Path) -> None:
+def test_observe_writes_one_valid_line_for_every_frame_and_nothing_else(
+    shell: Shell, tmp_path: Path
+) -> None:
     output = tmp_path / "tracks.jsonl"
-    done = dynamic_observer("observe", "simulated:lab", "--frames", "6", "--output", str(output))
-    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    done = shell("observe", "simulated:lab", "--frames", "6", "--output", str(output))
+    assert (done.code, done.out) == (0, ""), done.err
     lines = [json.loads(text) for text in output.read_text().splitlines()]
     assert [line["frame"] for line in lines] == list(range(6))
     assert [round(line["time"], 6) for line in lines] == [round(i / 15, 6) for i in range(6)]
@@ -33,11 +24,10 @@ def test_observe_writes_one_valid_line_for_every_frame_and_nothing_else(tmp_path
         assert {"segment", "reasons", "pose", "obstacles", "timings_ms"} <= line.keys()
 
 
-def test_observe_writes_to_stdout_without_output_and_is_repeatable() -> None:
-    first, second = (
-        dynamic_observer("observe", "simulated:lab?seed=4", "--frames", "4") for _ in range(2)
-    )
-    assert first.returncode == 0, first.stderr
+def test_observe_writes_to_stdout_without_output_and_is_repeatable(shell: Shell) -> None:
+    arguments = ("observe", "simulated:lab?seed=4", "--frames", "4")
+    first, second = in_a_process(*arguments), shell(*arguments)
+    assert first.code == 0, first.err
 
     def results(text: str) -> list[dict[str, object]]:
         lines = [json.loads(line) for line in text.splitlines()]
@@ -45,24 +35,26 @@ def test_observe_writes_to_stdout_without_output_and_is_repeatable() -> None:
             del line["timings_ms"]
         return lines
 
-    assert results(first.stdout) == results(second.stdout)
-    assert len(results(first.stdout)) == 4
+    assert results(first.out) == results(second.out)
+    assert len(results(first.out)) == 4
 
 
-def test_simulate_then_observe_then_evaluate(tmp_path: Path) -> None:
-    folder, tracks = tmp_path / "lateral", tmp_path / "tracks.jsonl"
-    made = dynamic_observer("simulate", "lateral", "--seed", "3", "--output", str(folder))
-    assert made.returncode == 0, made.stderr
+def test_simulate_then_observe_then_evaluate(shell: Shell, tmp_path: Path) -> None:
+    folder, tracks = tmp_path / "short", tmp_path / "tracks.jsonl"
+    scenario = tmp_path / "short.yaml"
+    scenario.write_text("based_on: lateral\nduration_s: 2\n")
+    made = shell("simulate", str(scenario), "--seed", "3", "--output", str(folder))
+    assert made.code == 0, made.err
     assert {"left", "right", "times.txt", "calibration.yaml", "truth.csv"} <= {
         path.name for path in folder.iterdir()
     }
-    seen = dynamic_observer("observe", str(folder), "--output", str(tracks))
-    assert seen.returncode == 0, seen.stderr
-    judged = dynamic_observer(
+    seen = shell("observe", str(folder), "--output", str(tracks))
+    assert seen.code == 0, seen.err
+    judged = shell(
         "evaluate", str(tracks), "--truth", str(folder / "truth.csv"), "--json"
     )
-    assert judged.returncode == 0, judged.stderr
-    figures = json.loads(judged.stdout)
+    assert judged.code == 0, judged.err
+    figures = json.loads(judged.out)
     assert 0 <= figures["recall"] <= 1
     assert figures["frames"] == len(tracks.read_text().splitlines())
 
@@ -82,10 +74,18 @@ def test_simulate_then_observe_then_evaluate(tmp_path: Path) -> None:
         (("frobnicate",), "frobnicate"),
     ],
 )
-def test_wrong_input_is_one_sentence_and_exit_code_2(arguments: tuple[str, ...], part: str) -> None:
-    done = dynamic_observer(*arguments)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    sentences = done.stderr.strip().splitlines()
-    assert len(sentences) == 1, done.stderr
+def test_wrong_input_is_one_sentence_and_exit_code_2(
+    shell: Shell, arguments: tuple[str, ...], part: str
+) -> None:
+    done = shell(*arguments)
+    assert (done.code, done.out) == (2, "")
+    sentences = done.err.strip().splitlines()
+    assert len(sentences) == 1, done.err
     assert part in sentences[0]
+
+
+def test_a_process_ends_with_its_sentence_and_code() -> None:
+    done = in_a_process("observe", "magic:1")
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith("dynamic-observer: there is no kind of source 'magic'")
+    assert done.err.count("\n") == 1
