@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -26,7 +27,7 @@ from app.station.opening import Opening, check_spec, make_opening
 from app.storage import CalibrationRecord, RunRecord, RunState, StorageError
 from observer.calibration.board import Board
 from observer.opening import shown_spec
-from observer.rig.rig import Rig, RobotModel, Role
+from observer.rig.rig import Rig
 
 
 class Station(StationCore):
@@ -247,45 +248,28 @@ class Station(StationCore):
 
     # --- rig -------------------------------------------------------------------------------
 
-    async def keep_rig(self, rig: Rig) -> None:
+    async def change_rig(self, changed: Callable[[], Rig]) -> None:
         """Put a rig into force; the open source begins again with it, where it would differ.
 
         Robots whose port or model is another are connected anew, disarmed.
 
+        Args:
+            changed: makes it of the one in force, which nobody else changes meanwhile.
+
         Raises:
-            Conflict: a run or a calibration is going. FieldError: it cannot be written.
+            Conflict: a run or a calibration is going, and it would be observed otherwise.
+            FieldError: as ``changed`` raises, or it cannot be written.
         """
         async with self._lock:
+            rig = changed()
             alike = self.rig.observes_alike(rig)
             if not alike:
                 self._refuse_in_run("stop it before you change the rig")
                 self._refuse_calibrating()
-            await self._put_rig(rig)
+            await asyncio.to_thread(self.rig.keep, rig)
+            self.driving.rig_changed(self.state)
             if not alike and self.state.state is EngineState.PREVIEW:
                 await self._restore_preview()
-                self.followers.status_changed()
-
-    async def set_port(self, role: Role, port: str, model: RobotModel | None) -> None:
-        """Reach a robot by this port from now on.
-
-        Raises:
-            FieldError: it names no port, or the rig cannot be written.
-        """
-        async with self._lock:
-            await self._put_rig(self.rig.with_port(role, port, model))
-
-    async def forget_port(self, role: Role) -> None:
-        """Reach no real robot of this role from now on.
-
-        Raises:
-            FieldError: the rig cannot be written.
-        """
-        async with self._lock:
-            await self._put_rig(self.rig.without_port(role))
-
-    async def _put_rig(self, rig: Rig) -> None:
-        await asyncio.to_thread(self.rig.keep, rig)
-        self.driving.rig_changed(self.state)
         self.followers.status_changed()
 
     # --- calibrations ----------------------------------------------------------------------

@@ -12,6 +12,7 @@ from app.station.floor_survey import survey_floor
 from app.web.api.common import TheStation, refusals
 from app.web.api.rig_models import DriveNow, FloorEstimate, RigChange, RigFile, RigNow
 from observer.mount import CameraMount
+from observer.rig.rig import Rig
 
 router = APIRouter(prefix="/rig", tags=["rig"])
 
@@ -40,16 +41,19 @@ async def get_rig(station: TheStation) -> dict[str, Any]:
 )
 async def put_rig(change: RigChange, station: TheStation) -> dict[str, Any]:
     """The open source begins again with it; bodies of a mocap system stay as they are."""
-    calibration = station.wanted.calibration
-    rig = station.rig.changed(
-        change.mount.pairs(),
-        None
-        if change.models is None
-        else {role: model for role, model in change.models.items() if model is not None},
-        for_simulated=change.for_simulated,
-        calibration=None if calibration is None else calibration.id,
-    )
-    await station.keep_rig(rig)
+
+    def changed() -> Rig:
+        calibration = station.wanted.calibration
+        return station.rig.changed(
+            change.mount.pairs(),
+            None
+            if change.models is None
+            else {role: model for role, model in change.models.items() if model is not None},
+            for_simulated=change.for_simulated,
+            calibration=None if calibration is None else calibration.id,
+        )
+
+    await station.change_rig(changed)
     return _facts(station)
 
 
@@ -71,7 +75,8 @@ async def get_file(station: TheStation) -> Response:
     responses=refusals(409, 415, 422, 503, 507),
 )
 async def put_file(file: RigFile, station: TheStation) -> dict[str, Any]:
-    await station.keep_rig(await asyncio.to_thread(station.rig.parsed, file.text))
+    rig = await asyncio.to_thread(station.rig.parsed, file.text)
+    await station.change_rig(lambda: rig)
     return _facts(station)
 
 

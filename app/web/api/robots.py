@@ -121,7 +121,7 @@ async def disarm_robot(role: RoleName, station: TheStation) -> Response:
 )
 async def put_port(role: RoleName, choice: PortChoice, station: TheStation) -> Response:
     """It is kept in rig.yaml, and connected as long as live cameras are open."""
-    await station.set_port(role, choice.port, choice.model)
+    await station.change_rig(lambda: station.rig.with_port(role, choice.port, choice.model))
     return _facts(station)
 
 
@@ -132,7 +132,7 @@ async def put_port(role: RoleName, choice: PortChoice, station: TheStation) -> R
     summary="Forget a robot's port",
 )
 async def delete_port(role: RoleName, station: TheStation) -> Response:
-    await station.forget_port(role)
+    await station.change_rig(lambda: station.rig.without_port(role))
     return _facts(station)
 
 

@@ -66,7 +66,7 @@ def test_other_work_is_refused_while_calibrating(
                 station.start_run(**none, preset=None, parameters={}),
                 station.activate_calibration(record.id),
                 station.activate_calibration(None),
-                station.keep_rig(replace(station.rig.rig, for_simulated=True)),
+                station.change_rig(lambda: replace(station.rig.rig, for_simulated=True)),
             ):
                 with pytest.raises(Conflict, match="a calibration is being made; save it or leave"):
                     await refused

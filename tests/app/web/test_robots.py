@@ -240,6 +240,29 @@ def test_a_port_is_kept_and_changed_in_a_run(
     run(serve, scenario)
 
 
+def test_a_port_and_a_mount_that_are_changed_at_once_are_both_kept(
+    serve: Any, tmp_path: Path
+) -> None:
+    async def scenario(served: Any) -> None:
+        http = served.http
+        async with served.station._lock:
+            # Both wait, as for a source that is being opened.
+            port = asyncio.create_task(
+                http.put("/api/robots/observer/port", json={"port": "/dev/ttyUSB0"})
+            )
+            await asyncio.sleep(0.1)
+            mount = asyncio.create_task(
+                http.put("/api/rig", json={"mount": {"height_m": {"value": 0.4}}})
+            )
+            await asyncio.sleep(0.1)
+        assert [(await each).status_code for each in (port, mount)] == [200, 200]
+        rig = read_rig((tmp_path / "rig.yaml").read_text(), "rig.yaml")
+        assert rig.ports == {"observer": "/dev/ttyUSB0"}
+        assert rig.mount.height_m is not None
+
+    run(serve, scenario)
+
+
 @pytest.mark.usefixtures("world")
 def test_programmes_are_listed_kept_driven_and_forgotten(
     serve: Any, drive: Any, tmp_path: Path, eventually: Any
