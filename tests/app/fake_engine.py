@@ -1,9 +1,8 @@
 """An engine whose sources misbehave on demand; started by the supervisor's tests as a program.
 
 Sources: ``numbers`` counts, ``exit`` ends the process while it is opened, ``hang`` holds the main
-loop at the third frame, ``bare`` brings no calibration. The first argument may be ``dies``: then
-the process ends at once with exit code 3, ``silent``: then it never says a word, or
-``channel-only``: then the kernel does not end it with its parent, as on other systems than Linux.
+loop at the third frame, ``bare`` brings no calibration. The first argument may be ``channel-only``:
+then the kernel does not end it with its parent, as on other systems than Linux.
 """
 
 from __future__ import annotations
@@ -99,10 +98,6 @@ def open_fake(spec: str) -> OpenedSource:
 
 if __name__ == "__main__":
     behaviour, *arguments = sys.argv[1:]
-    if behaviour == "dies":
-        sys.exit(3)
-    if behaviour == "silent":
-        time.sleep(3600)
     inherited = parse_arguments(arguments)
     if behaviour != "channel-only":
         die_with_parent(inherited.parent)
