@@ -15,11 +15,11 @@ from typing import Literal
 from app.drive import reasons
 from app.drive.connection import Connection, Tick
 from app.drive.consent import ZERO, Consent, Velocity
-from app.drive.guarding import Guarding, SightTrouble, least
+from app.drive.guarding import Guarding, least
 from app.drive.messages import IncidentEvent, IncidentKind
 from app.drive.ramp import ramped
 from app.processes.errors import ProcessRefused
-from observer.guard.guard import Verdict
+from observer.guard.guard import Verdict, sight_trouble
 from observer.rig.rig import Role
 from observer.robots.contract import Explained, Robot, RobotPhase, RobotReport, Sent
 
@@ -51,10 +51,9 @@ class DrivenRole:
         report: the robot's last one.
     """
 
-    def __init__(self, role: Role, guard: Guarding, sight_trouble: SightTrouble) -> None:
+    def __init__(self, role: Role, guard: Guarding) -> None:
         self.role: Role = role
         self._guard = guard
-        self._sight_trouble = sight_trouble
         self.connection: Connection | None = None
         self.consent = Consent()
         self.armed = False
@@ -125,9 +124,7 @@ class DrivenRole:
         """
         if self.robot is not None:
             self.report = self.robot.report()
-        missing = reasons.missing_to_arm(
-            self.role, self.connection, self.report, tick, self._sight_trouble
-        )
+        missing = reasons.missing_to_arm(self.role, self.connection, self.report, tick)
         if missing is not None:
             raise ProcessRefused(missing, "state")
         robot = self.robot
@@ -240,7 +237,7 @@ class DrivenRole:
         connection = self.connection
         if self.role != "observer" or connection is None:
             return None
-        trouble = self._sight_trouble(tick.sight, tick.now, connection.world)
+        trouble = sight_trouble(tick.sight, tick.now, connection.world)
         if trouble is None and self.verdict is not None and self.verdict.blind:
             return self.verdict.reason or "the guard cannot go by what is seen"
         return trouble

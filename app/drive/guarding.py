@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 from app.drive.consent import Velocity
@@ -33,10 +32,6 @@ class Guarding(Protocol):
         length_m: float | None,
         now: float,
     ) -> Verdict: ...
-
-
-# ``observer.guard.guard.sight_trouble``: why a robot of a world cannot go by this sight.
-SightTrouble = Callable[[Sight | None, float, str], str | None]
 
 
 def least(wanted: Velocity, permitted: Velocity) -> Velocity:

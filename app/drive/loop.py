@@ -24,7 +24,6 @@ from app.drive.wheels import Wheels
 from app.messages import Reply, Request
 from app.processes.errors import ProcessRefused
 from observer.errors import InputError
-from observer.guard.guard import sight_trouble
 from observer.guard.sight import Sight
 from observer.rig.rig import Role
 
@@ -80,7 +79,7 @@ class DriveLoop:
         self._jitter = Jitter()
         self._lateness = Lateness(None, None, None)
         self._wheels = Wheels()
-        self._stopping = Stopping(sight_trouble)
+        self._stopping = Stopping()
         self._told: object = None
         self._tick_of_event = -_EVENT_TICKS
         self._failures = 0

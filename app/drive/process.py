@@ -27,7 +27,7 @@ from app.drive.roles import Roles
 from app.drive.sight_feed import SightFeed
 from app.processes.arguments import ProcessArguments
 from app.processes.lifeline import receive_until_parent_ends
-from observer.guard.guard import Guard, sight_trouble
+from observer.guard.guard import Guard
 from observer.parameters import GuardParameters
 from observer.rig.rig import ROLES
 
@@ -58,7 +58,7 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
     parameters = GuardParameters()
     attendants = {role: AttendantThread(role, open_robot) for role in ROLES}
     loop = DriveLoop(
-        roles=Roles(Guard(parameters), sight_trouble, attendants, parameters),
+        roles=Roles(Guard(parameters), attendants, parameters),
         attendants=attendants,
         inbox=inbox,
         send=sender.send,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from app.drive.connection import Connection, Tick
 from app.drive.consent import Velocity
-from app.drive.guarding import SightTrouble
+from observer.guard.guard import sight_trouble
 from observer.parameters import GuardParameters
 from observer.rig.rig import Role
 from observer.robots.contract import RobotPhase, RobotReport
@@ -20,7 +20,6 @@ def missing_to_arm(
     connection: Connection | None,
     report: RobotReport | None,
     tick: Tick,
-    sight_trouble: SightTrouble,
 ) -> str | None:
     """What is missing to switch its motors on; None where nothing is."""
     if tick.stopped is not None:

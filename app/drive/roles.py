@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from app.drive.connection import Connection, Tick
 from app.drive.consent import ZERO
 from app.drive.driven_role import DrivenRole
-from app.drive.guarding import Guarding, SightTrouble
+from app.drive.guarding import Guarding
 from app.drive.leases import Leases
 from app.drive.messages import (
     ArmRobot,
@@ -94,18 +94,12 @@ class Roles:
     """
 
     def __init__(
-        self,
-        guard: Guarding,
-        sight_trouble: SightTrouble,
-        attendants: Mapping[Role, Attendant],
-        parameters: GuardParameters,
+        self, guard: Guarding, attendants: Mapping[Role, Attendant], parameters: GuardParameters
     ) -> None:
         self._guard = guard
         self._attendants = attendants
         self._parameters = parameters
-        self.driven: dict[Role, DrivenRole] = {
-            role: DrivenRole(role, guard, sight_trouble) for role in ROLES
-        }
+        self.driven: dict[Role, DrivenRole] = {role: DrivenRole(role, guard) for role in ROLES}
         self.leases = Leases()
         self.stopped: StopLatch | None = None
         self.playing: Playing | None = None

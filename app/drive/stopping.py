@@ -15,9 +15,9 @@ import numpy as np
 
 from app.drive.consent import ZERO
 from app.drive.driven_role import DrivenRole
-from app.drive.guarding import SightTrouble
 from app.drive.messages import IncidentEvent, StoppedEvent
 from app.drive.roles import Roles
+from observer.guard.guard import sight_trouble
 from observer.guard.outline import Outline
 from observer.guard.sight import Sight
 from observer.rig.rig import ROLES, Role
@@ -58,8 +58,8 @@ class _Stop:
 class Stopping:
     """The stops of both robots."""
 
-    def __init__(self, sight_trouble: SightTrouble) -> None:
-        self._watches = {role: StopWatch(role, sight_trouble) for role in ROLES}
+    def __init__(self) -> None:
+        self._watches = {role: StopWatch(role) for role in ROLES}
 
     def look(
         self, now: float, roles: Roles, incidents: Iterable[IncidentEvent]
@@ -82,9 +82,8 @@ class StopWatch:
     the motors' going off behind it, belongs to it.
     """
 
-    def __init__(self, role: Role, sight_trouble: SightTrouble) -> None:
+    def __init__(self, role: Role) -> None:
         self._role = role
-        self._sight_trouble = sight_trouble
         self._packets: deque[_Packet] = deque()
         self._open: _Stop | None = None
         # As of the tick before.
@@ -154,7 +153,7 @@ class StopWatch:
         connection, verdict = driven.connection, driven.verdict
         if connection is None or (verdict is not None and verdict.blind):
             return False
-        return self._sight_trouble(sight, now, connection.world) is None
+        return sight_trouble(sight, now, connection.world) is None
 
     # --- from its cause --------------------------------------------------------------------
 

@@ -433,6 +433,17 @@ def test_a_lease_that_comes_after_its_operator_left_is_given_back() -> None:
     run(scenario())
 
 
+def test_every_operator_has_a_name_of_their_own() -> None:
+    async def ask(_: Any) -> dict[str, Any]:
+        return {}
+
+    operators = Operators(ask, lambda _: None)
+    given = ["Anna", "Anna", "Anna (4)", "Anna", None, "operator 6", "operator 6", "\x07 \n"]
+    names = [operators.join(name, lambda *_: None).name for name in given]
+    assert names[:2] == ["Anna", "Anna (2)"]
+    assert len(set(names)) == len(given)
+
+
 def test_plain_values_are_json() -> None:
     value = {"a": float("nan"), 3: [float("inf"), 1.5, (None, True, "x")]}
     assert finite(value) == {"a": None, "3": [None, 1.5, [None, True, "x"]]}

@@ -58,11 +58,11 @@ class Operators:
         """A new operator, called by the name if it can be read and nobody else has it."""
         self._numbered += 1
         wanted = "".join(c for c in (name or "") if c.isprintable()).strip()[:_LONGEST_NAME]
-        wanted = wanted or f"operator {self._numbered}"
-        taken = {operator.name for operator in self._present}
-        operator = Operator(
-            wanted if wanted not in taken else f"{wanted} ({self._numbered})", lost
-        )
+        name = wanted = wanted or f"operator {self._numbered}"
+        number = self._numbered
+        while any(operator.name == name for operator in self._present):
+            name, number = f"{wanted} ({number})", number + 1
+        operator = Operator(name, lost)
         self._present.add(operator)
         return operator
 

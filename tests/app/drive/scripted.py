@@ -18,7 +18,7 @@ from app.drive.messages import (
 )
 from app.drive.roles import Roles
 from app.processes.errors import ProcessRefused
-from observer.guard.guard import Verdict, sight_trouble
+from observer.guard.guard import Verdict
 from observer.guard.sight import Sight
 from observer.parameters import GuardParameters
 from observer.rig.rig import ROLES, Role
@@ -139,7 +139,7 @@ class Bench:
         self.guard = ScriptedGuard()
         self.attendants = {role: ScriptedAttendant(self.robots[role]) for role in ROLES}
         self.parameters = GuardParameters()
-        self.roles = Roles(self.guard, sight_trouble, self.attendants, self.parameters)
+        self.roles = Roles(self.guard, self.attendants, self.parameters)
         self.leases: dict[Role, str] = {}
         self.sequence = 0
         self.frame = 0

@@ -14,7 +14,7 @@ from app.drive.messages import (
     StopRobots,
 )
 from app.drive.stopping import Stopping, separation
-from observer.guard.guard import Verdict, sight_trouble
+from observer.guard.guard import Verdict
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.robots.contract import RobotPhase, RobotReport, Sent
 from observer.types import Odometry, Status
@@ -29,7 +29,7 @@ class Rolling:
 
     def __init__(self, bench: Any) -> None:
         self.bench = bench
-        self.stopping = Stopping(sight_trouble)
+        self.stopping = Stopping()
         self.stops: list[StoppedEvent] = []
         self.told = 0
         self.x = dict.fromkeys(bench.robots, 0.0)
