@@ -7,6 +7,7 @@ that they had for as long as somebody lets the simulated time go on.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
@@ -147,6 +148,7 @@ class CoppeliaSimRobot:
             self._setpoint, self._enabled = None, False
             self._wake()
         self._thread.join(_CLOSE_WITHIN_S)
+        self._tell(phase=RobotPhase.CLOSED)
 
     # ------------------------------------------------------------------ the thread
 
@@ -155,15 +157,19 @@ class CoppeliaSimRobot:
         self._condition.notify_all()
 
     def _run(self) -> None:
-        while not self._closing:
-            try:
-                _Drive(self).run()
-            except CoppeliaSimError as error:
-                self._lost(str(error))
-            with self._condition:
-                self._condition.wait_for(lambda: self._closing, _RETRY_S)
-        with self._condition:
-            self._report = replace(self._report, phase=RobotPhase.CLOSED)
+        try:
+            while not self._closing:
+                try:
+                    _Drive(self).run()
+                except CoppeliaSimError as error:
+                    self._lost(str(error))
+                with self._condition:
+                    self._condition.wait_for(lambda: self._closing, _RETRY_S)
+        finally:
+            if not self._closing:
+                # Something that nobody expected: it must not pass for connected.
+                self._lost("its driver failed")
+                self._tell(phase=RobotPhase.REFUSED)
 
     def _lost(self, sentence: str) -> None:
         with self._condition:
@@ -232,10 +238,14 @@ class _Drive:
             warnings = _warnings(connection, pioneer)
             odometry = WheelOdometry(pioneer.wheel_radius_m, pioneer.track_m)
             self._read(connection, pioneer, odometry, warnings)
-            while (velocity := self._robot._next_velocity()) is not None:
-                self._write(connection, pioneer, velocity)
-                self._read(connection, pioneer, odometry, warnings)
-            self._write(connection, pioneer, _STOP)
+            try:
+                while (velocity := self._robot._next_velocity()) is not None:
+                    self._write(connection, pioneer, velocity)
+                    self._read(connection, pioneer, odometry, warnings)
+            finally:
+                # Nothing else stops its wheels; where nobody answers, nobody can be told.
+                with contextlib.suppress(CoppeliaSimError):
+                    self._write(connection, pioneer, _STOP)
         finally:
             connection.close()
 

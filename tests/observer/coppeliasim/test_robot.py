@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 
-from observer.coppeliasim.connection import Connection
+from observer.coppeliasim import robot as robot_module
+from observer.coppeliasim.connection import Connection, CoppeliaSimError
 from observer.coppeliasim.robot import CoppeliaSimRobot, open_coppelia_robot
 from observer.errors import InputError
 from observer.opening import open_source
@@ -194,6 +195,39 @@ def test_a_simulator_that_hangs_is_a_fault_and_keeps_nobody_waiting(bare: Any) -
         robot.enable()
         assert robot.drive(0.3, 0.0).speed_mps == 0.3
         assert robot.report().counters["reconnects"] == 1
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.parametrize(
+    ("error", "phase"),
+    [
+        (CoppeliaSimError("the sensor is gone"), RobotPhase.WAITING),
+        (RuntimeError("a mistake in the driver"), RobotPhase.REFUSED),
+    ],
+)
+def test_whatever_ends_a_conversation_leaves_its_wheels_at_rest(
+    shared: Any, monkeypatch: pytest.MonkeyPatch, error: Exception, phase: RobotPhase
+) -> None:
+    path, failing, read = "/PioneerP3DX[1]", threading.Event(), robot_module._Drive._read
+
+    def failing_read(*arguments: Any) -> None:
+        if failing.is_set():
+            raise error
+        read(*arguments)
+
+    monkeypatch.setattr(robot_module._Drive, "_read", failing_read)
+    monkeypatch.setattr(robot_module, "_RETRY_S", 60.0)
+    with shared.connected() as other, _robot(shared, path) as robot:
+        robot.enable()
+        with _held(robot, 0.3, 0.0):
+            assert _eventually(lambda: _targets(other, path)[0] > 0)
+            failing.set()
+            assert _eventually(lambda: robot.report().phase is phase)
+            assert _targets(other, path) == (0.0, 0.0)
+        report = robot.report()
+        assert report.fault == report.trouble
+        assert report.fault == ("its driver failed" if phase is RobotPhase.REFUSED else str(error))
+        assert not report.motors_enabled
 
 
 def test_what_is_not_there_is_told_and_waited_for(bare: Any, free_port: int) -> None:
