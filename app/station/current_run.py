@@ -110,8 +110,10 @@ class CurrentRun:
         return replace(self.snapshot(), state=state, reason=reason, updated_at=now, ended_at=now)
 
     def _write(self, rows: list[SpeedRow], frames: int, segments: int) -> None:
-        self._storage.append_speeds(rows)
+        # Both are tried again where one finds the database locked, so what must not be done twice
+        # comes last.
         self._storage.update_run(self.id, frames=frames, segments=segments)
+        self._storage.append_speeds(rows)
 
     def _write_incident(self, number: int, record: IncidentRecord) -> None:
         self._incidents[number] = self._storage.append_incident(record)
