@@ -8,15 +8,20 @@ import socket
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import psutil
 import pytest
+from playwright.sync_api import Browser, Page
 
 from observer.simulation import rendering
 from observer.simulation.facets import Material
 from observer.simulation.textures import Texture, paint
+
+from .chromium import hide, launched, without_viewer
+from .leftovers import no_process_left_behind
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SHARED_DATA = REPOSITORY.parent / "shared" / "data"
@@ -37,7 +42,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the browser tests out where no Chromium is, but never in CI: there it must be.
+    """Leave out what needs Chromium where there is none, but never in CI: there it must be.
 
     Among several processes files with slow tests come first, so that none of them begins a long
     one when the others have nothing left to do.
@@ -49,7 +54,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         return
     reason = "no Chromium on this machine: apt-get install chromium"
     for item in items:
-        if item.get_closest_marker("browser"):
+        if "chromium_path" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.skip(reason=reason))
 
 
@@ -64,6 +69,28 @@ def chromium_path() -> str:
     if path is None:
         pytest.fail("no Chromium on this machine: apt-get install chromium")
     return path
+
+
+@pytest.fixture(scope="session")
+def launched_chromium(chromium_path: str) -> Callable[[], AbstractContextManager[Browser]]:
+    """``with launched_chromium() as browser``: the system's, without a window."""
+    return lambda: launched(chromium_path)
+
+
+@pytest.fixture(scope="session")
+def hide_page() -> Callable[[Page, bool], None]:
+    return hide
+
+
+@pytest.fixture(scope="session")
+def leave_viewer_out() -> Callable[[Page], None]:
+    return without_viewer
+
+
+@pytest.fixture(scope="session")
+def no_process_left() -> Callable[[], AbstractContextManager[None]]:
+    """``with no_process_left()``: what is started within must be gone behind it."""
+    return no_process_left_behind
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,25 +22,13 @@ import numpy as np
 import psutil
 import pytest
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page
 
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts"
 DESKTOP = {"width": 1440, "height": 900}
-BLANK = "<!doctype html><title>no viewer in this test</title>"
 
 _START_S = 40.0
 _STOP_S = 10.0
-# WebGL by the processor, where no graphics card is; no service of the browser's maker.
-_CHROMIUM_OPTIONS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--enable-unsafe-swiftshader",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
 _REFUSED = re.compile(r"the server responded with a status of 4(09|22)")
 # What a page that loses its server cannot help but say.
 _LOST = re.compile(r"WebSocket connection to .* failed|net::ERR_")
@@ -66,20 +55,16 @@ class Server:
 
 
 @pytest.fixture(scope="package", autouse=True)
-def _nothing_left_behind() -> Iterator[None]:
+def _nothing_left_behind(
+    no_process_left: Callable[[], AbstractContextManager[None]],
+) -> Iterator[None]:
     """In place of the check after every test: server and browser outlive the single test.
 
     They start and end children as they like (renderers, a new engine), so it is only after the
     last test of the page that nothing may be left.
     """
-    before = set(psutil.Process().children(recursive=True))
-    yield
-    _, alive = psutil.wait_procs(
-        [each for each in psutil.Process().children(recursive=True) if each not in before], 3.0
-    )
-    for process in alive:
-        process.kill()
-    assert not alive, f"left behind: {alive}"
+    with no_process_left():
+        yield
 
 
 @pytest.fixture(scope="package")
@@ -131,17 +116,17 @@ def _wait_for_link(process: subprocess.Popen[bytes], output: Path) -> str:
 
 
 @pytest.fixture(scope="package")
-def browser(chromium_path: str, _nothing_left_behind: None) -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(
-            executable_path=chromium_path, args=list(_CHROMIUM_OPTIONS)
-        )
+def browser(
+    launched_chromium: Callable[[], AbstractContextManager[Browser]], _nothing_left_behind: None
+) -> Iterator[Browser]:
+    with launched_chromium() as chromium:
         yield chromium
-        chromium.close()
 
 
 @pytest.fixture
-def open_panel(server: Server, browser: Browser) -> Iterator[Callable[..., Page]]:
+def open_panel(
+    server: Server, browser: Browser, leave_viewer_out: Callable[[Page], None]
+) -> Iterator[Callable[..., Page]]:
     """Open the panel in a page of its own, signed in, with live data arriving.
 
     Arguments of what it gives: ``viewer`` False leaves the 3D scene out, which takes most of the
@@ -158,9 +143,7 @@ def open_panel(server: Server, browser: Browser) -> Iterator[Callable[..., Page]
         troubles = _watch(page, server.link)
         opened.append((page, troubles, refusals, losses))
         if not viewer:
-            page.route(
-                "**/viewer/", lambda route: route.fulfill(body=BLANK, content_type="text/html")
-            )
+            leave_viewer_out(page)
         page.goto(server.link)
         page.wait_for_selector('html[data-freshness="fresh"]', timeout=30_000)
         return page

@@ -31,10 +31,6 @@ _FAKE_GAMEPAD = """() => {
 _ASK = """import("/static/app/notice.js").then((notice) => {
   notice.confirmed("Are you sure?", "It is only a test.", "Do it");
 })"""
-_HIDE = """(hidden) => {
-  Object.defineProperty(document, "hidden", { value: hidden, configurable: true });
-  document.dispatchEvent(new Event("visibilitychange"));
-}"""
 
 
 @pytest.fixture(scope="module")
@@ -209,7 +205,7 @@ def test_a_gamepad_drives_while_its_shoulder_button_is_held(room, seat):
         witness.stays_zero(0.3)
 
 
-def test_a_page_that_is_left_stops_the_robot(room, seat):
+def test_a_page_that_is_left_stops_the_robot(room, seat, hide_page):
     page = seat()
     page.locator(".drive-pad").focus()
 
@@ -228,11 +224,11 @@ def test_a_page_that_is_left_stops_the_robot(room, seat):
 
         _drive(page, witness, press, let_go)
         start = time.monotonic()
-        page.evaluate(_HIDE, True)
+        hide_page(page, True)
         report("page hidden", witness.zero_after(start))
         witness.stays_zero(0.3)
         # Coming back restarts nothing, though the key is still down.
-        page.evaluate(_HIDE, False)
+        hide_page(page, False)
         witness.stays_zero(0.4)
         let_go()
 
@@ -381,7 +377,7 @@ def test_a_finger_drives_on_a_phone(room, seat, keep_picture):
     expect(page.locator("#stop-robots")).to_be_in_viewport()
 
 
-def test_a_programme_runs_while_its_operator_is_there(room, seat):
+def test_a_programme_runs_while_its_operator_is_there(room, seat, hide_page):
     page = seat(refusals=True)
     both = page.locator("[data-programme=figure17_a]")
     expect(both.get_by_role("button", name="Start")).to_be_disabled()
@@ -392,9 +388,9 @@ def test_a_programme_runs_while_its_operator_is_there(room, seat):
         assert witness.first(True, time.monotonic(), 8.0) is not None
         # Presence ends with the page being seen.
         start = time.monotonic()
-        page.evaluate(_HIDE, True)
+        hide_page(page, True)
         report("programme without its operator", witness.zero_after(start))
-    page.evaluate(_HIDE, False)
+    hide_page(page, False)
     expect(page.locator(".programme-running")).to_be_hidden()
 
 

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import re
 import signal
 import subprocess
 import sys
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import httpx
 import psutil
 
 _START_S = 60.0
 _STOP_S = 15.0
-
-RIG = """mount: {{height_m: {height}, tilt_deg: {tilt}, forward_m: {forward}, left_m: {left}}}
-models: {{observer: amigo-sh, obstacle: p3dx-sh}}
-"""
 
 
 class Refused(Exception):
@@ -43,54 +37,30 @@ class Server:
     """A server as a person starts it.
 
     Attributes:
-        process: the web process. port, token: of its page.
+        process: the web process. link: signs a page in. port, token: of its page.
+        api: a client for the REST interface, signed in.
     """
 
     process: psutil.Process
+    link: str
     port: int
     token: str
+    api: httpx.Client
 
-    def request(self, method: str, path: str, body: Any = None) -> Any:
+    def request(self, method: str, path: str, body: Any = None, **more: Any) -> Any:
         """One REST call below ``/api``; the decoded answer.
 
         Raises:
             Refused: it was answered with an error.
         """
-        request = urllib.request.Request(
-            f"http://127.0.0.1:{self.port}/api{path}",
-            method=method,
-            data=None if body is None else json.dumps(body).encode(),
-            headers={
-                "Authorization": f"Bearer {self.token}",
-                "Content-Type": "application/json",
-            },
-        )
-        try:
-            with urllib.request.urlopen(request, timeout=20) as answer:
-                text = answer.read()
-        except urllib.error.HTTPError as error:
-            with error:
-                raise Refused(error.code, error.read().decode(errors="replace")) from None
-        return json.loads(text) if text else None
+        answer = self.api.request(method, f"/api{path}", json=body, **more)
+        if not answer.is_success:
+            raise Refused(answer.status_code, answer.text)
+        return answer.json() if answer.content else None
 
     def upload(self, path: str, name: str, content: bytes) -> Any:
         """A file as a form sends it."""
-        boundary = "----dynamic-observer"
-        body = (
-            f"--{boundary}\r\nContent-Disposition: form-data; name=\"file\"; filename=\"{name}\""
-            f"\r\nContent-Type: application/octet-stream\r\n\r\n"
-        ).encode() + content + f"\r\n--{boundary}--\r\n".encode()
-        request = urllib.request.Request(
-            f"http://127.0.0.1:{self.port}/api{path}",
-            method="POST",
-            data=body,
-            headers={
-                "Authorization": f"Bearer {self.token}",
-                "Content-Type": f"multipart/form-data; boundary={boundary}",
-            },
-        )
-        with urllib.request.urlopen(request, timeout=20) as answer:
-            return json.loads(answer.read())
+        return self.request("POST", path, files={"file": (name, content)})
 
     def robot(self, role: str = "observer") -> dict[str, Any]:
         """The facts of one robot; empty where it has no port."""
@@ -113,8 +83,16 @@ def served(folder: Path, source: str) -> Iterator[Server]:
     children: list[psutil.Process] = []
     try:
         link = _wait_for_link(process, log)
-        port = int(re.findall(r":(\d+)/", link)[0])
-        yield Server(psutil.Process(process.pid), port, link.partition("token=")[2])
+        address, _, token = link.partition("/?token=")
+        bearer = {"Authorization": f"Bearer {token}"}
+        # No connection outlives its answer: the server may be killed at any time.
+        alone = httpx.Limits(max_keepalive_connections=0)
+        with httpx.Client(
+            base_url=address, headers=bearer, timeout=20, trust_env=False, limits=alone
+        ) as api:
+            port = api.base_url.port
+            assert port is not None
+            yield Server(psutil.Process(process.pid), link, port, token, api)
         children = psutil.Process(process.pid).children(recursive=True)
         process.send_signal(signal.SIGTERM)
         process.wait(_STOP_S)

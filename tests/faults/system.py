@@ -21,7 +21,7 @@ from .operator import Operator
 
 SPEED_MPS = 0.3
 # What a ramp and a slow status packet leave of it.
-_MOVING_MPS = 0.27
+MOVING_MPS = 0.27
 _PATIENCE_S = 20.0
 _RIG = """mount: {{height_m: {height}, tilt_deg: {tilt}, forward_m: {forward}, left_m: {left}}}
 models: {{observer: amigo-sh}}
@@ -148,7 +148,7 @@ class System:
         self._arm()
         operator.hold(SPEED_MPS)
         until = time.monotonic() + 2.5
-        while self.robot.robot.speed_mps < _MOVING_MPS:
+        while self.robot.robot.speed_mps < MOVING_MPS:
             if time.monotonic() > until:
                 return False
             time.sleep(0.01)

@@ -17,14 +17,17 @@ import statistics
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 
-import psutil
 import pytest
 
+from ..chromium import launched
+from ..leftovers import no_process_left_behind
 from .bench import Refused, wait_until
 from .cameras import RATE_HZ, plain_picture
 from .operator import Operator
+from .seat import Seat
 from .system import SPEED_MPS, System
 
 TRIALS = int(os.environ.get("FAULT_TRIALS", "1"))
@@ -38,13 +41,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(120 + 30 
 @pytest.fixture(scope="module", autouse=True)
 def _nothing_left_behind() -> Iterator[None]:
     """In place of the check after every test: the system outlives the single test."""
-    before = set(psutil.Process().children(recursive=True))
-    yield
-    left = [each for each in psutil.Process().children(recursive=True) if each not in before]
-    _, alive = psutil.wait_procs(left, 3.0)
-    for process in alive:
-        process.kill()
-    assert not alive, f"left behind: {alive}"
+    with no_process_left_behind():
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -249,6 +247,25 @@ def test_the_network_says_nothing_more(system: System) -> None:
         return seconds
 
     worst_of(16, "heartbeats end", once, within=ZERO_S)
+
+
+def test_the_tab_is_hidden_with_a_key_held(system: System, chromium_path: str) -> None:
+    system.leave()
+    with launched(chromium_path) as browser, closing(Seat(system, browser)) as seat:
+
+        def once() -> float:
+            seat.move()
+            left = time.monotonic()
+            seat.leave_the_tab()
+            seconds = system.zero_after(left)
+            stood = time.monotonic()
+            _stays_still(system, stood, 0.3)
+            # Coming back restarts nothing, though the key is still down.
+            seat.return_to_it()
+            _stays_still(system, stood, 0.3)
+            return seconds
+
+        worst_of(17, "tab hidden with a key held", once, within=ZERO_S)
 
 
 def test_a_second_operator(system: System) -> None:

@@ -1,0 +1,70 @@
+"""A person at the real page, in Chromium: a key that is held, and a tab that is left."""
+
+from __future__ import annotations
+
+import json
+import time
+
+from playwright.sync_api import Browser, Page
+
+from ..chromium import hide, without_viewer
+from .system import MOVING_MPS, SPEED_MPS, System
+
+_KEY = "w"
+_PATIENCE_S = 30.0
+_REMEMBERED = "dynamic-observer.driving"
+
+
+class Seat:
+    """The page of a system, on the robots' tab; it drives the observer at ``SPEED_MPS``."""
+
+    def __init__(self, system: System, browser: Browser) -> None:
+        self._system = system
+        system.wait_for_sight()
+        fastest = system.server.robot()["report"]["limits"]["speed_mps"]
+        choice = json.dumps({"role": "observer", "share": SPEED_MPS / fastest})
+        context = browser.new_context(viewport={"width": 1280, "height": 800})
+        context.add_init_script(f"localStorage.setItem({_REMEMBERED!r}, {choice!r})")
+        self._page: Page = context.new_page()
+        without_viewer(self._page)
+        self._page.goto(system.server.link)
+        self._page.wait_for_selector('html[data-freshness="fresh"]', timeout=30_000)
+        self._page.get_by_role("tab", name="Robots").click()
+
+    def close(self) -> None:
+        """The person goes."""
+        self._page.context.close()
+
+    def move(self) -> None:
+        """Press the key until the robot drives, whatever happened before."""
+        deadline = time.monotonic() + _PATIENCE_S
+        self.return_to_it()
+        while not self._drive_off():
+            # A busy machine shows a frame, or sends a command, too late now and then.
+            assert time.monotonic() < deadline, self._page.locator("observer-robots").inner_text()
+        time.sleep(self._system.random.uniform(0.0, 0.15))
+
+    def _drive_off(self) -> bool:
+        robot, page = self._system.robot.robot, self._page
+        page.keyboard.up(_KEY)
+        self._system.wait_for_sight()
+        if self._system.server.robot()["state"] == "disarmed":
+            page.get_by_role("button", name="Arm", exact=True).first.click()
+        # What was stopped for want of a command counts again once nothing was held for a moment.
+        page.wait_for_timeout(400)
+        page.locator(".drive-pad").focus()
+        page.keyboard.down(_KEY)
+        until = time.monotonic() + 2.5
+        while robot.speed_mps < MOVING_MPS:
+            if time.monotonic() > until:
+                return False
+            page.wait_for_timeout(10)
+        return True
+
+    def leave_the_tab(self) -> None:
+        """Another tab is chosen, the key still held."""
+        hide(self._page, True)
+
+    def return_to_it(self) -> None:
+        """And this one again."""
+        hide(self._page, False)
