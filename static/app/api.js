@@ -1,5 +1,7 @@
 /** The REST interface under /api: one function to ask, one error to catch. */
 
+import { sentence } from "./words.js";
+
 /**
  * A request that was refused or did not arrive. `message` is one sentence for people;
  * `fields` has the sentence of each refused field, by the last part of its `loc`.
@@ -87,9 +89,4 @@ function refusal(status, body) {
   }
   const first = Object.values(fields)[0];
   return new ApiError(sentence(first ?? `The server refused this (${status}).`), status, fields);
-}
-
-/** @param {string} text */
-function sentence(text) {
-  return text.charAt(0).toUpperCase() + text.slice(1);
 }

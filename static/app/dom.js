@@ -62,6 +62,18 @@ export function setAttribute(element, name, value) {
 }
 
 /**
+ * Lines of words, made anew only where they differ.
+ *
+ * @param {HTMLUListElement} list
+ * @param {string[]} lines
+ */
+export function fillList(list, lines) {
+  const shown = [...list.children].map(({ textContent }) => textContent);
+  if (shown.length === lines.length && lines.every((line, at) => line === shown[at])) return;
+  list.replaceChildren(...lines.map((line) => h("li", {}, line)));
+}
+
+/**
  * One of the page's icons, drawn in the text's colour.
  *
  * @param {keyof typeof ICONS} name

@@ -64,7 +64,7 @@ export class ParameterField extends HTMLElement {
 
   /** @param {string} message empty takes the error away */
   fail(message) {
-    const kept = message ? `Refused: ${message}. It stays at ${String(this.#shown)}.` : "";
+    const kept = message ? `Refused: ${message.replace(/\.$/, "")}. It stays at ${String(this.#shown)}.` : "";
     setText(this.#error, kept);
     for (const control of this.querySelectorAll("input, select")) {
       if (message) control.setAttribute("aria-invalid", "true");

@@ -37,6 +37,17 @@ export class Part extends HTMLElement {
     target.addEventListener(type, listener, { signal: this.#gone.signal });
   }
 
+  /**
+   * Listen for the tab in which this part stands being opened; for parts that do nothing while
+   * they are not seen.
+   *
+   * @param {() => void} listener
+   */
+  whenShown(listener) {
+    const panel = this.closest('[role="tabpanel"]');
+    if (panel) this.hear("shown", listener, panel);
+  }
+
   disconnectedCallback() {
     this.#gone.abort();
   }

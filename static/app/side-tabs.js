@@ -24,6 +24,8 @@ class SideTabs extends HTMLElement {
       tab.tabIndex = selected ? 0 : -1;
       const panel = document.getElementById(tab.getAttribute("aria-controls") ?? "");
       if (panel) panel.hidden = !selected;
+      // What is hidden is not kept up; now it is wanted.
+      if (selected) panel?.dispatchEvent(new Event("shown"));
     }
     localStorage.setItem(KEY, chosen.id);
   }

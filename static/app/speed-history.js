@@ -1,6 +1,6 @@
 /** The last minute of speeds, as aligned columns for the chart. No drawing here. */
 
-import { ROLES } from "./driving/types.js";
+import { isArmed, ROLES } from "./driving/types.js";
 import { trackColour } from "./words.js";
 
 /** @typedef {"estimate" | "truth" | "commanded" | "sent" | "encoder"} Kind */
@@ -69,7 +69,7 @@ export class SpeedHistory {
    * @param {import("./driving/types.js").RobotFacts | null} robot
    */
   #putRobot(role, colour, robot) {
-    if (!robot || !["armed", "moving"].includes(robot.state)) return;
+    if (!robot || !isArmed(robot)) return;
     this.#put(`sent/${role}`, "sent", `Sent to ${role}`, colour, Math.abs(robot.sent.speed_mps), null);
     const { speed_mps } = robot.report;
     if (speed_mps !== null) this.#put(`encoder/${role}`, "encoder", `Wheels of ${role}`, colour, Math.abs(speed_mps), null);

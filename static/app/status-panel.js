@@ -1,6 +1,6 @@
 /** How the server does: rates, latency, time of each stage, what was dropped and why. */
 
-import { h, setText } from "./dom.js";
+import { fillList, h, setText } from "./dom.js";
 import { Part } from "./part.js";
 import { fixed } from "./words.js";
 
@@ -38,6 +38,7 @@ class StatusPanel extends Part {
       h("p", { class: "hint" }, this.#value("version"), " · ", h("a", { href: "/docs" }, "REST interface")),
     );
     this.hear("status", () => this.#render());
+    this.whenShown(() => this.#render());
     this.#render();
   }
 
@@ -92,15 +93,6 @@ class StatusPanel extends Part {
       setText(value, `${fixed(ms, 1)} ms`);
     });
   }
-}
-
-/**
- * @param {HTMLUListElement} list
- * @param {string[]} lines
- */
-function fillList(list, lines) {
-  if (list.childElementCount === lines.length && list.textContent === lines.join("")) return;
-  list.replaceChildren(...lines.map((line) => h("li", {}, line)));
 }
 
 /** @param {Status} status @returns {Record<string, string>} */

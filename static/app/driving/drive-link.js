@@ -86,16 +86,16 @@ export class DriveLink extends EventTarget {
    * @param {import("./types.js").Velocity} velocity
    */
   drive(role, { speed_mps, turn_rate_radps }) {
-    this.#send({ type: "drive", role, sequence: this.#next(), time: performance.now(), speed_mps, turn_rate_radps });
+    this.#socket.send({ type: "drive", role, sequence: this.#next(), time: performance.now(), speed_mps, turn_rate_radps });
   }
 
   /** @param {Role} role */
   present(role) {
-    this.#send({ type: "present", role, sequence: this.#next(), time: performance.now() });
+    this.#socket.send({ type: "present", role, sequence: this.#next(), time: performance.now() });
   }
 
   stop() {
-    this.#send({ type: "stop" });
+    this.#socket.send({ type: "stop" });
   }
 
   #next() {
@@ -103,14 +103,9 @@ export class DriveLink extends EventTarget {
     return this.#sequence;
   }
 
-  /** @param {object} message */
-  #send(message) {
-    this.#socket.send(message);
-  }
-
   /** @param {Role} role */
   #ask(role) {
-    this.#send({ type: "take", role, takeover: this.#asked.get(role)?.takeover ?? false });
+    this.#socket.send({ type: "take", role, takeover: this.#asked.get(role)?.takeover ?? false });
   }
 
   /**
@@ -126,7 +121,7 @@ export class DriveLink extends EventTarget {
   /** @param {any} message */
   #receive(message) {
     if (message.type === "ping") {
-      this.#send({ type: "pong", id: message.id, time: performance.now() });
+      this.#socket.send({ type: "pong", id: message.id, time: performance.now() });
     } else if (message.type === "operator") {
       this.operator = message.name;
     } else if (message.type === "lease") {

@@ -3,13 +3,12 @@
 import { h, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
 import { fixed, sentence } from "../words.js";
+import { beyondStill } from "./hold.js";
 import { connected, followGamepad } from "./hold-gamepad.js";
 import { followKeys } from "./hold-keys.js";
-import { degrees, ROLE_WORDS, turnInWords } from "./robot-words.js";
+import { degrees, turnInWords } from "./robot-words.js";
 import { SonarRing, sonarInWords } from "./sonar-ring.js";
 
-// Nearer to its middle the pad is held, but moves nothing.
-const STILL = 0.12;
 // Of the pad's width, from its middle.
 const KNOB_WAY_PERCENT = 36;
 
@@ -63,6 +62,7 @@ export class DrivePad extends Part {
     this.hear("forgotten", () => this.#drop(), driver.hold);
     this.hear("change", () => this.#render(), driver);
     this.hear("robots", () => this.#render());
+    this.whenShown(() => this.#render());
     for (const type of ["gamepadconnected", "gamepaddisconnected"]) this.hear(type, () => this.#render(), window);
     this.#render();
   }
@@ -100,7 +100,7 @@ export class DrivePad extends Part {
     const box = this.#pad.getBoundingClientRect();
     const right = (2 * (event.clientX - box.left)) / box.width - 1;
     const down = (2 * (event.clientY - box.top)) / box.height - 1;
-    this.hub.driver.hold.set("pad", { forward: -beyond(down), left: -beyond(right) });
+    this.hub.driver.hold.set("pad", { forward: -beyondStill(down), left: -beyondStill(right) });
   }
 
   #release() {
@@ -129,7 +129,7 @@ export class DrivePad extends Part {
     this.#knob.style.top = `${50 - way * forward}%`;
     this.#ring.show(robot);
     setText(this.#sonar, robot ? sonarInWords(robot) : "");
-    setText(this.#state, hold.barred || hindrance || driver.note || (hold.counts ? `Driving the ${ROLE_WORDS[driver.role].toLowerCase()}` : `Ready to drive the ${ROLE_WORDS[driver.role].toLowerCase()}${connected() ? ", gamepad too" : ""}`));
+    setText(this.#state, hold.barred || hindrance || driver.note || (hold.counts ? `Driving the ${driver.role}` : `Ready to drive the ${driver.role}${connected() ? ", gamepad too" : ""}`));
     setAttribute(this.#state, "data-tone", hold.barred || (driver.note && !hindrance && !hold.counts) ? "bad" : hindrance ? "calm" : "ready");
     setText(this.#fastest, fastest.speed_mps > 0 ? `${fixed(fastest.speed_mps, 2)} m/s, ${fixed(degrees(fastest.turn_rate_radps), 0)} °/s` : `${Math.round(driver.share * 100)} %`);
     this.#renderSent();
@@ -176,12 +176,6 @@ export class DrivePad extends Part {
     setText(this.#guardNumbers, parts.join(" · "));
     this.#guardNumbers.hidden = parts.length === 0;
   }
-}
-
-/** @param {number} value of the pad's half width */
-function beyond(value) {
-  const size = Math.min(1, Math.abs(value));
-  return size < STILL ? 0 : Math.sign(value) * ((size - STILL) / (1 - STILL));
 }
 
 customElements.define("observer-drive-pad", DrivePad);

@@ -4,7 +4,7 @@ import { request } from "../api.js";
 import { sentence } from "../words.js";
 import { DriveLink } from "./drive-link.js";
 import { Hold } from "./hold.js";
-import { ROLES } from "./types.js";
+import { isArmed, ROLES } from "./types.js";
 
 /** @typedef {import("./types.js").Role} Role */
 /** @typedef {import("./types.js").RobotFacts} RobotFacts */
@@ -75,7 +75,7 @@ export class Driver extends EventTarget {
 
   /** Whether a robot is armed, by the newest that is known. */
   get anyArmed() {
-    return ROLES.some((role) => ["armed", "moving"].includes(this.robot(role)?.state ?? ""));
+    return ROLES.some((role) => isArmed(this.robot(role)));
   }
 
   get anyConnected() {
@@ -99,7 +99,7 @@ export class Driver extends EventTarget {
     if (!robot) return "No robot is connected.";
     if (robots?.stopped) return "Everything is stopped: reset it first.";
     if (!this.link.leases.has(this.role)) return robot.operator ? sentence(`${robot.operator} drives it: take over, or wait`) : "Arm it to drive it.";
-    if (!["armed", "moving"].includes(robot.state)) return "Arm it first.";
+    if (!isArmed(robot)) return "Arm it first.";
     if (robots?.programme) return "A programme drives: stop it first.";
     return "";
   }
@@ -111,10 +111,21 @@ export class Driver extends EventTarget {
    * @throws {Error} one sentence of why not
    */
   async arm(role) {
-    const refusal = await this.link.take(role, false);
-    if (refusal) throw new Error(refusal);
+    await this.take(role, false);
     this.link.present(role);
     await request("POST", `/robots/${role}/arm`, { lease: this.link.leases.get(role) ?? null });
+  }
+
+  /**
+   * Become the one who drives a role.
+   *
+   * @param {Role} role
+   * @param {boolean} takeover also where somebody else does
+   * @throws {Error} one sentence of why not
+   */
+  async take(role, takeover) {
+    const refusal = await this.link.take(role, takeover);
+    if (refusal) throw new Error(sentence(refusal));
   }
 
   /** Stop everything, by every way there is. */

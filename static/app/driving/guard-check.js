@@ -3,9 +3,10 @@
 import { request } from "../api.js";
 import { field, h, icon, setAttribute, setText } from "../dom.js";
 import { KeptList, passFocus } from "../focus-place.js";
-import { confirmed, notifyError } from "../notice.js";
+import { confirmed } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed, sentence, when } from "../words.js";
+import { oneAtATime } from "./one-at-a-time.js";
 import { ROLE_WORDS, stopInWords } from "./robot-words.js";
 
 /** @typedef {import("./types.js").Check} Check */
@@ -46,7 +47,10 @@ class GuardCheck extends Part {
   #records = new KeptList(this.#recordList, (/** @type {CheckEntry} */ entry) => recordItem(entry));
   #none = h("p", { class: "empty" }, "No check is kept yet.");
   #earlier = h("div");
-  #busy = false;
+  #do = oneAtATime(() => {
+    this.#loaded = "";
+    this.#render();
+  });
   /** Role and record of what was loaded; another means to load again. */
   #loaded = "";
 
@@ -64,6 +68,7 @@ class GuardCheck extends Part {
     this.#whole.addEventListener("toggle", () => this.#render());
     this.hear("robots", () => this.#render());
     this.hear("change", () => this.#render(), this.hub.driver);
+    this.whenShown(() => this.#render());
     this.hear("reconnected", () => {
       this.#loaded = "";
     });
@@ -89,34 +94,22 @@ class GuardCheck extends Part {
     await request("DELETE", `/robots/check${name ? `?name=${encodeURIComponent(name)}` : ""}`);
   }
 
-  /** @param {() => Promise<unknown>} action */
-  async #do(action) {
-    if (this.#busy) return;
-    this.#busy = true;
-    try {
-      await action();
-    } catch (error) {
-      notifyError(error);
-    } finally {
-      this.#busy = false;
-      this.#loaded = "";
-      this.#render();
-    }
-  }
-
-  async #load() {
+  /** @param {string} wanted */
+  async #load(wanted) {
     const { role } = this.hub.driver;
     try {
       const [{ advice }, records] = await Promise.all([
         /** @type {Promise<{advice: string | null}>} */ (request("GET", `/robots/check?role=${role}`)),
         /** @type {Promise<CheckEntry[]>} */ (request("GET", "/robots/checks")),
       ]);
+      // Another role was chosen meanwhile.
+      if (wanted !== this.#loaded) return;
       setText(this.#advice, advice ?? "");
       this.#records.show(records, ({ name }) => name);
       this.#none.hidden = records.length > 0;
     } catch {
       // The next message of the server asks again.
-      this.#loaded = "";
+      if (wanted === this.#loaded) this.#loaded = "";
     }
   }
 
@@ -130,17 +123,22 @@ class GuardCheck extends Part {
     const wanted = `${driver.role} ${check?.record ?? ""}`;
     if (robots && wanted !== this.#loaded) {
       this.#loaded = wanted;
-      void this.#load();
+      void this.#load(wanted);
     }
     const step = going && check.present !== null ? (check.steps[check.present] ?? null) : null;
-    if (step) passFocus(this.#form, this.#skip);
     // What is to be done stands above what it is done with.
     setAttribute(this, "data-going", going ? "" : null);
+    if (step) {
+      this.#now.hidden = false;
+      passFocus(this.#form, this.#skip);
+    }
     for (const part of [this.#what, this.#advice, this.#form, this.#earlier]) part.hidden = going;
-    this.#now.hidden = !step;
-    if (!going) passFocus(this.#now, this.#start);
     this.#start.disabled = !driver.robot() || (check !== null && !going && !check.record);
     this.#start.title = driver.robot() ? "" : `There is no ${driver.role}: connect a robot first`;
+    if (!step) {
+      passFocus(this.#now, this.#start, this.#whole.querySelector("summary"));
+      this.#now.hidden = true;
+    }
     if (step && check) {
       setText(this.#title, `${ROLE_WORDS[check.role]}, step ${(check.present ?? 0) + 1} of ${check.steps.length}: ${step.title}${step.state === "driving" ? " (driving)" : ""}`);
       setText(this.#instruction, step.instruction);

@@ -1,9 +1,10 @@
 /** Driving by a gamepad: a shoulder button is held, the left stick steers. */
 
+import { beyondStill } from "./hold.js";
+
 // Of the standard layout: left and right shoulder, and the one on the right of the four.
 const SHOULDERS = [4, 5];
 const STOPS = 1;
-const STILL = 0.12;
 const EVERY_MS = 50;
 
 /**
@@ -34,7 +35,7 @@ export function followGamepad(driver) {
       seenReleased = true;
       hold.release("gamepad");
     } else if (seenReleased) {
-      hold.set("gamepad", { forward: -beyond(pad.axes[1] ?? 0), left: -beyond(pad.axes[0] ?? 0) });
+      hold.set("gamepad", { forward: -beyondStill(pad.axes[1] ?? 0), left: -beyondStill(pad.axes[0] ?? 0) });
     }
   };
 
@@ -52,10 +53,4 @@ export function followGamepad(driver) {
 /** @returns {Gamepad | null} */
 export function connected() {
   return navigator.getGamepads?.().find((pad) => pad?.connected) ?? null;
-}
-
-/** The stick's place, nothing around its middle. @param {number} axis */
-function beyond(axis) {
-  const size = Math.abs(axis);
-  return size < STILL ? 0 : Math.sign(axis) * Math.min(1, (size - STILL) / (1 - STILL));
 }

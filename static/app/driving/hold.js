@@ -10,6 +10,15 @@
  * @typedef {"pad" | "keys" | "gamepad"} Holder
  */
 
+// Of the way from the middle: nearer to it something is held, but moves nothing.
+const STILL = 0.12;
+
+/** How far something is deflected beyond the still place around its middle. @param {number} axis */
+export function beyondStill(axis) {
+  const size = Math.min(1, Math.abs(axis));
+  return size < STILL ? 0 : (Math.sign(axis) * (size - STILL)) / (1 - STILL);
+}
+
 /**
  * Joins everything by which a robot is held moving.
  *

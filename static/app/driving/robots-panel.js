@@ -1,15 +1,15 @@
 /** Both robots: how they are, who drives them, and driving the chosen one. */
 
 import { request } from "../api.js";
-import { field, h, setAttribute, setText } from "../dom.js";
+import { field, fillList, h, setAttribute, setText } from "../dom.js";
 import { passFocus } from "../focus-place.js";
-import { notifyError } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
 import { DrivePad } from "./drive-pad.js";
+import { oneAtATime } from "./one-at-a-time.js";
 import { PortForm } from "./port-form.js";
 import { batteryInWords, driverInWords, figuresOf, incidentInWords, ROLE_WORDS, standsBecause, stateInWords } from "./robot-words.js";
-import { ROLES } from "./types.js";
+import { isArmed, ROLES } from "./types.js";
 
 /** @typedef {import("./types.js").Role} Role */
 
@@ -29,7 +29,7 @@ class RobotsPanel extends Part {
   #port = new PortForm();
   #place = h("details", {}, h("summary", {}, "Port and model"), this.#port);
   #name = h("input", { type: "text", id: "operator-name", maxlength: "40", autocomplete: "nickname" });
-  #busy = false;
+  #do = oneAtATime(() => this.#render());
   #placed = false;
 
   build() {
@@ -54,7 +54,7 @@ class RobotsPanel extends Part {
     }
     this.#arm.addEventListener("click", () => void this.#do(() => driver.arm(driver.role)));
     this.#disarm.addEventListener("click", () => void this.#do(() => request("POST", `/robots/${driver.role}/disarm`)));
-    this.#takeOver.addEventListener("click", () => void this.#do(() => this.#take()));
+    this.#takeOver.addEventListener("click", () => void this.#do(() => driver.take(driver.role, true)));
     this.#giveBack.addEventListener("click", () => driver.link.release(driver.role));
     this.#name.value = driver.link.name;
     this.#name.addEventListener("change", () => {
@@ -63,32 +63,14 @@ class RobotsPanel extends Part {
     this.#pad.attach(this.hub);
     this.#port.attach(this.hub);
     this.hear("robots", () => this.#render());
+    this.whenShown(() => this.#render());
     this.hear("connection", () => this.#render());
     this.hear("change", () => this.#render(), driver);
     this.#render();
   }
 
-  async #take() {
-    const { driver } = this.hub;
-    const refusal = await driver.link.take(driver.role, true);
-    if (refusal) throw new Error(refusal);
-  }
-
-  /** @param {() => Promise<unknown>} action */
-  async #do(action) {
-    if (this.#busy) return;
-    this.#busy = true;
-    try {
-      await action();
-    } catch (error) {
-      notifyError(error instanceof Error ? new Error(sentence(error.message)) : error);
-    } finally {
-      this.#busy = false;
-      this.#render();
-    }
-  }
-
   #render() {
+    if (this.offsetParent === null) return;
     const { driver, robots, connection } = this.hub;
     for (const [role, card] of this.#cards) {
       const robot = driver.robot(role);
@@ -98,24 +80,27 @@ class RobotsPanel extends Part {
       setAttribute(card.state, "data-state", robot?.state ?? "none");
       setText(card.facts, [robot && batteryInWords(robot.report), driverInWords(robot, driver.link.leases.has(role))].filter(Boolean).join(" · "));
     }
-    if (this.offsetParent === null) return;
     const robot = driver.robot();
     const ours = driver.link.leases.has(driver.role);
     const others = Boolean(robot?.operator) && !ours;
-    const armed = robot?.state === "armed" || robot?.state === "moving";
+    const armed = isArmed(robot);
     const lost = connection !== "open" || robots?.process?.alive === false;
     setText(this.#trouble, connection !== "open" ? "The server is not reached: what is shown here is old." : sentence(robots?.process?.trouble ?? "the drive process is being started anew; the robots' own watchdogs stop them meanwhile"));
     this.#trouble.hidden = !lost || !robots;
     setText(this.#why, standsBecause(driver.role, robot, robots, ours));
     setAttribute(this.#why, "data-tone", robot?.report.fault || robots?.stopped ? "bad" : null);
     fillList(this.#warnings, (robot?.report.warnings ?? []).map(sentence));
-    if (armed) passFocus(this.#arm, this.#disarm);
-    this.#arm.disabled = !robot || robot.state !== "disarmed" || Boolean(robots?.stopped);
-    this.#disarm.hidden = !armed;
-    if (!armed) passFocus(this.#disarm, this.#arm);
-    this.#arm.hidden = armed || others;
-    this.#takeOver.hidden = !others;
-    this.#giveBack.hidden = !ours;
+    // Who pressed one of them by keyboard finds himself at what may be pressed now.
+    const armable = !lost && robot?.state === "disarmed" && !robots?.stopped;
+    if (armable) this.#arm.disabled = false;
+    const shown = new Map([[this.#arm, !armed && !others], [this.#disarm, armed], [this.#takeOver, others], [this.#giveBack, ours]]);
+    for (const [button, isShown] of shown) if (isShown) button.hidden = false;
+    for (const [button, isShown] of shown) {
+      if (isShown) continue;
+      passFocus(button, this.#arm, this.#disarm, this.#takeOver, this.#giveBack);
+      button.hidden = true;
+    }
+    this.#arm.disabled = !armable;
     this.#renderFigures(robot);
     const incidents = [...(robots?.incidents ?? [])].reverse();
     this.#happened.hidden = incidents.length === 0;
@@ -147,15 +132,6 @@ function makeCard(role) {
   const facts = h("span", { class: "hint figure" });
   const element = h("label", { class: "role-card" }, input, h("span", { class: "role-head" }, h("b", {}, ROLE_WORDS[role]), state), name, facts);
   return { input, name, state, facts, element };
-}
-
-/**
- * @param {HTMLUListElement} list
- * @param {string[]} lines
- */
-function fillList(list, lines) {
-  if (list.childElementCount === lines.length && list.textContent === lines.join("")) return;
-  list.replaceChildren(...lines.map((line) => h("li", {}, line)));
 }
 
 customElements.define("observer-robots", RobotsPanel);

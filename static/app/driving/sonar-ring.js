@@ -47,7 +47,7 @@ export class SonarRing {
       setAttribute(arc, "data-old", age > OLD_S ? "" : null);
       setAttribute(arc, "opacity", Math.max(0.25, 1 - 0.6 * age).toFixed(2));
     });
-    setAttribute(this.element, "aria-label", this.#words(report?.sonars ?? [], now));
+    setAttribute(this.element, "aria-label", `The robot from above. ${sonarInWords(robot)}`);
   }
 
   /** @param {RobotFacts | null} robot */
@@ -74,14 +74,6 @@ export class SonarRing {
     setAttribute(polygon, "points", (places ?? []).map(([x = 0, y = 0]) => `${(-y).toFixed(3)},${(-x).toFixed(3)}`).join(" "));
     setAttribute(polygon, "data-level", level ?? null);
   }
-
-  /** @param {SonarReading[]} sonars @param {number} now */
-  #words(sonars, now) {
-    if (sonars.length === 0) return "The robot from above; it tells of no sonar";
-    const nearest = sonars.filter(({ range_m }) => range_m !== null).sort((a, b) => (a.range_m ?? 0) - (b.range_m ?? 0))[0];
-    if (!nearest) return `Sonar ring of ${sonars.length}: nothing near`;
-    return `Sonar ring of ${sonars.length}: the nearest echo ${nearest.range_m?.toFixed(2)} m, ${(now - nearest.received).toFixed(1)} s old`;
-  }
 }
 
 /**
@@ -91,7 +83,7 @@ export class SonarRing {
  */
 export function sonarInWords(robot) {
   const sonars = robot?.report.sonars ?? [];
-  if (sonars.length === 0) return "no sonar";
+  if (sonars.length === 0) return "No sonar";
   const now = Math.max(robot?.report.received ?? 0, ...sonars.map(({ received }) => received));
   const ranges = sonars.flatMap(({ range_m }) => (range_m === null ? [] : [range_m]));
   const oldest = now - Math.min(...sonars.map(({ received }) => received));

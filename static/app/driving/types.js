@@ -153,3 +153,8 @@
 
 /** @type {import("./types.js").Role[]} */
 export const ROLES = ["observer", "obstacle"];
+
+/** Whether its motors are on, by the newest that is known. @param {RobotFacts | null} robot */
+export function isArmed(robot) {
+  return robot?.state === "armed" || robot?.state === "moving";
+}
