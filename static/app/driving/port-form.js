@@ -2,9 +2,9 @@
 
 import { ApiError, request } from "../api.js";
 import { field, h, setAttribute, setText } from "../dom.js";
-import { notify, notifyError } from "../notice.js";
+import { notify } from "../notice.js";
 import { Part } from "../part.js";
-import { ROLE_WORDS } from "./robot-words.js";
+import { oneAtATime } from "./one-at-a-time.js";
 
 /** @typedef {import("./types.js").Role} Role */
 
@@ -37,6 +37,9 @@ export class PortForm extends Part {
   /** @type {Role} */
   #role = "observer";
   #shown = "";
+  /** Whether it holds something that is not in use yet. */
+  #changed = false;
+  #do = oneAtATime();
 
   build() {
     const form = h("form", { class: "stack", novalidate: true },
@@ -49,7 +52,10 @@ export class PortForm extends Part {
       event.preventDefault();
       void this.#save();
     });
-    this.#forget.addEventListener("click", () => void this.#drop());
+    form.addEventListener("input", () => {
+      this.#changed = true;
+    });
+    this.#forget.addEventListener("click", () => void this.#do(() => this.#drop()));
     this.#again.addEventListener("click", () => void this.#look());
     this.hear("reconnected", () => void this.#look());
     this.hear("change", () => this.#render(), this.hub.driver);
@@ -79,27 +85,33 @@ export class PortForm extends Part {
     const key = `${driver.role} ${kept?.port} ${kept?.model} ${robot?.port}`;
     this.#forget.disabled = !kept;
     if (key === this.#shown) return;
-    const typing = this.#role === driver.role && document.activeElement === this.#port;
+    if (this.#role !== driver.role) this.#changed = false;
     this.#shown = key;
     this.#role = driver.role;
-    setText(this.#own, robot && robot.port !== kept?.port ? `The ${ROLE_WORDS[driver.role].toLowerCase()} at ${robot.port} belongs to the open source's own world.` : "");
-    if (typing) return;
+    setText(this.#own, robot && robot.port !== kept?.port ? `The ${driver.role} at ${robot.port} belongs to the open source's own world.` : "");
+    // What was typed meanwhile is not lost.
+    if (this.#changed) return;
     this.#fail("");
     this.#port.value = kept?.port ?? "";
     this.#model.value = kept?.model ?? "";
   }
 
   async #save() {
+    const role = this.#role;
     const port = this.#port.value.trim();
     if (!port) return this.#fail("Give the port of the robot.");
     this.#fail("");
     try {
       /** @type {import("./types.js").DrivingFacts} */
-      const robots = await request("PUT", `/robots/${this.#role}/port`, { port, model: this.#model.value || null });
+      const robots = await request("PUT", `/robots/${role}/port`, { port, model: this.#model.value || null });
       // As it is shown from now on: a key that was typed is kept, and seen no more.
-      const shown = robots.ports?.[this.#role]?.port ?? "";
-      if (this.#port.value.trim() === port) this.#port.value = shown;
-      notify(`The ${ROLE_WORDS[this.#role].toLowerCase()} is being connected at ${shown}.`);
+      const shown = robots.ports?.[role]?.port ?? "";
+      if (this.#role === role && this.#port.value.trim() === port) {
+        this.#port.value = shown;
+        this.#changed = false;
+      }
+      notify(robots.world === "real" ? `The ${role} is being connected at ${shown}.`
+        : `${shown} is kept for the ${role}: it is connected once live cameras are open.`);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       this.#fail(error.message);
@@ -107,12 +119,10 @@ export class PortForm extends Part {
   }
 
   async #drop() {
-    try {
-      await request("DELETE", `/robots/${this.#role}/port`);
-      notify(`The ${ROLE_WORDS[this.#role].toLowerCase()}'s port is forgotten.`);
-    } catch (error) {
-      notifyError(error);
-    }
+    const role = this.#role;
+    this.#changed = false;
+    await request("DELETE", `/robots/${role}/port`);
+    notify(`The ${role}'s port is forgotten.`);
   }
 
   /** @param {string} message empty takes the error away */

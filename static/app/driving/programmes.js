@@ -3,12 +3,15 @@
 import { ApiError, request } from "../api.js";
 import { field, h, icon, setText } from "../dom.js";
 import { KeptList } from "../focus-place.js";
-import { confirmed, notify, notifyError } from "../notice.js";
+import { confirmed, notify } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
-import { clock, lastsInWords, ROLE_WORDS } from "./robot-words.js";
+import { oneAtATime } from "./one-at-a-time.js";
+import { clock, incidentInWords, lastsInWords, ROLE_WORDS } from "./robot-words.js";
+import { isArmed } from "./types.js";
 
 /** @typedef {import("./types.js").ProgrammeEntry} ProgrammeEntry */
+/** @typedef {import("./types.js").RunningProgramme} RunningProgramme */
 
 class Programmes extends Part {
   /** @type {ProgrammeEntry[]} */
@@ -26,7 +29,12 @@ class Programmes extends Part {
   #file = h("input", { type: "file", id: "programme-file", accept: ".yaml,.yml,text/yaml" });
   #error = h("p", { class: "field-error", id: "programme-error", role: "alert" });
   #own = h("details", {}, h("summary", {}, "A programme of your own"));
-  #busy = false;
+  /** How one ended before its time; empty where none did. */
+  #ended = h("p", { class: "programme-ended", role: "status", hidden: true });
+  #runs = false;
+  /** When the last one had ended early as the newest began. */
+  #endedBefore = "";
+  #do = oneAtATime();
   #loaded = false;
 
   build() {
@@ -40,7 +48,7 @@ class Programmes extends Part {
     this.append(
       h("h3", {}, "Programmes"),
       h("p", { class: "hint" }, "They go on as long as this page is open and in sight, every robot in them armed by you."),
-      this.#running,
+      this.#running, this.#ended,
       h("div", { class: "row" },
         h("label", { for: "programme-repeat" }, "Repeat"), this.#repeat,
         h("label", { class: "check", for: "programme-reverse" }, this.#reverse, "Both directions")),
@@ -51,8 +59,12 @@ class Programmes extends Part {
       event.preventDefault();
       void this.#keep();
     });
-    this.hear("robots", () => this.#render());
+    this.hear("robots", () => {
+      this.#tellEnd();
+      this.#render();
+    });
     this.hear("change", () => this.#render(), this.hub.driver);
+    this.whenShown(() => this.#render());
     this.hear("reconnected", () => {
       this.#loaded = false;
     });
@@ -62,6 +74,29 @@ class Programmes extends Part {
   async #load() {
     this.#programmes = (await request("GET", "/programmes").catch(() => null)) ?? [];
     this.#render();
+  }
+
+  /** Tell why a programme ended early, until the next one begins. */
+  #tellEnd() {
+    const { robots } = this.hub;
+    const newest = robots?.incidents?.findLast(({ kind }) => kind === "programme");
+    const runs = Boolean(robots?.programme);
+    if (runs && !this.#runs) this.#endedBefore = newest?.at ?? "";
+    this.#runs = runs;
+    const told = !runs && newest && newest.at !== this.#endedBefore;
+    setText(this.#ended, told ? incidentInWords(newest) : "");
+    this.#ended.hidden = !told;
+  }
+
+  /** @param {RunningProgramme} running */
+  #title({ name }) {
+    return this.#programmes.find((entry) => entry.name === name)?.title ?? name;
+  }
+
+  /** @param {RunningProgramme} running @returns {string} as in "0:05 of 0:14, round 2 of 3" */
+  #place({ elapsed_s, duration_s, phase, round, repeat }) {
+    const at = phase === "gesture" ? "its opening gesture" : `${clock(elapsed_s)} of ${clock(duration_s)}`;
+    return `${at}${repeat > 1 ? `, round ${round} of ${repeat}` : ""}`;
   }
 
   #render() {
@@ -74,10 +109,7 @@ class Programmes extends Part {
     const running = robots?.programme ?? null;
     this.#running.hidden = !running;
     if (running) {
-      const title = this.#programmes.find(({ name }) => name === running.name)?.title ?? running.name;
-      const round = running.repeat > 1 ? `, round ${running.round} of ${running.repeat}` : "";
-      const phase = running.phase === "gesture" ? "opening gesture" : `${clock(running.elapsed_s)} of ${clock(running.duration_s)}`;
-      setText(this.#words, `${title}: ${phase}${round}`);
+      setText(this.#words, `${this.#title(running)}: ${this.#place(running)}`);
       this.#progress.value = running.duration_s > 0 ? Math.min(1, running.elapsed_s / running.duration_s) : 0;
     }
     this.#empty.hidden = this.#programmes.length > 0 || !this.#loaded;
@@ -98,10 +130,10 @@ class Programmes extends Part {
     if (robots?.stopped) return "Everything is stopped: reset it first.";
     const wanting = roles.flatMap((role) => {
       const robot = driver.robot(role);
-      if (!robot) return [`connect the ${ROLE_WORDS[role].toLowerCase()}`];
-      const armed = robot.state === "armed" || robot.state === "moving";
-      if (!driver.link.leases.has(role)) return [armed && robot.operator ? `take over the ${ROLE_WORDS[role].toLowerCase()}` : `arm the ${ROLE_WORDS[role].toLowerCase()}`];
-      return armed ? [] : [`arm the ${ROLE_WORDS[role].toLowerCase()}`];
+      if (!robot) return [`connect the ${role}`];
+      const ours = driver.link.leases.has(role);
+      if (robot.operator && !ours) return [`take over the ${role}`];
+      return ours && isArmed(robot) ? [] : [`arm the ${role}`];
     });
     return wanting.length ? sentence(`first ${wanting.join(" and ")}`) : "";
   }
@@ -175,19 +207,6 @@ class Programmes extends Part {
     if (!(await confirmed(`Delete ${title}?`, "Its text cannot be brought back.", "Delete programme"))) return;
     await this.#do(() => request("DELETE", `/programmes/${encodeURIComponent(name)}`));
     await this.#load();
-  }
-
-  /** @param {() => Promise<unknown>} action */
-  async #do(action) {
-    if (this.#busy) return;
-    this.#busy = true;
-    try {
-      await action();
-    } catch (error) {
-      notifyError(error);
-    } finally {
-      this.#busy = false;
-    }
   }
 }
 

@@ -110,7 +110,7 @@ export function incidentInWords({ at, role, sentence: words, speed_mps, stops })
   const time = Number.isNaN(date.getTime()) ? at : date.toLocaleTimeString();
   const speed = speed_mps === null ? "" : ` (at ${fixed(speed_mps, 2)} m/s)`;
   const ends = Object.values(stops ?? {}).map((stop) => `; ${stopInWords(stop)}`);
-  return `${time} ${role ? ROLE_WORDS[role] : "All"}${speed}: ${sentence(words)}${ends.join("")}`;
+  return `${time} ${role ? ROLE_WORDS[role] : "Both"}${speed}: ${sentence(words)}${ends.join("")}`;
 }
 
 /** @param {import("./types.js").StopFigures} figures @returns {string} as in "zero after 220 ms, stood after 610 ms and 0.12 m" */
