@@ -112,7 +112,7 @@ def _zone(corners: Sequence[Sequence[float]]) -> Float64Array:
 
 def _sonar(sonars: Sequence[Mapping[str, Any]], received: float | None) -> Float64Array:
     """Chords along the arc of each echo; the newest word of the robot tells how old one is."""
-    newest = max([each["received"] for each in sonars] + [received or -math.inf], default=0.0)
+    newest = max([received or -math.inf, *(each["received"] for each in sonars)])
     lines = []
     for each in sonars:
         distance = each["range_m"]
