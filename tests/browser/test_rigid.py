@@ -44,8 +44,8 @@ def confirmed(server, open_panel):
     return open_one
 
 
-def test_an_obstacle_is_confirmed_with_box_and_row(confirmed, pixels, wait_for_scene, keep_picture):
-    page, number = confirmed(viewer=True, color_scheme="light")
+def test_an_obstacle_is_confirmed_with_box_and_row(confirmed, pixels, keep_picture):
+    page, number = confirmed(color_scheme="light")
     row = page.locator("observer-obstacles tbody tr").first
     expect(row).to_contain_text(re.compile(rf"{number}\s*\d\.\d\d ± \d\.\d\d"))
     why = page.locator("observer-obstacles tr.why").first
@@ -55,7 +55,6 @@ def test_an_obstacle_is_confirmed_with_box_and_row(confirmed, pixels, wait_for_s
         canvas = page.locator(f'observer-live-view[data-view="{view}"] canvas')
         near = abs(pixels(canvas).astype(int) - colour).max(axis=2) < 70
         assert near.sum() > 20, view
-    wait_for_scene(page)
     keep_picture(page, "rigid")
 
 
