@@ -1,0 +1,96 @@
+"""What motion capture tells, in its own room frame and on its own clock.
+
+Files (``observer.truth.files``) and live servers (``observer.truth.live``) give these types;
+``observer.truth.alignment`` brings them onto the source's clock and into the observer's world.
+The room frame is whatever the system was set up with; Vicon's and VRPN's have z up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.errors import TruthError
+from observer.geometry import Float64Array
+
+
+@dataclass(frozen=True, eq=False)
+class BodySample:
+    """One body at one instant, as a live server told it.
+
+    Attributes:
+        name: the body's, as the system names it.
+        time: the server's own stamp, seconds; only differences of it mean something.
+        received: the host's monotonic clock at reception, seconds.
+        position: (3,) metres, room frame; None where the body was not seen.
+        rotation: (3, 3) ``R_room_body``; None where unknown.
+    """
+
+    name: str
+    time: float
+    received: float
+    position: Float64Array | None
+    rotation: Float64Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """One body, or one marker, over time.
+
+    Attributes:
+        name: as the system names it.
+        times: (N,) seconds, strictly rising, on the system's clock.
+        positions: (N, 3) metres, room frame; NaN rows are gaps.
+        rotations: (N, 3, 3) ``R_room_body``, NaN in gaps; None for what has no orientation.
+
+    Raises:
+        TruthError: shapes differ, or times do not rise.
+    """
+
+    name: str
+    times: Float64Array
+    positions: Float64Array
+    rotations: Float64Array | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.times)
+        if self.times.shape != (count,) or self.positions.shape != (count, 3):
+            raise TruthError(f"{self.name}: times and positions must be of one length")
+        if self.rotations is not None and self.rotations.shape != (count, 3, 3):
+            raise TruthError(f"{self.name}: there must be one rotation for each time")
+        if not np.isfinite(self.times).all() or (np.diff(self.times) <= 0).any():
+            raise TruthError(f"{self.name}: times must be finite and rise from sample to sample")
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """(N,) where the body was seen."""
+        return np.isfinite(self.positions).all(axis=1)
+
+    @property
+    def gaps(self) -> int:
+        """Samples at which it was not seen."""
+        return int(len(self.times) - self.seen.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """Everything that one file holds, or that was recorded live.
+
+    Attributes:
+        format: what it was recognised as, in words for people, as in ``Vicon Tracker objects``.
+        rate_hz: nominal; None where samples have stamps of their own and no rate is told.
+        bodies: by name, in the order of the file: rigid bodies, or single markers.
+        notes: what was understood and decided, one sentence each (units, angles, gaps).
+    """
+
+    format: str
+    rate_hz: float | None
+    bodies: Mapping[str, Trajectory]
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bodies", MappingProxyType(dict(self.bodies)))
