@@ -14,6 +14,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from hypothesis import settings
 from playwright.sync_api import Browser, Page
 
 from observer.simulation import rendering
@@ -36,7 +37,13 @@ _PYTHON_HELPERS = ("multiprocessing.resource_tracker", "multiprocessing.forkserv
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Keep our order of files among several processes; xdist begins with those of many tests."""
+    """Keep our order of files among several processes; xdist begins with those of many tests.
+
+    In CI hypothesis tries the same examples every time: new ones are sought where somebody looks.
+    """
+    if os.environ.get("CI"):
+        settings.register_profile("ci", derandomize=True)
+        settings.load_profile("ci")
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False
 
@@ -183,6 +190,8 @@ def _nothing_left_behind() -> Iterator[None]:
         time.sleep(0.02)
     for process in processes:
         process.kill()
+    # Or what is left of them fails whatever looks at its children later.
+    psutil.wait_procs(processes, _GRACE_S)
     left = [f"process {each.pid} ({name})" for each, name in processes.items()]
     left += [f"thread {each.name}" for each in threads]
     pytest.fail("the test left behind: " + ", ".join(left))

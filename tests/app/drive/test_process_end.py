@@ -93,7 +93,11 @@ class Parent:
         assert self.process.stdout is not None
         os.set_blocking(self.process.stdout.fileno(), False)
         self._text = b""
-        until(self.last_command, "the parent's driving", 30)
+        try:
+            until(self.last_command, "the parent's driving", 30)
+        except AssertionError:
+            self.close()
+            raise
 
     def last_command(self) -> float | None:
         """When the newest command was given."""

@@ -66,7 +66,7 @@ ANGLES = st.floats(-0.1, 0.1).map(lambda angle: 0.0 if abs(angle) < 1e-6 else an
 @pytest.mark.parametrize("kind", KINDS)
 @given(
     rotvec=st.tuples(*[ANGLES] * 3),
-    t=st.tuples(st.floats(-1.5, -0.02), st.floats(-0.01, 0.01), st.floats(-0.01, 0.01)),
+    t=st.tuples(st.floats(-1.5, -0.1), st.floats(-0.01, 0.01), st.floats(-0.01, 0.01)),
     focal=st.floats(300, 900),
     model=st.sampled_from(["radtan", "equidistant"]),
 )
