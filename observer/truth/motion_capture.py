@@ -68,7 +68,8 @@ class Trajectory:
     @property
     def seen(self) -> NDArray[np.bool_]:
         """(N,) where the body was seen."""
-        return np.isfinite(self.positions).all(axis=1)
+        seen: NDArray[np.bool_] = np.isfinite(self.positions).all(axis=1)
+        return seen
 
     @property
     def gaps(self) -> int:
