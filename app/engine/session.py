@@ -251,7 +251,6 @@ class Session(PlayedSource):
         return tuple(asdict(port) for port in self._ports)
 
 
-
 def open_session(
     command: OpenSource,
     open_source: SourceOpener,

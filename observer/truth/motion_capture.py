@@ -68,8 +68,7 @@ class Trajectory:
     @property
     def seen(self) -> NDArray[np.bool_]:
         """(N,) where the body was seen."""
-        seen: NDArray[np.bool_] = np.isfinite(self.positions).all(axis=1)
-        return seen
+        return np.asarray(np.isfinite(self.positions).all(axis=1))
 
     @property
     def gaps(self) -> int:
