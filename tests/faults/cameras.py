@@ -19,7 +19,7 @@ from observer.types import Image
 
 RATE_HZ = 20.0
 # Each with noise of its own, so that a camera that repeats one is told from a room that is still.
-_PICTURES = 24
+_PICTURES = 12
 _QUALITY = 92
 _HEAD = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n"
 

@@ -167,7 +167,7 @@ def test_noise_on_the_line_moves_nothing(system: System) -> None:
     before, log.intended = log.unintended, intended
     report = system.server.robot()["report"]
     faults.noise = 0.01
-    until = time.monotonic() + 2.0 + 0.5 * TRIALS
+    until = time.monotonic() + 1.5 + 0.5 * TRIALS
     while time.monotonic() < until:
         time.sleep(0.2)
         if system.server.robot()["state"] not in ("armed", "moving"):
