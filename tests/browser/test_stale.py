@@ -94,10 +94,17 @@ def test_everything_is_marked_while_the_server_is_silent(
             opacity = page.locator(part).evaluate("e => getComputedStyle(e).opacity")
             assert float(opacity) < 0.7, part
         keep_picture(page, "stale")
+        # A stop that nobody confirms is not taken for one.
+        page.locator("#stop-robots").click()
+        expect(page.locator(".notice")).to_contain_text("does not confirm the stop")
     finally:
         server.process.resume()
     page.wait_for_selector('html[data-freshness="fresh"]', timeout=20_000)
     expect(page.locator("observer-freshness-banner")).to_be_hidden()
+    # It was waiting at the server's door.
+    expect(page.locator(".stop-state")).to_contain_text("Stopped by", timeout=10_000)
+    page.get_by_role("button", name="Reset", exact=True).first.click()
+    expect(page.locator(".stop-latched")).to_be_hidden()
 
 
 def test_the_page_says_that_the_engine_hangs_and_goes_on_with_the_next(

@@ -149,10 +149,11 @@ export class DrivePad extends Part {
   }
 
   #renderLink() {
-    const { connection, quality, leases } = this.hub.driver.link;
+    const { connection, quality, operator } = this.hub.driver.link;
     const open = connection === "open";
-    const state = !open ? "none" : (quality?.quality ?? "good");
-    setText(this.#link, open ? (LINKS[state] ?? state) : leases.size ? "Link lost" : "No link yet");
+    // It is opened by whoever first wants to drive.
+    const state = open ? (quality?.quality ?? "good") : operator ? "lost" : "none";
+    setText(this.#link, LINKS[state] ?? "No link yet");
     setAttribute(this.#link, "data-state", LINK_CHIPS[state] ?? "idle");
     const parts = [];
     if (open && quality?.rtt_ms != null) parts.push(`${fixed(quality.rtt_ms, 0)} ms there and back`);

@@ -87,7 +87,9 @@ class RobotsPanel extends Part {
     const lost = connection !== "open" || robots?.process?.alive === false;
     setText(this.#trouble, connection !== "open" ? "The server is not reached: what is shown here is old." : sentence(robots?.process?.trouble ?? "the drive process is being started anew; the robots' own watchdogs stop them meanwhile"));
     this.#trouble.hidden = !lost || !robots;
-    setText(this.#why, standsBecause(driver.role, robot, robots, ours));
+    // What is old says nothing of why it stands, or whether it does.
+    setAttribute(this, "data-old", lost ? "" : null);
+    setText(this.#why, lost && robots ? "" : standsBecause(driver.role, robot, robots, ours));
     setAttribute(this.#why, "data-tone", robot?.report.fault || robots?.stopped ? "bad" : null);
     fillList(this.#warnings, (robot?.report.warnings ?? []).map(sentence));
     // Who pressed one of them by keyboard finds himself at what may be pressed now.

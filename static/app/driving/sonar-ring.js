@@ -87,8 +87,8 @@ export function sonarInWords(robot) {
   const now = Math.max(robot?.report.received ?? 0, ...sonars.map(({ received }) => received));
   const ranges = sonars.flatMap(({ range_m }) => (range_m === null ? [] : [range_m]));
   const oldest = now - Math.min(...sonars.map(({ received }) => received));
-  const nearest = ranges.length ? `nearest ${Math.min(...ranges).toFixed(2)} m` : "no echo";
-  return `Sonar: ${nearest}, up to ${oldest.toFixed(1)} s old`;
+  const nearest = ranges.length ? `nearest ${Math.min(...ranges).toFixed(2)}\u00a0m` : "no echo";
+  return `Sonar: ${nearest}, up to ${oldest.toFixed(1)}\u00a0s old`;
 }
 
 /** @param {SonarReading} reading @param {number} range */

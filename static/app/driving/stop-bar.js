@@ -7,6 +7,8 @@ import { Part } from "../part.js";
 import { listenForStop } from "./stop-keys.js";
 
 const WHAT_IT_IS = "Software stop, no emergency stop: keep the hardware switch in reach";
+// It is answered within a tenth of this, or something is wrong.
+const CONFIRMED_MS = 1000;
 const KEYS = "Space and Esc press it; while a robot is armed they do so everywhere on this page.";
 
 class StopBar extends Part {
@@ -19,6 +21,7 @@ class StopBar extends Part {
   #latched = h("div", { class: "stop-latched", hidden: true, role: "alert" }, this.#stopped, this.#reset);
   /** Pressed here and not answered yet. */
   #pressed = false;
+  #patience = 0;
 
   build() {
     const { driver } = this.hub;
@@ -26,23 +29,32 @@ class StopBar extends Part {
     this.#reset.addEventListener("click", () => void this.#resetStop());
     this.append(this.#latched, h("div", { class: "stop-words" }, this.#what, this.#keys), this.#stop);
     listenForStop(window, driver);
-    this.hear("stopping", () => this.#mark(true), driver);
-    this.hear("stop-failed", () => this.#failed(), driver);
+    this.hear("stopping", () => this.#begin(), driver);
+    this.hear("stop-failed", () => this.#failed("The stop did not reach the server: use the hardware switch."), driver);
     this.hear("robots", () => this.#mark(this.#pressed && !this.hub.robots?.stopped));
     this.hear("connection", () => this.#render());
     this.#render();
   }
 
+  #begin() {
+    clearTimeout(this.#patience);
+    this.#mark(true);
+    // A server that hangs takes the request and never answers it.
+    this.#patience = setTimeout(() => this.#failed("The server does not confirm the stop: use the hardware switch."), CONFIRMED_MS);
+  }
+
   /** @param {boolean} pressed */
   #mark(pressed) {
+    if (!pressed) clearTimeout(this.#patience);
     this.#pressed = pressed;
     this.#render();
   }
 
-  #failed() {
-    this.#pressed = false;
-    this.#render();
-    notify("The stop did not reach the server: use the hardware switch.", "error");
+  /** @param {string} words */
+  #failed(words) {
+    if (!this.#pressed) return;
+    this.#mark(false);
+    notify(words, "error");
   }
 
   #render() {
