@@ -1,7 +1,8 @@
-"""What outlives the process: runs, speeds, parameters, presets, calibrations, settings.
+"""What outlives the process: runs, speeds, parameters, presets, calibrations, truths, settings.
 
 ``Storage`` is the only door. It is synchronous and thread-safe; the server calls it from worker
-threads. SQLite (write-ahead log) in one file is the default, any SQLAlchemy URL may take its place.
+threads. SQLite (write-ahead log) in one file is the default, a PostgreSQL
+server by its URL may take its place; runs and truths have their files in the data folder.
 """
 
 from __future__ import annotations
@@ -13,26 +14,33 @@ from app.storage.errors import (
     StorageExists,
     StorageFull,
     StorageMissing,
+    StorageUnreachable,
 )
+from app.storage.folder import DataFolder, DiskUse
 from app.storage.records import (
     CalibrationRecord,
     IncidentRecord,
     ParameterRevision,
     PresetRecord,
+    RunPage,
     RunRecord,
     RunState,
     SavedParameters,
     SpeedRow,
     StopFigures,
+    TruthRecord,
     utc_now,
 )
 from app.storage.storage import Storage
 
 __all__ = [
     "CalibrationRecord",
+    "DataFolder",
+    "DiskUse",
     "IncidentRecord",
     "ParameterRevision",
     "PresetRecord",
+    "RunPage",
     "RunRecord",
     "RunState",
     "SavedParameters",
@@ -45,5 +53,7 @@ __all__ = [
     "StorageExists",
     "StorageFull",
     "StorageMissing",
+    "StorageUnreachable",
+    "TruthRecord",
     "utc_now",
 ]

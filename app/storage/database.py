@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
-from functools import partial
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import structlog
-from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
-from sqlalchemy.exc import ArgumentError, DBAPIError
+from sqlalchemy import Engine
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session
 
+from app.storage.engines import database_url, make_engine, use_write_ahead_log
 from app.storage.errors import StorageBusy, StorageError, storage_error
+from app.storage.folder import DataFolder, DiskUse
 from app.storage.integrity import move_aside_if_damaged
 from app.storage.migration import upgrade
 
@@ -30,15 +30,32 @@ class Database:
     """One database: opened, migrated, closed; reading and writing sessions for the tables' parts.
 
     Args:
-        location: a file's path, or an SQLAlchemy URL (``sqlite:////data/observer.sqlite``).
+        location: a file's path, or an SQLAlchemy URL (``sqlite:////data/observer.sqlite``,
+            ``postgresql://user:password@host/database``).
+        folder: the data folder, where runs and truths have their files; where the SQLite file is
+            if left out. Needed beside a database server.
         busy_timeout_s: how long a call waits for another writer before ``StorageBusy``.
 
     Attributes:
+        folder: what is kept in files.
         warnings: sentences for the person who started the server, filled by ``open``.
+
+    Raises:
+        StorageError: the location is none, its driver is missing, or the folder is.
     """
 
-    def __init__(self, location: str | Path, *, busy_timeout_s: float = BUSY_TIMEOUT_S) -> None:
-        self._url = _url(location)
+    def __init__(
+        self,
+        location: str | Path,
+        *,
+        folder: Path | None = None,
+        busy_timeout_s: float = BUSY_TIMEOUT_S,
+    ) -> None:
+        self._url = database_url(location)
+        file = self.file
+        if folder is None and file is None:
+            raise StorageError("beside a database server a folder is needed for the runs' files")
+        self.folder = DataFolder((folder or (file or Path()).parent).expanduser().absolute())
         self._busy_timeout_s = busy_timeout_s
         self._engine: Engine | None = None
         # Writers of this process queue here; SQLite's own lock only arbitrates between processes,
@@ -70,12 +87,12 @@ class Database:
             return self
         if self.file is not None:
             self._prepare_file(self.file)
-        engine = _engine(self._url, self._busy_timeout_s)
+        engine = make_engine(self._url, self._busy_timeout_s)
         try:
             with self._translated():
-                upgrade(engine, self.file)
+                upgrade(engine, self.file or self.folder.path / "observer.sqlite")
                 if self.file is not None:
-                    _use_write_ahead_log(engine)
+                    use_write_ahead_log(engine)
         except BaseException:
             engine.dispose()
             raise
@@ -94,6 +111,10 @@ class Database:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def disk_use(self) -> DiskUse:
+        """What all that is kept takes of the disk; a server's database is not counted."""
+        return self.folder.disk_use(self.file)
 
     @contextmanager
     def _reading(self) -> Iterator[Session]:
@@ -154,65 +175,3 @@ class Database:
             )
             self.warnings = (*self.warnings, sentence)
 
-
-def _url(location: str | Path) -> URL:
-    text = str(location)
-    if "://" not in text:
-        if text == ":memory:":
-            raise StorageError("the storage needs a file or a database URL, not :memory:")
-        return URL.create("sqlite", database=str(Path(text).expanduser().absolute()))
-    try:
-        url = make_url(text)
-        url.get_dialect()
-    except ArgumentError as error:
-        raise StorageError(
-            "the database URL is not understood; it looks like sqlite:////folder/file.sqlite"
-        ) from error
-    except ModuleNotFoundError as error:
-        raise StorageError(
-            f"databases of the kind {url.drivername} need the Python package {error.name}; "
-            f"install it with pip install {error.name}"
-        ) from error
-    if url.get_backend_name() == "sqlite" and url.database in (None, "", ":memory:"):
-        raise StorageError(
-            "a database in memory cannot be shared by threads; "
-            "name a file, as in sqlite:////folder/file.sqlite"
-        )
-    return url
-
-
-def _engine(url: URL, busy_timeout_s: float) -> Engine:
-    options: dict[str, Any] = {
-        "json_serializer": partial(json.dumps, allow_nan=False, ensure_ascii=False),
-        "pool_timeout": busy_timeout_s,
-    }
-    if url.get_backend_name() != "sqlite":
-        return create_engine(url, pool_pre_ping=True, **options)
-    engine = create_engine(url, connect_args={"timeout": busy_timeout_s}, **options)
-    event.listen(engine, "connect", _on_sqlite_connect)
-    event.listen(engine, "begin", _on_sqlite_begin)
-    return engine
-
-
-def _on_sqlite_connect(connection: Any, _record: object) -> None:
-    # We say BEGIN ourselves: the driver's own leaves DDL outside transactions.
-    connection.isolation_level = None
-    cursor = connection.cursor()
-    # With a write-ahead log, NORMAL survives the process's death at any moment without loss;
-    # a power cut may lose the last transactions but never damages the file.
-    cursor.execute("PRAGMA synchronous=NORMAL")
-    cursor.execute("PRAGMA foreign_keys=ON")
-    cursor.close()
-
-
-def _use_write_ahead_log(engine: Engine) -> None:
-    """The mode is the file's, not the connection's: set once, after the file is known as ours."""
-    with closing(engine.raw_connection()) as connection:
-        connection.cursor().execute("PRAGMA journal_mode=WAL")
-
-
-def _on_sqlite_begin(connection: Connection) -> None:
-    # A writer takes the lock at once: a reader that turns writer half-way is refused without
-    # waiting when somebody else wrote in between.
-    writes = connection.get_execution_options().get("writes", False)
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

@@ -15,6 +15,10 @@ class StorageBusy(StorageError):
     """Somebody else holds the database; the same call may succeed later."""
 
 
+class StorageUnreachable(StorageBusy):
+    """The database server does not answer; it may later."""
+
+
 class StorageFull(StorageError):
     """The disk (or the quota) is full; nothing of the refused call was written."""
 
@@ -34,7 +38,12 @@ class StorageExists(StorageError):
 # PostgreSQL's codes: https://www.postgresql.org/docs/current/errcodes-appendix.html
 _BY_SQLSTATE: dict[str, type[StorageError]] = {
     "53100": StorageFull,
+    "53300": StorageBusy,
     "55P03": StorageBusy,
+    "57014": StorageBusy,
+    "57P01": StorageUnreachable,
+    "57P02": StorageUnreachable,
+    "57P03": StorageUnreachable,
     "40001": StorageBusy,
     "40P01": StorageBusy,
     "23503": StorageMissing,
@@ -53,6 +62,9 @@ _BY_SQLITE_PRIMARY: dict[int, type[StorageError]] = {
     sqlite3.SQLITE_NOTADB: StorageCorrupt,
 }
 _SENTENCES: dict[type[StorageError], str] = {
+    StorageUnreachable: (
+        "the database {where} cannot be reached ({cause}); see that its server runs"
+    ),
     StorageBusy: "the database {where} is locked by another program; close it or try again",
     StorageFull: "no space is left to write the database {where}; free some disk space",
     StorageCorrupt: (
@@ -67,8 +79,13 @@ def storage_error(cause: BaseException | None, where: str) -> StorageError:
     """The storage's own error for a driver's error; ``where`` names the database to a person."""
     kind = _kind(cause)
     if kind is None:
-        return StorageError(f"the database {where} refused the request: {cause}")
-    return kind(_SENTENCES[kind].format(where=where))
+        return StorageError(f"the database {where} refused the request: {_said(cause)}")
+    return kind(_SENTENCES[kind].format(where=where, cause=_said(cause)))
+
+
+def _said(cause: BaseException | None) -> str:
+    """In one line and without the labels of drivers that tell in several."""
+    return " ".join(str(cause).removesuffix("\n").split())
 
 
 def _kind(cause: BaseException | None) -> type[StorageError] | None:
@@ -77,4 +94,8 @@ def _kind(cause: BaseException | None) -> type[StorageError] | None:
         # The low byte of an extended result code is its primary code.
         return _BY_SQLITE_EXTENDED.get(code) or _BY_SQLITE_PRIMARY.get(code & 0xFF)
     state = getattr(cause, "sqlstate", None)
-    return _BY_SQLSTATE.get(state) if isinstance(state, str) else None
+    if isinstance(state, str):
+        # Class 08 are the exceptions of connections.
+        return StorageUnreachable if state.startswith("08") else _BY_SQLSTATE.get(state)
+    # psycopg has no code for what happens before a server answers, or after it is gone.
+    return StorageUnreachable if type(cause).__name__ == "OperationalError" else None

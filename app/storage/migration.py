@@ -16,6 +16,7 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, inspect
 
+from app.storage.copying import copy_tables, lock_whole
 from app.storage.errors import StorageError
 from app.storage.integrity import copy_database, name_beside
 
@@ -25,11 +26,11 @@ MIGRATIONS = Path(__file__).parent / "migrations"
 
 
 def upgrade(engine: Engine, file: Path | None, migrations: Path = MIGRATIONS) -> Path | None:
-    """Apply what is missing, in one transaction. Returns where the old file was copied to.
+    """Apply what is missing, in one transaction. Returns where the old database was copied to.
 
     Args:
-        file: the SQLite file, copied beside itself before an actual migration; None for a
-            database server, whose backups are its own.
+        file: before an actual migration the database is copied beside it: the SQLite file itself,
+            and for a database server what it would be called. None: it is not copied.
 
     Raises:
         StorageError: the database was written by a newer version, or is not one of ours.
@@ -40,7 +41,8 @@ def upgrade(engine: Engine, file: Path | None, migrations: Path = MIGRATIONS) ->
     with engine.connect() as connection:
         present = MigrationContext.configure(connection).get_current_revision()
         foreign = present is None and bool(inspect(connection).get_table_names())
-    where = str(file) if file else engine.url.render_as_string(hide_password=True)
+    on_server = engine.dialect.name != "sqlite"
+    where = engine.url.render_as_string(hide_password=True) if on_server else engine.url.database
     if foreign:
         raise StorageError(
             f"the database {where} belongs to another program; choose another file or database"
@@ -55,8 +57,13 @@ def upgrade(engine: Engine, file: Path | None, migrations: Path = MIGRATIONS) ->
     copy = None
     if file is not None and present is not None:
         copy = name_beside(file, f"before-migration-from-{present}")
-        copy_database(file, copy)
+        if on_server:
+            copy_tables(engine, copy)
+        else:
+            copy_database(file, copy)
     with engine.execution_options(writes=True).begin() as connection:
+        # Another server on the same database may be about the same; alembic looks again.
+        lock_whole(connection)
         config.attributes["connection"] = connection
         command.upgrade(config, "head")
     log.info(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import JSON, Float, ForeignKey, Index, MetaData, String, Text
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy import JSON, BigInteger, Float, ForeignKey, Index, MetaData, String, Text
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
 
 _ISO_TIME = String(32)
 _ID = String(64)
@@ -35,6 +35,25 @@ class Calibration(Base):
     listed: Mapped[bool]
 
 
+class Truth(Base):
+    __tablename__ = "truths"
+
+    id: Mapped[str] = mapped_column(_ID, primary_key=True)
+    name: Mapped[str] = mapped_column(String(200))
+    format: Mapped[str] = mapped_column(String(40))
+    file: Mapped[str] = mapped_column(String(200))
+    info: Mapped[dict[str, Any]]
+    created_at: Mapped[str] = mapped_column(_ISO_TIME)
+    listed: Mapped[bool]
+
+
+class RunTag(Base):
+    __tablename__ = "run_tags"
+
+    run_id: Mapped[str] = mapped_column(ForeignKey("runs.id", ondelete="CASCADE"), primary_key=True)
+    tag: Mapped[str] = mapped_column(String(200), primary_key=True, index=True)
+
+
 class Run(Base):
     __tablename__ = "runs"
 
@@ -52,6 +71,19 @@ class Run(Base):
     segments: Mapped[int]
     versions: Mapped[dict[str, str]]
     reason: Mapped[str | None] = mapped_column(Text)
+    notes: Mapped[str] = mapped_column(Text)
+    # Name, notes and tags as ``searching.folded`` makes them, so that every database finds alike.
+    searched: Mapped[str] = mapped_column(Text)
+    deleted_at: Mapped[str | None] = mapped_column(_ISO_TIME, index=True)
+    rig: Mapped[str | None] = mapped_column(Text)
+    record: Mapped[str | None] = mapped_column(String(20))
+    recording_bytes: Mapped[int | None] = mapped_column(BigInteger)
+    alignment: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    truth_id: Mapped[str | None] = mapped_column(ForeignKey(Truth.id), index=True)
+
+    tags: Mapped[list[RunTag]] = relationship(
+        lazy="selectin", cascade="all, delete-orphan", passive_deletes=True, order_by=RunTag.tag
+    )
 
 
 class Speed(Base):
@@ -68,6 +100,7 @@ class Speed(Base):
     speed: Mapped[float | None] = mapped_column(Float(53))
     std: Mapped[float | None] = mapped_column(Float(53))
     segment: Mapped[int]
+    body: Mapped[str | None] = mapped_column(String(200))
 
 
 class Incident(Base):

@@ -91,7 +91,8 @@ class ParameterTables(Database):
     def list_presets(self) -> list[PresetRecord]:
         """All saved presets by name."""
         with self._reading() as session:
-            return [_preset(row) for row in session.scalars(select(Preset).order_by(Preset.name))]
+            # Sorted here: databases order text as their locale says.
+            return sorted(map(_preset, session.scalars(select(Preset))), key=lambda one: one.name)
 
     def delete_preset(self, name: str) -> bool:
         """Forget a preset; False when there was none."""

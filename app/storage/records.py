@@ -40,6 +40,13 @@ class RunRecord:
         versions: name -> version of what computed it.
         updated_at: the last sign of life; the end of an interrupted run.
         reason: why it failed or was interrupted, one sentence.
+        tags: in the order of their text. notes: a person's own words.
+        deleted_at: since when it is hidden, to be deleted for good later.
+        rig: the text of ``rig.yaml`` at its start.
+        record: which images are recorded: ``none``, ``jpeg`` or ``lossless``; None: nothing is.
+        recording_bytes: the size of its recording, None where there is none.
+        alignment: how the truth was laid over the run, as ``Alignment.as_dict``.
+        truth_id: the truth file it is compared with.
     """
 
     id: str
@@ -56,6 +63,43 @@ class RunRecord:
     segments: int
     versions: dict[str, str]
     reason: str | None
+    tags: tuple[str, ...] = ()
+    notes: str = ""
+    deleted_at: str | None = None
+    rig: str | None = None
+    record: str | None = None
+    recording_bytes: int | None = None
+    alignment: dict[str, Any] | None = None
+    truth_id: str | None = None
+
+
+@dataclass(frozen=True)
+class RunPage:
+    """A part of the runs that were asked for, and how many there are in all."""
+
+    runs: tuple[RunRecord, ...]
+    total: int
+
+
+@dataclass(frozen=True)
+class TruthRecord:
+    """A file of true motion that was uploaded.
+
+    Attributes:
+        id: SHA-256 of its content, hexadecimal.
+        format: what it was understood as, a word of ``observer.truth.files``.
+        file: its name in the folder ``truths`` of the data folder.
+        info: what was understood of it (bodies, rate, gaps, ...), for lists.
+        listed: False once a person deleted it while runs still refer to it.
+    """
+
+    id: str
+    name: str
+    format: str
+    file: str
+    info: dict[str, Any]
+    created_at: str
+    listed: bool = True
 
 
 @dataclass(frozen=True)
@@ -68,6 +112,7 @@ class SpeedRow:
         source: who says so.
         track_id: the track or body it belongs to; None for what a robot says of itself.
         speed, std: m/s; a value that is not finite is unknown and becomes None.
+        body: the name that motion capture gives to whose speed it is; None for other sources.
     """
 
     run_id: str
@@ -78,6 +123,7 @@ class SpeedRow:
     speed: float | None
     std: float | None
     segment: int
+    body: str | None = None
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.time):

@@ -1,38 +1,24 @@
-"""Runs and the speeds observed in them."""
+"""Runs: begun, changed, found again, annotated, deleted with undo."""
 
 from __future__ import annotations
 
 import secrets
 from collections.abc import Iterable
-from dataclasses import asdict
-from datetime import UTC, datetime
-from typing import Any, cast
+from datetime import UTC, datetime, timedelta
+from typing import Any
 
-from sqlalchemy import delete, insert, select
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
 
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
-from app.storage.models import Incident, IncidentStop, Run, Speed
-from app.storage.records import (
-    IncidentRecord,
-    RunRecord,
-    RunState,
-    SpeedRow,
-    SpeedSource,
-    StopFigures,
-    utc_now,
-)
+from app.storage.models import Run, RunTag
+from app.storage.records import RunPage, RunRecord, RunState, utc_now
+from app.storage.searching import folded, matching
 
-_SPEED_COLUMNS = (
-    Speed.run_id,
-    Speed.time,
-    Speed.role,
-    Speed.source,
-    Speed.track_id,
-    Speed.speed,
-    Speed.std,
-    Speed.segment,
-)
+# How long what was deleted can be had back.
+UNDO = timedelta(days=7)
+_NEWEST_FIRST = (Run.started_at.desc(), Run.id.desc())
 
 
 class RunTables(Database):
@@ -47,11 +33,16 @@ class RunTables(Database):
         versions: dict[str, str],
         calibration_id: str | None = None,
         preset: str | None = None,
+        rig: str | None = None,
+        record: str | None = None,
+        truth_id: str | None = None,
+        tags: Iterable[str] = (),
+        notes: str = "",
     ) -> RunRecord:
         """Begin a run; its id sorts by time and is fit for a file name.
 
         Raises:
-            StorageMissing: the calibration was not saved before.
+            StorageMissing: the calibration or the truth was not saved before.
         """
         now = utc_now()
         row = Run(
@@ -69,9 +60,19 @@ class RunTables(Database):
             segments=1,
             versions=dict(versions),
             reason=None,
+            notes=notes,
+            deleted_at=None,
+            rig=rig,
+            record=record,
+            recording_bytes=None,
+            alignment=None,
+            truth_id=truth_id,
+            tags=_tags(tags),
         )
+        row.searched = _searched(row)
         with self._writing() as session:
             session.add(row)
+            session.flush()
             return _run(row)
 
     def update_run(
@@ -84,6 +85,7 @@ class RunTables(Database):
         segments: int | None = None,
         reason: str | None = None,
         calibration_id: str | None = None,
+        recording_bytes: int | None = None,
     ) -> RunRecord:
         """Change what is given, and note the sign of life; a final state also notes the end.
 
@@ -97,49 +99,150 @@ class RunTables(Database):
             "segments": segments,
             "reason": reason,
             "calibration_id": calibration_id,
+            "recording_bytes": recording_bytes,
         }
         with self._writing() as session:
-            row = session.get(Run, run_id)
-            if row is None:
-                raise StorageMissing(f"there is no run {run_id}; GET /api/runs lists them")
+            row = _existing(session, run_id)
             for field, value in given.items():
                 if value is not None:
                     setattr(row, field, value)
+            if name is not None:
+                row.searched = _searched(row)
             row.updated_at = now
             if state is not None:
                 row.state = state.value
                 row.ended_at = None if state is RunState.RUNNING else now
             return _run(row)
 
+    def annotate_run(
+        self,
+        run_id: str,
+        *,
+        name: str | None = None,
+        tags: Iterable[str] | None = None,
+        notes: str | None = None,
+    ) -> RunRecord:
+        """What a person says of a run; unlike ``update_run`` no sign of life.
+
+        Args:
+            tags: all of them, in place of those before; surrounding space is left out.
+
+        Raises:
+            StorageMissing: there is no such run.
+        """
+        with self._writing() as session:
+            row = _existing(session, run_id)
+            if name is not None:
+                row.name = name
+            if notes is not None:
+                row.notes = notes
+            if tags is not None:
+                kept = {each.tag: each for each in row.tags}
+                row.tags = [kept.get(each.tag, each) for each in _tags(tags)]
+            row.searched = _searched(row)
+            return _run(row)
+
     def get_run(self, run_id: str) -> RunRecord | None:
+        """One run, also while it can still be had back."""
         with self._reading() as session:
             row = session.get(Run, run_id)
             return None if row is None else _run(row)
 
     def list_runs(self, *, limit: int = 200, offset: int = 0) -> list[RunRecord]:
-        """Newest first."""
+        """Newest first, without those that were deleted."""
+        return list(self.find_runs(limit=limit, offset=offset).runs)
+
+    def find_runs(
+        self,
+        text: str = "",
+        *,
+        tags: Iterable[str] = (),
+        since: datetime | None = None,
+        until: datetime | None = None,
+        deleted: bool = False,
+        limit: int = 50,
+        offset: int = 0,
+    ) -> RunPage:
+        """Newest first: runs with every word in name, notes or tags, and with every tag.
+
+        Args:
+            since, until: begun in this half-open interval; with a time zone.
+            deleted: those that can be had back, in place of the others.
+        """
+        wanted = matching(text, tags, since, until, deleted)
+        query = select(Run).where(wanted).order_by(*_NEWEST_FIRST).limit(limit).offset(offset)
+        with self._reading() as session:
+            total = session.scalar(select(func.count()).select_from(Run).where(wanted))
+            return RunPage(tuple(map(_run, session.scalars(query))), total or 0)
+
+    def run_tags(self) -> dict[str, int]:
+        """Every tag and how many runs bear it, deleted ones excepted; by the tag's text."""
         query = (
-            select(Run).order_by(Run.started_at.desc(), Run.id.desc()).limit(limit).offset(offset)
+            select(RunTag.tag, func.count())
+            .join(Run, Run.id == RunTag.run_id)
+            .where(Run.deleted_at.is_(None))
+            .group_by(RunTag.tag)
         )
         with self._reading() as session:
-            return [_run(row) for row in session.scalars(query)]
+            # Sorted here: databases order text as their locale says.
+            return dict(sorted((tag, count) for tag, count in session.execute(query)))
+
+    def discard_run(self, run_id: str) -> RunRecord:
+        """Hide a run; ``recover_run`` brings it back until it is purged.
+
+        Raises:
+            StorageMissing: there is no such run.
+        """
+        with self._writing() as session:
+            row = _existing(session, run_id)
+            row.deleted_at = row.deleted_at or utc_now()
+            return _run(row)
+
+    def recover_run(self, run_id: str) -> RunRecord:
+        """Undo ``discard_run``.
+
+        Raises:
+            StorageMissing: there is no such run any more.
+        """
+        with self._writing() as session:
+            row = _existing(session, run_id)
+            row.deleted_at = None
+            return _run(row)
 
     def delete_run(self, run_id: str) -> bool:
-        """Forget a run with its speeds and parameter revisions; False when there was none."""
+        """Forget a run for good, with all its rows and its folder; False when there was none.
+
+        Raises:
+            StorageError: its files cannot be deleted; the run stays.
+        """
+        if self.get_run(run_id) is None:
+            return False
+        # Gigabytes are not deleted within a transaction. Rows without files are found and deleted
+        # again, files without rows would stay for ever.
+        self.folder.remove_run(run_id)
         with self._writing() as session:
             row = session.get(Run, run_id)
-            if row is None:
-                return False
-            # The database deletes what refers to it.
-            session.execute(delete(Run).where(Run.id == run_id))
-            return True
+            if row is not None:
+                session.delete(row)
+            return row is not None
+
+    def purge_runs(self, older_than: timedelta = UNDO) -> list[str]:
+        """Forget for good what was discarded so long ago; returns their ids."""
+        before = datetime.now(UTC) - older_than
+        query = select(Run.id).where(Run.deleted_at <= before.isoformat(timespec="microseconds"))
+        with self._reading() as session:
+            gone = list(session.scalars(query.order_by(Run.id)))
+        for run_id in gone:
+            self.delete_run(run_id)
+        self.folder.tidy()
+        return gone
 
     def mark_interrupted_runs(
         self, reason: str = "the server ended before the run did"
     ) -> list[RunRecord]:
         """At the server's start: no run can be running, so those that say so were interrupted.
 
-        They end at their last sign of life. Returns them.
+        They end at their last sign of life, with what was recorded until then. Returns them.
         """
         with self._writing() as session:
             rows = list(session.scalars(select(Run).where(Run.state == RunState.RUNNING.value)))
@@ -147,93 +250,8 @@ class RunTables(Database):
                 row.state = RunState.INTERRUPTED.value
                 row.ended_at = row.updated_at
                 row.reason = reason
+                row.recording_bytes = self.folder.recording_bytes(row.id)
             return [_run(row) for row in rows]
-
-    def append_speeds(self, rows: Iterable[SpeedRow]) -> int:
-        """Keep speeds in one transaction; returns how many. Batch them: a commit costs most.
-
-        Raises:
-            StorageMissing: a row's run is not there (it was deleted); none of the rows is kept.
-        """
-        values = [asdict(row) for row in rows]
-        if values:
-            with self._writing() as session:
-                session.execute(insert(Speed), values)
-        return len(values)
-
-    def speeds(self, run_id: str) -> list[SpeedRow]:
-        """All speeds of a run in the order of writing; empty for an unknown run."""
-        query = select(*_SPEED_COLUMNS).where(Speed.run_id == run_id).order_by(Speed.id)
-        with self._reading() as session:
-            return [
-                SpeedRow(
-                    run_id=row.run_id,
-                    time=row.time,
-                    role=row.role,
-                    source=cast(SpeedSource, row.source),
-                    track_id=row.track_id,
-                    speed=row.speed,
-                    std=row.std,
-                    segment=row.segment,
-                )
-                for row in session.execute(query)
-            ]
-
-    def append_incident(self, record: IncidentRecord) -> int:
-        """Keep one incident; returns the number by which ``append_stop`` knows it.
-
-        Raises:
-            StorageMissing: its run is not there.
-        """
-        values = asdict(record)
-        stops = values.pop("stops")
-        with self._writing() as session:
-            row = Incident(**values)
-            session.add(row)
-            session.flush()
-            session.add_all(
-                IncidentStop(incident_id=row.id, role=role, **figures)
-                for role, figures in stops.items()
-            )
-            return row.id
-
-    def append_stop(self, incident: int, role: str, figures: StopFigures) -> None:
-        """Keep how a robot that an incident stopped came to stand.
-
-        Raises:
-            StorageMissing: the incident is not there (its run was deleted).
-        """
-        with self._writing() as session:
-            session.add(IncidentStop(incident_id=incident, role=role, **asdict(figures)))
-
-    def incidents(self, run_id: str) -> list[IncidentRecord]:
-        """Those of a run, oldest first; empty for an unknown run."""
-        query = select(Incident).where(Incident.run_id == run_id).order_by(Incident.id)
-        of_them = select(IncidentStop).join(Incident).where(Incident.run_id == run_id)
-        stops: dict[int, dict[str, StopFigures]] = {}
-        with self._reading() as session:
-            for stop in session.scalars(of_them):
-                figures = StopFigures(
-                    zero_ms=stop.zero_ms,
-                    stood_ms=stop.stood_ms,
-                    distance_m=stop.distance_m,
-                    speed_mps=stop.speed_mps,
-                    separation_m=stop.separation_m,
-                )
-                stops.setdefault(stop.incident_id, {})[stop.role] = figures
-            return [
-                IncidentRecord(
-                    row.run_id,
-                    row.at,
-                    row.role,
-                    row.kind,
-                    row.sentence,
-                    row.speed_mps,
-                    stops.get(row.id, {}),
-                )
-                for row in session.scalars(query)
-            ]
-
 
 def _run(row: Run) -> RunRecord:
     return RunRecord(
@@ -251,4 +269,27 @@ def _run(row: Run) -> RunRecord:
         segments=row.segments,
         versions=row.versions,
         reason=row.reason,
+        tags=tuple(each.tag for each in row.tags),
+        notes=row.notes,
+        deleted_at=row.deleted_at,
+        rig=row.rig,
+        record=row.record,
+        recording_bytes=row.recording_bytes,
+        alignment=row.alignment,
+        truth_id=row.truth_id,
     )
+
+
+def _existing(session: Session, run_id: str) -> Run:
+    row = session.get(Run, run_id)
+    if row is None:
+        raise StorageMissing(f"there is no run {run_id}; GET /api/runs lists them")
+    return row
+
+
+def _tags(tags: Iterable[str]) -> list[RunTag]:
+    return [RunTag(tag=tag) for tag in sorted({each.strip() for each in tags} - {""})]
+
+
+def _searched(row: Run) -> str:
+    return folded(row.name, row.notes, *(each.tag for each in row.tags))

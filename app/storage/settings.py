@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.storage.database import Database
@@ -24,7 +25,7 @@ class SettingTables(Database):
 
     def list_settings(self) -> dict[str, Any]:
         with self._reading() as session:
-            return {row.key: row.value for row in session.query(Setting).order_by(Setting.key)}
+            return dict(sorted((row.key, row.value) for row in session.scalars(select(Setting))))
 
 
 def read_setting(session: Session, key: str, default: Any = None) -> Any:

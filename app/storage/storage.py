@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
+
 from app.storage.calibrations import CalibrationTables
 from app.storage.parameters import ParameterTables
-from app.storage.runs import RunTables
+from app.storage.runs import UNDO, RunTables
 from app.storage.settings import SettingTables
+from app.storage.speeds import SpeedTables
+from app.storage.truths import TruthTables
 
 
-class Storage(RunTables, ParameterTables, CalibrationTables, SettingTables):
-    """One database with all its tables; thread-safe, synchronous.
+class Storage(
+    RunTables, SpeedTables, TruthTables, ParameterTables, CalibrationTables, SettingTables
+):
+    """One database with all its tables, and the data folder beside it; thread-safe, synchronous.
 
     ``open`` (or ``with``) before use, ``close`` at the end; see ``Database`` for the arguments.
     Each part of the interface stands in the class of its tables. Every method raises
     ``StorageBusy``, ``StorageFull`` or another ``StorageError``; a write that raised wrote nothing.
     """
+
+    def purge(self, older_than: timedelta = UNDO) -> list[str]:
+        """Delete for good what was discarded so long ago; returns the ids of its runs."""
+        gone = self.purge_runs(older_than)
+        self.purge_truths()
+        return gone

@@ -104,7 +104,7 @@ def create_app(
         engine, drive = _real_processes(drive)
     station = Station(
         engine,
-        storage or Storage(settings.database_location),
+        storage or Storage(settings.database_location, folder=settings.data),
         source=settings.source,
         rig_file=settings.data / FILE_NAME,
         programme_folder=settings.data / shelf.FOLDER_NAME,

@@ -14,7 +14,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, create_engine
 
 from app.storage import IncidentRecord, Storage, StorageError
-from app.storage.database import _engine, _url
+from app.storage.engines import database_url, make_engine
 from app.storage.migration import MIGRATIONS, upgrade
 from app.storage.models import Base
 
@@ -38,7 +38,7 @@ def later(tmp_path: Path) -> Callable[[str], Path]:
 
 
 def engine_of(file: Path) -> Engine:
-    return _engine(_url(file), 1.0)
+    return make_engine(database_url(file), 1.0)
 
 
 def test_the_migrations_make_the_tables_of_the_models(file: Path) -> None:

@@ -1,0 +1,125 @@
+"""From a file or a URL to SQLAlchemy's engine, with what each kind of database needs."""
+
+from __future__ import annotations
+
+import json
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
+from sqlalchemy.exc import ArgumentError
+
+from app.storage.errors import StorageError
+
+# How our connections are called in PostgreSQL's pg_stat_activity.
+APPLICATION = "dynamic-observer"
+_POSTGRESQL = ("postgresql", "postgres", "postgresql+psycopg")
+# A server that is gone is noticed after so long, also in the middle of a request.
+_SILENCE_S = 10
+
+
+def database_url(location: str | Path) -> URL:
+    """What ``Storage`` takes as a location, as a URL.
+
+    Raises:
+        StorageError: it is no URL of a database that can serve, or its driver is missing.
+    """
+    text = str(location)
+    if "://" not in text:
+        if text == ":memory:":
+            raise StorageError("the storage needs a file or a database URL, not :memory:")
+        return URL.create("sqlite", database=str(Path(text).expanduser().absolute()))
+    try:
+        url = make_url(text)
+        if url.drivername in _POSTGRESQL:
+            url = url.set(drivername="postgresql+psycopg")
+        url.get_dialect().import_dbapi()
+    except ArgumentError as error:
+        raise StorageError(
+            "the database URL is not understood; it looks like sqlite:////folder/file.sqlite or "
+            "postgresql://user:password@host/database"
+        ) from error
+    except ImportError as error:
+        raise StorageError(_missing(url, error)) from error
+    if url.get_backend_name() == "sqlite" and url.database in (None, "", ":memory:"):
+        raise StorageError(
+            "a database in memory cannot be shared by threads; "
+            "name a file, as in sqlite:////folder/file.sqlite"
+        )
+    return url
+
+
+def _missing(url: URL, error: ImportError) -> str:
+    if url.get_backend_name() == "postgresql":
+        return (
+            "PostgreSQL databases need the Python package psycopg; install it with "
+            "pip install 'dynamic-observer[postgres]'"
+        )
+    return (
+        f"databases of the kind {url.drivername} need the Python package {error.name}; "
+        f"install it with pip install {error.name}"
+    )
+
+
+def make_engine(url: URL, busy_timeout_s: float) -> Engine:
+    """An engine whose writers begin with the option ``writes``.
+
+    Args:
+        busy_timeout_s: how long a statement waits for another's lock, and a thread for a
+            connection.
+    """
+    options: dict[str, Any] = {
+        "json_serializer": partial(json.dumps, allow_nan=False, ensure_ascii=False),
+        "pool_timeout": busy_timeout_s,
+    }
+    if url.get_backend_name() == "postgresql":
+        options["connect_args"] = _postgresql_arguments(url, busy_timeout_s)
+    if url.get_backend_name() != "sqlite":
+        # Asked before each use: the server may have been restarted meanwhile.
+        return create_engine(url, pool_pre_ping=True, **options)
+    engine = create_engine(url, connect_args={"timeout": busy_timeout_s}, **options)
+    event.listen(engine, "connect", _on_sqlite_connect)
+    event.listen(engine, "begin", _on_sqlite_begin)
+    return engine
+
+
+def _postgresql_arguments(url: URL, busy_timeout_s: float) -> dict[str, Any]:
+    """What the URL says itself goes before."""
+    waits_ms = max(1, round(1000 * busy_timeout_s))
+    # https://www.postgresql.org/docs/current/libpq-connect.html#LIBPQ-PARAMKEYWORDS
+    arguments = {
+        "application_name": APPLICATION,
+        "connect_timeout": max(2, round(busy_timeout_s)),
+        "keepalives_idle": _SILENCE_S // 2,
+        "keepalives_interval": 2,
+        "keepalives_count": 3,
+        "tcp_user_timeout": 1000 * _SILENCE_S,
+        "options": f"-c lock_timeout={waits_ms} -c client_encoding=UTF8",
+    }
+    return {name: value for name, value in arguments.items() if name not in url.query}
+
+
+def use_write_ahead_log(engine: Engine) -> None:
+    """The mode is the file's, not the connection's: set once, after the file is known as ours."""
+    with closing(engine.raw_connection()) as connection:
+        connection.cursor().execute("PRAGMA journal_mode=WAL")
+
+
+def _on_sqlite_connect(connection: Any, _record: object) -> None:
+    # We say BEGIN ourselves: the driver's own leaves DDL outside transactions.
+    connection.isolation_level = None
+    cursor = connection.cursor()
+    # With a write-ahead log, NORMAL survives the process's death at any moment without loss;
+    # a power cut may lose the last transactions but never damages the file.
+    cursor.execute("PRAGMA synchronous=NORMAL")
+    cursor.execute("PRAGMA foreign_keys=ON")
+    cursor.close()
+
+
+def _on_sqlite_begin(connection: Connection) -> None:
+    # A writer takes the lock at once: a reader that turns writer half-way is refused without
+    # waiting when somebody else wrote in between.
+    writes = connection.get_execution_options().get("writes", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

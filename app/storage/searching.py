@@ -1,0 +1,52 @@
+"""Finding runs by words, the same on every database.
+
+SQLite folds ASCII letters only and PostgreSQL as its locale says, so what is searched is folded
+here and kept beside the text.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Iterable
+from datetime import UTC, datetime
+
+from sqlalchemy import ColumnElement, and_, select
+
+from app.storage.models import Run, RunTag
+
+
+def folded(*texts: str) -> str:
+    """The texts as they are searched: in lower case, compatible characters made equal."""
+    return unicodedata.normalize("NFKC", "\n".join(texts)).casefold()
+
+
+def matching(
+    text: str,
+    tags: Iterable[str],
+    since: datetime | None,
+    until: datetime | None,
+    deleted: bool,
+) -> ColumnElement[bool]:
+    """Runs that hold every word of ``text`` and every tag, begun in ``[since, until)``.
+
+    Raises:
+        ValueError: a time without its zone.
+    """
+    conditions: list[ColumnElement[bool]] = [
+        Run.deleted_at.is_not(None) if deleted else Run.deleted_at.is_(None)
+    ]
+    conditions += [Run.searched.contains(word, autoescape=True) for word in folded(text).split()]
+    conditions += [
+        Run.id.in_(select(RunTag.run_id).where(RunTag.tag == tag)) for tag in {*tags}
+    ]
+    if since is not None:
+        conditions.append(Run.started_at >= _stored(since))
+    if until is not None:
+        conditions.append(Run.started_at < _stored(until))
+    return and_(*conditions)
+
+
+def _stored(moment: datetime) -> str:
+    if moment.tzinfo is None:
+        raise ValueError(f"the time {moment} needs its zone")
+    return moment.astimezone(UTC).isoformat(timespec="microseconds")

@@ -1,0 +1,152 @@
+"""Speeds observed in runs, and what stopped robots during them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import Any, cast
+
+from sqlalchemy import delete, insert, select
+
+from app.storage.database import Database
+from app.storage.errors import StorageMissing
+from app.storage.models import Incident, IncidentStop, Run, Speed
+from app.storage.records import (
+    IncidentRecord,
+    SpeedRow,
+    SpeedSource,
+    StopFigures,
+)
+
+_SPEED_COLUMNS = (
+    Speed.run_id,
+    Speed.time,
+    Speed.role,
+    Speed.source,
+    Speed.track_id,
+    Speed.speed,
+    Speed.std,
+    Speed.segment,
+    Speed.body,
+)
+
+
+class SpeedTables(Database):
+    """Rows of runs that exist; they are deleted with their run."""
+
+    def append_speeds(self, rows: Iterable[SpeedRow]) -> int:
+        """Keep speeds in one transaction; returns how many. Batch them: a commit costs most.
+
+        Raises:
+            StorageMissing: a row's run is not there (it was deleted); none of the rows is kept.
+        """
+        values = [asdict(row) for row in rows]
+        if values:
+            with self._writing() as session:
+                session.execute(insert(Speed), values)
+        return len(values)
+
+    def speeds(self, run_id: str) -> list[SpeedRow]:
+        """All speeds of a run in the order of writing; empty for an unknown run."""
+        query = select(*_SPEED_COLUMNS).where(Speed.run_id == run_id).order_by(Speed.id)
+        with self._reading() as session:
+            return [
+                SpeedRow(
+                    run_id=row.run_id,
+                    time=row.time,
+                    role=row.role,
+                    source=cast(SpeedSource, row.source),
+                    track_id=row.track_id,
+                    speed=row.speed,
+                    std=row.std,
+                    segment=row.segment,
+                    body=row.body,
+                )
+                for row in session.execute(query)
+            ]
+
+    def align_run(
+        self,
+        run_id: str,
+        alignment: dict[str, Any] | None,
+        *,
+        truth_id: str | None = None,
+        rows: Iterable[SpeedRow] = (),
+    ) -> None:
+        """Lay another truth over a run, or the same in another way, in one transaction.
+
+        Args:
+            alignment: what was found, JSON; None takes truth and alignment away.
+            truth_id: the truth file; None where the truth was recorded with the run.
+            rows: the speeds by it, in place of all that the run has of the source ``truth``.
+
+        Raises:
+            StorageMissing: the run or the truth is not there; nothing was changed.
+            ValueError: a row is of another run or another source.
+        """
+        values = [asdict(row) for row in rows]
+        if any(row["run_id"] != run_id or row["source"] != "truth" for row in values):
+            raise ValueError(f"an alignment of the run {run_id} brings its truth's speeds only")
+        with self._writing() as session:
+            run = session.get(Run, run_id)
+            if run is None:
+                raise StorageMissing(f"there is no run {run_id}; GET /api/runs lists them")
+            run.alignment, run.truth_id = alignment, truth_id
+            session.execute(delete(Speed).where(Speed.run_id == run_id, Speed.source == "truth"))
+            if values:
+                session.execute(insert(Speed), values)
+
+    def append_incident(self, record: IncidentRecord) -> int:
+        """Keep one incident; returns the number by which ``append_stop`` knows it.
+
+        Raises:
+            StorageMissing: its run is not there.
+        """
+        values = asdict(record)
+        stops = values.pop("stops")
+        with self._writing() as session:
+            row = Incident(**values)
+            session.add(row)
+            session.flush()
+            session.add_all(
+                IncidentStop(incident_id=row.id, role=role, **figures)
+                for role, figures in stops.items()
+            )
+            return row.id
+
+    def append_stop(self, incident: int, role: str, figures: StopFigures) -> None:
+        """Keep how a robot that an incident stopped came to stand.
+
+        Raises:
+            StorageMissing: the incident is not there (its run was deleted).
+        """
+        with self._writing() as session:
+            session.add(IncidentStop(incident_id=incident, role=role, **asdict(figures)))
+
+    def incidents(self, run_id: str) -> list[IncidentRecord]:
+        """Those of a run, oldest first; empty for an unknown run."""
+        query = select(Incident).where(Incident.run_id == run_id).order_by(Incident.id)
+        of_them = select(IncidentStop).join(Incident).where(Incident.run_id == run_id)
+        stops: dict[int, dict[str, StopFigures]] = {}
+        with self._reading() as session:
+            for stop in session.scalars(of_them):
+                figures = StopFigures(
+                    zero_ms=stop.zero_ms,
+                    stood_ms=stop.stood_ms,
+                    distance_m=stop.distance_m,
+                    speed_mps=stop.speed_mps,
+                    separation_m=stop.separation_m,
+                )
+                stops.setdefault(stop.incident_id, {})[stop.role] = figures
+            return [
+                IncidentRecord(
+                    row.run_id,
+                    row.at,
+                    row.role,
+                    row.kind,
+                    row.sentence,
+                    row.speed_mps,
+                    stops.get(row.id, {}),
+                )
+                for row in session.scalars(query)
+            ]

@@ -1,0 +1,132 @@
+"""Truth files by content: their facts in the database, they themselves in the data folder."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import re
+import secrets
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from app.storage.database import Database
+from app.storage.errors import StorageError, StorageFull, StorageMissing
+from app.storage.models import Run, Truth
+from app.storage.records import TruthRecord, utc_now
+
+_ENDING = re.compile(r"\.[0-9A-Za-z]{1,8}")
+_OF_ROW = Run.truth_id == Truth.id
+_CHUNK = 1024 * 1024
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class TruthTables(Database):
+    """What a truth file means is not known here; ``observer.truth.files`` reads it."""
+
+    def save_truth(
+        self, file: Path, *, name: str, format: str, info: dict[str, Any] | None = None
+    ) -> TruthRecord:
+        """Keep a copy of a truth file; one with the same content takes the new name and facts.
+
+        Raises:
+            StorageFull: there is no space for the copy. StorageError: it cannot be made.
+        """
+        ending = _ENDING.fullmatch(Path(name).suffix)
+        key, stored = self._keep(file, ending.group().lower() if ending else "")
+        with self._writing() as session:
+            row = session.get(Truth, key)
+            if row is None:
+                row = Truth(id=key, created_at=utc_now(), file=stored.name)
+                session.add(row)
+            row.name, row.format, row.info, row.listed = name, format, dict(info or {}), True
+            row.file = stored.name
+            return _truth(row)
+
+    def get_truth(self, id: str) -> TruthRecord | None:
+        """One truth, deleted ones that a run refers to included."""
+        with self._reading() as session:
+            row = session.get(Truth, id)
+            return None if row is None else _truth(row)
+
+    def truth_file(self, id: str) -> Path:
+        """Where its file is.
+
+        Raises:
+            StorageMissing: there is no such truth, or its file is gone.
+        """
+        record = self.get_truth(id)
+        if record is None:
+            raise StorageMissing(f"there is no truth {id}; upload it first")
+        path = self.folder.truth(record.file)
+        if not path.is_file():
+            raise StorageMissing(f"the file {path} of the truth {record.name} is gone; upload it")
+        return path
+
+    def list_truths(self) -> list[TruthRecord]:
+        """Those that are listed, newest first."""
+        query = select(Truth).where(Truth.listed).order_by(Truth.created_at.desc(), Truth.id)
+        with self._reading() as session:
+            return [_truth(row) for row in session.scalars(query)]
+
+    def delete_truth(self, id: str) -> bool:
+        """Take it off the list (False: it is not there), with its file unless a run needs it."""
+        with self._writing() as session:
+            row = session.get(Truth, id)
+            if row is None or not row.listed:
+                return False
+            row.listed = False
+            unused = None if _used(session, id) else row.file
+            if unused is not None:
+                session.delete(row)
+        if unused is not None:
+            self.folder.truth(unused).unlink(missing_ok=True)
+        return True
+
+    def purge_truths(self) -> None:
+        """Delete those that were taken off the list when the last run that needed them went."""
+        query = select(Truth).where(~Truth.listed, ~select(Run).where(_OF_ROW).exists())
+        with self._writing() as session:
+            rows = list(session.scalars(query))
+            files = [row.file for row in rows]
+            for row in rows:
+                session.delete(row)
+        for file in files:
+            self.folder.truth(file).unlink(missing_ok=True)
+
+    def _keep(self, file: Path, ending: str) -> tuple[str, Path]:
+        folder = self.folder.truth("")
+        part = folder / f".{secrets.token_hex(6)}.part"
+        content = hashlib.sha256()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with file.open("rb") as source, part.open("wb") as target:
+                while chunk := source.read(_CHUNK):
+                    content.update(chunk)
+                    target.write(chunk)
+                target.flush()
+                os.fsync(target.fileno())
+            key = content.hexdigest()
+            known = self.get_truth(key)
+            kept = folder / (f"{key}{ending}" if known is None else known.file)
+            os.replace(part, kept)
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            kind = StorageFull if error.errno in _NO_SPACE else StorageError
+            raise kind(
+                f"the truth cannot be kept in {folder} ({error.strerror}); free some disk space or "
+                f"make the folder writable"
+            ) from error
+        return key, kept
+
+
+def _used(session: Session, id: str) -> bool:
+    query = select(func.count()).select_from(Run).where(Run.truth_id == id)
+    return bool(session.scalar(query))
+
+
+def _truth(row: Truth) -> TruthRecord:
+    return TruthRecord(row.id, row.name, row.format, row.file, row.info, row.created_at, row.listed)
