@@ -26,9 +26,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from observer.camera import StereoCamera
+from observer.chi_square import upper_quantile
 from observer.geometry import Float64Array
 from observer.motion_sums import MotionSums
 from observer.obstacles.body import BodyTrack
@@ -207,7 +207,7 @@ def _threshold(camera: StereoCamera, neighbours: float, p: Parameters) -> float:
     """Squared significance that evidence must exceed."""
     squares = camera.width * camera.height / p.following.spacing_px**2
     tests = max(1.0, Thing().followed_share * squares / neighbours)
-    return float(chi2.isf(p.evidence.false_alarms_per_frame / tests, df=3))
+    return upper_quantile(p.evidence.false_alarms_per_frame / tests, df=3)
 
 
 def _begun(place: Float64Array, velocity: Float64Array, cov: Float64Array, count: int) -> BodyTrack:

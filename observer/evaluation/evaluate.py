@@ -7,14 +7,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
+from observer.chi_square import quantile
 from observer.evaluation.lines import Line, checked_lines
 from observer.evaluation.tally import GATE_M, Episode, Sample, Tally, tally
 from observer.truth.contract import Truth
 
 # Three components of velocity, 95 %.
-_MAHALANOBIS2_95 = float(chi2.ppf(0.95, df=3))
+_MAHALANOBIS2_95 = quantile(0.95, df=3)
 
 
 @dataclass(frozen=True)

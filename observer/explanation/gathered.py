@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.stats import chi2
 
 from observer.camera import StereoCamera
+from observer.chi_square import log_share_above
 from observer.evidence import Evidence
 from observer.explanation.answer import (
     Nearby,
@@ -287,7 +287,7 @@ def _rate_for(length: float, threshold: float, now: float) -> float:
     The threshold is that of chi-squared at the rate divided by the number of tests, which need
     not be known: it is the same for both.
     """
-    log_ratio = chi2.logsf(length**2, df=3) - chi2.logsf(threshold**2, df=3)
+    log_ratio = log_share_above(length**2, df=3) - log_share_above(threshold**2, df=3)
     return now * float(np.exp(np.clip(log_ratio, -690.0, 690.0)))
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from observer.chi_square import quantile
 from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
 from observer.obstacles.motion_filter import MEASURED, turning_velocity, yaw_matrix
 from observer.points import Points
@@ -19,7 +19,7 @@ _FULL_WEIGHT_SIGMAS = 2.0
 # Share of a sighting's variance that the same point's next sightings repeat: its surroundings stay
 # the same, and so does the error of matching them.
 _PERSISTENT = 0.5
-_MEDIAN_CHI2 = float(chi2.ppf(0.5, df=3))
+_MEDIAN_CHI2 = quantile(0.5, df=3)
 # Gauss-Newton converges quadratically; the yaw is never far from the prediction.
 _STEPS = 3
 # Metres and radians: a step smaller than this ends it.

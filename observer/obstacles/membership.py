@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from observer.chi_square import quantile
 from observer.geometry import Float64Array, inverse_3x3
 from observer.motion_evidence import Motion
 from observer.motion_sums import MotionSums
@@ -18,10 +18,10 @@ from observer.points import Points
 
 # A point joins if its velocity fits the body's and it is this much likelier than at rest (twice
 # the logarithm of the likelihoods' ratio: e^4 = 55 times); and leaves if it is so much less.
-_JOIN_CHI2 = float(chi2.ppf(0.99, df=3))
+_JOIN_CHI2 = quantile(0.99, df=3)
 _SURE_RATIO = 8.0
 # Two velocities in space that differ by no more than this belong to one body.
-_SAME_CHI2 = float(chi2.ppf(0.999, df=3))
+_SAME_CHI2 = quantile(0.999, df=3)
 # Share of a body's speed at which a point beside it may seem to creep, and still rests.
 _AT_REST = 0.03
 # Share of its speed that a body may gain or lose in a second.

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import gammainccinv
-from scipy.stats import chi2
 
 from observer.camera import StereoCamera
 from observer.camera_rate import CameraRate
+from observer.chi_square import quantile
 from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
 from observer.motion_evidence import Motion
 from observer.neighbourhood import false_alarms_per_test, grouped, summed
@@ -18,7 +18,7 @@ from observer.points import Points
 
 # Neighbours must agree in depth and velocity to within this many standard deviations of both.
 _DEPTH_SIGMAS = 3.0
-_VELOCITY_CHI2 = float(chi2.ppf(0.999, df=3))
+_VELOCITY_CHI2 = quantile(0.999, df=3)
 # A regression over a random walk of the pose knows the slope this much worse than its step.
 _RANDOM_WALK = 1.2
 # Product of the three eigenvalues of an information, relative to their mean, that is not rounding;

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.stats import chi2, norm
+from scipy.special import ndtri
 
 from observer.camera import StereoCamera
+from observer.chi_square import upper_quantile
 from observer.geometry import Float64Array, Pose
 from observer.neighbourhood import false_alarms_per_test, summed
 from observer.one_camera.floor import Floor
@@ -84,8 +85,8 @@ def ray_evidence(
     below = _below_floor(sums[:, 8], sums[:, 9], shared * max(1.0, noise_scale) ** 2, tilt_sigma,
                          floor, ready)  # fmt: skip
     rate = false_alarms_per_test(parameters.false_alarms_per_frame, ready, neighbours)
-    threshold = float(np.sqrt(chi2.isf(rate, df=2)))
-    below *= threshold / float(norm.isf(rate))
+    threshold = float(np.sqrt(upper_quantile(rate, df=2)))
+    below *= threshold / float(-ndtri(rate))
     below = np.where(sums[:, 10] >= _MOST * neighbours, below, 0.0)
     significance = np.maximum(np.sqrt(squared), below)
     return RayEvidence(

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from observer.camera import StereoCamera
+from observer.chi_square import quantile
 from observer.geometry import Float64Array, Pose, orthonormal, rotation_matrix
 from observer.parameters import EgoMotionParameters
 from observer.pose_fit import (
@@ -46,7 +46,7 @@ _HUBER_SIGMAS = 2.0
 # Residuals beyond this many standard deviations are outliers of the refinement.
 _OUTLIER_SIGMAS = 3.5
 _DAMPING = 1e-9
-_MEDIAN_CHI2 = float(chi2.ppf(0.5, df=3))
+_MEDIAN_CHI2 = quantile(0.5, df=3)
 
 
 @dataclass(frozen=True, eq=False)
