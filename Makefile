@@ -19,6 +19,7 @@ PYTHON ?=
 ARGS ?=
 # Of each fault; see tests/faults.
 TRIALS ?= 100
+POSTGRES_HOME ?= /usr/lib/postgresql
 
 # Stamps: what they stand for was done after the files they depend on last changed.
 MADE := $(VENV)/.made
@@ -33,7 +34,7 @@ ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
 $(MADE): moved
 endif
 
-.PHONY: moved help setup setup-dev run test faults lint bench wheel chromium ffmpeg constraints clean
+.PHONY: moved help setup setup-dev run test faults lint bench wheel chromium ffmpeg postgres constraints clean
 .DELETE_ON_ERROR:
 
 help:
@@ -53,6 +54,7 @@ run: setup
 test: setup-dev
 	@( $(install_chromium) ) || true
 	@( $(install_ffmpeg) ) || true
+	@( $(install_postgres) ) || true
 ifeq ($(strip $(ARGS)),)
 	$(BIN)/pytest -n 2 --dist loadfile -m "not browser and not alone"
 	$(BIN)/pytest -s -m alone
@@ -97,13 +99,16 @@ $(VENDORED): static/package-lock.json app/packaging/frontend.py | $(MADE)
 	@$(BIN)/python app/packaging/frontend.py vendor
 	@touch $@
 
-# The browser tests drive the system's Chromium, those of network cameras ffmpeg's servers. Each
-# fails, and says so, where it cannot be installed.
+# The browser tests drive the system's Chromium, those of network cameras ffmpeg's servers, those
+# of the database a PostgreSQL server. Each fails, and says so, where it cannot be installed.
 chromium:
 	@$(install_chromium)
 
 ffmpeg:
 	@$(install_ffmpeg)
+
+postgres:
+	@$(install_postgres)
 
 constraints: setup-dev
 	@{ echo "# Every package that a set-up may install, pinned. Renewed by: make constraints"; \
@@ -151,6 +156,11 @@ define find_ffmpeg
 command -v ffmpeg >/dev/null
 endef
 
+# Debian keeps its programmes apart from the path, by version.
+define find_postgres
+{ command -v initdb || { set -- $(POSTGRES_HOME)/*/bin/initdb; command -v "$$1"; }; } >/dev/null
+endef
+
 # $(call install,what finds it,its package,what it is for,what is left out without it): with
 # apt-get, as root or where sudo asks for no password; otherwise says what is left out.
 define install
@@ -174,6 +184,8 @@ install_chromium = $(call install,$(find_chromium),chromium,the browser tests,$\
 the tests in tests/browser are)
 install_ffmpeg = $(call install,$(find_ffmpeg),ffmpeg,the tests of network cameras,$\
 the tests of network cameras are)
+install_postgres = $(call install,$(find_postgres),postgresql,the tests of the database,$\
+the tests of the database on PostgreSQL are)
 
 define registry_hint
 echo "pip could not install what pyproject.toml asks for, as said above;" \

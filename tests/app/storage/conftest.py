@@ -1,11 +1,58 @@
+"""Databases of both kinds: what holds for one must hold for the other."""
+
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from app.storage import RunRecord, Storage
+
+from ...postgresql import CannotStart, PrivateServer, private_server
+
+_TEMPLATE = "migrated"
+_numbers = itertools.count()
+
+
+@pytest.fixture(scope="session")
+def server_or_reason(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PrivateServer | str]:
+    """One server for all tests of this process, or why there is none."""
+    try:
+        with private_server() as server:
+            server.run(f"CREATE DATABASE {_TEMPLATE}")
+            with Storage(server.url(_TEMPLATE), folder=tmp_path_factory.mktemp("template")):
+                pass
+            yield server
+    except CannotStart as error:
+        yield str(error)
+
+
+@pytest.fixture
+def server(server_or_reason: PrivateServer | str) -> PrivateServer:
+    """The server; the test is left out without it, but never in CI: there it must be."""
+    if isinstance(server_or_reason, str):
+        if os.environ.get("CI"):
+            pytest.fail(server_or_reason)
+        pytest.skip(server_or_reason)
+    return server_or_reason
+
+
+@pytest.fixture
+def new_database(server: PrivateServer) -> Iterator[Callable[[], str]]:
+    """Makes an empty database on the server and gives its URL."""
+    made: list[str] = []
+
+    def make(template: str = "template1") -> str:
+        made.append(f"test_{next(_numbers)}")
+        server.run(f"CREATE DATABASE {made[-1]} TEMPLATE {template}")
+        return server.url(made[-1])
+
+    yield make
+    for name in made:
+        server.run(f"DROP DATABASE {name} WITH (FORCE)")
 
 
 @pytest.fixture
@@ -13,10 +60,28 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "observer.sqlite"
 
 
+@pytest.fixture(params=["sqlite", "postgresql"])
+def location(
+    request: pytest.FixtureRequest, file: Path, server_or_reason: PrivateServer | str
+) -> str | Path:
+    """A database of each kind. The server is started before the test: it is none of its own."""
+    del server_or_reason
+    if request.param == "sqlite":
+        return file
+    make: Callable[[str], str] = request.getfixturevalue("new_database")
+    return make(_TEMPLATE)
+
+
 @pytest.fixture
-def storage(file: Path) -> Iterator[Storage]:
-    with Storage(file) as opened:
-        yield opened
+def opened(location: str | Path, tmp_path: Path) -> Callable[[], Storage]:
+    """``with opened() as storage``: the test's own database, as often as it likes."""
+    return lambda: Storage(location, folder=tmp_path, busy_timeout_s=1.0).open()
+
+
+@pytest.fixture
+def storage(opened: Callable[[], Storage]) -> Iterator[Storage]:
+    with opened() as storage:
+        yield storage
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import hashlib
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 
@@ -11,14 +11,14 @@ from observer.calibration.formats.opencv_file import calibration_id
 TEXT = "%YAML:1.0\n---\nimage_width: 512 # Größe\n"
 
 
-def test_a_calibration_is_known_by_its_content(file: Path) -> None:
-    with Storage(file) as storage:
+def test_a_calibration_is_known_by_its_content(opened: Callable[[], Storage]) -> None:
+    with opened() as storage:
         made = storage.save_calibration(TEXT, name="lab.yaml", info={"width": 512})
         assert made.id == hashlib.sha256(TEXT.encode()).hexdigest() == calibration_id(TEXT)
         again = storage.save_calibration(TEXT, name="renamed.yaml")
         assert (again.id, again.created_at, again.info) == (made.id, made.created_at, made.info)
         storage.save_calibration(TEXT + "\n", name="other.yaml")
-    with Storage(file) as storage:
+    with opened() as storage:
         assert storage.get_calibration(made.id) == again
         assert [each.name for each in storage.list_calibrations()] == [
             "other.yaml",

@@ -1,4 +1,4 @@
-"""Damage, locks, full disks and killed processes, on real files."""
+"""Damage, locks, full disks and killed processes, on real SQLite files."""
 
 from __future__ import annotations
 
@@ -15,6 +15,12 @@ import pytest
 import structlog
 
 from app.storage import RunState, SpeedRow, Storage, StorageBusy, StorageError, StorageFull
+
+
+@pytest.fixture
+def storage(file: Path) -> Iterator[Storage]:
+    with Storage(file) as opened:
+        yield opened
 
 
 def fill(file: Path, rows: int = 2000) -> str:

@@ -8,12 +8,14 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from alembic import command
 from alembic.autogenerate import compare_metadata
+from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, create_engine
 
-from app.storage import IncidentRecord, Storage, StorageError
+from app.storage import IncidentRecord, SpeedRow, Storage, StorageError
 from app.storage.engines import database_url, make_engine
 from app.storage.migration import MIGRATIONS, upgrade
 from app.storage.models import Base
@@ -37,6 +39,16 @@ def later(tmp_path: Path) -> Callable[[str], Path]:
     return make
 
 
+def earlier_migrations(tmp_path: Path, last: int) -> Path:
+    """The package's migrations up to a number."""
+    folder = tmp_path / f"migrations-{last}"
+    shutil.copytree(MIGRATIONS, folder, ignore=shutil.ignore_patterns("__pycache__"))
+    for each in (folder / "versions").glob("*.py"):
+        if int(each.name[:4]) > last:
+            each.unlink()
+    return folder
+
+
 def engine_of(file: Path) -> Engine:
     return make_engine(database_url(file), 1.0)
 
@@ -55,11 +67,8 @@ def test_the_migrations_make_the_tables_of_the_models(file: Path) -> None:
 def test_incidents_of_before_stops_were_measured_stay_without_any(
     file: Path, tmp_path: Path
 ) -> None:
-    before = tmp_path / "migrations"
-    unknown = shutil.ignore_patterns("__pycache__", "0003_*", "000[4-9]_*")
-    shutil.copytree(MIGRATIONS, before, ignore=unknown)
     engine = engine_of(file)
-    upgrade(engine, file, before)
+    upgrade(engine, file, earlier_migrations(tmp_path, 2))
     engine.dispose()
     with closing(sqlite3.connect(file)) as connection, connection:
         connection.execute(
@@ -123,3 +132,39 @@ def test_a_database_of_a_newer_version_is_refused(file: Path, later: Callable[[s
     engine.dispose()
     with pytest.raises(StorageError, match="newer version"):
         Storage(file).open()
+
+
+def test_runs_of_before_the_history_keep_all_their_rows(file: Path, tmp_path: Path) -> None:
+    engine = engine_of(file)
+    upgrade(engine, file, earlier_migrations(tmp_path, 3))
+    engine.dispose()
+    with closing(sqlite3.connect(file)) as connection, connection:
+        connection.execute(
+            "INSERT INTO runs (id, name, state, source, parameters, started_at, updated_at, frames,"
+            " segments, versions) VALUES ('a', 'Größe 1', 'finished', 's', '{}', 't', 't', 3, 1,"
+            " '{}')"
+        )
+        connection.execute(
+            "INSERT INTO speeds (run_id, time, role, source, speed, segment)"
+            " VALUES ('a', 0.5, 'obstacle', 'truth', 0.25, 0)"
+        )
+    with Storage(file) as storage:
+        (run,) = storage.find_runs("GRÖSSE").runs
+        assert (run.tags, run.notes, run.deleted_at, run.alignment) == ((), "", None, None)
+        assert (run.record, run.recording_bytes, run.truth_id) == (None, None, None)
+        assert storage.speeds("a") == [SpeedRow("a", 0.5, "obstacle", "truth", None, 0.25, None, 0)]
+
+
+def test_every_migration_can_be_taken_back(file: Path) -> None:
+    with Storage(file):
+        pass
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS))
+    engine = engine_of(file)
+    for direction, target in ((command.downgrade, "base"), (command.upgrade, "head")):
+        with engine.execution_options(writes=True).begin() as connection:
+            config.attributes["connection"] = connection
+            direction(config, target)
+    engine.dispose()
+    with Storage(file) as storage:
+        assert storage.list_runs() == []

@@ -1,20 +1,20 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 
 from app.storage import RunRecord, SavedParameters, Storage, StorageExists
 
 
-def test_parameters_are_found_again_as_they_were_left(file: Path) -> None:
+def test_parameters_are_found_again_as_they_were_left(opened: Callable[[], Storage]) -> None:
     values = {"ego_motion.ransac_threshold_px": 0.1 + 0.2, "features.detector": "fast", "a": None}
-    with Storage(file) as storage:
+    with opened() as storage:
         assert storage.load_parameters() is None
         storage.save_parameters(1, {"a": 1}, "paper")
         storage.save_parameters(2, values, None)
-    with Storage(file) as storage:
+    with opened() as storage:
         assert storage.load_parameters() == SavedParameters(2, values, None)
 
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 import json
 import math
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime, timedelta
-from pathlib import Path
 
 import pytest
 
@@ -24,8 +24,8 @@ def speed(run_id: str, time: float = 0.0, **changes: object) -> SpeedRow:
     return replace(row, **changes)  # type: ignore[arg-type]
 
 
-def test_a_run_is_found_again_after_reopening(file: Path) -> None:
-    with Storage(file) as storage:
+def test_a_run_is_found_again_after_reopening(opened: Callable[[], Storage]) -> None:
+    with opened() as storage:
         made = storage.create_run(
             name="Fahrt Ä",
             source="../shared/data/kitti_oncoming",
@@ -34,7 +34,7 @@ def test_a_run_is_found_again_after_reopening(file: Path) -> None:
         )
         assert made.state is RunState.RUNNING
         assert made.ended_at is None
-    with Storage(file) as storage:
+    with opened() as storage:
         assert storage.get_run(made.id) == made
         assert storage.list_runs() == [made]
 
