@@ -150,13 +150,13 @@ def test_a_program_is_installed_where_that_is_permitted(
 
 
 def test_a_database_server_is_looked_for_where_debian_keeps_it(clone: Path, bare: Path) -> None:
-    home = f"POSTGRES_HOME={clone}/postgresql"
+    home = f"POSTGRES_HOME={bare}/postgresql"
     done = make(clone, "postgres", home, path=str(bare))
     assert done.returncode != 0
     (sentence,) = sentences(done)
     assert "the tests of the database on PostgreSQL are left out" in sentence
     assert "apt-get install postgresql" in sentence
-    initdb = clone / "postgresql" / "15" / "bin" / "initdb"
+    initdb = bare / "postgresql" / "15" / "bin" / "initdb"
     initdb.parent.mkdir(parents=True)
     initdb.write_text("#!/bin/sh\n")
     initdb.chmod(0o755)
