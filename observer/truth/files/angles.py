@@ -1,0 +1,168 @@
+"""What three angles of Vicon mean: a rotation vector ("helical"), or Euler angles about x, y, z.
+
+Tracker's default is helical, but its header says "Global Angle" for both. Euler angles have a
+range; helical ones leave it on the far side of a turn. Within it the body tells: what drives over
+a floor keeps one of its own directions upright, and only the right reading shows that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from observer.errors import TruthError
+from observer.geometry import Float64Array, rotation_matrix
+
+AngleReading = Literal["helical", "euler_xyz"]
+
+# Files give six digits.
+_ROUNDING_RAD = 1e-3
+# Readings that differ by no more than this give the same experiment.
+_SAME_DEG = 5.0
+# A robot on a floor tilts less than this, read rightly ...
+_UPRIGHT_DEG = 10.0
+# ... and at least this many times as much, and so much more, read wrongly.
+_CLEAR_RATIO = 3.0
+_CLEAR_MORE_DEG = 2.0
+# A single sample may be a marker's mistake.
+_SHARE = 0.99
+# More of them would tell nothing new.
+_LOOKED_AT = 20_000
+
+
+class AnglesUnclear(TruthError):
+    """The angles can be read in two ways, and only a person can tell which is meant.
+
+    Attributes:
+        helical_tilt_deg, euler_xyz_tilt_deg: how far the bodies tilt, read in either way.
+    """
+
+    def __init__(self, name: str, *, helical_tilt_deg: float, euler_xyz_tilt_deg: float) -> None:
+        self.helical_tilt_deg = helical_tilt_deg
+        self.euler_xyz_tilt_deg = euler_xyz_tilt_deg
+        super().__init__(
+            f"{name}: the angles may be helical (the bodies then tilt by up to "
+            f"{helical_tilt_deg:.1f} deg) or Euler XYZ (by up to {euler_xyz_tilt_deg:.1f} deg); "
+            f"say which was exported: helical or euler_xyz"
+        )
+
+
+@dataclass(frozen=True)
+class FoundReading:
+    """How angles are to be read, and one sentence that says why."""
+
+    reading: AngleReading
+    why: str
+
+
+def rotations(angles: Float64Array, reading: AngleReading) -> Float64Array:
+    """``R_room_body`` (N, 3, 3) by angles (N, 3) in radians; NaN where an angle is.
+
+    Helical: the rotation vector. Euler XYZ: intrinsic, ``R = Rx(a) Ry(b) Rz(c)``.
+    """
+    matrices = np.full((len(angles), 3, 3), np.nan)
+    known = np.isfinite(angles).all(axis=1)
+    if not known.any():
+        return matrices
+    if reading == "helical":
+        matrices[known] = rotation_matrix(angles[known])
+    else:
+        matrices[known] = Rotation.from_euler("XYZ", angles[known]).as_matrix()
+    return matrices
+
+
+def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> FoundReading:
+    """The reading of all bodies' angles (N, 3) in radians, NaN in gaps.
+
+    Args:
+        name: the file's, for messages.
+
+    Raises:
+        AnglesUnclear: both readings are possible, and they differ.
+    """
+    some = {body: _some(angles) for body, angles in bodies.items()}
+    some = {body: angles for body, angles in some.items() if len(angles)}
+    for body, angles in some.items():
+        if _beyond_euler(angles).any():
+            most = float(np.linalg.norm(angles, axis=1).max())
+            return FoundReading(
+                "helical",
+                f"angles are helical (rotation vectors): those of {body} reach {most:.2f} rad, "
+                f"which Euler angles do not",
+            )
+    readings = [_Readings.of(angles) for angles in some.values()]
+    helical = max((r.helical_tilt_deg for r in readings), default=0.0)
+    euler = max((r.euler_tilt_deg for r in readings), default=0.0)
+    votes = {r.vote for r in readings if r.vote is not None}
+    if len(votes) == 1:
+        vote = votes.pop()
+        right, wrong = (helical, euler) if vote == "helical" else (euler, helical)
+        said = "helical (rotation vectors)" if vote == "helical" else "Euler angles XYZ"
+        other = "Euler angles XYZ" if vote == "helical" else "helical"
+        return FoundReading(
+            vote,
+            f"angles are {said}: so read the bodies tilt by at most {right:.1f} deg, as {other} "
+            f"by {wrong:.1f} deg",
+        )
+    if not votes and all(r.differ_deg <= _SAME_DEG for r in readings):
+        most = max((r.differ_deg for r in readings), default=0.0)
+        return FoundReading(
+            "helical",
+            f"angles are read as helical (rotation vectors), which is Tracker's default; as Euler "
+            f"angles XYZ they would differ by at most {most:.1f} deg",
+        )
+    raise AnglesUnclear(name, helical_tilt_deg=helical, euler_xyz_tilt_deg=euler)
+
+
+@dataclass(frozen=True)
+class _Readings:
+    """What two readings of one body's angles make of it, degrees."""
+
+    helical_tilt_deg: float
+    euler_tilt_deg: float
+    differ_deg: float
+
+    @staticmethod
+    def of(angles: Float64Array) -> _Readings:
+        helical, euler = rotations(angles, "helical"), rotations(angles, "euler_xyz")
+        # The rotation between both has the trace 1 + 2 cos.
+        cosines = ((helical * euler).sum(axis=(1, 2)) - 1) / 2
+        return _Readings(_tilt_deg(helical), _tilt_deg(euler), _largest_deg(cosines))
+
+    @property
+    def vote(self) -> AngleReading | None:
+        """The reading that leaves the body upright while the other one does not."""
+        lower, higher = sorted((self.helical_tilt_deg, self.euler_tilt_deg))
+        if lower > _UPRIGHT_DEG or higher < max(_CLEAR_RATIO * lower, lower + _CLEAR_MORE_DEG):
+            return None
+        return "helical" if lower == self.helical_tilt_deg else "euler_xyz"
+
+
+def _some(angles: Float64Array) -> Float64Array:
+    known = angles[np.isfinite(angles).all(axis=1)]
+    return known[:: max(1, len(known) // _LOOKED_AT)]
+
+
+def _beyond_euler(angles: Float64Array) -> NDArray[np.bool_]:
+    limits = np.array([math.pi, math.pi / 2, math.pi]) + _ROUNDING_RAD
+    return np.asarray((np.abs(angles) > limits).any(axis=1))
+
+
+def _tilt_deg(R_room_body: Float64Array) -> float:
+    """How far the body's direction that is upright on average leaves the vertical, degrees."""
+    # The room's z axis as the body sees it.
+    up = R_room_body[:, 2, :]
+    mean = up.mean(axis=0)
+    length = float(np.linalg.norm(mean))
+    return 180.0 if length < 1e-9 else _largest_deg(up @ (mean / length))
+
+
+def _largest_deg(cosines: Float64Array) -> float:
+    angles = np.arccos(np.clip(cosines, -1, 1))
+    return math.degrees(float(np.quantile(angles, _SHARE)))

@@ -1,0 +1,210 @@
+"""C3D files: markers in binary, read by the package ``c3d``, which the extra ``c3d`` installs.
+
+It is plain Python: a damaged file ends in an exception and not, as with readers in C++, with the
+process. The format: C3D.ORG, The C3D File Format User Guide.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import mmap
+import struct
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from observer.errors import TruthError
+from observer.geometry import Float64Array
+from observer.truth.files.units import FASTEST_HZ, LENGTHS_M, MOST_METRES, length_word
+from observer.truth.motion_capture import Capture, Trajectory
+
+# The second byte of every C3D file, and the least a file holds: header and parameters.
+_KEY = 0x50
+_LEAST_BYTES = 1024
+_MOST_NUMBERS = 60_000_000
+_MOST_NAME = 100
+# What the package raises where a file is damaged; it checks by assertions.
+_DAMAGED = (
+    ArithmeticError, AssertionError, AttributeError, BufferError, LookupError, MemoryError,
+    OSError, TypeError, ValueError, struct.error,
+)  # fmt: skip
+# Labels of points that are results of a model and no places.
+_NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
+
+
+def is_c3d(head: bytes) -> bool:
+    """Whether a file that begins so is C3D: a key byte, and words that no text has."""
+    return len(head) > 1 and head[1] == _KEY and 0 < head[0] < 0x20 and b"\0" in head
+
+
+def is_c3d_installed() -> bool:
+    """Whether the extra ``c3d`` is there."""
+    return importlib.util.find_spec("c3d") is not None
+
+
+def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
+    """Every marker of the file; times are seconds since the system's frame 1.
+
+    Args:
+        name: the file's, for messages. rate_hz: instead of the file's.
+
+    Raises:
+        TruthError: the extra ``c3d`` is not installed, or the file is damaged.
+    """
+    if not is_c3d_installed():
+        raise TruthError(
+            f"{name}: a C3D file needs the package c3d to be read; install it by: "
+            f"pip install 'dynamic-observer[c3d]' -- or export the trajectories as CSV"
+        )
+    if path.stat().st_size < _LEAST_BYTES:
+        raise TruthError(f"{name}: the C3D file is cut off; export it once more")
+    with (
+        path.open("rb") as file,
+        # A damaged file may tell of any length: of a map nobody reads more than there is.
+        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
+        warnings.catch_warnings(),
+        np.errstate(all="ignore"),
+    ):
+        # The package warns of what is checked here, or does not matter.
+        warnings.simplefilter("ignore")
+        try:
+            trial = _Trial(_reader(content), name, len(content))
+            return trial.capture(rate_hz)
+        except TruthError:
+            raise
+        except _DAMAGED as error:
+            why = " ".join(str(error).split())[:80] or type(error).__name__
+            raise TruthError(
+                f"{name}: the C3D file is damaged ({why}); export it once more"
+            ) from None
+
+
+def _reader(content: mmap.mmap) -> Any:
+    import c3d  # type: ignore[import-untyped]
+
+    return c3d.Reader(content)
+
+
+class _Trial:
+    """What a C3D file holds of points."""
+
+    def __init__(self, reader: Any, name: str, size: int) -> None:
+        self._reader = reader
+        self._name = name
+        self._points = int(reader.point_used)
+        self._first = self._first_frame()
+        self._frames = int(reader.last_frame) - self._first + 1
+        if self._points < 1:
+            raise TruthError(f"{name}: the C3D file holds no markers")
+        if self._frames < 1:
+            raise TruthError(f"{name}: the C3D file holds no frames")
+        number_bytes = 4 if reader.point_scale < 0 else 2
+        if not 0 < abs(reader.point_scale) < math.inf:
+            raise TruthError(f"{name}: the C3D file's POINT:SCALE must not be 0")
+        if self._frames * self._points * 4 * number_bytes > size:
+            raise TruthError(
+                f"{name}: the C3D file tells of {self._frames} frames of {self._points} markers, "
+                f"but is shorter than that; export it once more"
+            )
+        if self._frames * self._points * 3 > _MOST_NUMBERS:
+            raise TruthError(
+                f"{name}: there are more than {_MOST_NUMBERS} numbers; export a shorter stretch, "
+                f"or fewer markers"
+            )
+
+    def capture(self, rate_hz: float | None) -> Capture:
+        rate = float(self._reader.point_rate) if rate_hz is None else rate_hz
+        if not 0 < rate <= FASTEST_HZ:
+            raise TruthError(
+                f"{self._name}: the rate must lie above 0 and up to {FASTEST_HZ:g} Hz, "
+                f"not {rate:g}; give the camera system's rate in Hz"
+            )
+        unit, notes = self._unit()
+        positions = self._positions() * LENGTHS_M[unit]
+        if (np.abs(positions) > MOST_METRES).any():
+            raise TruthError(
+                f"{self._name}: the C3D file is damaged (a marker is farther than "
+                f"{MOST_METRES:g} m away); export it once more"
+            )
+        times = (self._first - 1 + np.arange(self._frames)) / rate
+        left_out = {name for key in _NO_PLACES for name in self._texts(f"POINT:{key}")}
+        bodies: dict[str, Trajectory] = {}
+        labels = self._labels()
+        for index in range(self._points):
+            label = labels[index] if index < len(labels) else ""
+            if label in left_out and label:
+                continue
+            name = _told_apart(label[:_MOST_NAME] or f"unnamed {index + 1}", bodies)
+            bodies[name] = Trajectory(name, times, positions[:, index])
+        if not bodies:
+            raise TruthError(f"{self._name}: the C3D file holds results of a model, but no markers")
+        if len(bodies) < self._points:
+            notes += (f"left out are {self._points - len(bodies)} results of a model",)
+        return Capture("C3D markers", rate, bodies, notes)
+
+    def _first_frame(self) -> int:
+        """The first frame's number; the package has the word of large ones wrong."""
+        told = self._reader.get("TRIAL:ACTUAL_START_FIELD")
+        if told is None:
+            return int(self._reader.first_frame)
+        low, high = (int(word) for word in told.uint16_array[:2])
+        return low + (high << 16)
+
+    def _positions(self) -> Float64Array:
+        """(frames, points, 3) in the file's unit; NaN in gaps."""
+        positions = np.full((self._frames, self._points, 3), np.nan)
+        read = 0
+        for _, points, _ in self._reader.read_frames(copy=False):
+            seen = (points[:, 3] >= 0) & (points[:, :3] != 0).any(axis=1)
+            positions[read, seen] = points[seen, :3]
+            read += 1
+            if read == self._frames:
+                break
+        if read < self._frames:
+            raise TruthError(
+                f"{self._name}: the C3D file ends after frame {read} of {self._frames}; export it "
+                f"once more"
+            )
+        return positions
+
+    def _unit(self) -> tuple[str, tuple[str, ...]]:
+        texts = self._texts("POINT:UNITS")
+        unit = texts[0].lower() if texts else ""
+        if unit in LENGTHS_M:
+            return unit, (f"places are read in {length_word(unit)}",)
+        if unit:
+            raise TruthError(
+                f"{self._name}: POINT:UNITS must be a length in mm, cm or m, not {unit[:20]!r}"
+            )
+        return "mm", ("places are read in millimetres, though the file tells no unit",)
+
+    def _labels(self) -> list[str]:
+        # From 256 points on the names go on in LABELS2 and so on.
+        labels = self._texts("POINT:LABELS")
+        number = 2
+        while len(labels) < self._points and (more := self._texts(f"POINT:LABELS{number}")):
+            labels += more
+            number += 1
+        return labels
+
+    def _texts(self, key: str) -> list[str]:
+        """A parameter's strings; the package's own way runs as long as a damaged file says."""
+        parameter = self._reader.get(key)
+        if parameter is None:
+            return []
+        content = bytes(parameter.bytes)
+        width = (parameter.dimensions[0] if parameter.dimensions else len(content)) or 1
+        return [
+            " ".join(content[at : at + width].decode("utf-8", "replace").replace("\0", " ").split())
+            for at in range(0, len(content), width)
+        ]
+
+
+def _told_apart(name: str, taken: dict[str, Trajectory]) -> str:
+    number = 1
+    while (told := name if number == 1 else f"{name} ({number})") in taken:
+        number += 1
+    return told

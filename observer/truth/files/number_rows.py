@@ -1,0 +1,202 @@
+"""Rows of numbers out of a text file, quickly and with a bound on memory; empty cells are NaN."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.errors import TruthError
+from observer.geometry import Float64Array
+from observer.truth.files.text_lines import TextLines
+
+# Half a gigabyte; 30 minutes of 50 bodies at 100 Hz.
+_MOST_CELLS = 60_000_000
+# As Python's floats, before they go into an array.
+_CELLS_AT_ONCE = 250_000
+_MOST_NAMES = 1000
+_NAN = math.nan
+
+
+class NumberRows:
+    """A table of numbers as it was read.
+
+    Attributes:
+        count: of rows. names: the texts of the column of names, in the order they appear; that
+        column's numbers are indices of it.
+    """
+
+    def __init__(self, chunks: list[Float64Array], lines: list[int], names: list[str]) -> None:
+        self._chunks = chunks
+        self._lines = np.array(lines, dtype=np.int64)
+        self.names = names
+        self.count = len(lines)
+
+    def columns(self, wanted: Sequence[int]) -> Float64Array:
+        """(N, len(wanted)), a new array."""
+        return np.concatenate([chunk[:, wanted] for chunk in self._chunks])
+
+    def column(self, wanted: int) -> Float64Array:
+        """(N,), a new array."""
+        return np.concatenate([chunk[:, wanted] for chunk in self._chunks])
+
+    def line(self, row: int) -> int:
+        """The number of the line that a row stands in, from 1."""
+        return int(self._lines[row])
+
+    def first(self, wrong: NDArray[np.bool_]) -> tuple[int, int]:
+        """The first True of (N,): its row and its line."""
+        row = int(np.argmax(wrong))
+        return row, self.line(row)
+
+
+def read_numbers(
+    lines: TextLines,
+    labels: Sequence[str],
+    *,
+    separator: str | None,
+    names_in: int | None = None,
+    only: Sequence[int] | None = None,
+    short: bool = False,
+) -> NumberRows:
+    """Rows until an empty line or the end, one number for each label.
+
+    Args:
+        labels: what each cell is, for messages.
+        separator: between cells; None for white space, where lines that begin with # and empty
+            ones are passed over.
+        names_in: the index of a column that holds names.
+        only: indices of the columns that are used; None for all. Others may hold anything.
+        short: whether a row may end early; what is not there is NaN.
+
+    Raises:
+        TruthError: a cell is no number, a row has too few or too many, or there are too many.
+    """
+    unused = () if only is None else tuple(sorted({*range(len(labels))} - {*only}))
+    reader = _Reader(lines, labels, separator, names_in, unused, short)
+    chunks: list[Float64Array] = []
+    rows: list[list[float]] = []
+    numbers: list[int] = []
+    width = len(labels)
+    at_once = max(1, _CELLS_AT_ONCE // width)
+    while (line := lines.next()) is not None:
+        if separator is None and (not line.strip() or line.lstrip().startswith("#")):
+            continue
+        if not line.strip(" \t,;"):
+            break
+        rows.append(reader.row(line))
+        numbers.append(lines.number)
+        if len(rows) == at_once:
+            chunks.append(reader.chunk(rows, numbers))
+            rows = []
+            if len(numbers) * width > _MOST_CELLS:
+                raise TruthError(
+                    f"{lines.name}: there are more than {_MOST_CELLS} numbers; export a shorter "
+                    f"stretch, or fewer bodies"
+                )
+    if rows or not chunks:
+        chunks.append(reader.chunk(rows, numbers))
+    return NumberRows(chunks, numbers, list(reader.names))
+
+
+class _Reader:
+    def __init__(
+        self,
+        lines: TextLines,
+        labels: Sequence[str],
+        separator: str | None,
+        names_in: int | None,
+        unused: Sequence[int],
+        short: bool,
+    ) -> None:
+        self._lines = lines
+        self._labels = labels
+        self._separator = separator
+        self._names_in = names_in
+        self._unused = unused
+        self._short = short
+        self.names: dict[str, int] = {}
+
+    def row(self, line: str) -> list[float]:
+        """One number for each label."""
+        if '"' in line:
+            cells = cells_of(self._lines, line, self._separator)
+        else:
+            if self._separator == ";":
+                # Where cells are parted by semicolons, a comma is the decimal point.
+                line = line.replace(",", ".")
+            cells = line.split(self._separator)
+        if self._names_in is not None and self._names_in < len(cells):
+            cells[self._names_in] = self._name(cells[self._names_in])
+        for column in self._unused:
+            if column < len(cells):
+                cells[column] = ""
+        try:
+            # float() also reads "1_000"; nobody means that in a table of measurements.
+            row = [float(cell) if cell else _NAN for cell in cells]
+            slow = any("_" in cell for cell in cells) if "_" in line else False
+        except ValueError:
+            slow = True
+        if slow:
+            row = [self._number(cell, index) for index, cell in enumerate(cells)]
+        width = len(self._labels)
+        if len(row) > width:
+            if any(not math.isnan(value) for value in row[width:]):
+                raise TruthError(
+                    f"{self._lines.where()}: the row has {len(row)} cells, but the header names "
+                    f"{width}"
+                )
+            del row[width:]
+        elif len(row) < width:
+            if not self._short:
+                raise TruthError(
+                    f"{self._lines.where()}: the row has only {len(row)} cells, but there must be "
+                    f"{width}: {', '.join(self._labels)[:120]}"
+                )
+            row += [_NAN] * (width - len(row))
+        return row
+
+    def chunk(self, rows: list[list[float]], numbers: list[int]) -> Float64Array:
+        """The rows read last as an array, checked."""
+        values = np.array(rows, dtype=np.float64).reshape(len(rows), len(self._labels))
+        wrong = np.isinf(values)
+        if wrong.any():
+            row, column = np.argwhere(wrong)[0].tolist()
+            where = self._lines.where(numbers[len(numbers) - len(rows) + row], column + 1)
+            raise TruthError(f"{where}: {self._labels[column]} must be a finite number")
+        return values
+
+    def _number(self, cell: str, index: int) -> float:
+        text = cell.strip()
+        try:
+            return float(text.replace("_", "?")) if text else _NAN
+        except ValueError:
+            label = self._labels[index] if index < len(self._labels) else "what the header lacks"
+            raise TruthError(
+                f"{self._lines.where(cell=index + 1)}: {label} must be a number, not {text[:40]!r}"
+            ) from None
+
+    def _name(self, cell: str) -> str:
+        number = self.names.setdefault(cell.strip(), len(self.names))
+        if number >= _MOST_NAMES:
+            raise TruthError(
+                f"{self._lines.where()}: there are more than {_MOST_NAMES} names of bodies"
+            )
+        return str(number)
+
+
+def cells_of(lines: TextLines, line: str, separator: str | None) -> list[str]:
+    """The cells of the line that was read last, quotation marks understood.
+
+    Raises:
+        TruthError: the line is no valid CSV.
+    """
+    if separator is None:
+        return line.split()
+    try:
+        return next(csv.reader([line], delimiter=separator, strict=True), [])
+    except csv.Error as error:
+        raise TruthError(f"{lines.where()}: the line is not valid CSV: {error}") from None

@@ -1,0 +1,150 @@
+"""From a file of any known format to a capture, recognised by content, not by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import BinaryIO, Literal
+
+from observer.errors import TruthError
+from observer.truth.files.angles import AngleReading
+from observer.truth.files.c3d_file import is_c3d, read_c3d
+from observer.truth.files.text_lines import UNDERSTOOD, TextLines
+from observer.truth.files.timed_poses import (
+    is_own_truth,
+    is_plain_csv,
+    is_tum,
+    read_plain_csv,
+    read_tum,
+)
+from observer.truth.files.vicon_csv import is_vicon_csv, read_vicon_csv
+from observer.truth.motion_capture import Capture
+
+FileKind = Literal["truth.csv", "vicon csv", "c3d", "plain csv", "tum"]
+
+# Lines that tell what a text is; a TUM file's comments may stand before them.
+_LOOKED_AT = 8
+_MOST_COMMENTS = 100
+_HEAD_BYTES = 1024
+
+
+class IsAlignedTruth(TruthError):
+    """The file is the project's own ``truth.csv``: no motion capture, but aligned truth already."""
+
+
+def file_kind(path: Path | str) -> FileKind:
+    """What a file is; ``truth.csv`` is for ``CsvTruth``, all others for ``read_capture``.
+
+    Raises:
+        TruthError: it cannot be read, or is none of the known formats.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            return _kind(file, path.name)[0]
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+
+
+def read_capture(
+    path: Path | str,
+    *,
+    rate_hz: float | None = None,
+    angles: AngleReading | None = None,
+) -> Capture:
+    """Everything that a file of motion capture holds, in metres, seconds and its own room frame.
+
+    Args:
+        rate_hz: instead of the file's, or where it tells none (Vicon Tracker 3.5); has no meaning
+            for files whose samples have times of their own.
+        angles: how Vicon's three angles are to be read; None finds out.
+
+    Raises:
+        TruthError: one sentence naming the file, the line, the cell and the reason.
+        AnglesUnclear: the angles can be read in two ways, and only a person can tell.
+        IsAlignedTruth: the file is the project's own ``truth.csv``.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            kind, lines = _kind(file, path.name)
+            capture = _read(kind, lines, path, rate_hz, angles)
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+    notes = list(capture.notes)
+    if rate_hz is not None and kind in ("plain csv", "tum"):
+        notes.append(f"the rate of {rate_hz:g} Hz is not used, for samples have their own times")
+    if lines is not None and not lines.is_utf8:
+        notes.append("the text is not UTF-8 and is read as Windows-1252")
+    notes += _gaps(capture)
+    return Capture(capture.format, capture.rate_hz, capture.bodies, tuple(notes))
+
+
+def _read(
+    kind: FileKind,
+    lines: TextLines | None,
+    path: Path,
+    rate_hz: float | None,
+    angles: AngleReading | None,
+) -> Capture:
+    if lines is None:
+        return read_c3d(path, path.name, rate_hz=rate_hz)
+    if kind == "vicon csv":
+        return read_vicon_csv(lines, rate_hz=rate_hz, angles=angles)
+    if kind == "plain csv":
+        return read_plain_csv(lines)
+    if kind == "tum":
+        return read_tum(lines)
+    raise IsAlignedTruth(
+        f"{path.name}: this is truth in the observer's own world and on its clock, as simulate "
+        f"writes it; it needs no alignment, so give it as truth and not as motion capture"
+    )
+
+
+def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
+    head = file.read(_HEAD_BYTES)
+    file.seek(0)
+    if not head.strip():
+        raise TruthError(f"{name}: the file is empty; {UNDERSTOOD}")
+    if is_c3d(head):
+        return "c3d", None
+    if head.startswith(b"PK\x03\x04"):
+        raise TruthError(
+            f"{name}: this is a ZIP archive or a spreadsheet; unpack it, or save it as CSV"
+        )
+    lines = TextLines(file, name)
+    first = lines.look(_LOOKED_AT)
+    while first and not first[0].strip(" \t,;"):
+        lines.next()
+        first = lines.look(_LOOKED_AT)
+    if not first:
+        raise TruthError(f"{name}: the file holds nothing but empty lines; {UNDERSTOOD}")
+    if is_own_truth(first[0]):
+        return "truth.csv", lines
+    if is_vicon_csv(first):
+        return "vicon csv", lines
+    if is_plain_csv(first[0]):
+        return "plain csv", lines
+    told = next(
+        (line for line in lines.look(_MOST_COMMENTS) if line.strip() and line.lstrip()[0] != "#"),
+        first[0],
+    )
+    if is_tum(told):
+        return "tum", lines
+    raise TruthError(
+        f"{name}: no motion capture was recognised (it begins with {first[0].strip()[:60]!r}); "
+        f"{UNDERSTOOD}"
+    )
+
+
+def _gaps(capture: Capture) -> list[str]:
+    gaps = sum(body.gaps for body in capture.bodies.values())
+    if not gaps:
+        return ["every body was seen in every sample"]
+    number = sum(1 for body in capture.bodies.values() if body.gaps)
+    samples = sum(len(body.times) for body in capture.bodies.values())
+    return [f"{gaps} of {samples} samples are gaps, in {number} of {len(capture.bodies)} bodies"]
+
+
+def _unreadable(path: Path, error: OSError | ValueError) -> TruthError:
+    why = getattr(error, "strerror", None) or "its name is no path"
+    return TruthError(f"{str(path)[:200]!r} cannot be read: {why}")

@@ -1,0 +1,91 @@
+"""A text file line by line, numbered for messages, never more of it in memory than needed."""
+
+from __future__ import annotations
+
+import codecs
+import io
+from typing import BinaryIO
+
+from observer.errors import TruthError
+
+# Enough for tens of thousands of markers in a row.
+_MOST_CHARACTERS = 1 << 20
+# What the decision between UTF-8 and an older encoding looks at.
+_LOOK = 1 << 16
+_WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+class TextLines:
+    """Lines without their ends, one after the other; one may be looked at ahead.
+
+    Text is UTF-8 with or without a byte order mark; what is not is read as Windows' Western
+    European code page, in which Nexus writes names.
+
+    Attributes:
+        name: the file's, for messages. number: the line's that ``next`` gave last, from 1.
+        is_utf8: whether the file's beginning is UTF-8.
+
+    Raises:
+        TruthError: it is no text, or a line is longer than a million characters.
+    """
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        self.name = name
+        self.number = 0
+        head = file.read(_LOOK)
+        file.seek(0)
+        if head.startswith(_WIDE_MARKS):
+            raise TruthError(
+                f"{name}: the text is UTF-16; save it as UTF-8, or export it once more as CSV"
+            )
+        if b"\0" in head:
+            raise TruthError(f"{name}: this is neither text nor C3D; {UNDERSTOOD}")
+        self.is_utf8 = _is_utf8(head)
+        encoding = "utf-8-sig" if self.is_utf8 else "cp1252"
+        self._file = io.TextIOWrapper(file, encoding=encoding, errors="replace")
+        self._ahead: list[str] = []
+
+    def next(self) -> str | None:
+        """The next line, None at the end."""
+        line = self._ahead.pop(0) if self._ahead else self._read(self.number + 1)
+        if line is not None:
+            self.number += 1
+        return line
+
+    def look(self, count: int) -> list[str]:
+        """The next lines, which ``next`` still gives: ``count``, or fewer at the end."""
+        while len(self._ahead) < count:
+            line = self._read(self.number + len(self._ahead) + 1)
+            if line is None:
+                break
+            self._ahead.append(line)
+        return self._ahead[:count]
+
+    def where(self, number: int | None = None, cell: int | None = None) -> str:
+        """How a message names a line, the last one by default, and a cell of it from 1."""
+        line = f"{self.name} line {self.number if number is None else number}"
+        return line if cell is None else f"{line} cell {cell}"
+
+    def _read(self, number: int) -> str | None:
+        line = self._file.readline(_MOST_CHARACTERS + 1)
+        if len(line) > _MOST_CHARACTERS:
+            raise TruthError(
+                f"{self.name} line {number}: the line is longer than {_MOST_CHARACTERS} "
+                f"characters, so this is no table of motion capture"
+            )
+        return line.rstrip("\n") if line else None
+
+
+UNDERSTOOD = (
+    "understood are CSV files of Vicon Tracker (Objects, Segments) and Nexus (Trajectories), C3D, "
+    "CSV with the header t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres, and TUM"
+)
+
+
+def _is_utf8(head: bytes) -> bool:
+    try:
+        # The end may cut a character in two.
+        codecs.getincrementaldecoder("utf-8")().decode(head, final=False)
+    except UnicodeDecodeError:
+        return False
+    return True

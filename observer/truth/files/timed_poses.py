@@ -1,0 +1,203 @@
+"""Trajectories whose samples have times of their own: plain CSV with a header, and TUM.
+
+Plain CSV: columns ``t,x,y,z`` and, if known, ``qx,qy,qz,qw``, in any order, with a header, in
+seconds and metres unless the header names a unit (``x_mm``, ``t [ms]``); a column ``body`` parts
+several bodies. TUM: ``t tx ty tz qx qy qz qw`` parted by spaces, without a header.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.errors import TruthError
+from observer.geometry import Float64Array
+from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
+from observer.truth.files.quaternions import quaternion_rotations
+from observer.truth.files.text_lines import TextLines
+from observer.truth.files.units import LENGTHS_M, MOST_METRES, TIMES_S, length_word
+from observer.truth.motion_capture import Capture, Trajectory
+
+_TUM = ("t", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
+_POSITION = ("x", "y", "z")
+_TURN = ("qx", "qy", "qz", "qw")
+_ALIASES = {"time": "t", "timestamp": "t", "tx": "x", "ty": "y", "tz": "z", "name": "body"}
+# A title, and its unit as in x_mm, x [mm] or x (mm).
+_TITLE = re.compile(r"^([a-z]+)(?:_(mm|cm|m|ms|us|ns|s)|\s*[\[(]\s*([a-z]+)\s*[\])])?$")
+# What a body is called where the file names none.
+_ONLY_BODY = "body"
+# Of the project's own truth.csv, which has x, y, z and t as well.
+_OWN = {"frame", "t", "id", "x", "y", "z", "vx", "vy", "vz", "visible"}
+_MOST_SECONDS = 1e11
+_MOST_NAME = 100
+
+
+def is_own_truth(first_line: str) -> bool:
+    """Whether a file that begins so is the project's own ``truth.csv``."""
+    return set(first_line.strip().split(",")) >= _OWN
+
+
+def is_plain_csv(first_line: str) -> bool:
+    """Whether a file that begins so is a plain CSV with a header."""
+    titles = {title for title, _ in map(_understood_title, _header_cells(first_line))}
+    return titles >= {"t", *_POSITION}
+
+
+def is_tum(line: str) -> bool:
+    """Whether a file whose first line that is no comment is this one is a TUM trajectory."""
+    cells = line.split()
+    return len(cells) == len(_TUM) and all(map(_is_number, cells))
+
+
+def read_plain_csv(lines: TextLines) -> Capture:
+    """Every body of a plain CSV.
+
+    Raises:
+        TruthError: one sentence naming the line, the cell and the reason.
+    """
+    first = lines.next() or ""
+    separator = _separator(first)
+    cells = cells_of(lines, first, separator)
+    titles = [_understood_title(cell) for cell in cells]
+    columns = _columns(lines, titles)
+    scales = [_scale(lines, titles, index) for index in range(len(titles))]
+    labels = [" ".join(cell.split())[:40] or f"column {k}" for k, cell in enumerate(cells, 1)]
+    rows = read_numbers(
+        lines, labels, separator=separator, names_in=columns.get("body"),
+        only=sorted(columns.values()),
+    )  # fmt: skip
+    unit = titles[columns["x"]][1] or "m"
+    turn = [columns[title] for title in _TURN if title in columns]
+    bodies = rows.column(columns["body"]) if "body" in columns else np.zeros(rows.count)
+    table = _Table(
+        lines,
+        rows,
+        rows.column(columns["t"]) * scales[columns["t"]],
+        rows.columns([columns[axis] for axis in _POSITION]) * scales[columns["x"]],
+        rows.columns(turn) if turn else None,
+        labels,
+    )
+    found = {}
+    for number, name in enumerate(rows.names or [_ONLY_BODY]):
+        title = name[:_MOST_NAME] or "unnamed"
+        if title in found:
+            raise TruthError(f"{lines.name}: two bodies have the name {title[:40]!r}")
+        found[title] = table.trajectory(title, bodies == number)
+    return Capture("plain CSV", None, found, (f"places are read in {length_word(unit)}",))
+
+
+def read_tum(lines: TextLines) -> Capture:
+    """The one body of a TUM trajectory.
+
+    Raises:
+        TruthError: one sentence naming the line, the cell and the reason.
+    """
+    rows = read_numbers(lines, _TUM, separator=None)
+    table = _Table(
+        lines, rows, rows.column(0), rows.columns((1, 2, 3)), rows.columns((4, 5, 6, 7)), _TUM
+    )
+    body = table.trajectory(_ONLY_BODY, np.ones(rows.count, dtype=np.bool_))
+    return Capture("TUM trajectory", None, {_ONLY_BODY: body}, ("places are read in metres",))
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """All rows: times (N,) in seconds, positions (N, 3) in metres, quaternions (N, 4) or None."""
+
+    lines: TextLines
+    rows: NumberRows
+    times: Float64Array
+    positions: Float64Array
+    turns: Float64Array | None
+    labels: Sequence[str]
+
+    def trajectory(self, name: str, its: NDArray[np.bool_]) -> Trajectory:
+        """The rows that are one body's.
+
+        Raises:
+            TruthError: there are none, times do not rise, or numbers are no pose.
+        """
+        if not its.any():
+            raise TruthError(f"{self.lines.name}: there are no rows of numbers in it")
+        at = np.flatnonzero(its)
+        times, positions = self.times[at], self.positions[at]
+        self._refuse(at, ~(np.abs(times) <= _MOST_SECONDS),
+                     f"the time must be known, and within {_MOST_SECONDS:g} s")  # fmt: skip
+        late = np.append(False, np.diff(times) <= 0)
+        self._refuse(at, late, f"the time is not later than that of {name} before it")
+        known = np.isfinite(positions)
+        self._refuse(at, known.any(axis=1) & ~known.all(axis=1),
+                     "x, y and z must all be known, or none of them")  # fmt: skip
+        self._refuse(at, (np.abs(positions) > MOST_METRES).any(axis=1),
+                     f"x, y and z must lie within {MOST_METRES:g} m")  # fmt: skip
+        matrices = None
+        if self.turns is not None:
+            turns = self.turns[at]
+            turns[~known.all(axis=1)] = np.nan
+            matrices, wrong = quaternion_rotations(turns)
+            self._refuse(at, wrong, "qx, qy, qz, qw must be a unit quaternion")
+        return Trajectory(name, times, positions, matrices)
+
+    def _refuse(self, at: NDArray[np.intp], wrong: NDArray[np.bool_] | np.bool_, why: str) -> None:
+        if wrong.any():
+            line = self.rows.line(int(at[int(np.argmax(wrong))]))
+            raise TruthError(f"{self.lines.where(line)}: {why}")
+
+
+def _columns(lines: TextLines, titles: Sequence[tuple[str, str | None]]) -> dict[str, int]:
+    """Where the columns that are used stand."""
+    columns: dict[str, int] = {}
+    for index, (title, _) in enumerate(titles):
+        if title in ("t", "body", *_POSITION, *_TURN):
+            if title in columns:
+                raise TruthError(f"{lines.where(cell=index + 1)}: {title} appears twice")
+            columns[title] = index
+    some = [title for title in _TURN if title in columns]
+    if some and len(some) != len(_TURN):
+        raise TruthError(f"{lines.where()}: there is {some[0]}, but not all of qx, qy, qz, qw")
+    if len({titles[columns[axis]][1] or "m" for axis in _POSITION}) > 1:
+        raise TruthError(f"{lines.where()}: x, y and z must be in the same unit")
+    return columns
+
+
+def _scale(lines: TextLines, titles: Sequence[tuple[str, str | None]], index: int) -> float:
+    """From a column's unit to seconds or metres."""
+    title, unit = titles[index]
+    known = TIMES_S if title == "t" else LENGTHS_M if title in _POSITION else None
+    if known is None or unit is None:
+        return 1.0
+    if unit not in known:
+        raise TruthError(
+            f"{lines.where(cell=index + 1)}: the unit {unit[:20]!r} of {title} must be one of "
+            f"{', '.join(known)}"
+        )
+    return known[unit]
+
+
+def _header_cells(line: str) -> list[str]:
+    return line.split(_separator(line))
+
+
+def _separator(line: str) -> str:
+    return ";" if line.count(";") > line.count(",") else ","
+
+
+def _understood_title(cell: str) -> tuple[str, str | None]:
+    """A column's title and its unit, where it names one."""
+    found = _TITLE.match(cell.strip(" \t\"'#").lower())
+    if found is None:
+        return "", None
+    title = found[1]
+    return _ALIASES.get(title, title), found[2] or found[3]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,252 @@
+"""Vicon's CSV files: Tracker's Objects and Segments, Nexus' Trajectories and Segments.
+
+A file is a list of sections, parted by empty lines; each has a title, the rate, the names, the
+columns (``Frame,Sub Frame,...``), the units, and the samples. Devices and what else Nexus writes
+(model outputs, joints, events) are passed over. Tracker 3.5 leaves the rate out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.errors import TruthError
+from observer.geometry import Float64Array
+from observer.truth.files.angles import AngleReading, find_reading, rotations
+from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
+from observer.truth.files.quaternions import quaternion_rotations
+from observer.truth.files.text_lines import TextLines
+from observer.truth.files.units import FASTEST_HZ, MOST_METRES, MOST_RADIANS, length_word
+from observer.truth.files.vicon_columns import BodyColumns, body_columns, is_frame_row
+from observer.truth.motion_capture import Capture, Trajectory
+
+_READ = {"objects": "Tracker objects", "segments": "segments", "trajectories": "Nexus trajectories"}
+_SKIPPED = ("devices", "joints", "model outputs", "events")
+# Title, rate, names, columns.
+_HEADER_ROWS = 4
+# Beyond it numbers of frames are no longer exact.
+_MOST_FRAME = 2.0**53
+# No motion capture is slower; a smaller number in the rate's place counts the objects.
+_SLOWEST_HZ = 10.0
+_EMPTY = " \t,;"
+
+
+def is_vicon_csv(first_lines: Sequence[str]) -> bool:
+    """Whether a text that begins with these lines is one of Vicon's."""
+    if not first_lines:
+        return False
+    separator = _separator(first_lines)
+    rows = [line.split(separator) for line in first_lines[:_HEADER_ROWS]]
+    return _title(rows[0]) in (*_READ, *_SKIPPED) or any(map(is_frame_row, rows))
+
+
+def read_vicon_csv(
+    lines: TextLines, *, rate_hz: float | None = None, angles: AngleReading | None = None
+) -> Capture:
+    """Every body and marker of the file.
+
+    Times are seconds since the system's frame 1.
+
+    Args:
+        rate_hz: instead of the file's. angles: None finds out how they are to be read.
+
+    Raises:
+        TruthError: one sentence naming the line, the cell and the reason.
+        AnglesUnclear: only a person can tell how angles are to be read.
+    """
+    found = _Found(lines, _separator(lines.look(_HEADER_ROWS)), rate_hz)
+    while (line := lines.next()) is not None:
+        if line.strip(_EMPTY):
+            _read_section(line, found)
+    if not found.sections:
+        raise TruthError(
+            f"{lines.name}: there is nothing in it but {' and '.join(found.skipped)}; "
+            f"export Objects, Segments or Trajectories"
+        )
+    notes = list(dict.fromkeys(found.notes))
+    if found.skipped:
+        notes.append(f"left out, because it tells no places: {', '.join(found.skipped)}")
+    if found.angles:
+        reading = angles
+        if reading is None:
+            decided = find_reading(lines.name, found.angles)
+            reading = decided.reading
+            notes.append(decided.why)
+        else:
+            notes.append(f"angles are read as {reading.replace('_', ' ')}, as was asked for")
+        for name, turned in found.angles.items():
+            body = found.bodies[name]
+            found.bodies[name] = Trajectory(
+                name, body.times, body.positions, rotations(turned, reading)
+            )
+    rate = found.rates.pop() if len(found.rates) == 1 else None
+    words = " and ".join(dict.fromkeys(found.sections))
+    return Capture(f"Vicon {words}", rate, found.bodies, tuple(notes))
+
+
+@dataclass(eq=False)
+class _Found:
+    """What the sections read so far hold."""
+
+    lines: TextLines
+    separator: str
+    rate_hz: float | None
+    sections: list[str] = field(default_factory=list)
+    skipped: list[str] = field(default_factory=list)
+    rates: set[float] = field(default_factory=set)
+    bodies: dict[str, Trajectory] = field(default_factory=dict)
+    # (N, 3) radians, of bodies whose rotations are yet to be made.
+    angles: dict[str, Float64Array] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def _read_section(first: str, found: _Found) -> None:
+    lines = found.lines
+    header = [cells_of(lines, first, found.separator)]
+    title = _title(header[0])
+    if title in _SKIPPED:
+        while (line := lines.next()) is not None and line.strip(_EMPTY):
+            pass
+        found.skipped.append(title.capitalize())
+        return
+    while len(header) < _HEADER_ROWS and not is_frame_row(header[-1]):
+        line = lines.next()
+        if line is None:
+            break
+        header.append(cells_of(lines, line, found.separator))
+    if not is_frame_row(header[-1]):
+        raise TruthError(
+            f"{lines.where()}: by the {_HEADER_ROWS}th row of a section, which begins with its "
+            f"title as in Objects or Trajectories, there must be one with Frame,Sub Frame, "
+            f"but this section begins with {title[:40]!r}"
+        )
+    units = cells_of(lines, lines.next() or "", found.separator)
+    names = header[-2] if len(header) > 1 else []
+    columns = body_columns(lines, names, header[-1], units, set(found.bodies))
+    rate = _rate(header[1:-2], len(columns), found)
+    labels = ["Frame", "Sub Frame"]
+    for body in columns:
+        labels += body.labels
+    rows = read_numbers(lines, labels, separator=found.separator, short=True)
+    if not rows.count:
+        raise TruthError(f"{lines.name}: the section {title.capitalize()[:40]} holds no samples")
+    times = _times(rows, rate, lines)
+    found.sections.append(_READ.get(title, "table"))
+    found.rates.add(rate)
+    for body in columns:
+        _add_body(body, rows, times, found)
+    for unit in dict.fromkeys(body.unit for body in columns):
+        found.notes.append(f"places are read in {length_word(unit)}")
+
+
+def _rate(rows: Sequence[Sequence[str]], bodies: int, found: _Found) -> float:
+    """Samples a second, from the rows between the title and the names, or as was asked for."""
+    name = found.lines.name
+    told = next((value for row in rows if (value := _number(row)) is not None), None)
+    if told is not None and told == bodies and told < _SLOWEST_HZ:
+        # Some versions count the objects there.
+        told = None
+    if found.rate_hz is not None:
+        if told is not None and told != found.rate_hz:
+            found.notes.append(
+                f"the rate is {found.rate_hz:g} Hz as was asked for, though the file says "
+                f"{told:g} Hz"
+            )
+        told = found.rate_hz
+    if told is None:
+        raise TruthError(
+            f"{name}: the file does not tell its rate (Tracker 3.5 leaves it out); give the "
+            f"camera system's rate in Hz"
+        )
+    if not 0 < told <= FASTEST_HZ:
+        raise TruthError(
+            f"{name}: the rate must lie above 0 and up to {FASTEST_HZ:g} Hz, not {told:g}"
+        )
+    return told
+
+
+def _times(rows: NumberRows, rate: float, lines: TextLines) -> Float64Array:
+    frames = rows.column(0)
+    wrong = ~((frames >= 0) & (frames <= _MOST_FRAME) & (frames == np.floor(frames)))
+    if wrong.any():
+        row, line = rows.first(wrong)
+        raise TruthError(
+            f"{lines.where(line, 1)}: Frame must be a whole number of at least 0, "
+            f"not {frames[row]:g}"
+        )
+    wrong = np.nan_to_num(rows.column(1)) != 0
+    if wrong.any():
+        _, line = rows.first(wrong)
+        raise TruthError(
+            f"{lines.where(line, 2)}: Sub Frame must be 0, for places are known once a frame"
+        )
+    times = (frames - 1) / rate
+    wrong = np.diff(times) <= 0
+    if wrong.any():
+        row, line = rows.first(np.append(False, wrong))
+        raise TruthError(
+            f"{lines.where(line, 1)}: frame {frames[row]:.0f} does not come after frame "
+            f"{frames[row - 1]:.0f} of the line before; export one trial at a time"
+        )
+    return np.asarray(times)
+
+
+def _add_body(body: BodyColumns, rows: NumberRows, times: Float64Array, found: _Found) -> None:
+    positions = rows.columns(body.position)
+    positions *= body.position_scale
+    turned = rows.columns(body.rotation)
+    turned *= body.rotation_scale
+    known = np.isfinite(positions)
+    _refuse(known.any(axis=1) & ~known.all(axis=1), body, rows, found.lines,
+            "its place must be known in all three axes or in none")  # fmt: skip
+    _refuse((np.abs(positions) > MOST_METRES).any(axis=1), body, rows, found.lines,
+            f"its place must lie within {MOST_METRES:g} m")  # fmt: skip
+    _refuse((np.abs(turned) > MOST_RADIANS).any(axis=1), body, rows, found.lines,
+            f"its angles must lie within {MOST_RADIANS:g} rad")  # fmt: skip
+    # Nobody measures exact zeros in every axis: some exports write them for what was not seen.
+    lost = (positions == 0).all(axis=1) & (turned[:, :3] == 0).all(axis=1)
+    if lost.any():
+        found.notes.append("samples in which all numbers are exactly 0 are taken for gaps")
+    lost |= ~known.all(axis=1)
+    positions[lost] = np.nan
+    turned[lost] = np.nan
+    matrices = None
+    if body.kind == "quaternion":
+        matrices, wrong = quaternion_rotations(turned)
+        _refuse(wrong, body, rows, found.lines, "RX, RY, RZ, RW must be a unit quaternion")
+    elif body.kind == "helical or euler":
+        found.angles[body.name] = turned
+    found.bodies[body.name] = Trajectory(body.name, times, positions, matrices)
+
+
+def _refuse(
+    wrong: NDArray[np.bool_] | np.bool_,
+    body: BodyColumns,
+    rows: NumberRows,
+    lines: TextLines,
+    why: str,
+) -> None:
+    if wrong.any():
+        _, line = rows.first(np.asarray(wrong))
+        cell = (body.rotation or body.position)[0] + 1
+        raise TruthError(f"{lines.where(line, cell)}: of {body.name}, {why}")
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """Between cells: a spreadsheet of some countries writes semicolons."""
+    text = "".join(lines)
+    return ";" if text.count(";") > text.count(",") else ","
+
+
+def _title(cells: Sequence[str]) -> str:
+    return cells[0].strip(_EMPTY + '"').lower() if cells else ""
+
+
+def _number(cells: Sequence[str]) -> float | None:
+    try:
+        return float(cells[0].strip().replace("_", "?").replace(",", "."))
+    except (ValueError, IndexError):
+        return None
