@@ -1,0 +1,68 @@
+"""What a live motion-capture connection offers, whatever its protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from observer.truth.live.clock import ClockFit
+from observer.truth.motion_capture import BodySample
+
+LiveState = Literal["connecting", "receiving", "waiting"]
+
+MOST_KEPT = 10_000
+
+
+@dataclass(frozen=True)
+class LiveCaptureReport:
+    """How a connection is doing.
+
+    Attributes:
+        state: ``connecting`` (nobody is reached), ``waiting`` (reached, but no pose came within
+            the last second) or ``receiving``.
+        trouble: one sentence for people about what is wrong now; None where nothing is.
+        notes: one sentence each about what was noticed on the way (ticks, jumps, scale).
+        rate_hz: samples a second of each body over the last seconds, gaps among them.
+        seen: share of each body's samples that had a pose, from 0 to 1, over the same time.
+        dropped: samples lost because nobody drained them.
+        malformed: messages that could not be read. connections: made so far.
+        clock: server to host; None before enough was seen.
+    """
+
+    state: LiveState
+    trouble: str | None
+    notes: tuple[str, ...]
+    rate_hz: Mapping[str, float]
+    seen: Mapping[str, float]
+    dropped: int
+    malformed: int
+    connections: int
+    clock: ClockFit | None
+
+
+class LiveCapture(Protocol):
+    """A connection that reconnects by itself. No call waits for the network.
+
+    Any thread may call; what one ``drain`` gave no other gives again.
+    """
+
+    @property
+    def spec(self) -> str:
+        """As it was opened, for people and records."""
+        ...
+
+    def drain(self) -> tuple[BodySample, ...]:
+        """The samples since the last call, the newest ``MOST_KEPT`` at most, in order of arrival.
+
+        Each body's times rise. A sample without a position says that the body was not seen then.
+        """
+        ...
+
+    def report(self) -> LiveCaptureReport:
+        """How it is doing."""
+        ...
+
+    def close(self) -> None:
+        """End the connection; safe to call twice."""
+        ...

@@ -1,0 +1,228 @@
+"""What poses of every protocol go through: gaps, scale, stamps, and the queue to whoever asks."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.truth.live.clock import ClockFit, ClockFitter
+from observer.truth.live.contract import MOST_KEPT, LiveCaptureReport, LiveState
+from observer.truth.live.stamps import StampReader
+from observer.truth.motion_capture import BodySample
+
+# Without a pose for so long, nothing is being received.
+_QUIET_S = 1.0
+_RATE_OVER_S = 3.0
+_MOST_BODIES = 200
+# No room is larger, and hardly any body in millimetres stays nearer to the origin.
+_ROOM_M = 100.0
+# Whoever sends metres where millimetres are due stays within this, in millimetres.
+_NEAR_M = 0.02
+_SCALE_AFTER = 100
+
+
+@dataclass(eq=False)
+class _Body:
+    """What is remembered of one body."""
+
+    pose: tuple[float, ...] | None = None
+    time: float | None = None
+    # When, and whether it was seen.
+    lately: deque[tuple[float, bool]] = field(default_factory=lambda: deque(maxlen=4096))
+
+
+class Intake:
+    """Takes poses from the thread that listens, gives samples to any other.
+
+    Args:
+        counts: stamps are numbers of frames. millimetres: the protocol's unit, for people.
+        clock: host's monotonic clock.
+    """
+
+    def __init__(
+        self, clock: Callable[[], float], *, counts: bool = False, millimetres: bool = False
+    ) -> None:
+        self._clock = clock
+        self._millimetres = millimetres
+        self._lock = threading.Lock()
+        self._samples: deque[BodySample] = deque()
+        self._bodies: dict[str, _Body] = {}
+        self._notes: dict[str, str] = {}
+        self._stamps: StampReader[tuple[str, Float64Array | None, Float64Array | None]]
+        self._stamps = StampReader(self._note, counts=counts)
+        self._fitter = ClockFitter()
+        self._dropped = self._unreadable = self._connections = 0
+        self._trouble: str | None = "the connection is only being opened"
+        self._connected = False
+        self._last_pose: float | None = None
+        self._since_connected = 0.0
+        self._farthest_m = 0.0
+        self._poses = 0
+
+    # --- the listening thread -----------------------------------------------------------------
+
+    def connected(self) -> None:
+        """Somebody is reached."""
+        with self._lock:
+            self._connected, self._trouble = True, None
+            self._connections += 1
+            self._since_connected = self._clock()
+            self._stamps.restart()
+
+    def waiting(self) -> None:
+        """It is listened, but nobody has spoken yet."""
+        with self._lock:
+            self._connected, self._trouble = True, None
+            self._since_connected = self._clock()
+
+    def lost(self, sentence: str) -> None:
+        """Nobody is reached, and why."""
+        with self._lock:
+            self._connected, self._trouble = False, sentence
+
+    def malformed(self) -> None:
+        """A message could not be read."""
+        with self._lock:
+            self._unreadable += 1
+
+    def note(self, kind: str, sentence: str) -> None:
+        """Something that people should know; it takes the place of what was said of its kind."""
+        with self._lock:
+            self._note(kind, sentence)
+
+    def pose(
+        self,
+        name: str,
+        stamp: float,
+        received: float,
+        numbers: tuple[float, ...],
+        position: Float64Array,
+        rotation: Float64Array | None,
+    ) -> None:
+        """One body's pose as it came.
+
+        Args:
+            numbers: the pose as it stood in the message. A pose that is exactly the one before,
+                all zero or not finite is a gap: no measurement repeats to the last digit.
+            position: (3,) metres. rotation: (3, 3) ``R_room_body``, None where it has none.
+        """
+        with self._lock:
+            body = self._bodies.get(name)
+            if body is None:
+                if len(self._bodies) >= _MOST_BODIES:
+                    most = f"more than {_MOST_BODIES} bodies are sent; the rest is left out"
+                    self._note("bodies", most)
+                    return
+                body = self._bodies[name] = _Body()
+            seen = bool(np.isfinite(numbers).all()) and any(position) and numbers != body.pose
+            body.pose = numbers
+            body.lately.append((received, seen))
+            self._last_pose = received
+            self._fitter_feed(stamp, received, name, position if seen else None, rotation)
+            if seen:
+                self._look_at_scale(position)
+
+    def _fitter_feed(
+        self,
+        stamp: float,
+        received: float,
+        name: str,
+        position: Float64Array | None,
+        rotation: Float64Array | None,
+    ) -> None:
+        item = (name, position, None if position is None else rotation)
+        for timed in self._stamps.feed(stamp, received, item):
+            self._fitter.add(timed.time, timed.received)
+            known = self._bodies[timed.item[0]]
+            # A stamp that was there already, or comes too late, tells nothing new.
+            if known.time is not None and timed.time <= known.time:
+                continue
+            known.time = timed.time
+            if len(self._samples) >= MOST_KEPT:
+                self._samples.popleft()
+                self._dropped += 1
+            whose, where, turned = timed.item
+            self._samples.append(BodySample(whose, timed.time, timed.received, where, turned))
+
+    def _look_at_scale(self, position: Float64Array) -> None:
+        self._poses += 1
+        self._farthest_m = max(self._farthest_m, float(np.abs(position).max()))
+        if "scale" in self._notes:
+            return
+        if self._farthest_m > _ROOM_M:
+            unit, times = ("mm", 1000) if self._millimetres else ("m", 1)
+            self._note(
+                "scale",
+                f"a body is {self._farthest_m * times:.0f} {unit} from the origin, too far for a "
+                f"room: the server seems to send a smaller unit, and must be set to {unit}",
+            )
+        elif self._millimetres and self._poses == _SCALE_AFTER and self._farthest_m < _NEAR_M:
+            self._note(
+                "scale",
+                f"every body stays within {self._farthest_m * 1000:.3g} mm of the origin: the "
+                f"server seems to send m, and must be set to mm",
+            )
+
+    def _note(self, kind: str, sentence: str) -> None:
+        # The newest of a kind, so that a clock that jumps every minute fills nothing.
+        self._notes[kind] = sentence
+
+    # --- any thread ---------------------------------------------------------------------------
+
+    def drain(self) -> tuple[BodySample, ...]:
+        """See ``LiveCapture.drain``."""
+        with self._lock:
+            ready = tuple(self._samples)
+            self._samples.clear()
+        return ready
+
+    def clock_fit(self) -> ClockFit | None:
+        """Server to host, as far as known."""
+        with self._lock:
+            return self._fitter.fit()
+
+    def report(self) -> LiveCaptureReport:
+        """See ``LiveCapture.report``."""
+        now = self._clock()
+        with self._lock:
+            rates, seen = self._rates(now)
+            state, trouble = self._state(now)
+            return LiveCaptureReport(
+                state=state,
+                trouble=trouble,
+                notes=tuple(self._notes.values()),
+                rate_hz=rates,
+                seen=seen,
+                dropped=self._dropped,
+                malformed=self._unreadable,
+                connections=self._connections,
+                clock=self._fitter.fit(),
+            )
+
+    def _state(self, now: float) -> tuple[LiveState, str | None]:
+        if not self._connected:
+            return "connecting", self._trouble
+        if self._last_pose is not None and now - self._last_pose < _QUIET_S:
+            return "receiving", self._trouble
+        if now - self._since_connected < _QUIET_S:
+            return "waiting", self._trouble
+        quiet = "no body's pose comes in; see that bodies are tracked and sent"
+        return "waiting", self._trouble or quiet
+
+    def _rates(self, now: float) -> tuple[dict[str, float], dict[str, float]]:
+        rates, shares = {}, {}
+        for name, body in self._bodies.items():
+            while body.lately and now - body.lately[0][0] > _RATE_OVER_S:
+                body.lately.popleft()
+            if len(body.lately) > 1:
+                over = body.lately[-1][0] - body.lately[0][0]
+                rates[name] = (len(body.lately) - 1) / over if over > 0 else 0.0
+                shares[name] = sum(each[1] for each in body.lately) / len(body.lately)
+            else:
+                rates[name] = shares[name] = 0.0
+        return rates, shares

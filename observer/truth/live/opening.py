@@ -1,0 +1,77 @@
+"""Opens whatever live motion capture a text names."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+
+from observer.errors import TruthError
+from observer.truth.live.contract import LiveCapture
+from observer.truth.live.vicon_stream import DEFAULT_PORT as VICON_PORT
+from observer.truth.live.vrpn import DEFAULT_PORT as VRPN_PORT
+
+VRPN, VICON_UDP = "vrpn:", "vicon-udp:"
+_FORMS = (
+    f"live truth is vrpn:HOST, vrpn:HOST:PORT/NAME,NAME or vicon-udp:PORT, "
+    f"as vicon-udp:{VICON_PORT}"
+)
+_VRPN = re.compile(
+    r"(?P<host>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+)(?::(?P<port>\d{1,5}))?(?:/(?P<names>.*))?"
+)
+
+
+def is_live(spec: str) -> bool:
+    """Whether a text names live motion capture, and no file; it may name it wrongly."""
+    return spec.lower().startswith((VRPN, VICON_UDP))
+
+
+def check_live(spec: str) -> None:
+    """See that a text names live motion capture, without opening anything.
+
+    Raises:
+        TruthError: it does not.
+    """
+    _parse(spec)
+
+
+def open_live_truth(spec: str, *, clock: Callable[[], float] = time.monotonic) -> LiveCapture:
+    """Motion capture as it comes; it connects by itself from now on.
+
+    Args:
+        spec: ``vrpn:HOST[:PORT][/NAME,NAME]`` (port 3883; only these bodies, or every one) or
+            ``vicon-udp:PORT``.
+        clock: the host's monotonic clock, seconds.
+
+    Raises:
+        TruthError: the text names none.
+    """
+    kind, host, port, names = _parse(spec)
+    if kind == VRPN:
+        from observer.truth.live.vrpn_client import VrpnCapture
+
+        return VrpnCapture(host, port, names, spec=spec, clock=clock)
+    from observer.truth.live.vicon_udp import ViconUdpCapture
+
+    return ViconUdpCapture(port, spec=spec, clock=clock)
+
+
+def _parse(spec: str) -> tuple[str, str, int, tuple[str, ...]]:
+    """Kind, host, port, names."""
+    if spec.lower().startswith(VICON_UDP):
+        text = spec[len(VICON_UDP) :]
+        return VICON_UDP, "", _port(text or str(VICON_PORT), spec), ()
+    if not spec.lower().startswith(VRPN):
+        raise TruthError(f"{_FORMS}, not {spec[:80]!r}")
+    found = _VRPN.fullmatch(spec[len(VRPN) :])
+    if found is None:
+        raise TruthError(f"{spec[:80]!r} names no host; {_FORMS}")
+    names = tuple(each.strip() for each in (found["names"] or "").split(",") if each.strip())
+    port = _port(found["port"] or str(VRPN_PORT), spec)
+    return VRPN, found["host"].strip("[]"), port, names
+
+
+def _port(text: str, spec: str) -> int:
+    if not re.fullmatch(r"[0-9]{1,5}", text) or not 1 <= int(text) <= 65535:
+        raise TruthError(f"{spec[:80]!r} must have a port from 1 to 65535; {_FORMS}")
+    return int(text)

@@ -1,0 +1,88 @@
+"""Vicon Tracker's UDP Object Stream: datagrams to objects and back; no socket here.
+
+Little-endian and packed: number of the frame (u32), number of items (u8); each item has an id (u8,
+0 for an object), its size (u16, 72 for an object) and so many bytes: a name of 24, then translation
+(mm) and rotation (rad, intrinsic XYZ) as six f64. What follows the items is filling.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+DEFAULT_PORT = 51001
+
+_FRAME = struct.Struct("<IB")
+_ITEM = struct.Struct("<BH")
+_OBJECT = struct.Struct("<24s6d")
+_OBJECT_ID = 0
+
+
+class ViconStreamError(Exception):
+    """A datagram that is none of the stream's; one sentence."""
+
+
+@dataclass(frozen=True)
+class ViconObject:
+    """One object as it stands in the datagram.
+
+    Attributes:
+        translation_mm: (x, y, z). rotation_rad: angles about X, Y, Z, intrinsic, in this order.
+    """
+
+    name: str
+    translation_mm: tuple[float, float, float]
+    rotation_rad: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ViconFrame:
+    """One datagram."""
+
+    frame: int
+    objects: tuple[ViconObject, ...]
+
+
+def unpack_frame(data: bytes) -> ViconFrame:
+    """A datagram's objects; items of other kinds are passed over.
+
+    Raises:
+        ViconStreamError: it is cut off, or an object is smaller than it must be.
+    """
+    if len(data) < _FRAME.size:
+        raise ViconStreamError(f"a datagram must have {_FRAME.size} bytes at least")
+    frame, count = _FRAME.unpack_from(data)
+    objects = []
+    begin = _FRAME.size
+    for _ in range(count):
+        if begin + _ITEM.size > len(data):
+            raise ViconStreamError(f"{count} items are claimed, and cut off")
+        kind, size = _ITEM.unpack_from(data, begin)
+        begin += _ITEM.size
+        if begin + size > len(data):
+            raise ViconStreamError(f"an item claims {size} bytes, and is cut off")
+        if kind == _OBJECT_ID:
+            if size < _OBJECT.size:
+                raise ViconStreamError(f"an object must have {_OBJECT.size} bytes, not {size}")
+            name, *numbers = _OBJECT.unpack_from(data, begin)
+            x, y, z, rx, ry, rz = numbers
+            text = name.split(b"\0")[0].decode("utf-8", "replace")
+            objects.append(ViconObject(text, (x, y, z), (rx, ry, rz)))
+        begin += size
+    return ViconFrame(frame, tuple(objects))
+
+
+def pack_frame(frame: int, objects: Sequence[ViconObject], filling: int = 0) -> bytes:
+    """A datagram, with zeros up to ``filling`` bytes as Vicon's buffers of fixed size have them.
+
+    Raises:
+        ViconStreamError: there are more objects than fit.
+    """
+    if len(objects) > 255:
+        raise ViconStreamError("a datagram holds 255 objects at most")
+    data = _FRAME.pack(frame % 2**32, len(objects))
+    for each in objects:
+        data += _ITEM.pack(_OBJECT_ID, _OBJECT.size)
+        data += _OBJECT.pack(each.name.encode(), *each.translation_mm, *each.rotation_rad)
+    return data.ljust(filling, b"\0")

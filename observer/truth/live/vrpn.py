@@ -1,0 +1,276 @@
+"""VRPN's bytes and what they say; no socket here.
+
+The wire format is that of the public VRPN library, version 07 (``vrpn_Connection.C``,
+``vrpn_Tracker.C``, ``vrpn_BaseClass.C``): big-endian; each side begins with a cookie of 24 bytes;
+then messages with a header of 24 bytes (length of header and body without padding, seconds,
+microseconds, sender, type, sequence number), bodies padded to 8 bytes. Numbers of senders and
+types are those that the side which sends has described under the types -1 and -2.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+COOKIE_LENGTH = 24
+COOKIE = b"vrpn: ver. 07.35  0".ljust(COOKIE_LENGTH, b"\0")
+# Minor versions work together: the library compares up to the last period.
+_MAJOR = b"vrpn: ver. 07."
+_ANY_VERSION = b"vrpn: ver. "
+
+SENDER_DESCRIPTION, TYPE_DESCRIPTION, UDP_DESCRIPTION = -1, -2, -3
+POSE_TYPE = "vrpn_Tracker Pos_Quat"
+PING_TYPE, PONG_TYPE = "vrpn_Base ping_message", "vrpn_Base pong_message"
+DEFAULT_PORT = 3883
+
+_HEADER = struct.Struct(">iIIiiI")
+_POSE = struct.Struct(">ii7d")
+_NAME_LENGTH = struct.Struct(">i")
+# The library's own buffers: 64,000 bytes, and 100 for a name with its NUL.
+_LONGEST_BODY = 64_000
+_LONGEST_NAME = 100
+_MOST_DESCRIBED = 2000
+
+
+class VrpnError(Exception):
+    """Bytes that are no VRPN; one sentence. What follows them cannot be read either."""
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message.
+
+    Attributes:
+        seconds, microseconds: its stamp, each from 0 to 2**32 - 1.
+        sender, type: as the side that sends numbers them; negative types are the connection's own.
+    """
+
+    seconds: int
+    microseconds: int
+    sender: int
+    type: int
+    body: bytes
+
+    @property
+    def time(self) -> float:
+        """The stamp in seconds."""
+        return self.seconds + self.microseconds * 1e-6
+
+
+@dataclass(frozen=True)
+class TrackerPose:
+    """A body's pose: sensor of a sender.
+
+    Attributes:
+        time: the server's stamp, seconds. position: metres, if the server keeps to the rule.
+        quaternion: x, y, z, w, from the body's frame to the room's.
+    """
+
+    sender: str
+    sensor: int
+    time: float
+    position: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Ping:
+    """The other side asks whether a device of ours lives."""
+
+    sender: str
+
+
+@dataclass(frozen=True)
+class Pong:
+    """The other side's device lives."""
+
+    sender: str
+
+
+def check_cookie(cookie: bytes) -> str | None:
+    """See whether the other side is one that we understand.
+
+    Returns:
+        None, or a sentence where its minor version is not ours, which works all the same.
+
+    Raises:
+        VrpnError: it is of another major version, or no VRPN at all.
+    """
+    told = cookie.split(b"\0")[0].decode("ascii", "replace").strip()
+    if not cookie.startswith(_ANY_VERSION):
+        raise VrpnError(f"it is no VRPN server: it begins with {cookie[:COOKIE_LENGTH]!r}")
+    if not cookie.startswith(_MAJOR):
+        raise VrpnError(f"it speaks another VRPN ({told!r}), where version 07 is needed")
+    if not cookie.startswith(COOKIE[:16]):
+        return f"the server's VRPN is {told!r}; every 07 is understood"
+    return None
+
+
+def pack(message: Message, sequence: int = 0) -> bytes:
+    """A message as bytes.
+
+    Raises:
+        VrpnError: its body is longer than the library takes.
+    """
+    if len(message.body) > _LONGEST_BODY:
+        raise VrpnError(f"a message's body must have {_LONGEST_BODY} bytes at most")
+    header = _HEADER.pack(
+        _HEADER.size + len(message.body),
+        message.seconds,
+        message.microseconds,
+        message.sender,
+        message.type,
+        sequence,
+    )
+    return header + message.body + bytes(-len(message.body) % 8)
+
+
+def describe(kind: int, number: int, name: str) -> Message:
+    """What tells the other side the name behind a number.
+
+    Args:
+        kind: ``SENDER_DESCRIPTION`` or ``TYPE_DESCRIPTION``.
+
+    Raises:
+        VrpnError: the name is longer than the library takes.
+    """
+    text = name.encode() + b"\0"
+    if _NAME_LENGTH.size + len(text) > _LONGEST_NAME:
+        raise VrpnError(f"a name must have {_LONGEST_NAME - 5} bytes at most: {name[:40]!r}")
+    return Message(0, 0, number, kind, _NAME_LENGTH.pack(len(text)) + text)
+
+
+def pose_body(sensor: int, numbers: tuple[float, ...]) -> bytes:
+    """The body of a pose: ``numbers`` are x, y, z, qx, qy, qz, qw."""
+    return _POSE.pack(sensor, 0, *numbers)
+
+
+class MessageParser:
+    """Bytes as they come to messages."""
+
+    def __init__(self) -> None:
+        self._pending = bytearray()
+
+    def feed(self, data: bytes) -> list[Message]:
+        """The messages that are complete now.
+
+        Raises:
+            VrpnError: a length that no message has; what was complete before it is lost as well.
+        """
+        self._pending += data
+        messages: list[Message] = []
+        begin = 0
+        while len(self._pending) - begin >= _HEADER.size:
+            length, seconds, microseconds, sender, type_, _ = _HEADER.unpack_from(
+                self._pending, begin
+            )
+            body = length - _HEADER.size
+            if not 0 <= body <= _LONGEST_BODY:
+                raise VrpnError(f"a message claims a length of {length} bytes")
+            end = begin + _HEADER.size + body + -body % 8
+            if end > len(self._pending):
+                break
+            start = begin + _HEADER.size
+            text = bytes(self._pending[start : start + body])
+            messages.append(Message(seconds, microseconds, sender, type_, text))
+            begin = end
+        del self._pending[:begin]
+        return messages
+
+
+class Conversation:
+    """What the other side's messages mean, by what it has described."""
+
+    def __init__(self) -> None:
+        self._parser = MessageParser()
+        self._senders: dict[int, str] = {}
+        self._types: dict[int, str] = {}
+
+    @property
+    def senders(self) -> tuple[str, ...]:
+        """Names that were described so far."""
+        return tuple(self._senders.values())
+
+    def feed(self, data: bytes) -> list[TrackerPose | Ping | Pong]:
+        """What was said with these bytes and what came before; the rest is nothing to us.
+
+        Raises:
+            VrpnError: the bytes are no VRPN.
+        """
+        told = []
+        for message in self._parser.feed(data):
+            meaning = self._take(message)
+            if meaning is not None:
+                told.append(meaning)
+        return told
+
+    def _take(self, message: Message) -> TrackerPose | Ping | Pong | None:
+        if message.type in (SENDER_DESCRIPTION, TYPE_DESCRIPTION):
+            names = self._senders if message.type == SENDER_DESCRIPTION else self._types
+            if len(names) >= _MOST_DESCRIBED and message.sender not in names:
+                raise VrpnError(f"more than {_MOST_DESCRIBED} names are described")
+            names[message.sender] = _name(message.body)
+            return None
+        # A description of a port for datagrams is not answered, so all comes by this connection.
+        kind = self._types.get(message.type)
+        sender = self._senders.get(message.sender)
+        if sender is None:
+            return None
+        if kind == POSE_TYPE:
+            if len(message.body) != _POSE.size:
+                raise VrpnError(f"a pose must have {_POSE.size} bytes, not {len(message.body)}")
+            sensor, _, x, y, z, qx, qy, qz, qw = _POSE.unpack(message.body)
+            return TrackerPose(sender, sensor, message.time, (x, y, z), (qx, qy, qz, qw))
+        if kind == PING_TYPE:
+            return Ping(sender)
+        return Pong(sender) if kind == PONG_TYPE else None
+
+
+class Speaker:
+    """Our side's messages: describes each name before it is first used."""
+
+    def __init__(self) -> None:
+        self._senders: dict[str, int] = {}
+        self._types: dict[str, int] = {}
+        self._sequence = 0
+
+    def say(self, type_: str, sender: str, time: float = 0.0, body: bytes = b"") -> bytes:
+        """A message as bytes, with the descriptions that it needs in front of it.
+
+        Raises:
+            VrpnError: a name or the body is longer than the library takes.
+        """
+        begin = b""
+        for kind, names, name in (
+            (SENDER_DESCRIPTION, self._senders, sender),
+            (TYPE_DESCRIPTION, self._types, type_),
+        ):
+            if name not in names:
+                begin += self._numbered(describe(kind, len(names), name))
+                names[name] = len(names)
+        seconds = int(time)
+        return begin + self._numbered(
+            Message(
+                seconds % 2**32,
+                min(999_999, round((time - seconds) * 1e6)),
+                self._senders[sender],
+                self._types[type_],
+                body,
+            )
+        )
+
+    def _numbered(self, message: Message) -> bytes:
+        data = pack(message, self._sequence)
+        self._sequence = (self._sequence + 1) % 2**32
+        return data
+
+
+def _name(body: bytes) -> str:
+    if len(body) < _NAME_LENGTH.size:
+        raise VrpnError("a description must hold a name")
+    (length,) = _NAME_LENGTH.unpack_from(body)
+    text = body[_NAME_LENGTH.size :]
+    # Some servers count the NUL, some do not.
+    if not 0 <= length <= len(text):
+        raise VrpnError(f"a name of {length} bytes is claimed where {len(text)} follow")
+    return text[:length].split(b"\0")[0].decode("utf-8", "replace")

@@ -1,0 +1,247 @@
+"""A VRPN server's trackers over TCP: one thread owns the connection and makes it again when lost.
+
+We open the connection ourselves (as the library does for ``tcp://`` addresses) and describe no
+port for datagrams, so the server sends everything by this connection.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import socket
+import threading
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from observer.geometry import Float64Array
+from observer.truth.live.contract import LiveCaptureReport
+from observer.truth.live.intake import Intake
+from observer.truth.live.vrpn import (
+    COOKIE,
+    COOKIE_LENGTH,
+    PING_TYPE,
+    PONG_TYPE,
+    Conversation,
+    Ping,
+    Speaker,
+    TrackerPose,
+    VrpnError,
+    check_cookie,
+)
+from observer.truth.live.wakeup import Wakeup
+from observer.truth.motion_capture import BodySample
+
+_CONNECT_WITHIN_S = 3.0
+_COOKIE_WITHIN_S = 3.0
+_RETRY_S = 1.0
+_CHUNK = 64 * 1024
+# A server of which nothing is heard is asked once a second, and given up when it stays silent.
+_ASK_AFTER_S = 3.0
+_ASK_EVERY_S = 1.0
+_GIVE_UP_AFTER_S = 13.0
+_CLOSE_WITHIN_S = 2.0
+# The system's own questions to a host that is gone: seconds, seconds, times.
+_KEEPALIVE = (("TCP_KEEPIDLE", 5), ("TCP_KEEPINTVL", 2), ("TCP_KEEPCNT", 3))
+
+
+class _Lost(Exception):
+    """The connection is not, or no longer. One sentence."""
+
+
+class VrpnCapture:
+    """Fulfils ``LiveCapture``.
+
+    A body is a sender's sensor: named as the sender, sensors other than 0 as ``SENDER/SENSOR``.
+
+    Args:
+        host, port: of the server. names: bodies or senders that are wanted; none: every one.
+        spec: as it was opened. clock: host's monotonic clock.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        names: Sequence[str] = (),
+        *,
+        spec: str,
+        clock: Callable[[], float],
+    ) -> None:
+        self._host, self._port, self._names = host, port, frozenset(names)
+        self._spec, self._clock = spec, clock
+        self._where = f"{host}:{port}"
+        self._intake = Intake(clock)
+        self._wakeup = Wakeup()
+        self._thread = threading.Thread(target=self._run, name=f"vrpn {self._where}", daemon=True)
+        self._thread.start()
+
+    @property
+    def spec(self) -> str:
+        return self._spec
+
+    def drain(self) -> tuple[BodySample, ...]:
+        return self._intake.drain()
+
+    def report(self) -> LiveCaptureReport:
+        return self._intake.report()
+
+    def close(self) -> None:
+        self._wakeup.end()
+        # Looking a host's name up cannot be ended; nobody waits for that.
+        self._thread.join(_CLOSE_WITHIN_S)
+
+    # --- the thread ---------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        why = "its thread ended"
+        try:
+            while not self._wakeup.ended:
+                try:
+                    with self._connected() as connection:
+                        self._listen(connection)
+                except (_Lost, VrpnError) as error:
+                    if isinstance(error, VrpnError):
+                        self._intake.malformed()
+                    self._intake.lost(f"the VRPN server at {self._where} cannot be used: {error}")
+                self._wakeup.pause(_RETRY_S)
+            why = "it was closed"
+        finally:
+            self._intake.lost(f"the connection to {self._where} is over: {why}")
+            self._wakeup.close()
+
+    @contextlib.contextmanager
+    def _connected(self) -> Iterator[socket.socket]:
+        """A connection, cookies exchanged."""
+        try:
+            found = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
+        except (OSError, UnicodeError):
+            raise _Lost("no host of this name is known") from None
+        error = _Lost("its host has no address")
+        for family, kind, protocol, _, address in found:
+            with socket.socket(family, kind, protocol) as connection:
+                try:
+                    self._connect(connection, address)
+                except _Lost as lost:
+                    error = lost
+                    continue
+                yield connection
+                return
+        raise error
+
+    def _connect(self, connection: socket.socket, address: object) -> None:
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for name, value in _KEEPALIVE:
+            # Not every system has each of them.
+            if hasattr(socket, name):
+                connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+        try:
+            connection.connect(address)  # type: ignore[arg-type]
+        except BlockingIOError:
+            if not self._wakeup.wait(_CONNECT_WITHIN_S, connection, to_write=True):
+                raise _Lost(f"it did not answer within {_CONNECT_WITHIN_S:g} s") from None
+        except OSError as error:
+            raise _Lost(_reason(error)) from error
+        failed = connection.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if failed:
+            raise _Lost(_reason(OSError(failed, "")))
+
+    def _listen(self, connection: socket.socket) -> None:
+        """Until the connection is lost or ended.
+
+        Raises:
+            _Lost, VrpnError: why it ended.
+        """
+        self._send(connection, COOKIE)
+        rest = self._cookies(connection)
+        self._intake.connected()
+        conversation, speaker = Conversation(), Speaker()
+        heard = asked = self._clock()
+        data, received = rest, heard
+        while not self._wakeup.ended:
+            for told in conversation.feed(data):
+                if isinstance(told, TrackerPose):
+                    self._pose(told, received)
+                elif isinstance(told, Ping):
+                    self._send(connection, speaker.say(PONG_TYPE, told.sender))
+            if not self._wakeup.wait(_ASK_EVERY_S, connection):
+                data = b""
+                now = self._clock()
+                # Who never described a device has nothing that could answer; there the system's
+                # own questions must do.
+                if conversation.senders and now - heard > _GIVE_UP_AFTER_S:
+                    raise _Lost(f"it has said nothing for {_GIVE_UP_AFTER_S:g} s")
+                if now - heard > _ASK_AFTER_S and now - asked >= _ASK_EVERY_S:
+                    asked = now
+                    for sender in conversation.senders:
+                        self._send(connection, speaker.say(PING_TYPE, sender))
+                continue
+            # As soon as it is there, before anything is made of it.
+            received = self._clock()
+            data = self._receive(connection)
+            heard = received
+
+    def _cookies(self, connection: socket.socket) -> bytes:
+        """Read the other side's cookie; what came behind it."""
+        data = b""
+        until = self._clock() + _COOKIE_WITHIN_S
+        while len(data) < COOKIE_LENGTH:
+            left = until - self._clock()
+            if left <= 0 or not self._wakeup.wait(left, connection):
+                raise _Lost(f"it did not say what it is within {_COOKIE_WITHIN_S:g} s")
+            data += self._receive(connection)
+        other = check_cookie(data[:COOKIE_LENGTH])
+        if other is not None:
+            self._intake.note("version", other)
+        return data[COOKIE_LENGTH:]
+
+    def _receive(self, connection: socket.socket) -> bytes:
+        try:
+            data = connection.recv(_CHUNK)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise _Lost(_reason(error)) from error
+        if not data:
+            raise _Lost("it ended the connection")
+        return data
+
+    def _send(self, connection: socket.socket, data: bytes) -> None:
+        try:
+            # A few bytes a second at most: what does not fit goes to somebody who is gone.
+            if connection.send(data) < len(data):
+                raise _Lost("it takes no bytes any more")
+        except OSError as error:
+            raise _Lost(_reason(error)) from error
+
+    def _pose(self, pose: TrackerPose, received: float) -> None:
+        name = f"{pose.sender}/{pose.sensor}" if pose.sensor else pose.sender
+        if self._names and not self._names & {name, pose.sender}:
+            return
+        self._intake.pose(
+            name,
+            pose.time,
+            received,
+            (*pose.position, *pose.quaternion),
+            np.array(pose.position),
+            _rotation(pose.quaternion),
+        )
+
+
+def _rotation(quaternion: tuple[float, float, float, float]) -> Float64Array | None:
+    """(3, 3) of x, y, z, w; None where it is no direction at all."""
+    numbers = np.array(quaternion)
+    norm = float(np.linalg.norm(numbers))
+    if not 0.9 < norm < 1.1:
+        return None
+    return np.asarray(Rotation.from_quat(numbers / norm).as_matrix())
+
+
+def _reason(error: OSError) -> str:
+    if error.errno == errno.ECONNREFUSED:
+        return "nobody listens there"
+    return os.strerror(error.errno).lower() if error.errno else str(error)
