@@ -42,8 +42,8 @@ def open_source(spec: str) -> OpenedSource:
             ``video:SIDE_BY_SIDE``; ``camera:0,1``, two device paths or ``camera:sbs:0`` (settings
             after ``?``); two ``rtsp://`` or ``http://`` addresses with a comma between them, or
             ``sbs:`` and one (``sbs_swapped:`` where the left image is in the right half);
-            ``coppeliasim:HOST:PORT``; or the path of a folder: stereo folder, KITTI odometry,
-            KITTI raw or EuRoC, recognised by its content.
+            ``coppeliasim:HOST:PORT``; the path of a run's recording, ``*.mcap``; or the path of a
+            folder: stereo folder, KITTI odometry, KITTI raw or EuRoC, recognised by its content.
 
     Raises:
         SourceError: one sentence that says what is wrong and what would be right.
@@ -74,8 +74,10 @@ def open_source(spec: str) -> OpenedSource:
         raise SourceError(
             f"there is no kind of source {kind!r}; use simulated:SCENARIO, video:LEFT,RIGHT, "
             f"camera:0,1, two addresses of network cameras, coppeliasim:HOST:PORT or the path of "
-            f"a folder with stereo images"
+            f"a folder with stereo images or of a recording.mcap"
         )
+    if rest.lower().endswith(".mcap"):
+        return _open_recording(Path(rest))
     return _open_folder(Path(rest))
 
 
@@ -145,6 +147,17 @@ def _open_simulated(rest: str) -> OpenedSource:
     # Who shows a board to cameras counts on their standing still.
     robots = None if world.board else SimulatedRobots(world, source)
     return OpenedSource(source, SimulatedTruth(world), robots)
+
+
+def _open_recording(path: Path) -> OpenedSource:
+    from observer.recording.source import RecordingSource
+
+    source = RecordingSource(path)
+    try:
+        return OpenedSource(source, source.recording.truth())
+    except BaseException:
+        source.close()
+        raise
 
 
 def _open_folder(path: Path) -> OpenedSource:

@@ -21,7 +21,8 @@ class SourceInfo:
     Attributes:
         spec: the text it was opened by, as in ``simulated:lab``.
         kind: ``simulated``, ``stereo folder``, ``KITTI odometry``, ``KITTI raw``, ``EuRoC``,
-            ``video``, ``camera``, ``network``, ``coppeliasim``; words shown to people.
+            ``video``, ``camera``, ``network``, ``coppeliasim``, ``recording``; words shown to
+            people.
         width, height: of each image, pixels.
         frame_rate: nominal, 1/s.
         frame_count: total number of frames, or None where it never ends, live or not.
@@ -141,6 +142,35 @@ class LiveSource(Protocol):
 
     def report(self) -> LiveReport:
         """How it is at this moment; returns at once, from any thread."""
+        ...
+
+
+@runtime_checkable
+class SeekableSource(Protocol):
+    """What a source can do beside playing from the first frame to the last: a recording."""
+
+    @property
+    def position(self) -> int:
+        """Of the frame that ``read`` gives next, from 0 to ``SourceInfo.frame_count``.
+
+        Frames that the run dropped are not counted, so it is not the frame's index.
+        """
+        ...
+
+    @property
+    def begins(self) -> Literal["observer", "segment"] | None:
+        """What was begun anew, when it was recorded, with the frame that was read last.
+
+        ``segment`` stands for ``Observer.begin_segment``.
+        """
+        ...
+
+    def seek(self, position: int) -> None:
+        """Have ``read`` give this frame next, within a few tens of milliseconds.
+
+        Raises:
+            SourceError: there is no such frame.
+        """
         ...
 
 

@@ -79,29 +79,22 @@ def write_truth_csv(path: Path | str, rows: Iterable[TruthSample]) -> None:
         raise TruthError(f"{path} cannot be written: {error.strerror}") from None
 
 
-class CsvTruth:
-    """The truth of a ``truth.csv``, at any instant.
+class SampledTruth:
+    """Truth that is known at some instants, for any instant.
 
     Between two frames in a row values are interpolated linearly (a pose's rotation along the
     shortest arc). Where a body is absent from a frame, or frames lie more than three of their
     median distance apart, is a gap: there it is only known within half a frame of a sample.
 
-    Raises:
-        TruthError: the file cannot be read; the sentence names the line and the column.
+    Args:
+        samples: by rising time.
     """
 
-    def __init__(self, path: Path | str) -> None:
-        path = Path(path)
-        try:
-            with path.open(newline="", encoding="utf-8-sig") as file:
-                self._samples = _read_samples(file, path.name)
-        except OSError as error:
-            raise TruthError(f"{path} cannot be read: {error.strerror}") from None
-        except UnicodeDecodeError:
-            raise TruthError(f"{path.name}: the file must be UTF-8 text") from None
-        times = [sample.time for sample in self._samples]
-        self._camera = _Series(times, [sample.camera_pose for sample in self._samples])
-        by_id = [{body.id: body for body in sample.bodies} for sample in self._samples]
+    def __init__(self, samples: tuple[TruthSample, ...]) -> None:
+        self._samples = samples
+        times = [sample.time for sample in samples]
+        self._camera = _Series(times, [sample.camera_pose for sample in samples])
+        by_id = [{body.id: body for body in sample.bodies} for sample in samples]
         self._series = [
             _Series(times, [bodies.get(id_) for bodies in by_id])
             for id_ in sorted(set().union(*by_id))
@@ -109,7 +102,7 @@ class CsvTruth:
 
     @property
     def samples(self) -> tuple[TruthSample, ...]:
-        """Everything in the file, one entry for each frame, by rising time."""
+        """All that is known, one entry for each frame, by rising time."""
         return self._samples
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
@@ -125,6 +118,24 @@ class CsvTruth:
         """``T_world_camera``, or None where unknown."""
         between = self._camera.at(time)
         return None if between is None else _pose_between(*between)
+
+
+class CsvTruth(SampledTruth):
+    """The truth of a ``truth.csv``, at any instant.
+
+    Raises:
+        TruthError: the file cannot be read; the sentence names the line and the column.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        path = Path(path)
+        try:
+            with path.open(newline="", encoding="utf-8-sig") as file:
+                super().__init__(_read_samples(file, path.name))
+        except OSError as error:
+            raise TruthError(f"{path} cannot be read: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise TruthError(f"{path.name}: the file must be UTF-8 text") from None
 
 
 class _Series(Generic[_Sample]):

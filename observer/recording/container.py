@@ -1,0 +1,345 @@
+"""An MCAP file that is written chunk by chunk and can be read at any time.
+
+The ``mcap`` package's own writer neither takes back a chunk that the disk had no room for nor
+goes on with a file that was left behind; here both are the same: the file is cut behind its last
+whole chunk, and from there on is written what follows, be it more chunks or its end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import zlib
+from collections.abc import Callable
+from typing import BinaryIO
+
+import lz4.frame  # type: ignore[import-untyped]
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    MessageIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from observer.recording.contents import (
+    CHUNK,
+    COMPRESSION,
+    MAGIC,
+    MESSAGE,
+    RECORD,
+    Contents,
+    Entry,
+    chunk_records,
+    entries_of,
+    find_contents,
+)
+from observer.recording.errors import RecordingError
+from observer.recording.topics import Topic
+
+LIBRARY = "dynamic-observer"
+
+
+class _Chunk:
+    """Messages on their way into one chunk."""
+
+    def __init__(self) -> None:
+        self.pieces: list[bytes] = []
+        self.size = 0
+        self.index: dict[int, list[Entry]] = {}
+
+    def add(self, channel: int, sequence: int, log_time_ns: int, data: bytes) -> None:
+        self.index.setdefault(channel, []).append(Entry(log_time_ns, self.size))
+        head = RECORD.pack(Opcode.MESSAGE, MESSAGE.size + len(data))
+        head += MESSAGE.pack(channel, sequence, log_time_ns, log_time_ns)
+        self.pieces += (head, data)
+        self.size += len(head) + len(data)
+
+
+class Container:
+    """Writes one MCAP file. Used by one thread.
+
+    Args:
+        file: open for writing in bytes, positioned at its beginning; with ``resume`` also for
+            reading. It is written piece by piece, so it needs no buffer of its own.
+        name: of the file, for messages.
+        largest_chunk: bytes before packing at which a chunk is written at once.
+        resume: go on behind the last whole chunk of what the file holds already.
+
+    Raises:
+        RecordingError: the file cannot be written. From then on nothing is, and every call that
+            would write raises the same.
+        SourceError: there is nothing to go on with.
+    """
+
+    def __init__(
+        self, file: BinaryIO, name: str, *, largest_chunk: int = 8 << 20, resume: bool = False
+    ) -> None:
+        self._file = file
+        self._name = name
+        self._largest = largest_chunk
+        self._failure: RecordingError | None = None
+        self._finished = False
+        self._schemas: dict[str, Schema] = {}
+        self._channels: dict[tuple[str, str], Channel] = {}
+        self._counts: dict[int, int] = {}
+        self._chunk_indexes = bytearray()
+        self._chunk_count = 0
+        self._span: tuple[int, int] | None = None
+        self._plain, self._bulk = _Chunk(), _Chunk()
+        # Behind everything that is whole.
+        self._end = 0
+        if resume:
+            self._resume(find_contents(file, name))
+        else:
+            self._write(MAGIC, _bytes_of(Header("", LIBRARY)))
+
+    @property
+    def failure(self) -> RecordingError | None:
+        """Why nothing is written any more."""
+        return self._failure
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file."""
+        return self._end
+
+    def add(self, topic: Topic, sequence: int, log_time_ns: int, data: bytes) -> None:
+        """Keep a message for the next chunk, and write that where it is large enough."""
+        self._check()
+        channel = self._channel(topic)
+        chunk = self._bulk if topic.bulk else self._plain
+        chunk.add(channel, sequence & 0xFFFFFFFF, log_time_ns, data)
+
+    def write_large(self) -> None:
+        """Write what is large enough for a chunk.
+
+        Not done by ``add``, so that what belongs together, as a frame's two images do, comes into
+        one chunk.
+        """
+        if self._bulk.size >= self._largest:
+            self._bulk = self._written(self._bulk)
+        if self._plain.size >= self._largest:
+            self.write_chunks()
+
+    def write_chunks(self) -> None:
+        """Write everything that waits."""
+        self._check()
+        # Images go first: a frame that is told of has its images.
+        self._bulk = self._written(self._bulk)
+        self._plain = self._written(self._plain)
+
+    def finish(self) -> None:
+        """Write what waits and the file's index; the file stays open. Safe to call twice."""
+        if self._finished:
+            return
+        self.write_chunks()
+        self._write(self._closing_records())
+        self._finished = True
+
+    # --- in the file -----------------------------------------------------------------------
+
+    def _check(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+
+    def _write(self, *pieces: bytes) -> None:
+        self._check()
+        try:
+            self._write_all(pieces)
+        except OSError as error:
+            self._failure = RecordingError.of(error, self._name)
+            self._plain, self._bulk = _Chunk(), _Chunk()
+            self._leave_whole()
+            raise self._failure from None
+        self._end += sum(map(len, pieces))
+
+    def _write_all(self, pieces: tuple[bytes, ...]) -> None:
+        for piece in pieces:
+            view = memoryview(piece)
+            while view:
+                # A file without a buffer may take a part, as before the disk is full.
+                written = self._file.write(view)
+                view = view[written:]
+
+    def _leave_whole(self) -> None:
+        """Cut off the chunk that was not written whole; its room may do for the index."""
+        with contextlib.suppress(OSError):
+            self._cut()
+            try:
+                self._write_all((self._closing_records(),))
+                self._finished = True
+            except OSError:
+                self._cut()
+
+    def _cut(self) -> None:
+        self._file.seek(self._end)
+        self._file.truncate(self._end)
+
+    def _channel(self, topic: Topic) -> int:
+        known = self._channels.get((topic.name, topic.schema_name))
+        if known is not None:
+            return known.id
+        schema = self._schemas.get(topic.schema_name)
+        pieces = []
+        if schema is None:
+            schema = Schema(
+                id=len(self._schemas) + 1,
+                data=topic.schema(),
+                encoding=topic.schema_encoding,
+                name=topic.schema_name,
+            )
+            pieces.append(_bytes_of(schema))
+        channel = Channel(
+            id=len(self._channels) + 1,
+            topic=topic.name,
+            message_encoding=topic.encoding,
+            metadata={},
+            schema_id=schema.id,
+        )
+        # Outside of chunks, so that it is known without unpacking any.
+        self._write(*pieces, _bytes_of(channel))
+        self._schemas[topic.schema_name] = schema
+        self._channels[topic.name, topic.schema_name] = channel
+        return channel.id
+
+    def _written(self, chunk: _Chunk) -> _Chunk:
+        if not chunk.pieces:
+            return chunk
+        records = b"".join(chunk.pieces)
+        chunk.pieces.clear()
+        packed = lz4.frame.compress(records)
+        times = [entry.log_time_ns for entries in chunk.index.values() for entry in entries]
+        body = CHUNK.pack(min(times), max(times), len(records), zlib.crc32(records))
+        body += struct.pack("<I", len(COMPRESSION)) + COMPRESSION + struct.pack("<Q", len(packed))
+        head = RECORD.pack(Opcode.CHUNK, len(body) + len(packed)) + body
+        place = self._end
+        length = len(head) + len(packed)
+        indexes, offsets = self._index_records(chunk.index, place + length)
+        self._write(head, packed, indexes)
+        self._remember(
+            ChunkIndex(
+                message_start_time=min(times),
+                message_end_time=max(times),
+                chunk_start_offset=place,
+                chunk_length=length,
+                message_index_offsets=offsets,
+                message_index_length=len(indexes),
+                compression=COMPRESSION.decode(),
+                compressed_size=len(packed),
+                uncompressed_size=len(records),
+            ),
+            {id_: len(entries) for id_, entries in chunk.index.items()},
+        )
+        return _Chunk()
+
+    @staticmethod
+    def _index_records(index: dict[int, list[Entry]], begin: int) -> tuple[bytes, dict[int, int]]:
+        records, offsets = b"", {}
+        for id_, entries in index.items():
+            offsets[id_] = begin + len(records)
+            records += _bytes_of(MessageIndex(channel_id=id_, records=list(entries)))
+        return records, offsets
+
+    def _remember(self, index: ChunkIndex, counts: dict[int, int]) -> None:
+        # As bytes: a run of hours has very many of them.
+        self._chunk_indexes += _bytes_of(index)
+        self._chunk_count += 1
+        for id_, count in counts.items():
+            self._counts[id_] = self._counts.get(id_, 0) + count
+        start, end = self._span or (index.message_start_time, index.message_end_time)
+        self._span = min(start, index.message_start_time), max(end, index.message_end_time)
+
+    def _closing_records(self) -> bytes:
+        end_of_data = _bytes_of(DataEnd(0))
+        start, end = self._span or (0, 0)
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=self._chunk_count,
+            message_count=sum(self._counts.values()),
+            message_end_time=end,
+            message_start_time=start,
+            metadata_count=0,
+            schema_count=len(self._schemas),
+        )
+        groups = (
+            (Opcode.SCHEMA, b"".join(map(_bytes_of, self._schemas.values()))),
+            (Opcode.CHANNEL, b"".join(map(_bytes_of, self._channels.values()))),
+            (Opcode.STATISTICS, _bytes_of(statistics)),
+            (Opcode.CHUNK_INDEX, bytes(self._chunk_indexes)),
+        )
+        summary_start = self._end + len(end_of_data)
+        summary, offsets = b"", b""
+        for opcode, records in groups:
+            place = SummaryOffset(opcode, summary_start + len(summary), len(records))
+            if records:
+                offsets += _bytes_of(place)
+            summary += records
+        offsets_start = summary_start + len(summary)
+        summary += offsets
+        covered = summary + RECORD.pack(Opcode.FOOTER, 20)
+        covered += struct.pack("<QQ", summary_start, offsets_start)
+        footer = _bytes_of(Footer(summary_start, offsets_start, zlib.crc32(covered)))
+        return end_of_data + summary + footer + MAGIC
+
+    # --- going on ----------------------------------------------------------------------------
+
+    def _resume(self, contents: Contents) -> None:
+        self._schemas = {schema.name: schema for schema in contents.schemas.values()}
+        self._channels = {
+            (channel.topic, contents.schemas[channel.schema_id].name): channel
+            for channel in contents.channels.values()
+        }
+        for place in contents.chunks:
+            index = dict(place.indexes)
+            self._end = place.end
+            length = place.end - place.offset - place.length
+            records = b""
+            if place.rebuilt is not None:
+                entries = entries_of(chunk_records(self._file, place, self._name))
+                records, index = self._index_records(entries, self._end)
+                self._cut()
+                self._write(records)
+                length = len(records)
+            sizes = self._sizes(place.offset)
+            self._remember(
+                ChunkIndex(
+                    message_start_time=place.start_ns,
+                    message_end_time=place.end_ns,
+                    chunk_start_offset=place.offset,
+                    chunk_length=place.length,
+                    message_index_offsets=index,
+                    message_index_length=length,
+                    compression=COMPRESSION.decode(),
+                    compressed_size=sizes[1],
+                    uncompressed_size=sizes[0],
+                ),
+                {},
+            )
+        self._counts = dict(contents.counts)
+        if not contents.chunks:
+            self._end = contents.end
+        self._cut()
+
+    def _sizes(self, offset: int) -> tuple[int, int]:
+        """Of a chunk's records: unpacked and packed."""
+        self._file.seek(offset + RECORD.size)
+        head = self._file.read(CHUNK.size + 4 + len(COMPRESSION) + 8)
+        unpacked = CHUNK.unpack_from(head)[2]
+        return unpacked, struct.unpack_from("<Q", head, len(head) - 8)[0]
+
+
+def _bytes_of(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    end: Callable[[], bytes] = builder.end
+    return end()

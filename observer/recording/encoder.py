@@ -1,0 +1,282 @@
+"""From what happens in a run to the messages of its recording; no file, no thread."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import cv2
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.calibration.formats.opencv_file import read_calibration
+from observer.mount import CameraMount
+from observer.recording import foxglove, topics
+from observer.recording.payloads import (
+    Begins,
+    BodyPayload,
+    CapturePayload,
+    EgoMotionPayload,
+    Incident,
+    MatchedBody,
+    MatchedTruth,
+    OdometryPayload,
+    ParameterRevision,
+    RecordedFrame,
+    RobotRow,
+    RunFacts,
+    SamplePayload,
+    SkippedPayload,
+    TruthPayload,
+)
+from observer.recording.topics import Topic
+from observer.sources.contract import SkippedFrame
+from observer.truth.csv_file import TruthSample
+from observer.truth.motion_capture import BodySample
+from observer.types import Image, StereoFrame
+
+JPEG_QUALITY = 95
+
+
+def _plain(value: object) -> object:
+    """What numpy's numbers and arrays are in JSON."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be recorded")
+
+
+_json = msgspec.json.Encoder(enc_hook=_plain)
+
+
+class Encoded(NamedTuple):
+    """One message, ready for a file.
+
+    Attributes:
+        sequence: counted within its topic. log_time_ns: nanoseconds since 1970, never falling.
+    """
+
+    topic: Topic
+    sequence: int
+    log_time_ns: int
+    data: bytes
+
+
+class Encoder:
+    """Makes messages; their log times are the anchor's wall clock and what the monotonic clock
+    counts from there, so they never fall, whatever happens to the wall clock.
+
+    Args:
+        facts: of the run. first_image: number of the first pair of images.
+        after_ns: no message is older than this.
+
+    Raises:
+        CalibrationError: the calibration's text cannot be used.
+    """
+
+    def __init__(self, facts: RunFacts, *, first_image: int = 0, after_ns: int = 0) -> None:
+        self._facts = facts
+        calibration = read_calibration(facts.calibration_yaml, name="the run's calibration")
+        mount = None if facts.mount is None else CameraMount(**_known(facts.mount))
+        self._cameras = foxglove.Cameras(calibration, mount)
+        self._image = first_image
+        self._newest_ns = after_ns
+        self._sequences: dict[str, int] = {}
+        # The first frame is always that of an observer that knows nothing yet.
+        self._begins: Begins | None = "observer"
+
+    def beginning(self) -> list[Encoded]:
+        """The run's facts and the cameras: what a recording begins with."""
+        at = self._facts.anchor.monotonic
+        wall = self._facts.anchor.wall_time_ns(at)
+        left, right = (self._cameras.calibration(side, wall) for side in ("left", "right"))
+        return [
+            self._own(topics.RUN, self._facts, at),
+            self._made(topics.LEFT_CALIBRATION, left, at),
+            self._made(topics.RIGHT_CALIBRATION, right, at),
+        ]
+
+    def frame(
+        self,
+        frame: StereoFrame,
+        *,
+        source_position: int | None = None,
+        source_time: float | None = None,
+        begins: Begins | None = None,
+    ) -> list[Encoded]:
+        """A frame exactly as the observer gets it, its images and odometry included."""
+        at, image = frame.received, None
+        messages = []
+        if self._facts.images != "none":
+            image = self._image
+            self._image += 1
+            # One after the other: each keeps a core busy while it is packed.
+            for side, pixels in (("left", frame.left), ("right", frame.right)):
+                topic, data = self._packed(side, pixels, self._wall(at))
+                messages.append(Encoded(topic, image, self._log_time(at), data))
+        told = frame.odometry
+        recorded = RecordedFrame(
+            index=frame.index,
+            time=frame.time,
+            received=frame.received,
+            right_time=frame.right_time,
+            odometry=None if told is None else OdometryPayload(told.x, told.y, told.yaw),
+            source_position=source_position,
+            source_time=source_time,
+            image=image,
+            begins=self._begins or begins,
+        )
+        self._begins = None
+        messages.append(self._own(topics.FRAME, recorded, at))
+        if told is not None:
+            messages.append(
+                self._made(topics.ODOMETRY, foxglove.odometry(told, self._wall(at)), at)
+            )
+        return messages
+
+    def observation(
+        self,
+        line: Mapping[str, Any],
+        received: float,
+        *,
+        ego_motion: Mapping[str, Any] | None = None,
+    ) -> list[Encoded]:
+        """The JSON line of an observation, and what is drawn of it.
+
+        Args:
+            received: of its frame.
+        """
+        wall = self._wall(received)
+        transforms = self._cameras.transforms(foxglove.line_pose(line), wall)
+        messages = [
+            self._own(topics.OBSERVATION, line, received),
+            self._made(topics.TRANSFORMS, transforms, received),
+            self._made(topics.SCENE, foxglove.obstacle_scene(line, wall), received),
+        ]
+        if ego_motion is not None:
+            values = EgoMotionPayload(
+                frame=line["frame"], time=line["time"], values=dict(ego_motion)
+            )
+            messages.append(self._own(topics.EGO_MOTION, values, received))
+        return messages
+
+    def matched_truth(
+        self, line: Mapping[str, Any], entries: Sequence[Mapping[str, Any]], received: float
+    ) -> list[Encoded]:
+        """True bodies in the observation's world: fields of ``MatchedBody`` by name."""
+        bodies = [MatchedBody(**entry) for entry in entries]
+        matched = MatchedTruth(frame=line["frame"], time=line["time"], bodies=bodies)
+        scene = foxglove.truth_scene(entries, self._wall(received))
+        return [
+            self._own(topics.MATCHED_TRUTH, matched, received),
+            self._made(topics.TRUE_SCENE, scene, received),
+        ]
+
+    def truth(self, sample: TruthSample, received: float) -> list[Encoded]:
+        """What is truly known at a frame, in the truth's own world, at the frame's time."""
+        pose = sample.camera_pose
+        payload = TruthPayload(
+            frame=sample.frame,
+            time=sample.time,
+            bodies=[
+                BodyPayload(
+                    id=body.id,
+                    name=body.name,
+                    role=body.role,
+                    position=body.position.tolist(),
+                    velocity=body.velocity.tolist(),
+                    size=body.size.tolist(),
+                    yaw=body.yaw,
+                    visible=body.visible,
+                    commanded_speed=body.commanded_speed,
+                )
+                for body in sample.bodies
+            ],
+            camera_position=None if pose is None else pose.translation.tolist(),
+            camera_orientation_wxyz=None if pose is None else pose.quaternion_wxyz.tolist(),
+        )
+        return [self._own(topics.TRUTH, payload, received)]
+
+    def parameters(self, revision: ParameterRevision, received: float) -> list[Encoded]:
+        """Parameters that act on the next frame."""
+        return [self._own(topics.PARAMETERS, revision, received)]
+
+    def capture(self, samples: Sequence[BodySample]) -> list[Encoded]:
+        """What motion capture told."""
+        if not samples:
+            return []
+        told = [
+            SamplePayload(
+                name=sample.name,
+                time=sample.time,
+                received=sample.received,
+                position=None if sample.position is None else sample.position.tolist(),
+                rotation=None if sample.rotation is None else sample.rotation.ravel().tolist(),
+            )
+            for sample in samples
+        ]
+        newest = max(sample.received for sample in samples)
+        return [self._own(topics.MOTION_CAPTURE, CapturePayload(told), newest)]
+
+    def robot(self, row: RobotRow) -> list[Encoded]:
+        """One robot at one instant."""
+        return [self._own(topics.ROBOT, row, row.received)]
+
+    def skipped(self, skipped: SkippedFrame, received: float) -> list[Encoded]:
+        """A frame that the source could not read."""
+        payload = SkippedPayload(skipped.index, skipped.reason)
+        return [
+            self._own(topics.SKIPPED, payload, received),
+            *self.log("warning", "source", skipped.reason, received),
+        ]
+
+    def incident(self, incident: Incident) -> list[Encoded]:
+        """Something to be found again."""
+        return [
+            self._own(topics.INCIDENT, incident, incident.received),
+            *self.log("warning", incident.kind, incident.sentence, incident.received),
+        ]
+
+    def log(
+        self, level: foxglove.LogLevel, name: str, message: str, received: float
+    ) -> list[Encoded]:
+        """A sentence for the log."""
+        data = foxglove.log(level, name, message, self._wall(received))
+        return [self._made(topics.LOG, data, received)]
+
+    def cloud(
+        self, points: NDArray[np.float32], colors: NDArray[np.uint8], received: float
+    ) -> list[Encoded]:
+        """Points (N, 3), metres, camera frame of the frame received then, and RGB (N, 3)."""
+        data = foxglove.point_cloud(points, colors, self._wall(received))
+        return [self._made(topics.CLOUD, data, received)]
+
+    # ---------------------------------------------------------------------------------------
+
+    def _wall(self, received: float) -> int:
+        return self._facts.anchor.wall_time_ns(received)
+
+    def _log_time(self, received: float) -> int:
+        self._newest_ns = max(self._newest_ns, self._wall(received))
+        return self._newest_ns
+
+    def _own(self, topic: Topic, payload: object, received: float) -> Encoded:
+        return self._made(topic, _json.encode(payload), received)
+
+    def _made(self, topic: Topic, data: bytes, received: float) -> Encoded:
+        sequence = self._sequences.get(topic.name, 0)
+        self._sequences[topic.name] = sequence + 1
+        return Encoded(topic, sequence, self._log_time(received), data)
+
+    def _packed(self, side: str, pixels: Image, wall_ns: int) -> tuple[Topic, bytes]:
+        left = side == "left"
+        if self._facts.images == "lossless":
+            topic = topics.LEFT_RAW if left else topics.RIGHT_RAW
+            return topic, foxglove.raw_image(pixels, side, wall_ns)
+        _, jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        topic = topics.LEFT_JPEG if left else topics.RIGHT_JPEG
+        return topic, foxglove.jpeg_image(jpeg.tobytes(), side, wall_ns)
+
+
+def _known(values: Mapping[str, float | None]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}

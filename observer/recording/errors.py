@@ -1,0 +1,38 @@
+"""What goes wrong while a recording is written; what cannot be read is a ``SourceError``."""
+
+from __future__ import annotations
+
+import errno
+
+from observer.errors import DynamicObserverError
+
+# No space, quota used up, file size limit: what only more room helps against.
+_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+
+
+class RecordingError(DynamicObserverError):
+    """A recording ended before its time; what was written until then stays readable.
+
+    Attributes:
+        full: whether there is no room left for it.
+    """
+
+    def __init__(self, message: str, *, full: bool) -> None:
+        self.full = full
+        super().__init__(message)
+
+    @staticmethod
+    def of(error: OSError, name: str) -> RecordingError:
+        """The error as one sentence.
+
+        Args:
+            name: of the file that was written.
+        """
+        full = error.errno in _FULL
+        why = "the disk is full" if full else f"it cannot be written: {error.strerror or error}"
+        help_ = "make room and begin a new one" if full else "begin a new one elsewhere"
+        return RecordingError(
+            f"the recording {name} ended because {why}; what was written until then can be "
+            f"read, {help_}",
+            full=full,
+        )

@@ -1,0 +1,57 @@
+"""JSON schemas of our own messages, in the form that Foxglove and Lichtblick understand.
+
+Their parsers know one plain ``type`` for each property, no alternatives, no references and no
+arrays of arrays. What may be null therefore says ``nullable`` (as OpenAPI 3.0 has it) beside its
+type, and arrays of arrays stand under ``patternProperties``, which those parsers pass over.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+from msgspec import inspect
+
+_PLAIN: dict[type[inspect.Type], str] = {
+    inspect.BoolType: "boolean",
+    inspect.IntType: "integer",
+    inspect.FloatType: "number",
+    inspect.StrType: "string",
+    inspect.LiteralType: "string",
+}
+
+
+def json_schema(payload: type[msgspec.Struct]) -> dict[str, Any]:
+    """The schema of a payload's JSON."""
+    described = inspect.type_info(payload)
+    assert isinstance(described, inspect.StructType)
+    title = {"title": payload.__name__, "description": (payload.__doc__ or "").partition("\n")[0]}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **title, **_of(described)}
+
+
+def _of(kind: inspect.Type) -> dict[str, Any]:
+    if isinstance(kind, inspect.UnionType):
+        (known,) = (one for one in kind.types if not isinstance(one, inspect.NoneType))
+        return {**_of(known), "nullable": True}
+    if isinstance(kind, inspect.StructType):
+        return _object(kind)
+    if isinstance(kind, inspect.ListType):
+        return {"type": "array", "items": _of(kind.item_type)}
+    if isinstance(kind, inspect.DictType):
+        values = kind.value_type
+        further = {} if isinstance(values, inspect.AnyType) else _of(values)
+        return {"type": "object", "properties": {}, "additionalProperties": further or True}
+    return {"type": _PLAIN[type(kind)]}
+
+
+def _object(kind: inspect.StructType) -> dict[str, Any]:
+    properties, nested = {}, {}
+    for field in kind.fields:
+        schema = _of(field.type)
+        if schema.get("items", {}).get("type") == "array":
+            nested[f"^{field.encode_name}$"] = schema
+        else:
+            properties[field.encode_name] = schema
+    required = [field.encode_name for field in kind.fields if field.required]
+    result = {"type": "object", "properties": properties, "required": required}
+    return {**result, "patternProperties": nested} if nested else result

@@ -1,0 +1,280 @@
+"""Our own messages of a recording: plain values as JSON, each with the schema that it follows.
+
+Every number has SI units. ``time`` is on the source's clock, ``received`` on the host's monotonic
+one; both mean something within one recording only. Null is what is not known.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Literal
+
+import msgspec
+
+Images = Literal["none", "jpeg", "lossless"]
+# ``observer``: a new observer began with this frame; ``segment``: the same one began a new world.
+Begins = Literal["observer", "segment"]
+
+
+class Anchor(msgspec.Struct, frozen=True):
+    """One instant on two clocks: the only place where a recording asks the wall clock.
+
+    Attributes:
+        wall_ns: nanoseconds since 1970, UTC. monotonic: the host's monotonic clock, seconds.
+    """
+
+    wall_ns: int
+    monotonic: float
+
+    @staticmethod
+    def now() -> Anchor:
+        """This instant."""
+        return Anchor(time.time_ns(), time.monotonic())
+
+    def wall_time_ns(self, monotonic: float) -> int:
+        """Nanoseconds since 1970 at an instant of the monotonic clock; it never jumps."""
+        return max(0, self.wall_ns + round((monotonic - self.monotonic) * 1e9))
+
+
+class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known when a run begins, and what it needs to be observed once more.
+
+    Attributes:
+        id, name: of the run. source: the text it was opened by, without passwords.
+        info: the fields of the source's ``SourceInfo``.
+        calibration_yaml: OpenCV FileStorage text, as used. rig_yaml: as used, or None.
+        mount: fields of the ``CameraMount`` that the observer was made with, or None.
+        preset: the name of what the parameters began as, or None.
+        segment: number of the first segment. versions: of packages, by name.
+        images: which are kept. anchor: of all log times.
+        notes: further facts in words, by name.
+    """
+
+    id: str
+    name: str
+    source: str
+    info: dict[str, Any]
+    calibration_yaml: str
+    images: Images = "jpeg"
+    rig_yaml: str | None = None
+    mount: dict[str, float | None] | None = None
+    preset: str | None = None
+    segment: int = 0
+    versions: dict[str, str] = {}
+    notes: dict[str, str] = {}
+    anchor: Anchor = msgspec.field(default_factory=Anchor.now)
+
+
+class OdometryPayload(msgspec.Struct, frozen=True):
+    """``Odometry``: metres and radians."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+class RecordedFrame(msgspec.Struct, frozen=True, kw_only=True):
+    """One frame as it was observed.
+
+    Attributes:
+        index, time, right_time, received, odometry: of the ``StereoFrame``.
+        source_position, source_time: of the frame within its source, which repeat where the
+            source is played in a loop.
+        image: number of its images among those of the recording; None where none are kept.
+        begins: what the observer began anew with this frame, or None.
+    """
+
+    index: int
+    time: float
+    received: float
+    right_time: float | None = None
+    odometry: OdometryPayload | None = None
+    source_position: int | None = None
+    source_time: float | None = None
+    image: int | None = None
+    begins: Begins | None = None
+
+
+class ParameterRevision(msgspec.Struct, frozen=True, kw_only=True):
+    """Parameters that are in force from the next recorded frame on.
+
+    Attributes:
+        revision: counted up with every change. frame: index of the first frame they act on, or
+            None where nothing was observed yet. values: all, by dotted name.
+        difference: those that changed.
+    """
+
+    revision: int
+    values: dict[str, Any]
+    frame: int | None = None
+    difference: dict[str, Any] = {}
+
+
+class EgoMotionPayload(msgspec.Struct, frozen=True, kw_only=True):
+    """How the camera moved, as in the engine's events: plain values by name."""
+
+    frame: int
+    time: float
+    values: dict[str, Any]
+
+
+class BodyPayload(msgspec.Struct, frozen=True, kw_only=True):
+    """``TrueBody``, in the truth's own world."""
+
+    id: int
+    name: str
+    role: str
+    position: list[float]
+    velocity: list[float]
+    size: list[float]
+    yaw: float
+    visible: float | None = None
+    commanded_speed: float | None = None
+
+
+class TruthPayload(msgspec.Struct, frozen=True, kw_only=True):
+    """All that is truly known at one frame.
+
+    Attributes:
+        camera_position, camera_orientation_wxyz: ``T_world_camera`` of the truth's own world.
+    """
+
+    frame: int
+    time: float
+    bodies: list[BodyPayload]
+    camera_position: list[float] | None = None
+    camera_orientation_wxyz: list[float] | None = None
+
+
+class MatchedBody(msgspec.Struct, frozen=True, kw_only=True):
+    """A true body in the observation's world, and the obstacle that it was taken for."""
+
+    id: int
+    name: str
+    role: str
+    position: list[float]
+    velocity: list[float]
+    speed: float
+    size: list[float]
+    yaw: float
+    visible: float | None = None
+    commanded_speed: float | None = None
+    track_id: int | None = None
+
+
+class MatchedTruth(msgspec.Struct, frozen=True, kw_only=True):
+    """True bodies beside one observation."""
+
+    frame: int
+    time: float
+    bodies: list[MatchedBody]
+
+
+class SamplePayload(msgspec.Struct, frozen=True, kw_only=True):
+    """``BodySample``; ``rotation`` is ``R_room_body`` by rows."""
+
+    name: str
+    time: float
+    received: float
+    position: list[float] | None = None
+    rotation: list[float] | None = None
+
+
+class CapturePayload(msgspec.Struct, frozen=True):
+    """What motion capture told since the last message."""
+
+    samples: list[SamplePayload]
+
+
+class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One robot at one instant.
+
+    Attributes:
+        role: ``observer`` or ``obstacle``. received: host's monotonic clock, seconds.
+        time: the source's clock, where known.
+        sent_speed, sent_turn_rate: as really sent, m/s and rad/s.
+        encoder_speed, encoder_turn_rate: as the robot told.
+        x, y, yaw: by its wheels, metres and radians.
+        facts: whatever else is told of it.
+    """
+
+    role: str
+    received: float
+    time: float | None = None
+    sent_speed: float | None = None
+    sent_turn_rate: float | None = None
+    encoder_speed: float | None = None
+    encoder_turn_rate: float | None = None
+    x: float | None = None
+    y: float | None = None
+    yaw: float | None = None
+    facts: dict[str, Any] = {}
+
+
+class SkippedPayload(msgspec.Struct, frozen=True):
+    """A frame that the source could not read, and why."""
+
+    index: int
+    reason: str
+
+
+class Incident(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that a person who looks back wants to find: a guard stop, lost frames, a gap.
+
+    Attributes:
+        kind: a word. sentence: what happened. received: host's monotonic clock, seconds.
+        details: plain values by name.
+    """
+
+    kind: str
+    sentence: str
+    received: float
+    details: dict[str, Any] = {}
+
+
+# --- the line of ``observe``, for its schema alone -------------------------------------------
+
+
+class PoseEntry(msgspec.Struct):
+    """``T_world_camera``."""
+
+    position: list[float]
+    orientation_wxyz: list[float]
+
+
+class ObstacleEntry(msgspec.Struct):
+    """One obstacle of a line, see ``observer.jsonl.obstacle_entry``."""
+
+    id: int
+    state: str
+    motion: str
+    position: list[float] | None
+    velocity: list[float] | None
+    speed: float
+    speed_std: float | None
+    position_cov: list[list[float]] | None
+    velocity_cov: list[list[float]] | None
+    velocity_time: float
+    size: list[float]
+    orientation_wxyz: list[float] | None
+    range: float
+    bearing: float
+    closing_speed: float | None
+    points: int
+    significance: float
+    box_px: list[float]
+    why: str
+
+
+class ObservationLine(msgspec.Struct):
+    """One observation, see ``observer.jsonl.observation_line``."""
+
+    frame: int
+    time: float
+    segment: int
+    status: str
+    reasons: list[str]
+    parameters_revision: int
+    pose: PoseEntry | None
+    obstacles: list[ObstacleEntry]
+    timings_ms: dict[str, float]

@@ -1,0 +1,328 @@
+"""Reads a recording: the one thing that report, re-run, export and notebooks read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from observer.errors import SourceError, TruthError
+from observer.geometry import Pose
+from observer.recording import topics
+from observer.recording.contents import (
+    ChunkPlace,
+    Contents,
+    Message,
+    chunk_records,
+    find_contents,
+    message_entries,
+    messages_of,
+)
+from observer.recording.images import jpeg_pixels, raw_pixels
+from observer.recording.payloads import (
+    CapturePayload,
+    EgoMotionPayload,
+    Incident,
+    MatchedTruth,
+    ParameterRevision,
+    RecordedFrame,
+    RobotRow,
+    RunFacts,
+    SkippedPayload,
+    TruthPayload,
+)
+from observer.recording.topics import Topic
+from observer.truth.contract import TrueBody
+from observer.truth.csv_file import SampledTruth, TruthSample
+from observer.truth.motion_capture import BodySample, Capture, Trajectory
+from observer.types import Image
+
+_Payload = TypeVar("_Payload", bound=msgspec.Struct)
+_SIDES = (topics.LEFT_RAW.name, topics.RIGHT_RAW.name)
+
+
+class Recording:
+    """A recording as it lies there, finished or not; nothing is written to it.
+
+    Used by one thread. Times are those of ``payloads``.
+
+    Attributes:
+        unfinished: its end was never written, because it is being written or its writer was
+            killed; everything up to its last whole chunk is read.
+
+    Raises:
+        SourceError: the file cannot be read or is no recording of a run.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        try:
+            # Closed by close.
+            self._file = self.path.open("rb")
+        except OSError as error:
+            raise SourceError(f"{path} cannot be read: {error.strerror}") from None
+        try:
+            self._contents: Contents = find_contents(self._file, self.path.name)
+            self.facts: RunFacts = self._first_facts()
+        except BaseException:
+            self._file.close()
+            raise
+        self.unfinished = not self._contents.finished
+        # The unpacked chunk that was read last of each side's images.
+        self._unpacked: tuple[int, bytes] | None = None
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; safe to call twice."""
+        self._file.close()
+
+    # --- what was recorded -------------------------------------------------------------------
+
+    @cached_property
+    def frames(self) -> tuple[RecordedFrame, ...]:
+        """All frames, in order."""
+        return tuple(self._payloads(topics.FRAME, RecordedFrame))
+
+    def lines(self) -> Iterator[dict[str, Any]]:
+        """The observations' JSON lines, in order."""
+        for _, message in self.messages(topics.OBSERVATION.name):
+            yield msgspec.json.decode(message.data)
+
+    def ego_motions(self) -> Iterator[EgoMotionPayload]:
+        """How the camera moved, in order."""
+        return self._payloads(topics.EGO_MOTION, EgoMotionPayload)
+
+    @cached_property
+    def positioned_revisions(self) -> tuple[tuple[int, ParameterRevision], ...]:
+        """Parameters, each with the position of the first frame that they act on."""
+        found, position = [], 0
+        for topic, message in self.messages(topics.FRAME.name, topics.PARAMETERS.name):
+            if topic == topics.FRAME.name:
+                position += 1
+            else:
+                revision = msgspec.json.decode(message.data, type=ParameterRevision)
+                found.append((position, revision))
+        return tuple(found)
+
+    def parameter_revisions(self) -> tuple[ParameterRevision, ...]:
+        """All parameters that were in force, in order."""
+        return tuple(revision for _, revision in self.positioned_revisions)
+
+    def truth_samples(self) -> tuple[TruthSample, ...]:
+        """What was truly known at each frame; only while time rises, since what comes after it
+        went back, as after a restart of the engine, has times that were there before."""
+        found: list[TruthSample] = []
+        for payload in self._payloads(topics.TRUTH, TruthPayload):
+            if found and payload.time <= found[-1].time:
+                break
+            # Where a frame's number repeats, a table of them would be of no use.
+            found.append(_truth_sample(payload))
+        return tuple(found)
+
+    def truth(self) -> SampledTruth | None:
+        """The true bodies over the frames' time; None where none were known."""
+        samples = self.truth_samples()
+        return SampledTruth(samples) if samples else None
+
+    def matched_truth(self) -> Iterator[MatchedTruth]:
+        """True bodies in the observations' world, each with its track, in order."""
+        return self._payloads(topics.MATCHED_TRUTH, MatchedTruth)
+
+    def capture_samples(self) -> Iterator[BodySample]:
+        """What a live motion capture told, in order of arrival."""
+        for payload in self._payloads(topics.MOTION_CAPTURE, CapturePayload):
+            for told in payload.samples:
+                yield BodySample(
+                    name=told.name,
+                    time=told.time,
+                    received=told.received,
+                    position=None if told.position is None else np.array(told.position),
+                    rotation=None
+                    if told.rotation is None
+                    else np.array(told.rotation).reshape(3, 3),
+                )
+
+    def capture(self) -> Capture | None:
+        """The same by body, on the server's own clock; None where there was none.
+
+        Samples whose stamp is not above the one before are left out.
+        """
+        bodies: dict[str, list[BodySample]] = {}
+        dropped = 0
+        for sample in self.capture_samples():
+            kept = bodies.setdefault(sample.name, [])
+            if kept and sample.time <= kept[-1].time:
+                dropped += 1
+            else:
+                kept.append(sample)
+        if not bodies:
+            return None
+        notes = [f"{dropped} samples with a stamp that did not rise were left out"]
+        trajectories = {name: _trajectory(name, kept) for name, kept in bodies.items()}
+        return Capture("recorded live", None, trajectories, tuple(notes if dropped else ()))
+
+    def robot_rows(self) -> Iterator[RobotRow]:
+        """What was sent to the robots and what they told, in order."""
+        return self._payloads(topics.ROBOT, RobotRow)
+
+    def skipped(self) -> Iterator[SkippedPayload]:
+        """Frames that the source could not read, in order."""
+        return self._payloads(topics.SKIPPED, SkippedPayload)
+
+    def incidents(self) -> Iterator[Incident]:
+        """What somebody may want to find again, in order."""
+        return self._payloads(topics.INCIDENT, Incident)
+
+    # --- images ------------------------------------------------------------------------------
+
+    def pair(self, position: int) -> tuple[Image, Image]:
+        """The left and the right image of a frame, as taken; read-only where they are raw.
+
+        Args:
+            position: of the frame, from 0.
+
+        Raises:
+            SourceError: the recording holds no images, or none of this frame, or damaged ones.
+        """
+        number = self.frames[position].image
+        if number is None:
+            raise SourceError(
+                f"{self.path.name} was recorded without images; choose jpeg or lossless to be "
+                f"able to play a recording"
+            )
+        left, right = (self._image(side, number) for side in _SIDES)
+        return left, right
+
+    @property
+    def next_image(self) -> int:
+        """The number that the next pair of images would have."""
+        places = self._image_places[_SIDES[0]]
+        return self._first_image + len(places)
+
+    @property
+    def images_held(self) -> range:
+        """The numbers of all pairs of images."""
+        return range(self._first_image, self.next_image)
+
+    @property
+    def end_ns(self) -> int:
+        """The newest log time, nanoseconds since 1970."""
+        return max((chunk.end_ns for chunk in self._contents.chunks), default=0)
+
+    def _image(self, side: str, number: int) -> Image:
+        places = self._image_places[side]
+        k = number - self._first_image
+        if not 0 <= k < len(places):
+            raise SourceError(f"{self.path.name} has lost the images of this frame")
+        chunk, offset = places[k]
+        message = self._message_at(chunk, offset)
+        if message.sequence != number:
+            raise SourceError(f"{self.path.name} is damaged: its images are out of order")
+        schema = self._contents.schemas[self._contents.channels[message.channel].schema_id].name
+        if schema == topics.LEFT_RAW.schema_name:
+            return raw_pixels(message.data)
+        return jpeg_pixels(message.data)
+
+    @cached_property
+    def _image_places(self) -> dict[str, list[tuple[ChunkPlace, int]]]:
+        found: dict[str, list[tuple[ChunkPlace, int]]] = {}
+        for side in _SIDES:
+            places = found[side] = []
+            for channel in self._contents.channel_ids(side):
+                for chunk in self._contents.chunks:
+                    entries = message_entries(self._file, chunk, channel)
+                    places += ((chunk, entry.offset) for entry in entries)
+        return found
+
+    @cached_property
+    def _first_image(self) -> int:
+        # Not 0 in a saved ring, which begins in the middle.
+        places = self._image_places[_SIDES[0]]
+        return self._message_at(*places[0]).sequence if places else 0
+
+    def _message_at(self, chunk: ChunkPlace, offset: int) -> Message:
+        if self._unpacked is None or self._unpacked[0] != chunk.offset:
+            self._unpacked = chunk.offset, chunk_records(self._file, chunk, self.path.name)
+        return next(messages_of(self._unpacked[1], offset))
+
+    # --- messages ----------------------------------------------------------------------------
+
+    def messages(self, *names: str) -> Iterator[tuple[str, Message]]:
+        """All messages of these topics in the order in which they were written, with the topic.
+
+        Chunks that hold none of them are not unpacked, and damaged ones are passed over.
+        """
+        channels = self._contents.channel_ids(*names)
+        for chunk in self._contents.chunks:
+            if not chunk.holds(channels):
+                continue
+            try:
+                records = chunk_records(self._file, chunk, self.path.name)
+            except SourceError:
+                continue
+            for message in messages_of(records):
+                if message.channel in channels:
+                    yield self._contents.channels[message.channel].topic, message
+
+    def _payloads(self, topic: Topic, kind: type[_Payload]) -> Iterator[_Payload]:
+        decoder = msgspec.json.Decoder(kind)
+        for _, message in self.messages(topic.name):
+            yield decoder.decode(message.data)
+
+    def _first_facts(self) -> RunFacts:
+        try:
+            facts = next(self._payloads(topics.RUN, RunFacts), None)
+        except msgspec.MsgspecError:
+            facts = None
+        if facts is None:
+            raise SourceError(
+                f"{self.path.name} is no recording of a run, or it was cut off before its first "
+                f"second; give a recording.mcap that this program wrote"
+            )
+        return facts
+
+
+def _truth_sample(payload: TruthPayload) -> TruthSample:
+    pose = None
+    if payload.camera_position is not None and payload.camera_orientation_wxyz is not None:
+        pose = Pose.from_quaternion(payload.camera_orientation_wxyz, payload.camera_position)
+    bodies = tuple(
+        TrueBody(
+            id=body.id,
+            name=body.name,
+            role=body.role,
+            position=np.array(body.position),
+            velocity=np.array(body.velocity),
+            size=np.array(body.size),
+            yaw=body.yaw,
+            visible=body.visible,
+            commanded_speed=body.commanded_speed,
+        )
+        for body in payload.bodies
+    )
+    return TruthSample(payload.frame, payload.time, bodies, pose)
+
+
+def _trajectory(name: str, samples: list[BodySample]) -> Trajectory:
+    unseen, unturned = np.full(3, np.nan), np.full((3, 3), np.nan)
+    turned = any(sample.rotation is not None for sample in samples)
+    try:
+        return Trajectory(
+            name,
+            np.array([sample.time for sample in samples]),
+            np.array([unseen if s.position is None else s.position for s in samples]),
+            np.array([unturned if s.rotation is None else s.rotation for s in samples])
+            if turned
+            else None,
+        )
+    except ValueError as error:
+        raise TruthError(f"{name}: the recorded samples are damaged: {error}") from None

@@ -1,0 +1,86 @@
+"""Observes a recording once more, as it was observed then or with other parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from observer.mount import CameraMount
+from observer.observer import Observer
+from observer.parameters import Parameters
+from observer.recording.payloads import ParameterRevision
+from observer.recording.reader import Recording
+from observer.recording.source import RecordingSource
+from observer.types import NoTrace, Observation, StereoFrame, Trace
+
+# By the position of the first frame they act on.
+Revisions = Mapping[int, tuple[Parameters, int]]
+_NO_TRACE = NoTrace()
+
+
+def replay_revisions(
+    recording: Recording, changes: Mapping[str, Any] | None = None
+) -> dict[int, tuple[Parameters, int]]:
+    """The parameters of a run and the positions of the frames they act on from: position ->
+    parameters and revision.
+
+    Args:
+        changes: parameters that are to be others all the time, by dotted name.
+
+    Raises:
+        ParameterError: a parameter is unknown here or out of range.
+    """
+    found = {}
+    revision: ParameterRevision
+    for position, revision in recording.positioned_revisions:
+        parameters = Parameters().changed({**revision.values, **(changes or {})})
+        found[position] = parameters, revision.revision
+    if 0 not in found:
+        found[0] = Parameters().changed(dict(changes or {})), 0
+    return found
+
+
+def recorded_mount(recording: Recording) -> CameraMount | None:
+    """The mount that the run was observed with."""
+    mount = recording.facts.mount
+    if mount is None:
+        return None
+    known: dict[str, Any] = {name: value for name, value in mount.items() if value is not None}
+    return CameraMount(**known)
+
+
+def replay(
+    source: RecordingSource, revisions: Revisions, trace: Trace = _NO_TRACE
+) -> Iterator[Observation]:
+    """Observe a recording from its first frame on.
+
+    With the revisions of the run itself and lossless images every result is the run's, to the
+    last digit, as long as no frame was dropped from the recording.
+
+    Args:
+        revisions: as of ``replay_revisions``; the newest one before a frame acts on it.
+        trace: as of ``Observer.observe``.
+    """
+    calibration = source.calibration
+    assert calibration is not None
+    mount = recorded_mount(source.recording)
+    newest = revisions[0]
+    observer: Observer | None = None
+    source.rewind()
+    while (item := source.read()) is not None:
+        position = source.position - 1
+        due = revisions.get(position)
+        if due is not None:
+            newest = due
+        if not isinstance(item, StereoFrame):
+            if due is not None and observer is not None:
+                observer.use(*newest)
+            continue
+        if observer is None or source.begins == "observer":
+            parameters, revision = newest
+            observer = Observer(calibration, parameters, parameters_revision=revision, mount=mount)
+        elif due is not None:
+            observer.use(*newest)
+        if source.begins == "segment":
+            observer.begin_segment()
+        yield observer.observe(item, trace)

@@ -1,0 +1,89 @@
+"""The last half minute, to be kept once something has happened."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+
+from observer.recording.container import Container
+from observer.recording.encoder import Encoded
+from observer.recording.errors import RecordingError
+
+
+class Ring:
+    """Keeps the newest messages and writes them as a recording of its own.
+
+    Filled by a ``RecordingWriter``. Used by one thread, except that ``messages`` may be handed
+    to another one.
+
+    Args:
+        seconds: how far it reaches back. max_bytes: it reaches back less far where it would
+            hold more.
+    """
+
+    def __init__(self, seconds: float = 30.0, max_bytes: int = 256 << 20) -> None:
+        self._reach_ns = round(seconds * 1e9)
+        self._max_bytes = max_bytes
+        self._messages: deque[Encoded] = deque()
+        self._latched: dict[str, Encoded] = {}
+        self._bytes = 0
+
+    @property
+    def bytes_held(self) -> int:
+        """Bytes of all messages."""
+        return self._bytes
+
+    @property
+    def seconds_held(self) -> float:
+        """How far it reaches back."""
+        if not self._messages:
+            return 0.0
+        return (self._messages[-1].log_time_ns - self._messages[0].log_time_ns) * 1e-9
+
+    def keep(self, messages: Sequence[Encoded]) -> None:
+        """Take messages in and let the oldest go; what belongs to one instant goes together."""
+        self._messages.extend(messages)
+        self._bytes += sum(len(message.data) for message in messages)
+        while self._messages and self._is_too_much():
+            oldest = self._messages[0].log_time_ns
+            while self._messages and self._messages[0].log_time_ns == oldest:
+                gone = self._messages.popleft()
+                self._bytes -= len(gone.data)
+                if gone.topic.latched:
+                    self._latched[gone.topic.name] = gone
+
+    def _is_too_much(self) -> bool:
+        reach = self._messages[-1].log_time_ns - self._messages[0].log_time_ns
+        return reach > self._reach_ns or self._bytes > self._max_bytes
+
+    def messages(self) -> list[Encoded]:
+        """Everything a recording of its own needs, at this moment, in order."""
+        kept = list(self._messages)
+        begin = kept[0].log_time_ns if kept else 0
+        return [old._replace(log_time_ns=begin) for old in self._latched.values()] + kept
+
+    def save(self, path: Path) -> None:
+        """Write what is held at this moment.
+
+        Raises:
+            RecordingError: it cannot be written.
+        """
+        save_messages(self.messages(), path)
+
+
+def save_messages(messages: Sequence[Encoded], path: Path) -> None:
+    """Write messages as a recording.
+
+    Raises:
+        RecordingError: it cannot be written.
+    """
+    try:
+        with path.open("wb", buffering=0) as file:
+            container = Container(file, path.name)
+            for message in messages:
+                container.add(*message)
+                container.write_large()
+            container.finish()
+    except OSError as error:
+        raise RecordingError.of(error, path.name) from None

@@ -1,0 +1,134 @@
+"""A recording as a source: the run's frames once more, every number as it was."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+
+from observer.calibration.formats.opencv_file import read_calibration
+from observer.camera import StereoCalibration
+from observer.errors import SourceError
+from observer.recording.payloads import Begins, RunFacts
+from observer.recording.reader import Recording
+from observer.sources.contract import SkippedFrame, SourceInfo
+from observer.types import Odometry, StereoFrame
+
+KIND = "recording"
+
+
+class RecordingSource:
+    """Plays a recording; fulfils ``Source`` and ``SeekableSource``.
+
+    Indexes and times are those that the observer was given then, so its results depend on nothing
+    else than they did then; ``received`` is new. A frame whose images are lost is skipped.
+
+    Args:
+        path: of the file, finished or not.
+
+    Raises:
+        SourceError: the file is no recording, or it holds no images.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self._recording = Recording(path)
+        try:
+            facts = self._recording.facts
+            self._calibration = read_calibration(
+                facts.calibration_yaml, name=f"the calibration in {self._recording.path.name}"
+            )
+            self._check()
+            self._info = _info(facts, str(path), len(self._recording.frames))
+        except BaseException:
+            self._recording.close()
+            raise
+        self._next = 0
+
+    def _check(self) -> None:
+        frames, name = self._recording.frames, self._recording.path.name
+        if not frames:
+            raise SourceError(f"{name} holds no frame; give the recording of a run that went on")
+        if not self._recording.images_held:
+            raise SourceError(
+                f"{name} was recorded without images, so it cannot be played; its observations "
+                f"can be read, and a run with images kept as jpeg or lossless can be played"
+            )
+
+    @property
+    def recording(self) -> Recording:
+        """What is played."""
+        return self._recording
+
+    @property
+    def info(self) -> SourceInfo:
+        return self._info
+
+    @property
+    def calibration(self) -> StereoCalibration | None:
+        """The calibration that the run was observed with."""
+        return self._calibration
+
+    @property
+    def position(self) -> int:
+        """Of the frame that ``read`` gives next, from 0; drops are not counted."""
+        return self._next
+
+    @property
+    def begins(self) -> Begins | None:
+        """What the observer began anew in the run with the frame that was read last."""
+        return self._recording.frames[self._next - 1].begins if self._next else None
+
+    def read(self) -> StereoFrame | SkippedFrame | None:
+        """The next frame, a frame whose images are lost, or None after the last one."""
+        frames = self._recording.frames
+        if self._next >= len(frames):
+            return None
+        position = self._next
+        self._next += 1
+        recorded = frames[position]
+        try:
+            left, right = self._recording.pair(position)
+        except SourceError as error:
+            return SkippedFrame(recorded.index, str(error))
+        told = recorded.odometry
+        return StereoFrame(
+            index=recorded.index,
+            time=recorded.time,
+            left=left,
+            right=right,
+            received=time.monotonic(),
+            right_time=recorded.right_time,
+            odometry=None if told is None else Odometry(told.x, told.y, told.yaw),
+        )
+
+    def seek(self, position: int) -> None:
+        """Have ``read`` give this frame next, from 0; behind the last one it gives None.
+
+        Raises:
+            SourceError: there is no such frame.
+        """
+        count = len(self._recording.frames)
+        if not 0 <= position <= count:
+            raise SourceError(
+                f"there is no frame {position} in {self._info.spec}; it has 0 to {count - 1}"
+            )
+        self._next = position
+
+    def rewind(self) -> None:
+        """Go back to the first frame."""
+        self._next = 0
+
+    def close(self) -> None:
+        """Close the file; safe to call twice."""
+        self._recording.close()
+
+
+def _info(facts: RunFacts, spec: str, frame_count: int) -> SourceInfo:
+    try:
+        recorded = msgspec.convert(facts.info, SourceInfo, strict=False)
+    except msgspec.ValidationError as error:
+        raise SourceError(f"{spec} is damaged: what it says of its source is {error}") from None
+    # Whatever it was, it comes from a file now.
+    return replace(recorded, spec=spec, kind=KIND, frame_count=frame_count, live=False, devices=())

@@ -1,0 +1,81 @@
+"""The topics of a recording: their names, what their messages are, and how they are kept."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import msgspec
+
+from observer.recording import payloads
+from observer.recording.json_schema import json_schema
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One kind of message.
+
+    Attributes:
+        name: as tools show it.
+        encoding: of its messages, ``json`` or ``protobuf``.
+        schema_name: ``foxglove.RawImage`` and the like, or our own beginning with
+            ``dynamic_observer.``
+        schema_encoding: ``jsonschema`` or ``protobuf``. schema: its bytes, made when asked for.
+        bulk: images and clouds, which go into chunks of their own, so that all the rest of a
+            recording is read without them.
+        latched: its last message counts until the next one.
+    """
+
+    name: str
+    encoding: str
+    schema_name: str
+    schema_encoding: str
+    schema: Callable[[], bytes]
+    bulk: bool = False
+    latched: bool = False
+
+
+def _own(name: str, payload: type[msgspec.Struct], *, latched: bool = False) -> Topic:
+    def schema() -> bytes:
+        return json.dumps(json_schema(payload)).encode()
+
+    return Topic(
+        name, "json", f"dynamic_observer.{payload.__name__}", "jsonschema", schema, False, latched
+    )
+
+
+def _foxglove(name: str, message: str, *, bulk: bool = False, latched: bool = False) -> Topic:
+    def schema() -> bytes:
+        # Importing starts nothing, but takes a while that only those need who write.
+        import foxglove.messages
+
+        return bytes(getattr(foxglove.messages, message).get_schema().data)
+
+    return Topic(name, "protobuf", f"foxglove.{message}", "protobuf", schema, bulk, latched)
+
+
+RUN = _own("/run", payloads.RunFacts, latched=True)
+FRAME = _own("/frame", payloads.RecordedFrame)
+OBSERVATION = _own("/observation", payloads.ObservationLine)
+EGO_MOTION = _own("/ego_motion", payloads.EgoMotionPayload)
+PARAMETERS = _own("/parameters", payloads.ParameterRevision, latched=True)
+TRUTH = _own("/truth", payloads.TruthPayload)
+MATCHED_TRUTH = _own("/truth/matched", payloads.MatchedTruth)
+MOTION_CAPTURE = _own("/motion_capture", payloads.CapturePayload)
+ROBOT = _own("/robot", payloads.RobotRow)
+SKIPPED = _own("/skipped", payloads.SkippedPayload)
+INCIDENT = _own("/incident", payloads.Incident)
+
+LEFT_RAW = _foxglove("/camera/left/image", "RawImage", bulk=True)
+RIGHT_RAW = _foxglove("/camera/right/image", "RawImage", bulk=True)
+LEFT_JPEG = _foxglove("/camera/left/image", "CompressedImage", bulk=True)
+RIGHT_JPEG = _foxglove("/camera/right/image", "CompressedImage", bulk=True)
+LEFT_CALIBRATION = _foxglove("/camera/left/calibration", "CameraCalibration", latched=True)
+RIGHT_CALIBRATION = _foxglove("/camera/right/calibration", "CameraCalibration", latched=True)
+CLOUD = _foxglove("/cloud", "PointCloud", bulk=True)
+SCENE = _foxglove("/scene/obstacles", "SceneUpdate")
+TRUE_SCENE = _foxglove("/scene/truth", "SceneUpdate")
+TRANSFORMS = _foxglove("/tf", "FrameTransforms")
+ODOMETRY = _foxglove("/odometry", "Odometry")
+LOG = _foxglove("/log", "Log")
