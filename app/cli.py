@@ -24,6 +24,7 @@ EXIT_INTERRUPTED = 130
 def build() -> typer.Typer:
     """The command line with all its commands."""
     # Imported here, because they bring numpy and OpenCV, which read the environment when imported.
+    from app.commands.backup import backup
     from app.commands.benchmark import benchmark
     from app.commands.calibrate import calibrate
     from app.commands.coppelia_scene import coppelia_scene
@@ -33,6 +34,7 @@ def build() -> typer.Typer:
     from app.commands.evaluate import evaluate
     from app.commands.observe import observe
     from app.commands.parameters import parameters
+    from app.commands.restore import restore
     from app.commands.serve import serve
     from app.commands.simulate import simulate
 
@@ -55,6 +57,8 @@ def build() -> typer.Typer:
     cli.command("programmes")(programmes)
     cli.command("benchmark")(benchmark)
     cli.command("emulate")(emulate)
+    cli.command("backup")(backup)
+    cli.command("restore")(restore)
     cli.command("doctor")(doctor)
     return cli
 

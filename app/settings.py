@@ -32,7 +32,8 @@ class Settings(BaseSettings):
     Attributes:
         source: what is opened first.
         host, port: where to listen; port 0 takes a free one.
-        data: folder of the database. database: an SQLAlchemy URL in place of it.
+        data: folder of database, recordings and truths. database: the URL of another database,
+            a PostgreSQL server's for example; recordings and truths stay in the folder.
         token_file: keeps the sign-in token over restarts; without it every start makes a new one.
         allowed_hosts: further names under which browsers may reach the server; a name with a
             port is allowed with this port only.

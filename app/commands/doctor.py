@@ -10,13 +10,15 @@ import typer
 from pydantic import ValidationError
 from rich.console import Console
 
+from app.commands.storage_options import DatabaseOption, DataOption
 from app.settings import Settings
 
 _EXIT_HINDERED = 1
 
 
 def doctor(
-    data: Annotated[Path | None, typer.Option(help="Folder for runs and settings.")] = None,
+    data: DataOption = None,
+    database: DatabaseOption = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object in place of words.")
     ] = False,
@@ -26,7 +28,7 @@ def doctor(
     from app.doctor.machine import Machine
     from app.doctor.telling import tell
 
-    examination = examine(_settings(data), Machine())
+    examination = examine(_settings(data, database), Machine())
     if as_json:
         typer.echo(json.dumps(examination.as_json(), indent=2, allow_nan=False))
     else:
@@ -34,10 +36,10 @@ def doctor(
     raise typer.Exit(_EXIT_HINDERED if examination.hindered else 0)
 
 
-def _settings(data: Path | None) -> Settings | str:
-    given: dict[str, Any] = {} if data is None else {"data": data}
+def _settings(data: Path | None, database: str | None) -> Settings | str:
+    given: dict[str, Any] = {"data": data, "database": database}
     try:
-        return Settings(**given)
+        return Settings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:
         return "; ".join(
             ": ".join(filter(None, [".".join(map(str, each["loc"])), each["msg"]]))

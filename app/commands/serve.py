@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from pydantic import ValidationError
 
+from app.commands.storage_options import DatabaseOption, DataOption
 from app.settings import Settings
 from observer.errors import InputError
 
@@ -20,7 +21,8 @@ def serve(
         str | None, typer.Option(help="Address to listen on; 127.0.0.1 if left out.")
     ] = None,
     port: Annotated[int | None, typer.Option(help="Port to listen on; 8080 if left out.")] = None,
-    data: Annotated[Path | None, typer.Option(help="Folder for runs and settings.")] = None,
+    data: DataOption = None,
+    database: DatabaseOption = None,
     token_file: Annotated[
         Path | None, typer.Option(help="Keeps the sign-in token over restarts.")
     ] = None,
@@ -39,6 +41,7 @@ def serve(
         "host": host,
         "port": port,
         "data": data,
+        "database": database,
         "token_file": token_file,
         "allowed_hosts": tuple(allowed_host) if allowed_host else None,
         "tls_cert": tls_cert,

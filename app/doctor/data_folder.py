@@ -10,12 +10,15 @@ from contextlib import closing
 from pathlib import Path
 
 from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import URL, create_engine, make_url
+from sqlalchemy import URL, inspect, make_url
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from app.doctor.finding import Finding
 from app.settings import Settings
+from app.storage.engines import database_url, make_engine
+from app.storage.errors import StorageError
 from app.storage.migration import MIGRATIONS
 
 _SECTION = "Data"
@@ -41,13 +44,13 @@ def examine_data(settings: Settings) -> Iterator[Finding]:
         yield Finding(
             _SECTION,
             "problem",
-            "DYNAMIC_OBSERVER_DATABASE is not understood; it looks like "
-            "sqlite:////folder/file.sqlite",
+            "the database URL is not understood; it looks like sqlite:////folder/file.sqlite or "
+            "postgresql://user:password@host/database",
         )
     elif url.get_backend_name() == "sqlite":
         yield _sqlite(Path(url.database or "").absolute())
     else:
-        yield _server(url)
+        yield _server(settings.database)
 
 
 def _url(text: str) -> URL | None:
@@ -142,7 +145,7 @@ def _sqlite(file: Path) -> Finding:
         )
     if answer != "ok":
         return _moved_aside(file, str(answer))
-    return _revision(file, row[0] if row else None, bool(tables))
+    return _revision(str(file), row[0] if row else None, bool(tables), f"; {_ELSEWHERE}")
 
 
 def _is_at_rest(file: Path) -> bool:
@@ -180,12 +183,10 @@ def _moved_aside(file: Path, reason: str) -> Finding:
     )
 
 
-def _revision(file: Path, revision: str | None, has_tables: bool) -> Finding:
+def _revision(where: str, revision: str | None, has_tables: bool, remedy: str) -> Finding:
     if revision is None and has_tables:
         return Finding(
-            _SECTION,
-            "problem",
-            f"the database {file} belongs to another program; {_ELSEWHERE}",
+            _SECTION, "problem", f"the database {where} belongs to another program{remedy}"
         )
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
@@ -194,28 +195,36 @@ def _revision(file: Path, revision: str | None, has_tables: bool) -> Finding:
         return Finding(
             _SECTION,
             "problem",
-            f"the database {file} was written by a newer version of dynamic-observer; upgrade, or "
-            f"{_ELSEWHERE}",
+            f"the database {where} was written by a newer version of dynamic-observer; upgrade"
+            f"{remedy.replace(';', ', or', 1)}",
         )
     later = "" if revision == script.get_current_head() else " (brought up to date at start)"
     return Finding(_SECTION, "ok", f"the database opens and is sound{later}")
 
 
-def _server(url: URL) -> Finding:
-    shown = url.render_as_string(hide_password=True)
+def _server(location: str) -> Finding:
+    other = "; name another one with --database, or leave it out to keep data in a file"
     try:
-        engine = create_engine(url)
-        try:
-            with engine.connect():
-                pass
-        finally:
-            engine.dispose()
-    except (SQLAlchemyError, ModuleNotFoundError) as error:
+        url = database_url(location)
+    except StorageError as error:
+        return Finding(_SECTION, "problem", str(error))
+    shown = url.render_as_string(hide_password=True)
+    engine = make_engine(url, _WAIT_S)
+    try:
+        with engine.connect() as connection:
+            revision = MigrationContext.configure(connection).get_current_revision()
+            tables = inspect(connection).get_table_names()
+    except SQLAlchemyError as error:
         why = " ".join(str(getattr(error, "orig", None) or error).split())
         return Finding(
             _SECTION,
             "problem",
-            f"the database {shown} cannot be reached ({why}); see to it, or leave out "
-            f"DYNAMIC_OBSERVER_DATABASE to keep data in a file",
+            f"the database {shown} cannot be reached ({why}); see that its server runs, or leave "
+            f"out --database to keep data in a file",
         )
-    return Finding(_SECTION, "ok", f"the database {shown} can be reached")
+    finally:
+        engine.dispose()
+    found = _revision(shown, revision, bool(tables), other)
+    if found.level != "ok":
+        return found
+    return Finding(_SECTION, "ok", f"{found.text}; it is {shown}")

@@ -29,15 +29,12 @@ def move_aside_if_damaged(file: Path, timeout_s: float) -> MovedAside | None:
     """
     if not file.exists():
         return None
-    reason = _damage(file, timeout_s)
+    reason = damage(file, timeout_s)
     if reason is None:
         return None
     kept_as = name_beside(file, "corrupt")
     try:
-        for ending in _COMPANIONS:
-            companion = file.with_name(file.name + ending)
-            if companion.exists():
-                companion.rename(kept_as.with_name(kept_as.name + ending))
+        move_with_log(file, kept_as)
     except OSError as error:
         raise StorageError(
             f"the database {file} is damaged and cannot be moved aside ({error.strerror}); "
@@ -57,20 +54,49 @@ def name_beside(file: Path, why: str) -> Path:
     return name
 
 
+def is_open_elsewhere(file: Path) -> bool:
+    """Whether another program has the database open, at rest or not."""
+    try:
+        with closing(sqlite3.connect(file, timeout=0.2, isolation_level=None)) as connection:
+            # With a write-ahead log everybody who has it open holds a lock that this excludes.
+            connection.execute("PRAGMA locking_mode=EXCLUSIVE")
+            connection.execute("BEGIN EXCLUSIVE")
+            connection.execute("ROLLBACK")
+    except sqlite3.DatabaseError as error:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        return code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+    return False
+
+
+def move_with_log(file: Path, target: Path) -> None:
+    """Rename a database with its write-ahead log, which belongs to it by name."""
+    for ending in _COMPANIONS:
+        companion = file.with_name(file.name + ending)
+        if companion.exists():
+            companion.rename(target.with_name(target.name + ending))
+
+
 def copy_database(file: Path, copy: Path) -> None:
     """Copy a database that may be open elsewhere, its write-ahead log included."""
     try:
         with closing(sqlite3.connect(file)) as source, closing(sqlite3.connect(copy)) as target:
             source.backup(target)
+            # One file and no log beside it, whatever the source's way is.
+            target.execute("PRAGMA journal_mode=DELETE")
     except sqlite3.Error as error:
         copy.unlink(missing_ok=True)
         raise StorageError(
-            f"the database {file} cannot be copied to {copy} before its migration ({error}); "
+            f"the database {file} cannot be copied to {copy} ({error}); "
             "free some disk space or make the folder writable"
         ) from error
 
 
-def _damage(file: Path, timeout_s: float) -> str | None:
+def damage(file: Path, timeout_s: float) -> str | None:
+    """What is wrong with the file; None: it is sound.
+
+    Raises:
+        StorageBusy, StorageError: nothing can be said; see ``move_aside_if_damaged``.
+    """
     try:
         with closing(sqlite3.connect(file, timeout=timeout_s)) as connection:
             # quick_check reads every page but leaves the indices' contents out: a tenth of the

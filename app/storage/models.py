@@ -82,7 +82,7 @@ class Run(Base):
     truth_id: Mapped[str | None] = mapped_column(ForeignKey(Truth.id), index=True)
 
     tags: Mapped[list[RunTag]] = relationship(
-        lazy="selectin", cascade="all, delete-orphan", passive_deletes=True, order_by=RunTag.tag
+        lazy="selectin", cascade="all, delete-orphan", passive_deletes=True
     )
 
 

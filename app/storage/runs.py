@@ -269,7 +269,8 @@ def _run(row: Run) -> RunRecord:
         segments=row.segments,
         versions=row.versions,
         reason=row.reason,
-        tags=tuple(each.tag for each in row.tags),
+        # Sorted here: databases order text as their locale says.
+        tags=tuple(sorted(each.tag for each in row.tags)),
         notes=row.notes,
         deleted_at=row.deleted_at,
         rig=row.rig,

@@ -28,7 +28,7 @@ from observer.sources.cameras.spec import parse_devices
 
 from ...observer.sources.cameras.fake_machine import FakeMachine
 from ...observer.sources.cameras.fake_v4l2 import FakeCamera, FakeKernel, metadata_node, webcam
-from .test_cli import dynamic_observer
+from .shell import in_a_process
 
 STRANGER = User("ada", frozenset({54321}))
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="device files are Linux's")
@@ -266,9 +266,9 @@ def test_json_holds_the_devices(bench: Bench, tmp_path: Path) -> None:
 
 def test_a_hindered_start_is_exit_code_1_and_says_why(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    done = dynamic_observer("doctor", "--data", str(tmp_path / "file" / "data"), "--json")
-    assert done.returncode == 1
-    read = json.loads(done.stdout)
+    done = in_a_process("doctor", "--data", str(tmp_path / "file" / "data"), "--json")
+    assert done.code == 1
+    read = json.loads(done.out)
     assert read["hindered"] is True
     data = [finding for finding in read["findings"] if finding["section"] == "Data"]
     assert data[0]["level"] == "problem"

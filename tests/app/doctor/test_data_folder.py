@@ -122,3 +122,14 @@ def test_a_database_named_by_url_is_looked_at(tmp_path: Path) -> None:
     finding = data_findings(tmp_path, database=f"sqlite:///{tmp_path}/other.sqlite")[-1]
     assert finding.level == "warning"
     assert f"{tmp_path}/other.sqlite is damaged" in finding.text
+
+
+def test_a_server_that_does_not_answer_is_told_in_one_sentence(
+    tmp_path: Path, free_port: int
+) -> None:
+    url = f"postgresql://me:secret@127.0.0.1:{free_port}/runs"
+    finding = data_findings(tmp_path, database=url)[-1]
+    assert finding.level == "problem"
+    assert "cannot be reached" in finding.text
+    assert "secret" not in finding.text
+    assert "\n" not in finding.text

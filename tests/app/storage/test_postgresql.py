@@ -12,6 +12,8 @@ import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
+from app.doctor.data_folder import examine_data
+from app.settings import Settings
 from app.storage import Storage, StorageBusy, StorageError, StorageMissing, StorageUnreachable
 from app.storage.engines import database_url, make_engine
 from app.storage.migration import upgrade
@@ -164,3 +166,25 @@ def test_what_the_server_refuses_is_an_error_of_ours(
                 name="n" * count, source="s", parameters={}, versions={}, **given
             )
         assert storage.list_runs() == []
+
+
+def test_the_doctor_looks_at_the_server_and_changes_nothing(
+    new_database: NewDatabase, tmp_path: Path, server: PrivateServer
+) -> None:
+    url = new_database()
+    name = database_url(url).database or ""
+
+    def told() -> tuple[str, str]:
+        finding = list(examine_data(Settings(data=tmp_path, database=url)))[-1]
+        return finding.level, finding.text
+
+    assert told()[0] == "ok"
+    assert server.run("SELECT count(*) FROM pg_tables WHERE schemaname = 'public'", name) == "0"
+    with Storage(url, folder=tmp_path):
+        level, text = told()
+    assert level == "ok"
+    assert text.startswith("the database opens and is sound; it is postgresql")
+    server.run("UPDATE alembic_version SET version_num = '9999'", name)
+    level, text = told()
+    assert level == "problem"
+    assert "newer version" in text

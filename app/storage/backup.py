@@ -1,0 +1,145 @@
+"""A backup of all that is kept, of one moment, while a server goes on."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from alembic.runtime.migration import MigrationContext
+from sqlalchemy import Engine
+from sqlalchemy.exc import SQLAlchemyError
+
+from app.storage.bundle import BackupError, Manifest, bundle_writer
+from app.storage.copying import copy_tables
+from app.storage.engines import database_url, make_engine
+from app.storage.errors import StorageError, storage_error
+from app.storage.folder import RUNS, TRUTHS
+from app.storage.integrity import copy_database, damage
+from app.storage.records import utc_now
+
+DATABASE = "observer.sqlite"
+# Of the data folder, beside the database; the token and the server's log are nobody else's.
+FILES = ("rig.yaml",)
+FOLDERS = ("programmes", "guard-checks", TRUTHS, RUNS)
+_RECORDINGS = ".mcap"
+_BUSY_S = 5.0
+
+# Told (bytes so far, bytes in all).
+Progress = Callable[[int, int | None], None]
+
+
+def write_backup(
+    target: Path,
+    data: Path,
+    location: str | Path,
+    *,
+    recordings: bool,
+    application: str,
+    progress: Progress | None = None,
+) -> Manifest:
+    """Write database, rig, programmes, truths and runs' files into one file.
+
+    Args:
+        target: ends in .zip or .tar. data: the data folder. location: as ``Storage`` takes it.
+        recordings: also the runs' recordings, which may be large.
+        application: the version that is told in it.
+
+    Raises:
+        BackupError: there is nothing to back up, or the target cannot be written.
+        StorageError: the database cannot be read.
+    """
+    with _snapshot(location, target.parent) as snapshot, bundle_writer(target) as bundle:
+        files = {DATABASE: snapshot, **_files(data, recordings)}
+        total = sum(size_of(file) for file in files.values())
+        done = 0
+        for name, file in files.items():
+            try:
+                done += bundle.add(name, file)
+            except FileNotFoundError:
+                # Deleted meanwhile by the server that goes on.
+                continue
+            if progress is not None:
+                progress(done, total)
+        manifest = Manifest(utc_now(), application, _revision(snapshot), recordings)
+        manifest = replace(manifest, files=bundle.files)
+        bundle.finish(manifest)
+    return manifest
+
+
+@contextmanager
+def _snapshot(location: str | Path, beside: Path) -> Iterator[Path]:
+    """The database of this moment as an SQLite file of its own, gone behind the block."""
+    url = database_url(location)
+    try:
+        # Where the backup goes there is space, if anywhere.
+        folder = Path(tempfile.mkdtemp(prefix=".observer-backup-", dir=beside))
+    except OSError as error:
+        raise BackupError(
+            f"cannot write into {beside} ({error.strerror}); name a file in a folder that exists "
+            f"and may be written"
+        ) from error
+    try:
+        snapshot = folder / DATABASE
+        if url.get_backend_name() == "sqlite":
+            _copy_file(Path(str(url.database)), snapshot)
+        else:
+            engine = make_engine(url, _BUSY_S)
+            try:
+                copy_tables(engine, snapshot)
+            except SQLAlchemyError as error:
+                where = url.render_as_string(hide_password=True)
+                raise storage_error(getattr(error, "orig", None) or error, where) from error
+            finally:
+                engine.dispose()
+        if not _revision(snapshot):
+            raise BackupError("the database is not one of dynamic-observer; nothing to back up")
+        yield snapshot
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _copy_file(file: Path, snapshot: Path) -> None:
+    if not file.is_file():
+        raise BackupError(f"there is no database {file} to back up; name its folder with --data")
+    reason = damage(file, _BUSY_S)
+    if reason is not None:
+        raise StorageError(
+            f"the database {file} is damaged ({reason}); the next start of the server moves it "
+            f"aside, copy what you need before"
+        )
+    copy_database(file, snapshot)
+
+
+def size_of(file: Path) -> int:
+    """Bytes; 0 where it is gone."""
+    try:
+        return file.stat().st_size
+    except FileNotFoundError:
+        return 0
+
+
+def _revision(snapshot: Path) -> str:
+    engine: Engine = make_engine(database_url(snapshot), _BUSY_S)
+    try:
+        with engine.connect() as connection:
+            return MigrationContext.configure(connection).get_current_revision() or ""
+    finally:
+        engine.dispose()
+
+
+def _files(data: Path, recordings: bool) -> dict[str, Path]:
+    """By name in the backup; a run's folder on its way out is none."""
+    found = {name: data / name for name in FILES if (data / name).is_file()}
+    for folder in FOLDERS:
+        for file in sorted((data / folder).rglob("*")):
+            parts = file.relative_to(data).parts
+            hidden = any(part.startswith(".") for part in parts)
+            if hidden or not file.is_file() or file.is_symlink():
+                continue
+            if recordings or folder != RUNS or file.suffix != _RECORDINGS:
+                found["/".join(parts)] = file
+    return found

@@ -1,0 +1,283 @@
+"""One file that holds many, a zip or a tar, written and read in streams, every byte checked.
+
+``manifest.json`` names each file with its size and SHA-256; it is written last.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import tarfile
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import IO, Any, Protocol
+
+from observer.errors import InputError
+
+KIND = "dynamic-observer backup"
+VERSION = 1
+_MANIFEST = "manifest.json"
+_COMMAND = "dynamic-observer backup"
+_CHUNK = 1024 * 1024
+_LARGEST_MANIFEST = 64 * _CHUNK
+# What is compressed already, or too much to compress.
+_STORED = (".mcap", ".mp4", ".zip", ".jpg", ".png")
+
+
+# zlib.error and RuntimeError (a password) come from a zip's content.
+_BROKEN = (
+    zipfile.BadZipFile, tarfile.TarError, EOFError, OSError, NotImplementedError, RuntimeError,
+    zlib.error,
+)  # fmt: skip
+
+
+class BackupError(InputError):
+    """A backup cannot be written, or cannot be restored as it is."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One file. ``size`` in bytes."""
+
+    size: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What a backup holds.
+
+    Attributes:
+        made_at: UTC. application: the version that made it. revision: of its database.
+        recordings: whether runs' recordings are in it.
+        files: by name, relative to the data folder.
+    """
+
+    made_at: str
+    application: str
+    revision: str
+    recordings: bool
+    files: dict[str, Entry] = field(default_factory=dict)
+
+
+class _Sink(Protocol):
+    def add(self, name: str, size: int, stream: IO[bytes]) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class BundleWriter:
+    """Adds files; ``finish`` writes the manifest. See ``bundle_writer``."""
+
+    def __init__(self, sink: _Sink) -> None:
+        self._sink = sink
+        self.files: dict[str, Entry] = {}
+
+    def add(self, name: str, file: Path) -> int:
+        """Add what a file holds now; what is written to it meanwhile is left out. Returns bytes."""
+        size = file.stat().st_size
+        with file.open("rb") as opened:
+            stream = _Counted(opened, size)
+            self._sink.add(name, size, stream)  # type: ignore[arg-type]
+        self.files[name] = Entry(size, stream.sha256())
+        return size
+
+    def finish(self, manifest: Manifest) -> None:
+        content = {"kind": KIND, "version": VERSION, **asdict(manifest)}
+        text = json.dumps(content, indent=1).encode()
+        self._sink.add(_MANIFEST, len(text), io.BytesIO(text))
+
+
+@contextmanager
+def bundle_writer(path: Path) -> Iterator[BundleWriter]:
+    """Write ``path``, by its ending a zip or a tar, whole or not at all.
+
+    Raises:
+        BackupError: another ending, or it cannot be written.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        sink: _Sink
+        if path.suffix == ".zip":
+            sink = _ZipSink(part)
+        elif path.suffix == ".tar":
+            sink = _TarSink(part)
+        else:
+            raise BackupError(f"a backup ends in .zip or .tar, not as {path.name} does")
+        try:
+            yield BundleWriter(sink)
+        finally:
+            sink.close()
+        part.replace(path)
+    except OSError as error:
+        raise BackupError(
+            f"cannot write {path} ({error.strerror or error}); name a file in a folder that exists "
+            f"and has space"
+        ) from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+class _Counted:
+    """Exactly ``size`` bytes of a stream, hashed as they pass."""
+
+    def __init__(self, stream: IO[bytes], size: int) -> None:
+        self._stream = stream
+        self.left = size
+        self._hash = hashlib.sha256()
+
+    def read(self, size: int = -1) -> bytes:
+        wanted = self.left if size < 0 else min(size, self.left)
+        chunk = self._stream.read(wanted)
+        self.left -= len(chunk)
+        self._hash.update(chunk)
+        return chunk
+
+    def sha256(self) -> str:
+        return self._hash.hexdigest()
+
+
+class _ZipSink:
+    def __init__(self, path: Path) -> None:
+        self._zip = zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=4)
+
+    def add(self, name: str, size: int, stream: IO[bytes]) -> None:
+        info = zipfile.ZipInfo(name)
+        stored = PurePosixPath(name).suffix in _STORED
+        info.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
+        with self._zip.open(info, "w", force_zip64=True) as target:
+            _pass(stream, target, size)
+
+    def close(self) -> None:
+        self._zip.close()
+
+
+class _TarSink:
+    def __init__(self, path: Path) -> None:
+        self._tar = tarfile.TarFile(path, "w", format=tarfile.PAX_FORMAT)
+
+    def add(self, name: str, size: int, stream: IO[bytes]) -> None:
+        info = tarfile.TarInfo(name)
+        info.size, info.mode = size, 0o600
+        self._tar.addfile(info, stream)
+
+    def close(self) -> None:
+        self._tar.close()
+
+
+def _pass(stream: IO[bytes], target: IO[bytes], size: int) -> None:
+    left = size
+    while left:
+        chunk = stream.read(min(left, _CHUNK))
+        if not chunk:
+            raise OSError(0, "a file became shorter while it was copied")
+        target.write(chunk)
+        left -= len(chunk)
+
+
+class Bundle:
+    """A backup that is open for reading; its manifest is checked against what is in it."""
+
+    def __init__(self, path: Path, archive: zipfile.ZipFile | tarfile.TarFile) -> None:
+        self._path = path
+        self._archive = archive
+        names = self._names()
+        self.manifest = self._read_manifest(names)
+        listed = {_MANIFEST, *self.manifest.files}
+        if len(names) != len(set(names)) or set(names) != listed:
+            raise self._broken("its files are not those that it lists")
+
+    def extract(self, name: str, target: Path) -> None:
+        """Write one file, checked.
+
+        Raises:
+            BackupError: it is not what the manifest says. OSError: it cannot be written.
+        """
+        entry = self.manifest.files[name]
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with self._open(name) as source, target.open("wb") as sink:
+                stream = _Counted(source, entry.size)
+                while chunk := stream.read(_CHUNK):
+                    sink.write(chunk)
+                whole = stream.left == 0 and not source.read(1)
+        except _BROKEN as error:
+            raise self._broken(f"{name} cannot be read") from error
+        if not whole or stream.sha256() != entry.sha256:
+            raise self._broken(f"{name} is not as it was written")
+
+    def _names(self) -> list[str]:
+        if isinstance(self._archive, zipfile.ZipFile):
+            return self._archive.namelist()
+        members = self._archive.getmembers()
+        if not all(member.isreg() for member in members):
+            raise self._broken("it holds more than files")
+        return [member.name for member in members]
+
+    def _open(self, name: str) -> IO[bytes]:
+        if isinstance(self._archive, zipfile.ZipFile):
+            return self._archive.open(name)
+        opened = self._archive.extractfile(name)
+        assert opened is not None
+        return opened
+
+    def _read_manifest(self, names: list[str]) -> Manifest:
+        if _MANIFEST not in names:
+            raise BackupError(f"{self._path} is no backup; it was not made by {_COMMAND}")
+        try:
+            with self._open(_MANIFEST) as opened:
+                content: dict[str, Any] = json.loads(opened.read(_LARGEST_MANIFEST))
+            kind, version = content.pop("kind"), content.pop("version")
+            if kind == KIND and version != VERSION:
+                raise BackupError(
+                    f"{self._path} was made by a newer version of dynamic-observer; upgrade it"
+                )
+            files = {name: Entry(**entry) for name, entry in content.pop("files").items()}
+            manifest = Manifest(**content, files=files)
+        except (*_BROKEN, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise self._broken("its list of files cannot be read") from error
+        if kind != KIND:
+            raise BackupError(f"{self._path} is no backup; it was not made by {_COMMAND}")
+        for name, entry in files.items():
+            if not isinstance(entry.size, int) or entry.size < 0 or not _is_safe(name):
+                raise self._broken("its list of files is not one of ours")
+        return manifest
+
+    def _broken(self, why: str) -> BackupError:
+        return BackupError(f"the backup {self._path} is damaged ({why}); take another one")
+
+
+def _is_safe(name: str) -> bool:
+    """A plain relative path, the same on every system."""
+    parts = name.split("/")
+    return all(part not in ("", ".", "..") and "\\" not in part for part in parts) and (
+        "\0" not in name and ":" not in parts[0]
+    )
+
+
+@contextmanager
+def open_bundle(path: Path) -> Iterator[Bundle]:
+    """Open a backup, whatever its name.
+
+    Raises:
+        BackupError: it is not there, or none, or damaged.
+    """
+    try:
+        if zipfile.is_zipfile(path):
+            archive: zipfile.ZipFile | tarfile.TarFile = zipfile.ZipFile(path)
+        else:
+            archive = tarfile.TarFile(path, "r")
+    except tarfile.TarError as error:
+        raise BackupError(
+            f"{path} is no backup, or only a part of one; {_COMMAND} makes one"
+        ) from error
+    except (zipfile.BadZipFile, OSError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise BackupError(f"cannot read the backup {path} ({why}); name a backup") from error
+    with archive:
+        yield Bundle(path, archive)

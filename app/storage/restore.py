@@ -1,0 +1,268 @@
+"""A backup put in place of what is there, which is kept beside it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from sqlalchemy import Connection, Engine, inspect, text
+from sqlalchemy.exc import SQLAlchemyError
+
+from app.storage.backup import DATABASE, FILES, FOLDERS, Progress
+from app.storage.bundle import BackupError, Bundle, Manifest, open_bundle
+from app.storage.copying import copy_tables, lock_whole, replace_tables
+from app.storage.engines import APPLICATION, database_url, make_engine
+from app.storage.errors import StorageError, storage_error
+from app.storage.folder import RUNS, DataFolder
+from app.storage.integrity import damage, is_open_elsewhere, move_with_log, name_beside
+from app.storage.migration import upgrade
+
+_BUSY_S = 5.0
+_TOP = {DATABASE, *FILES, *FOLDERS}
+
+
+@dataclass(frozen=True)
+class Restored:
+    """What was done. ``kept``: where that is which was there before."""
+
+    manifest: Manifest
+    kept: tuple[Path, ...]
+
+
+def restore_backup(
+    source: Path,
+    data: Path,
+    location: str | Path,
+    *,
+    replace: bool,
+    progress: Progress | None = None,
+) -> Restored:
+    """Check all of a backup, then put it in place.
+
+    Recordings that the backup leaves out stay with their runs.
+
+    Args:
+        replace: also where something is kept already.
+
+    Raises:
+        BackupError: the backup is damaged, newer or too large, something is kept already, or a
+            server has it open. Nothing was changed.
+        StorageError: the database cannot be used. Nothing was changed.
+    """
+    with open_bundle(source) as bundle:
+        _check_names(source, bundle.manifest)
+        place = _Place(data.expanduser().absolute(), location)
+        place.check(replace)
+        place.check_space(sum(entry.size for entry in bundle.manifest.files.values()))
+        with _staging(place.data) as staged:
+            _extract(bundle, staged, progress)
+            _check_database(source, staged / DATABASE)
+            with _explained(place.where):
+                kept = place.put(staged)
+        return Restored(bundle.manifest, kept)
+
+
+class _Place:
+    """Where a backup goes: a data folder, and a database in it or elsewhere."""
+
+    def __init__(self, data: Path, location: str | Path) -> None:
+        self.data = data
+        self._url = database_url(location)
+        is_file = self._url.get_backend_name() == "sqlite"
+        self._file = Path(str(self._url.database)) if is_file else None
+        self.where = str(self._file or self._url.render_as_string(hide_password=True))
+
+    def check(self, replace: bool) -> None:
+        """Refuse what is in use, and what is not empty unless it may be replaced."""
+        with _explained(self.where):
+            in_use, rows = self._look()
+        if in_use:
+            raise BackupError(
+                f"a server has the database {self.where} open; end it, then restore"
+            )
+        present = [self.data / name for name in (*FILES, *FOLDERS)]
+        filled = [path for path in present if path.is_file() or _has_something(path)]
+        if (filled or rows) and not replace:
+            what = self.where if rows else str(filled[0])
+            raise BackupError(
+                f"{what} is there already; --replace puts the backup in its place and keeps it "
+                f"beside, or name another folder with --data"
+            )
+
+    def check_space(self, needed: int) -> None:
+        free = DataFolder(self.data).free_bytes()
+        if needed > free:
+            raise BackupError(
+                f"the backup needs {needed // 1_000_000 + 1} MB and {free // 1_000_000} MB are "
+                f"free at {self.data}; free some space or name another folder with --data"
+            )
+
+    def put(self, staged: Path) -> tuple[Path, ...]:
+        """All of it or nothing; returns where the old is."""
+        stamp = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{secrets.token_hex(2)}"
+        old = self.data / f"before-restore-{stamp}"
+        kept: list[Path] = []
+        with contextlib.ExitStack() as undo:
+            present = [name for name in (*FILES, *FOLDERS) if (self.data / name).exists()]
+            if present:
+                old.mkdir()
+                undo.callback(old.rmdir)
+                kept.append(old)
+            for name in present:
+                _move(self.data / name, old / name, undo)
+            for name in (*FILES, *FOLDERS):
+                if (staged / name).exists():
+                    _move(staged / name, self.data / name, undo)
+            _keep_recordings(old / RUNS, self.data / RUNS)
+            if self._file is not None:
+                kept += _put_file(staged / DATABASE, self._file, undo)
+            else:
+                kept += self._put_rows(staged / DATABASE)
+            undo.pop_all()
+        return tuple(kept)
+
+    def _look(self) -> tuple[bool, bool]:
+        """Whether a server has the database open, and whether there is something in it."""
+        if self._file is not None:
+            exists = self._file.exists()
+            return exists and is_open_elsewhere(self._file), exists
+        with self._engine() as engine, engine.connect() as connection:
+            others = connection.scalar(
+                text(
+                    "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() "
+                    "AND application_name = :name AND pid <> pg_backend_pid()"
+                ),
+                {"name": APPLICATION},
+            )
+            return bool(others), _has_rows(connection)
+
+    def _put_rows(self, snapshot: Path) -> list[Path]:
+        kept: list[Path] = []
+        with self._engine() as engine:
+            with engine.connect() as connection:
+                filled = _has_rows(connection)
+            if filled:
+                kept.append(name_beside(self.data / DATABASE, "before-restore"))
+                copy_tables(engine, kept[0])
+            upgrade(engine, None)
+            rows = make_engine(database_url(snapshot), _BUSY_S)
+            try:
+                with engine.begin() as connection:
+                    lock_whole(connection)
+                    replace_tables(rows, connection)
+            finally:
+                rows.dispose()
+        return kept
+
+    @contextmanager
+    def _engine(self) -> Iterator[Engine]:
+        engine = make_engine(self._url, _BUSY_S)
+        try:
+            yield engine
+        finally:
+            engine.dispose()
+
+
+def _check_names(source: Path, manifest: Manifest) -> None:
+    tops = {name.split("/")[0] for name in manifest.files}
+    if DATABASE not in tops or not tops <= _TOP:
+        raise BackupError(f"the backup {source} is damaged (it lacks its database or has too much)")
+
+
+@contextmanager
+def _staging(data: Path) -> Iterator[Path]:
+    """A folder on the very disk of the data, so that renaming is all that is left to do."""
+    folder = data / f".restoring-{secrets.token_hex(4)}"
+    try:
+        folder.mkdir(parents=True)
+        yield folder
+    except OSError as error:
+        raise BackupError(
+            f"the backup cannot be put into {data} ({error.strerror or error}); nothing was "
+            f"changed: free some space or make the folder writable"
+        ) from error
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _extract(bundle: Bundle, folder: Path, progress: Progress | None) -> None:
+    total = sum(entry.size for entry in bundle.manifest.files.values())
+    done = 0
+    for name, entry in bundle.manifest.files.items():
+        bundle.extract(name, folder / name)
+        done += entry.size
+        if progress is not None:
+            progress(done, total)
+
+
+def _check_database(source: Path, file: Path) -> None:
+    """Sound, ours, not newer; brought up to date."""
+    reason = damage(file, _BUSY_S)
+    if reason is not None:
+        raise BackupError(f"the backup {source} is damaged ({reason}); take another one")
+    engine = make_engine(database_url(file), _BUSY_S)
+    try:
+        upgrade(engine, None)
+    except StorageError as error:
+        raise BackupError(f"the backup {source} cannot be restored: {error}") from error
+    finally:
+        engine.dispose()
+
+
+def _put_file(staged: Path, file: Path, undo: contextlib.ExitStack) -> list[Path]:
+    # The database may be on another disk than the data.
+    part = file.with_name(f".{file.name}.restoring")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    undo.callback(part.unlink, missing_ok=True)
+    shutil.copyfile(staged, part)
+    kept: list[Path] = []
+    if file.exists():
+        kept.append(name_beside(file, "before-restore"))
+        undo.callback(move_with_log, kept[0], file)
+        move_with_log(file, kept[0])
+    part.rename(file)
+    return kept
+
+
+def _keep_recordings(old: Path, new: Path) -> None:
+    """Recordings of runs that the backup knows but left out are no second time on the disk."""
+    for recording in old.glob("*/*.mcap"):
+        target = new / recording.parent.name / recording.name
+        if not target.exists():
+            with contextlib.suppress(OSError):
+                target.parent.mkdir(parents=True, exist_ok=True)
+                os.link(recording, target)
+
+
+def _move(source: Path, target: Path, undo: contextlib.ExitStack) -> None:
+    source.rename(target)
+    undo.callback(target.rename, source)
+
+
+def _has_something(folder: Path) -> bool:
+    return folder.is_dir() and any(folder.iterdir())
+
+
+def _has_rows(connection: Connection) -> bool:
+    """Whether a server's database holds anything but what it was made with."""
+    inspected = inspect(connection)
+    for table in set(inspected.get_table_names()) - {"alembic_version"}:
+        quoted = connection.dialect.identifier_preparer.quote(table)
+        if connection.execute(text(f"SELECT 1 FROM {quoted} LIMIT 1")).first() is not None:
+            return True
+    return False
+
+
+@contextmanager
+def _explained(where: str) -> Iterator[None]:
+    try:
+        yield
+    except SQLAlchemyError as error:
+        raise storage_error(getattr(error, "orig", None) or error, where) from error

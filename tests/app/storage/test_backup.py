@@ -1,0 +1,435 @@
+"""Backup and restoration, from and into databases of both kinds, and what may go wrong."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import random
+import sqlite3
+import tarfile
+import threading
+import zipfile
+from collections.abc import Callable
+from contextlib import closing
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.storage import IncidentRecord, SpeedRow, StopFigures, Storage, StorageError, copying
+from app.storage.backup import write_backup
+from app.storage.bundle import BackupError, Manifest
+from app.storage.restore import Restored, restore_backup
+
+TEXT = "%YAML:1.0\n---\nimage_width: 512 # Größe\n"
+
+
+def speeds(run_id: str, count: int, start: int = 0) -> list[SpeedRow]:
+    return [
+        SpeedRow(run_id, i / 3, "obstacle", "estimate", i, None if i % 7 == 0 else i / 11, 0.1, 0)
+        for i in range(start, start + count)
+    ]
+
+
+def fill(storage: Storage) -> str:
+    """Something of everything that is kept; the id of its run."""
+    data = storage.folder.path
+    data.mkdir(exist_ok=True)
+    calibration = storage.save_calibration(TEXT, name="lab.yaml", info={"rms": 0.1 + 0.2})
+    storage.activate_calibration(calibration.id)
+    (data / "take").write_bytes(b"Frame,t\n" * 1000)
+    truth = storage.save_truth(data / "take", name="take.csv", format="nexus")
+    (data / "take").unlink()
+    storage.save_preset("Mine", {"a": None, "b": 1e-17})
+    storage.save_preset("before", {})
+    storage.save_parameters(3, {"a": 1 / 3}, None)
+    run = storage.create_run(
+        name="Größe", source="s", parameters={"a": 1 / 3}, versions={"python": "3"},
+        calibration_id=calibration.id, truth_id=truth.id, tags=["x", "ä"], notes="n",
+        rig="mount: {}\n", record="jpeg",
+    )  # fmt: skip
+    storage.append_speeds(speeds(run.id, 4500))
+    storage.align_run(run.id, {"offset_s": 0.05}, truth_id=truth.id)
+    stop = StopFigures(1.5, None, 0.1, 0.3, None)
+    storage.append_incident(IncidentRecord(run.id, "t", None, "guard", "Stop.", None, {"a": stop}))
+    storage.record_parameter_revision(run.id, 3, 1, {"a": 2})
+    (data / "rig.yaml").write_text("mount: {height_m: 0.5}\n")
+    (data / "programmes").mkdir()
+    (data / "programmes" / "short.yaml").write_text("name: short\n")
+    folder = storage.folder.make_run(run.id)
+    (folder / "recording.mcap").write_bytes(random.Random(1).randbytes(300_000))
+    (folder / "truth").mkdir()
+    (folder / "truth" / "as uploaded ä.csv").write_text("t\n")
+    (data / "token").write_text("secret")
+    return run.id
+
+
+def contents(storage: Storage, run_id: str) -> dict[str, Any]:
+    """All that can be read of it."""
+    data = storage.folder.path
+    tops = ("rig.yaml", "programmes", "truths", "runs")
+    files = [each for top in tops for each in [data / top, *(data / top).rglob("*")]]
+    return {
+        "run": storage.get_run(run_id),
+        "runs": storage.list_runs(),
+        "tags": storage.run_tags(),
+        "speeds": storage.speeds(run_id),
+        "incidents": storage.incidents(run_id),
+        "revisions": storage.parameter_revisions(run_id),
+        "presets": storage.list_presets(),
+        "parameters": storage.load_parameters(),
+        "calibrations": storage.list_calibrations(),
+        "active": storage.active_calibration(),
+        "truths": storage.list_truths(),
+        "files": {str(f.relative_to(data)): f.read_bytes() for f in files if f.is_file()},
+    }
+
+
+def back_up(storage: Storage, location: str | Path, target: Path, **given: Any) -> Manifest:
+    given = {"recordings": True, "application": "1.2", **given}
+    return write_backup(target, storage.folder.path, location, **given)
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> tuple[Path, str]:
+    """A backup of a file, recordings included, and its run."""
+    data = tmp_path / "first"
+    with Storage(data / "observer.sqlite") as storage:
+        run_id = fill(storage)
+        back_up(storage, data / "observer.sqlite", tmp_path / "kept.zip")
+    return tmp_path / "kept.zip", run_id
+
+
+@pytest.mark.parametrize("name", ["kept.zip", "kept.tar"])
+def test_all_comes_back_from_either_database_into_either(
+    location: str | Path, opened: Callable[[], Storage], tmp_path: Path, name: str
+) -> None:
+    told: list[tuple[int, int | None]] = []
+    with opened() as storage:
+        run_id = fill(storage)
+        before = contents(storage, run_id)
+        manifest = back_up(
+            storage, location, tmp_path / name, progress=lambda *now: told.append(now)
+        )
+    assert told[-1][0] == told[-1][1] == sum(each.size for each in manifest.files.values())
+    data = tmp_path / "elsewhere"
+    done = restore_backup(tmp_path / name, data, data / "observer.sqlite", replace=False)
+    assert (done.manifest, done.kept) == (manifest, ())
+    with Storage(data / "observer.sqlite") as storage:
+        assert contents(storage, run_id) == before
+    assert not (data / "token").exists()
+    assert [each.name for each in data.iterdir() if each.name.startswith(".")] == []
+    # And back, over what is there.
+    with pytest.raises(BackupError, match="--replace"):
+        restore_backup(tmp_path / name, tmp_path, location, replace=False)
+    with opened() as storage:
+        storage.delete_run(run_id)
+        (tmp_path / "rig.yaml").write_text("changed")
+        after = contents(storage, run_id)
+    done = restore_backup(tmp_path / name, tmp_path, location, replace=True)
+    with opened() as storage:
+        assert contents(storage, run_id) == before
+        # Numbers go on behind those that came with the rows.
+        storage.append_speeds(speeds(run_id, 1, 4500))
+        assert storage.speeds(run_id)[-1].track_id == 4500
+    folder, database = done.kept
+    assert (folder / "rig.yaml").read_text() == "changed"
+    database.rename(folder / "observer.sqlite")
+    with Storage(folder / "observer.sqlite") as storage:
+        assert contents(storage, run_id) == after
+
+
+def test_a_backup_while_a_server_writes_is_of_one_moment(
+    location: str | Path, opened: Callable[[], Storage], tmp_path: Path
+) -> None:
+    with opened() as storage:
+        run = storage.create_run(name="r", source="s", parameters={}, versions={})
+        ending = threading.Event()
+
+        def write() -> None:
+            batch = 0
+            while not ending.is_set():
+                # As a run's rows are written: each batch and how many there are.
+                storage.append_speeds(speeds(run.id, 50, 50 * batch))
+                batch += 1
+                storage.update_run(run.id, frames=50 * batch)
+
+        thread = threading.Thread(target=write)
+        thread.start()
+        try:
+            for i in range(3):
+                back_up(storage, location, tmp_path / f"{i}.zip")
+        finally:
+            ending.set()
+            thread.join()
+    seen = []
+    for i in range(3):
+        data = tmp_path / f"restored-{i}"
+        restore_backup(tmp_path / f"{i}.zip", data, data / "observer.sqlite", replace=False)
+        with Storage(data / "observer.sqlite") as storage:
+            (found,) = storage.list_runs()
+            rows = storage.speeds(run.id)
+            assert rows == speeds(run.id, len(rows))
+            assert len(rows) - found.frames in (0, 50)
+            seen.append(len(rows))
+    assert seen == sorted(seen)
+    assert seen[-1] > seen[0]
+
+
+def test_recordings_are_left_out_and_stay_where_they_are(
+    kept: tuple[Path, str], tmp_path: Path
+) -> None:
+    _, run_id = kept
+    data = tmp_path / "first"
+    recording = data / "runs" / run_id / "recording.mcap"
+    content = recording.read_bytes()
+    small = tmp_path / "small.zip"
+    with Storage(data / "observer.sqlite") as storage:
+        manifest = back_up(storage, data / "observer.sqlite", small, recordings=False)
+    assert [name for name in manifest.files if name.endswith(".mcap")] == []
+    assert f"runs/{run_id}/truth/as uploaded ä.csv" in manifest.files
+    assert small.stat().st_size < 250_000
+    done = restore_backup(small, data, data / "observer.sqlite", replace=True)
+    assert recording.read_bytes() == content
+    with Storage(data / "observer.sqlite") as storage:
+        storage.discard_run(run_id)
+        storage.purge(timedelta(0))
+    assert not recording.exists()
+    assert (done.kept[0] / "runs" / run_id / "recording.mcap").read_bytes() == content
+
+
+def listing(folder: Path) -> dict[str, bytes]:
+    # The log's index is the readers' own notebook.
+    found = (each for each in folder.rglob("*") if each.is_file() and each.suffix != ".sqlite-shm")
+    return {str(each): each.read_bytes() for each in found}
+
+
+def refused(source: Path, data: Path, match: str, **given: Any) -> None:
+    """It is, in one sentence, and nothing has changed."""
+    before = listing(data) if data.exists() else None
+    with pytest.raises((BackupError, StorageError), match=match) as caught:
+        restore_backup(source, data, data / "observer.sqlite", **{"replace": True, **given})
+    assert "\n" not in str(caught.value)
+    assert (listing(data) or None if data.exists() else None) == (before or None)
+
+
+def test_a_server_that_has_it_open_is_not_robbed_of_it(kept: tuple[Path, str]) -> None:
+    source, run_id = kept
+    data = source.parent / "first"
+    with Storage(data / "observer.sqlite") as storage:
+        refused(source, data, "a server has the database")
+        assert storage.update_run(run_id, frames=7).frames == 7
+    restore_backup(source, data, data / "observer.sqlite", replace=True)
+
+
+def test_damage_anywhere_is_found_before_anything_is_touched(kept: tuple[Path, str]) -> None:
+    source, run_id = kept
+    data = source.parent / "first"
+    whole = source.read_bytes()
+    chance = random.Random(7)
+    places = [0, 10, len(whole) - 1, *(chance.randrange(len(whole)) for _ in range(25))]
+    harmless = 0
+    for place in places:
+        damaged = bytearray(whole)
+        damaged[place] ^= 0xFF
+        source.write_bytes(damaged)
+        before = listing(data)
+        try:
+            restore_backup(source, data, data / "observer.sqlite", replace=True)
+        except BackupError:
+            assert listing(data) == before
+        else:
+            # Bytes of the zip that mean nothing (times, permissions): all came as it was.
+            harmless += 1
+            with Storage(data / "observer.sqlite") as storage:
+                assert len(storage.speeds(run_id)) == 4500
+    assert harmless < 8
+    for length in (0, 1, 1000, len(whole) // 2, len(whole) - 1):
+        source.write_bytes(whole[:length])
+        refused(source, data, "backup")
+
+
+def remake(source: Path, change: Callable[[dict[str, bytes]], None]) -> None:
+    with zipfile.ZipFile(source) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    change(files)
+    with zipfile.ZipFile(source, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+
+
+def listed(name: str, content: bytes) -> Callable[[dict[str, bytes]], None]:
+    """A file that the manifest lists with all its marks."""
+    def change(files: dict[str, bytes]) -> None:
+        manifest = json.loads(files["manifest.json"])
+        entry = {"size": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+        manifest["files"][name] = entry
+        files["manifest.json"] = json.dumps(manifest).encode()
+        files[name] = content
+
+    return change
+
+
+def without(name: str) -> Callable[[dict[str, bytes]], None]:
+    return lambda files: files.pop(name) and None
+
+
+def of_version(number: int) -> Callable[[dict[str, bytes]], None]:
+    def change(files: dict[str, bytes]) -> None:
+        manifest = json.loads(files["manifest.json"])
+        files["manifest.json"] = json.dumps({**manifest, "version": number}).encode()
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (listed("../evil", b"x"), "not one of ours"),
+        (listed("/evil", b"x"), "not one of ours"),
+        (listed("runs/../../evil", b"x"), "not one of ours"),
+        (listed("runs\\..\\evil", b"x"), "not one of ours"),
+        (listed("token", b"x"), "has too much"),
+        (listed("observer.sqlite", b"no database" * 900), "is damaged"),
+        (without("observer.sqlite"), "not those that it lists"),
+        (without("rig.yaml"), "not those that it lists"),
+        (without("manifest.json"), "is no backup"),
+        (lambda files: files.update({"more": b""}), "not those that it lists"),
+        (lambda files: files.update({"manifest.json": b"[]"}), "cannot be read"),
+        (lambda files: files.update({"rig.yaml": b""}), "not as it was written"),
+        (of_version(2), "newer version"),
+    ],
+)
+def test_what_is_no_backup_of_ours_is_refused(
+    kept: tuple[Path, str], change: Callable[[dict[str, bytes]], None], match: str
+) -> None:
+    source, _ = kept
+    remake(source, change)
+    refused(source, source.parent / "first", match)
+    refused(source, source.parent / "new", match, replace=False)
+    assert not (source.parent / "evil").exists()
+
+
+def test_a_backup_of_a_newer_version_is_refused(kept: tuple[Path, str], tmp_path: Path) -> None:
+    source, _ = kept
+    database = tmp_path / "newer.sqlite"
+    with zipfile.ZipFile(source) as archive:
+        database.write_bytes(archive.read("observer.sqlite"))
+    with closing(sqlite3.connect(database)) as connection, connection:
+        connection.execute("UPDATE alembic_version SET version_num = '9999'")
+    remake(source, listed("observer.sqlite", database.read_bytes()))
+    refused(source, tmp_path / "first", "newer version")
+
+
+def test_links_in_a_tar_are_refused(tmp_path: Path) -> None:
+    with tarfile.open(tmp_path / "evil.tar", "w") as archive:
+        link = tarfile.TarInfo("runs")
+        link.type, link.linkname = tarfile.SYMTYPE, "/etc"
+        archive.addfile(link)
+    refused(tmp_path / "evil.tar", tmp_path / "data", "more than files")
+
+
+def test_a_swap_that_fails_half_way_is_undone(
+    kept: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, _ = kept
+    data = source.parent / "first"
+    rename = Path.rename
+    failed: list[str] = []
+    for name in ("runs", "truths", "observer.sqlite", ".observer.sqlite.restoring"):
+
+        def fail(self: Path, target: Path, name: str = name) -> Path:
+            if self.name == name and name not in failed:
+                failed.append(name)
+                raise OSError(5, "Input/output error")
+            return rename(self, target)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "rename", fail)
+            refused(source, data, "nothing was changed: ")
+        assert failed[-1] == name
+        assert not [each for each in data.iterdir() if each.name.startswith(("before", "."))]
+
+
+def test_rows_that_a_server_refuses_change_nothing(
+    kept: tuple[Path, str],
+    new_database: Callable[[], str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    source, run_id = kept
+    url, data = new_database(), tmp_path / "data"
+    with Storage(url, folder=data) as storage:
+        other = storage.create_run(name="other", source="s", parameters={}, versions={})
+        (storage.folder.make_run(other.id) / "recording.mcap").write_bytes(b"x")
+    copy = copying._copy
+
+    def interrupted(*given: Any) -> None:
+        copy(*given)
+        raise StorageError("the server is gone")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(copying, "_copy", interrupted)
+        # What is there is copied aside as well, which goes well.
+        patch.setattr("app.storage.restore.copy_tables", lambda _, file: file.write_bytes(b""))
+        with pytest.raises(StorageError, match="is gone"):
+            restore_backup(source, data, url, replace=True)
+    with Storage(url, folder=data) as storage:
+        assert [run.id for run in storage.list_runs()] == [other.id]
+        assert storage.folder.recording_bytes(other.id) == 1
+    with Storage(url, folder=data), pytest.raises(BackupError, match="a server has the database"):
+        restore_backup(source, data, url, replace=True)
+    restore_backup(source, data, url, replace=True)
+    with Storage(url, folder=data) as storage:
+        assert [run.id for run in storage.list_runs()] == [run_id]
+
+
+def test_what_cannot_be_backed_up_is_told_and_leaves_nothing(tmp_path: Path) -> None:
+    def back_up_of(data: Path, target: Path) -> None:
+        write_backup(
+            target, data, data / "observer.sqlite", recordings=True, application="1"
+        )
+
+    with pytest.raises(BackupError, match="there is no database"):
+        back_up_of(tmp_path / "nothing", tmp_path / "a.zip")
+    data = tmp_path / "data"
+    with Storage(data / "observer.sqlite"):
+        pass
+    with pytest.raises(BackupError, match=r"ends in \.zip or \.tar"):
+        back_up_of(data, tmp_path / "a.rar")
+    with pytest.raises(BackupError, match="cannot write"):
+        back_up_of(data, tmp_path / "no folder" / "a.zip")
+    (data / "observer.sqlite").write_bytes(b"no database" * 900)
+    with pytest.raises(StorageError, match="is damaged"):
+        back_up_of(data, tmp_path / "a.zip")
+    with closing(sqlite3.connect(data / "other.sqlite")) as connection:
+        connection.execute("CREATE TABLE recipes (name TEXT)")
+    with pytest.raises(BackupError, match="not one of dynamic-observer"):
+        write_backup(
+            tmp_path / "a.zip", data, data / "other.sqlite", recordings=True, application="1"
+        )
+    assert [each.name for each in tmp_path.iterdir()] == ["data"]
+
+
+def test_too_little_space_is_told_before(
+    kept: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, _ = kept
+    monkeypatch.setattr("app.storage.folder.DataFolder.free_bytes", lambda _: 1000)
+    refused(source, source.parent / "new", "MB are free", replace=False)
+
+
+def test_a_restored_run_that_was_going_is_interrupted_at_the_next_start(
+    tmp_path: Path,
+) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    with Storage(first / "observer.sqlite") as storage:
+        run = storage.create_run(name="r", source="s", parameters={}, versions={})
+        back_up(storage, first / "observer.sqlite", tmp_path / "a.tar")
+    done: Restored = restore_backup(
+        tmp_path / "a.tar", second, second / "observer.sqlite", replace=False
+    )
+    assert done.manifest.recordings
+    with Storage(second / "observer.sqlite") as storage:
+        assert [each.id for each in storage.mark_interrupted_runs()] == [run.id]
