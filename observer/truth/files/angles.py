@@ -96,7 +96,14 @@ def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> FoundReading:
                 f"angles are helical (rotation vectors): those of {body} reach {most:.2f} rad, "
                 f"which Euler angles do not",
             )
-    readings = [_Readings.of(angles) for angles in some.values()]
+    # What hardly turns is given another constant by another reading, which nothing can tell.
+    readings = [r for r in map(_Readings.of, some.values()) if r.turned_deg > _SAME_DEG]
+    if some and not readings:
+        return FoundReading(
+            "helical",
+            "angles are read as helical (rotation vectors), which is Tracker's default; no body "
+            "turns enough to tell them from Euler angles XYZ",
+        )
     helical = max((r.helical_tilt_deg for r in readings), default=0.0)
     euler = max((r.euler_tilt_deg for r in readings), default=0.0)
     votes = {r.vote for r in readings if r.vote is not None}
@@ -127,13 +134,17 @@ class _Readings:
     helical_tilt_deg: float
     euler_tilt_deg: float
     differ_deg: float
+    turned_deg: float
 
     @staticmethod
     def of(angles: Float64Array) -> _Readings:
         helical, euler = rotations(angles, "helical"), rotations(angles, "euler_xyz")
-        # The rotation between both has the trace 1 + 2 cos.
-        cosines = ((helical * euler).sum(axis=(1, 2)) - 1) / 2
-        return _Readings(_tilt_deg(helical), _tilt_deg(euler), _largest_deg(cosines))
+        return _Readings(
+            _tilt_deg(helical),
+            _tilt_deg(euler),
+            _largest_between_deg(helical, euler),
+            _largest_between_deg(helical, helical[:1]),
+        )
 
     @property
     def vote(self) -> AngleReading | None:
@@ -161,6 +172,11 @@ def _tilt_deg(R_room_body: Float64Array) -> float:
     mean = up.mean(axis=0)
     length = float(np.linalg.norm(mean))
     return 180.0 if length < 1e-9 else _largest_deg(up @ (mean / length))
+
+
+def _largest_between_deg(a: Float64Array, b: Float64Array) -> float:
+    """Of rotations (N, 3, 3): the one from a to b has the trace 1 + 2 cos."""
+    return _largest_deg(((a * b).sum(axis=(1, 2)) - 1) / 2)
 
 
 def _largest_deg(cosines: Float64Array) -> float:

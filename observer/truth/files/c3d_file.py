@@ -18,6 +18,7 @@ import numpy as np
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array
+from observer.truth.files.body_names import BodyNames
 from observer.truth.files.units import FASTEST_HZ, LENGTHS_M, MOST_METRES, length_word
 from observer.truth.motion_capture import Capture, Trajectory
 
@@ -25,7 +26,6 @@ from observer.truth.motion_capture import Capture, Trajectory
 _KEY = 0x50
 _LEAST_BYTES = 1024
 _MOST_NUMBERS = 60_000_000
-_MOST_NAME = 100
 # What the package raises where a file is damaged; it checks by assertions.
 _DAMAGED = (
     ArithmeticError, AssertionError, AttributeError, BufferError, LookupError, MemoryError,
@@ -78,7 +78,7 @@ def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
         except _DAMAGED as error:
             why = " ".join(str(error).split())[:80] or type(error).__name__
             raise TruthError(
-                f"{name}: the C3D file is damaged ({why}); export it once more"
+                f"{name}: the C3D file is damaged ({why}); export it once more, or as CSV"
             ) from None
 
 
@@ -132,12 +132,13 @@ class _Trial:
         times = (self._first - 1 + np.arange(self._frames)) / rate
         left_out = {name for key in _NO_PLACES for name in self._texts(f"POINT:{key}")}
         bodies: dict[str, Trajectory] = {}
+        names = BodyNames(self._name)
         labels = self._labels()
         for index in range(self._points):
             label = labels[index] if index < len(labels) else ""
             if label in left_out and label:
                 continue
-            name = _told_apart(label[:_MOST_NAME] or f"unnamed {index + 1}", bodies)
+            name = names.of(label)
             bodies[name] = Trajectory(name, times, positions[:, index])
         if not bodies:
             raise TruthError(f"{self._name}: the C3D file holds results of a model, but no markers")
@@ -201,10 +202,3 @@ class _Trial:
             " ".join(content[at : at + width].decode("utf-8", "replace").replace("\0", " ").split())
             for at in range(0, len(content), width)
         ]
-
-
-def _told_apart(name: str, taken: dict[str, Trajectory]) -> str:
-    number = 1
-    while (told := name if number == 1 else f"{name} ({number})") in taken:
-        number += 1
-    return told

@@ -40,7 +40,9 @@ def file_kind(path: Path | str) -> FileKind:
     path = Path(path)
     try:
         with path.open("rb") as file:
-            return _kind(file, path.name)[0]
+            # The lines outlive the file, which alone closes what both hold.
+            kind, _lines = _kind(file, path.name)
+            return kind
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from None
 

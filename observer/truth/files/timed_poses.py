@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array
+from observer.truth.files.body_names import BodyNames
 from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
 from observer.truth.files.quaternions import quaternion_rotations
 from observer.truth.files.text_lines import TextLines
@@ -33,7 +34,6 @@ _ONLY_BODY = "body"
 # Of the project's own truth.csv, which has x, y, z and t as well.
 _OWN = {"frame", "t", "id", "x", "y", "z", "vx", "vy", "vz", "visible"}
 _MOST_SECONDS = 1e11
-_MOST_NAME = 100
 
 
 def is_own_truth(first_line: str) -> bool:
@@ -82,11 +82,10 @@ def read_plain_csv(lines: TextLines) -> Capture:
         labels,
     )
     found = {}
-    for number, name in enumerate(rows.names or [_ONLY_BODY]):
-        title = name[:_MOST_NAME] or "unnamed"
-        if title in found:
-            raise TruthError(f"{lines.name}: two bodies have the name {title[:40]!r}")
-        found[title] = table.trajectory(title, bodies == number)
+    names = BodyNames(lines.name)
+    for number, told in enumerate(rows.names or [_ONLY_BODY]):
+        name = names.of(told)
+        found[name] = table.trajectory(name, bodies == number)
     return Capture("plain CSV", None, found, (f"places are read in {length_word(unit)}",))
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from observer.errors import TruthError
+from observer.truth.files.body_names import BodyNames
 from observer.truth.files.text_lines import TextLines
 from observer.truth.files.units import ANGLES_RAD, LENGTHS_M
 
@@ -20,7 +21,6 @@ _TITLES: dict[ColumnKind, tuple[str, ...]] = {
 # Frame and Sub Frame.
 _BEFORE = 2
 _PREFIX = "global angle "
-_MOST_NAME = 100
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,12 @@ def body_columns(
     names: Sequence[str],
     titles: Sequence[str],
     units: Sequence[str],
-    taken: Collection[str],
+    taken: BodyNames,
 ) -> list[BodyColumns]:
     """The columns by body, of a section whose row of units was read last.
 
     Args:
-        taken: names that bodies of earlier sections have.
+        taken: the names given so far.
 
     Raises:
         TruthError: a column or a unit is not known.
@@ -73,13 +73,10 @@ def body_columns(
     while len(titles) > _BEFORE and not titles[-1]:
         titles.pop()
     bodies: list[BodyColumns] = []
-    others = set(taken)
     at = _BEFORE
     while at < len(titles):
         kind, width = _kind_at(lines, titles, at)
-        name = _name(names[at] if at < len(names) else "", len(bodies) + 1)
-        name = _told_apart(name, others)
-        others.add(name)
+        name = taken.of(_name(names[at] if at < len(names) else ""))
         turn = width - 3
         rotation = tuple(range(at, at + turn))
         position = tuple(range(at + turn, at + width))
@@ -124,7 +121,7 @@ def _unit(
     return found[0], known[found[0]]
 
 
-def _name(cell: str, number: int) -> str:
+def _name(cell: str) -> str:
     name = " ".join(cell.split())
     if name.lower().startswith(_PREFIX):
         name = name[len(_PREFIX) :]
@@ -132,13 +129,4 @@ def _name(cell: str, number: int) -> str:
     # Tracker calls each object by its own name twice.
     if colon and subject.strip() == segment.strip():
         name = subject.strip()
-    return name[:_MOST_NAME] or f"unnamed {number}"
-
-
-def _told_apart(name: str, taken: set[str]) -> str:
-    if name not in taken:
-        return name
-    number = 2
-    while f"{name} ({number})" in taken:
-        number += 1
-    return f"{name} ({number})"
+    return name

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from observer.errors import TruthError
 from observer.geometry import Float64Array
 from observer.truth.files.angles import AngleReading, find_reading, rotations
+from observer.truth.files.body_names import BodyNames
 from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
 from observer.truth.files.quaternions import quaternion_rotations
 from observer.truth.files.text_lines import TextLines
@@ -57,7 +58,8 @@ def read_vicon_csv(
         TruthError: one sentence naming the line, the cell and the reason.
         AnglesUnclear: only a person can tell how angles are to be read.
     """
-    found = _Found(lines, _separator(lines.look(_HEADER_ROWS)), rate_hz)
+    separator = _separator(lines.look(_HEADER_ROWS))
+    found = _Found(lines, separator, rate_hz, BodyNames(lines.name))
     while (line := lines.next()) is not None:
         if line.strip(_EMPTY):
             _read_section(line, found)
@@ -94,6 +96,7 @@ class _Found:
     lines: TextLines
     separator: str
     rate_hz: float | None
+    names: BodyNames
     sections: list[str] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)
     rates: set[float] = field(default_factory=set)
@@ -125,7 +128,7 @@ def _read_section(first: str, found: _Found) -> None:
         )
     units = cells_of(lines, lines.next() or "", found.separator)
     names = header[-2] if len(header) > 1 else []
-    columns = body_columns(lines, names, header[-1], units, set(found.bodies))
+    columns = body_columns(lines, names, header[-1], units, found.names)
     rate = _rate(header[1:-2], len(columns), found)
     labels = ["Frame", "Sub Frame"]
     for body in columns:

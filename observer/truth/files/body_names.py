@@ -1,0 +1,40 @@
+"""Names of bodies that differ, however often a file repeats one."""
+
+from __future__ import annotations
+
+from observer.errors import TruthError
+
+_MOST_BODIES = 2000
+_MOST_CHARACTERS = 100
+
+
+class BodyNames:
+    """Gives each body a name of its own: a repeated one becomes ``name (2)``.
+
+    Args:
+        file: its name, for messages.
+    """
+
+    def __init__(self, file: str) -> None:
+        self._file = file
+        self._taken: set[str] = set()
+        self._next: dict[str, int] = {}
+
+    def of(self, told: str) -> str:
+        """The name for a body that the file calls ``told``; an empty one becomes ``unnamed``.
+
+        Raises:
+            TruthError: the file has more bodies than anybody tracks.
+        """
+        if len(self._taken) == _MOST_BODIES:
+            raise TruthError(
+                f"{self._file}: there are more than {_MOST_BODIES} bodies or markers; export fewer"
+            )
+        plain = " ".join(told.split())[:_MOST_CHARACTERS] or "unnamed"
+        name = plain
+        while name in self._taken:
+            number = self._next.get(plain, 2)
+            self._next[plain] = number + 1
+            name = f"{plain} ({number})"
+        self._taken.add(name)
+        return name

@@ -1,0 +1,107 @@
+"""Plain CSV and TUM: samples with times of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from observer.errors import TruthError
+
+from .conftest import Read
+
+T = np.array([1305031102.1758, 1305031102.2, 1305031102.25])
+P = np.array([[1.25, -2.5, 0.3], [1.3, -2.5, 0.3], [1.35, -2.5, 0.31]])
+TURNED = Rotation.random(3, rng=0)
+HEADER = "t,x,y,z,qx,qy,qz,qw"
+
+
+def table(*columns: object, separator: str = ",") -> str:
+    rows = np.column_stack([np.asarray(column) for column in columns])
+    return "".join(separator.join(repr(float(v)) for v in row) + "\n" for row in rows)
+
+
+def test_reads_plain_csv(read: Read) -> None:
+    capture = read("t,x,y,z\n" + table(T, P))
+    assert capture.format == "plain CSV"
+    assert capture.rate_hz is None
+    body = capture.bodies["body"]
+    np.testing.assert_array_equal(body.times, T)
+    np.testing.assert_array_equal(body.positions, P)
+    assert body.rotations is None
+
+
+def test_reads_orientations_columns_in_any_order_and_columns_it_does_not_know(read: Read) -> None:
+    names = ["note"] * 3
+    rows = [
+        f"{name};{q[3]};{z};{y};{x};{t};{q[0]};{q[1]};{q[2]}".replace(".", ",")
+        for name, t, (x, y, z), q in zip(names, T, P, TURNED.as_quat(), strict=True)
+    ]
+    body = read("\n".join(["remark;qw;z;Y;x;Time;qx;qy;qz", *rows])).bodies["body"]
+    np.testing.assert_allclose(body.positions, P)
+    np.testing.assert_allclose(body.rotations, TURNED.as_matrix(), atol=1e-12)
+
+
+@pytest.mark.parametrize("header", ["t_ms,x_mm,y_mm,z_mm", "t [ms],X (mm),y [mm],z[mm]"])
+def test_reads_the_units_that_a_header_names(read: Read, header: str) -> None:
+    capture = read(header + "\n" + table(1000 * T, 1000 * P))
+    np.testing.assert_allclose(capture.bodies["body"].times, T)
+    np.testing.assert_allclose(capture.bodies["body"].positions, P)
+    assert "places are read in millimetres" in capture.notes
+
+
+def test_a_column_of_names_parts_bodies(read: Read) -> None:
+    capture = read("t,body,x,y,z\n0,a,1,2,3\n0,b b,4,5,6\n1,a,,,\n1,b b,4,5,7\n")
+    assert list(capture.bodies) == ["a", "b b"]
+    assert capture.bodies["a"].seen.tolist() == [True, False]
+    np.testing.assert_array_equal(capture.bodies["b b"].positions, [[4, 5, 6], [4, 5, 7]])
+
+
+def test_reads_tum(read: Read) -> None:
+    content = "# ground truth\n# timestamp tx ty tz qx qy qz qw\n\n"
+    capture = read(content + table(T, P, TURNED.as_quat(), separator=" ") + "\n# end\n")
+    assert capture.format == "TUM trajectory"
+    body = capture.bodies["body"]
+    np.testing.assert_array_equal(body.times, T)
+    np.testing.assert_array_equal(body.positions, P)
+    np.testing.assert_allclose(body.rotations, TURNED.as_matrix(), atol=1e-12)
+
+
+def test_a_gap_in_tum_is_nan(read: Read) -> None:
+    body = read("0 1 2 3 0 0 0 1\n1 nan nan nan 0 0 0 1\n").bodies["body"]
+    assert body.seen.tolist() == [True, False]
+    assert body.rotations is not None
+    assert np.isnan(body.rotations[1]).all()
+
+
+def test_a_rate_is_of_no_use(read: Read) -> None:
+    capture = read("t,x,y,z\n" + table(T, P), rate_hz=100)
+    assert capture.rate_hz is None
+    assert any("the rate of 100 Hz is not used" in note for note in capture.notes)
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        ("t,x,y,z\n0,1,2,3\n0,1,2,3\n", "upload line 3: the time is not later than that of body"),
+        ("t,x,y,z\n0,1,2,3\n,1,2,3\n", "upload line 3: the time must be known"),
+        ("t,x,y,z\n0,1,2\n", "upload line 2: the row has only 3 cells, but there must be 4: t, x"),
+        ("t,x,y,z\n0,1,2,3,4\n", "upload line 2: the row has 5 cells, but the header names 4"),
+        ("t,x,y,z\n0,1,two,3\n", "upload line 2 cell 3: y must be a number, not 'two'"),
+        ("t,x,y,z\n0,1,,3\n", "upload line 2: x, y and z must all be known, or none"),
+        ("t,x,y,z\n0,1,1e99,3\n", "upload line 2: x, y and z must lie within"),
+        ("t,x,y,z\n", "upload: there are no rows of numbers in it"),
+        ("t,x,y,z,qx\n0,1,2,3,0\n", "upload line 1: there is qx, but not all of qx, qy, qz, qw"),
+        ("t,x,y,z,x\n0,1,2,3,0\n", "upload line 1 cell 5: x appears twice"),
+        ("t,x_mm,y,z\n0,1,2,3\n", "upload line 1: x, y and z must be in the same unit"),
+        ("t,x [ft],y [ft],z [ft]\n0,1,2,3\n", "upload line 1 cell 2: the unit 'ft' of x must be"),
+        (f"{HEADER}\n0,1,2,3,0,0,0,2\n", "upload line 2: qx, qy, qz, qw must be a unit quat"),
+        ("0 1 2 3 0 0 0 1\n1 2 3\n", "upload line 2: the row has only 3 cells"),
+        ("# c\n0 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 w\n", "upload line 3 cell 8: qw must be a number"),
+        ("1 1 2 3 0 0 0 1\n0 1 2 3 0 0 0 1\n", "upload line 2: the time is not later than"),
+    ],
+)  # fmt: skip
+def test_names_line_and_cell_of_what_is_wrong(read: Read, content: str, expected: str) -> None:
+    with pytest.raises(TruthError) as caught:
+        read(content)
+    assert expected in str(caught.value)
