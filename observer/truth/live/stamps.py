@@ -35,7 +35,7 @@ _LATE_S = 0.05
 _LATE_FOR_S = 3.0
 # Stamps of several bodies, or of datagrams that overtook each other, may be this much out of order.
 _DISORDER_S = 0.25
-_DISORDER_STEPS = 20.0
+_JUMP_STEPS = 20.0
 _MEMORY_BINS = 10
 
 _Item = TypeVar("_Item")
@@ -123,10 +123,10 @@ class StampReader(Generic[_Item]):
             return False
         stamps = np.array([each[0] for each in self._held])
         received = np.array([each[1] for each in self._held])
-        back = _steps_back(stamps)
-        if len(back):
-            # Jumping while we look at it: what is behind the jump is looked at alone.
-            for _ in range(int(back[-1]) + 1):
+        jumps = _jumps(stamps)
+        if len(jumps):
+            # Set while we look at it: what is behind the jump is looked at alone.
+            for _ in range(int(jumps[-1]) + 1):
                 self._held.popleft()
             return False
         if stamps[0] == stamps[-1]:
@@ -212,13 +212,10 @@ def _jump_sentence(seconds: float) -> str:
     )
 
 
-def _steps_back(stamps: Float64Array) -> NDArray[np.intp]:
-    """Where stamps of a yet unknown unit go back by more than disorder explains."""
-    steps = np.diff(stamps)
-    moved = np.abs(steps[steps != 0])
-    if not len(moved):
-        return np.array([], np.intp)
-    return np.flatnonzero(steps < -_DISORDER_STEPS * np.median(moved))
+def _jumps(stamps: Float64Array) -> NDArray[np.intp]:
+    """Before which stamps, of a yet unknown unit, a clock was set: steps far beyond the mean."""
+    steps = np.abs(np.diff(stamps))
+    return np.flatnonzero(steps > _JUMP_STEPS * steps.mean())
 
 
 def _nominal(slope: float) -> float:

@@ -54,7 +54,7 @@ class Message:
     @property
     def time(self) -> float:
         """The stamp in seconds."""
-        return self.seconds + self.microseconds * 1e-6
+        return self.seconds + self.microseconds / 1e6
 
 
 @dataclass(frozen=True)

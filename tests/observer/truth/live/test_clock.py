@@ -1,0 +1,102 @@
+"""A server's clock against ours: offset and drift from stamps and arrivals alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer.errors import TruthError
+from observer.truth.live.clock import ClockFit, ClockFitter, host_times, lower_line
+
+from .arrivals import arrivals
+
+
+def fitted(stamps: np.ndarray, received: np.ndarray) -> ClockFit:
+    fitter = ClockFitter()
+    for each in zip(stamps.tolist(), received.tolist(), strict=True):
+        fitter.add(*each)
+    fit = fitter.fit()
+    assert fit is not None
+    return fit
+
+
+@pytest.mark.parametrize("planted", [100.0, -100.0, 0.0])
+def test_a_planted_drift_is_found_within_20_ppm_over_60_s(
+    planted: float, record_property: pytest.RecordProperty
+) -> None:
+    worst_ppm = worst_s = 0.0
+    for seed in range(20):
+        stamps, received = arrivals(seed, 60.0, drift_ppm=planted)
+        fit = fitted(stamps, received)
+        assert fit.drift_ppm is not None
+        # The server is fast, so that host minus server falls.
+        worst_ppm = max(worst_ppm, abs(fit.drift_ppm + planted))
+        sent = 1000.0 + np.arange(len(stamps)) / 100
+        errors = np.array([fit.to_host(each) for each in stamps.tolist()]) - sent - 4e-4
+        worst_s = max(worst_s, float(np.abs(errors).max()))
+        assert fit.sigma_s < 5e-4
+    record_property("worst_ppm", worst_ppm)
+    print(f"drift {planted:+.0f} ppm over 60 s, 20 seeds: at most {worst_ppm:.2f} ppm "  # noqa: T201
+          f"and {worst_s * 1e3:.3f} ms from the truth")  # fmt: skip
+    assert worst_ppm < 20
+    assert worst_s < 5e-4
+
+
+def test_before_ten_seconds_no_drift_is_claimed() -> None:
+    stamps, received = arrivals(1, 8.0, drift_ppm=100.0)
+    fit = fitted(stamps, received)
+    assert fit.drift_ppm is None
+    assert fit.to_host(float(stamps[-1])) == pytest.approx(1008 - 0.01 + 4e-4, abs=2e-3)
+    assert ClockFitter().fit() is None
+
+
+def test_what_is_older_than_the_window_is_forgotten() -> None:
+    fitter = ClockFitter(window_s=20.0)
+    for each in zip(*map(np.ndarray.tolist, arrivals(1, 40.0, offset_s=5.0)), strict=True):
+        fitter.add(*each)
+    for each in zip(
+        *map(np.ndarray.tolist, arrivals(2, 25.0, offset_s=4.99, started=1040.0)), strict=True
+    ):
+        fitter.add(*each)
+    fit = fitter.fit()
+    assert fit is not None
+    assert fit.to_host(1060 + 4.99) == pytest.approx(1060, abs=2e-3)
+    assert fit.span_s <= 20.2
+
+
+def test_a_whole_recording_follows_a_drift_that_changes() -> None:
+    stamps, received = arrivals(3, 900.0, rate_hz=20.0, drift_ppm=20.0)
+    sent = 1000.0 + np.arange(len(stamps)) / 20
+    # The server's quartz warms up: 1 to 16 ppm in a quarter of an hour.
+    stamps += 1e-6 * (sent - 1000) + 0.5 * (15e-6 / 900) * (sent - 1000) ** 2
+    errors = host_times(stamps, received) - sent - 4e-4
+    assert np.abs(errors).max() < 1e-3
+    short = slice(0, 2000)
+    assert np.abs(host_times(stamps[short], received[short]) - sent[short] - 4e-4).max() < 1e-3
+
+
+def test_a_recording_of_less_than_a_second_is_refused() -> None:
+    with pytest.raises(TruthError, match="a second"):
+        host_times(np.array([1.0, 1.1]), np.array([5.0, 5.1]))
+    with pytest.raises(TruthError, match="a second"):
+        host_times(np.array([]), np.array([]))
+
+
+_points = st.lists(
+    st.tuples(st.integers(-1000, 1000), st.integers(-1000, 1000)), min_size=2, max_size=60
+).filter(lambda points: len({x for x, _ in points}) > 1)
+
+
+@given(_points, st.floats(-1, 1), st.floats(-2000, 2000))
+def test_no_line_below_all_points_is_closer_to_them(
+    points: list[tuple[int, int]], slope: float, height: float
+) -> None:
+    x, y = np.array(points, float).T
+    at_mean, best = lower_line(x, y)
+    assert (at_mean + best * (x - x.mean()) <= y + 1e-6).all()
+    # Any other line, lowered until it is below all points.
+    other = height + slope * (x - x.mean())
+    other += (y - other).min()
+    assert np.sum(y - at_mean - best * (x - x.mean())) <= np.sum(y - other) + 1e-6

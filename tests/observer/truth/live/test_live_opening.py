@@ -1,0 +1,46 @@
+"""Texts that name live motion capture."""
+
+from __future__ import annotations
+
+import pytest
+
+from observer.errors import TruthError
+from observer.truth.live.opening import check_live, is_live
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "vrpn:vicon.lab",
+        "vrpn:10.0.0.5:3884",
+        "vrpn:[::1]:3883/Robot,Cart 2",
+        "VRPN:host/Robot",
+        "vicon-udp:51001",
+        "vicon-udp:",
+    ],
+)
+def test_what_names_a_server_or_a_port_is_taken(spec: str) -> None:
+    assert is_live(spec)
+    check_live(spec)
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("vrpn:", "names no host"),
+        ("vrpn:ho st", "names no host"),
+        ("vrpn:host:0", "port from 1 to 65535"),
+        ("vrpn:host:65536", "port from 1 to 65535"),
+        ("vicon-udp:x", "port from 1 to 65535"),
+        ("vicon-udp:99999", "port from 1 to 65535"),
+        ("truth.csv", "live truth is vrpn:HOST"),
+    ],
+)
+def test_what_names_none_is_refused_in_a_sentence(spec: str, words: str) -> None:
+    with pytest.raises(TruthError, match=words):
+        check_live(spec)
+
+
+def test_a_file_is_not_live() -> None:
+    assert not is_live("truth.csv")
+    assert not is_live("/data/vrpn.csv")

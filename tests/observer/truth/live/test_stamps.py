@@ -1,0 +1,156 @@
+"""Stamps made into seconds that rise, whatever the server's clock does."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from observer.truth.live.stamps import StampReader, Timed
+
+from .arrivals import arrivals
+
+
+class Read:
+    """What a reader made of stamps."""
+
+    def __init__(self, *, counts: bool = False) -> None:
+        self.notices: list[tuple[str, str]] = []
+        self.timed: list[Timed[int]] = []
+        self.reader = StampReader[int](lambda *told: self.notices.append(told), counts=counts)
+        self._fed = 0
+
+    def feed(self, stamps: np.ndarray, received: np.ndarray) -> None:
+        for stamp, arrival in zip(stamps.tolist(), received.tolist(), strict=True):
+            self.timed += self.reader.feed(stamp, arrival, self._fed)
+            self._fed += 1
+
+    @property
+    def kinds(self) -> list[str]:
+        return [kind for kind, _ in self.notices]
+
+    @property
+    def times(self) -> np.ndarray:
+        return np.array([each.time for each in self.timed])
+
+
+def test_seconds_are_left_as_they_are() -> None:
+    stamps, received = arrivals(1, 20.0, drift_ppm=100.0)
+    read = Read()
+    read.feed(stamps, received)
+    assert [each.item for each in read.timed] == list(range(2000))
+    assert (read.times == stamps).all()
+    assert not read.notices
+
+
+@pytest.mark.parametrize("tick_hz", [100.0, 250.0, 1e6, 1e7])
+def test_ticks_are_noticed_and_become_seconds(tick_hz: float) -> None:
+    sent, received = arrivals(2, 20.0, offset_s=0.0, drift_ppm=40.0)
+    read = Read()
+    read.feed(np.round(sent * tick_hz), received)
+    assert read.kinds == ["stamps"]
+    assert f"{tick_hz:g} a second" in read.notices[0][1]
+    assert len(read.timed) == 2000
+    assert np.abs(np.diff(read.times) - np.diff(sent)).max() <= 1 / tick_hz + 1e-9
+
+
+def test_frame_numbers_need_no_notice() -> None:
+    _, received = arrivals(3, 10.0)
+    read = Read(counts=True)
+    read.feed(500 + np.arange(1000.0), received)
+    assert not read.notices
+    assert np.diff(read.times) == pytest.approx(0.01)
+
+
+def test_ticks_of_no_usual_rate_are_measured() -> None:
+    sent, received = arrivals(2, 20.0, offset_s=0.0)
+    read = Read()
+    read.feed(np.round(sent * 3_579_545), received)
+    spans = read.times[-1] - read.times[0]
+    assert spans == pytest.approx(19.99, rel=1e-3)
+
+
+def test_stamps_that_stand_still_give_way_to_arrivals() -> None:
+    _, received = arrivals(4, 5.0)
+    read = Read()
+    read.feed(np.zeros(500), received)
+    assert read.kinds == ["stamps"]
+    assert (read.times == received).all()
+
+
+@pytest.mark.parametrize("jump_s", [3600.0, -3600.0, 1.0, -1.0, -0.3, 0.05])
+def test_a_clock_that_is_set_is_noticed_and_taken_on(jump_s: float) -> None:
+    stamps, received = arrivals(5, 20.0)
+    stamps[1000:] += jump_s
+    read = Read()
+    read.feed(stamps, received)
+    assert read.kinds == ["clock"]
+    assert ("ahead" if jump_s > 0 else "back") in read.notices[0][1]
+    (told,) = re.findall(r"by ([0-9.e+]+) s", read.notices[0][1])
+    assert float(told) == pytest.approx(abs(jump_s), abs=0.03, rel=0.01)
+    late = np.array([each.received - each.time for each in read.timed])
+    # The clocks' relation is what it was before.
+    assert abs(late[-500:].min() - late[:1000].min()) < 1e-3
+    assert (np.diff(read.times) > 0).all()
+
+
+@pytest.mark.parametrize("jump", [100_000, -100_000])
+def test_a_counter_that_is_set_while_it_is_looked_at(jump: float) -> None:
+    _, received = arrivals(11, 10.0)
+    frames = 200_000 + np.arange(1000.0)
+    frames[100:] += jump
+    read = Read(counts=True)
+    read.feed(frames, received)
+    assert len(read.timed) == 900
+    assert np.diff(read.times) == pytest.approx(0.01)
+
+
+def test_a_clock_that_is_set_back_a_little_is_noticed_after_three_seconds() -> None:
+    stamps, received = arrivals(6, 20.0)
+    stamps[1000:] -= 0.1
+    read = Read()
+    read.feed(stamps, received)
+    assert read.kinds == ["clock"]
+    late = np.array([each.received - each.time for each in read.timed])
+    assert abs(late[-500:].min() - late[:1000].min()) < 1e-3
+
+
+def test_a_network_that_holds_everything_back_is_no_jump() -> None:
+    stamps, received = arrivals(7, 30.0)
+    held = (received > 1010) & (received < 1012.5)
+    received[held] = 1012.5
+    read = Read()
+    read.feed(stamps, received)
+    assert not read.notices
+    assert (read.times == stamps).all()
+
+
+def test_stamps_of_several_bodies_may_be_a_little_out_of_order() -> None:
+    stamps, received = arrivals(8, 10.0)
+    disordered = np.column_stack((stamps, stamps - 0.004)).ravel()
+    read = Read()
+    read.feed(disordered, np.repeat(received, 2))
+    assert not read.notices
+    assert (read.times == disordered).all()
+
+
+def test_the_same_clock_reached_anew_is_the_same() -> None:
+    stamps, received = arrivals(9, 20.0)
+    read = Read()
+    read.feed(stamps[:800], received[:800])
+    read.reader.restart()
+    read.feed(stamps[1200:], received[1200:])
+    assert not read.notices
+    assert (read.times == np.concatenate((stamps[:800], stamps[1200:]))).all()
+
+
+def test_a_server_that_was_restarted_goes_on() -> None:
+    stamps, received = arrivals(10, 20.0)
+    read = Read()
+    read.feed(stamps[:800], received[:800])
+    read.reader.restart()
+    read.feed(stamps[1200:] - stamps[1200], received[1200:])
+    assert read.kinds == ["clock"]
+    assert "another" in read.notices[0][1]
+    assert np.abs(read.times[800:] - stamps[1200:]).max() < 1e-3

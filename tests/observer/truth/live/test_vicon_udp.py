@@ -1,0 +1,127 @@
+"""Vicon's datagrams at a real port."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from observer.truth.live import intake, stamps, vicon_udp
+from observer.truth.live.contract import LiveCapture, LiveCaptureReport
+from observer.truth.live.opening import open_live_truth
+
+from .mishaps import Mishaps, Stream
+from .test_vrpn_client import circling, samples, until
+from .vicon_sender import ViconSender
+
+
+@pytest.fixture(autouse=True)
+def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stamps, "_TICKS_SPAN_S", 1.0)
+    monkeypatch.setattr(intake, "_QUIET_S", 0.5)
+
+
+@pytest.fixture
+def udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@contextlib.contextmanager
+def capturing(port: int) -> Iterator[LiveCapture]:
+    capture = open_live_truth(f"vicon-udp:{port}")
+    try:
+        yield capture
+    finally:
+        capture.close()
+
+
+@contextlib.contextmanager
+def streaming(port: int, mishaps: Mishaps | None = None) -> Iterator[ViconSender]:
+    sender = ViconSender(port)
+    stream = Stream(circling, sender.send, mishaps or Mishaps(), noise_m=1e-6)
+    try:
+        yield sender
+    finally:
+        stream.stop()
+        sender.stop()
+
+
+def noted(words: str) -> Callable[[LiveCaptureReport], bool]:
+    return lambda report: words in " ".join(report.notes)
+
+
+def test_objects_come_in_metres_at_times_counted_in_frames(udp_port: int) -> None:
+    with capturing(udp_port) as capture, streaming(udp_port):
+        told = samples(capture, 100)
+        report = until(capture, lambda r: r.clock)
+    assert report.state == "receiving"
+    assert not report.notes
+    assert {each.name for each in told} == {"Robot", "Cart/2"}
+    for each in told:
+        expected = circling(each.received)[each.name]
+        assert expected is not None
+        assert each.position is not None
+        assert each.rotation is not None
+        # It moves 1 m/s, and was sent a little earlier.
+        assert each.position == pytest.approx(expected.translation, abs=0.1)
+        assert each.rotation == pytest.approx(expected.rotation, abs=0.1)
+    robot = [each.time for each in told if each.name == "Robot"]
+    # 100 Hz, and a datagram that was lost is a frame that is not there.
+    assert np.diff(robot) == pytest.approx(0.01 * np.round(np.diff(robot) / 0.01))
+
+
+def test_silence_is_said_and_speech_goes_on(udp_port: int) -> None:
+    with capturing(udp_port) as capture:
+        quiet = until(capture, lambda r: r.state == "waiting" and r.trouble)
+        assert "no body's pose" in str(quiet.trouble)
+        mishaps = Mishaps()
+        with streaming(udp_port, mishaps):
+            samples(capture, 40)
+            mishaps.unseen = 1.0
+            time.sleep(0.1)
+            capture.drain()
+            assert all(each.position is None for each in samples(capture, 20))
+
+
+def test_garbage_is_counted_and_a_second_sender_left_out(udp_port: int) -> None:
+    with capturing(udp_port) as capture, streaming(udp_port) as sender:
+        samples(capture, 20)
+        sender.raw(b"\x01\x02")
+        sender.raw(bytes(4) + b"\xff" + bytes(3))
+        until(capture, lambda r: r.malformed == 2)
+        other = ViconSender(udp_port)
+        other.raw(b"\x01\0\0\0\0")
+        until(capture, noted("sends to this port as well"))
+        other.stop()
+        samples(capture, 20)
+
+
+def test_tracker_restarted_counts_anew(udp_port: int) -> None:
+    with capturing(udp_port) as capture, streaming(udp_port) as sender:
+        sender.frames_behind = 100_000
+        before = samples(capture, 20)
+        sender.frames_behind = 0
+        until(capture, noted("jumped back"))
+        after = samples(capture, 20)
+        assert 0 < after[-1].time - before[-1].time < 10
+
+
+def test_a_port_that_is_taken_is_said_and_tried_again(
+    udp_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vicon_udp, "_RETRY_S", 0.05)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("", udp_port))
+        capture = open_live_truth(f"vicon-udp:{udp_port}")
+        report = until(capture, lambda r: "cannot be listened at" in (r.trouble or ""))
+        assert report.state == "connecting"
+    until(capture, lambda r: r.state == "waiting")
+    capture.close()
+    assert capture.report().state == "connecting"
