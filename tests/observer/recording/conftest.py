@@ -11,14 +11,13 @@ from typing import Any
 import pytest
 
 from observer.calibration.formats.opencv_file import calibration_text
-from observer.jsonl import observation_line
 from observer.opening import OpenedSource, open_source
 from observer.recording.payloads import Anchor, Images, RunFacts
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import Source
 from observer.truth.contract import Truth
 from observer.truth.csv_file import TruthSample
-from observer.types import Observation, StereoFrame
+from observer.types import StereoFrame
 
 FRAMES = 24
 
@@ -63,9 +62,16 @@ def facts_of(source: Source, images: Images = "lossless", anchor: Anchor | None 
 
 
 @pytest.fixture
-def facts(lab: OpenedSource) -> Callable[..., RunFacts]:
-    """Makes facts of the lab; the arguments are ``images`` and ``anchor``."""
-    return lambda *given, **named: facts_of(lab.source, *given, **named)
+def facts(lab: OpenedSource, frames: tuple[StereoFrame, ...]) -> Callable[[Images], RunFacts]:
+    """Makes the facts of a run that begins with the first of the frames."""
+    anchor = Anchor(time.time_ns(), frames[0].received)
+    return lambda images: facts_of(lab.source, images, anchor)
+
+
+@pytest.fixture
+def line() -> Callable[[StereoFrame], dict[str, Any]]:
+    """Makes a line with one obstacle, as the observer might find it in a frame."""
+    return made_up_line
 
 
 def truth_at(truth: Truth, frame: StereoFrame) -> TruthSample:
@@ -75,30 +81,25 @@ def truth_at(truth: Truth, frame: StereoFrame) -> TruthSample:
     )
 
 
-def comparable(observation: Observation) -> dict[str, Any]:
-    """All of its results: without what depends on the clock."""
-    line = observation_line(observation, tentative=True)
-    line.pop("timings_ms")
-    return line
-
-
 @pytest.fixture
 def write_run(
-    lab: OpenedSource, frames: tuple[StereoFrame, ...], facts: Callable[..., RunFacts]
+    lab: OpenedSource, frames: tuple[StereoFrame, ...], facts: Callable[[Images], RunFacts]
 ) -> Callable[..., Path]:
     """Writes frames and made-up lines; gives the path."""
 
     def write(path: Path, images: Images = "lossless", *, finish: bool = True) -> Path:
-        writer = RecordingWriter(path, facts(images))
-        for frame in frames:
-            writer.frame(frame)
-            writer.observation(made_up_line(frame), frame.received)
-            assert lab.truth is not None
-            writer.truth(truth_at(lab.truth, frame), frame.received)
-        if finish:
-            writer.finish()
-        else:
-            writer.flush(time.monotonic() + 10.0)
+        with path.open("wb", buffering=0) as file:
+            writer = RecordingWriter(file, facts(images))
+            for frame in frames:
+                writer.frame(frame)
+                writer.observation(made_up_line(frame), frame.received)
+                assert lab.truth is not None
+                writer.truth(truth_at(lab.truth, frame), frame.received)
+            if finish:
+                writer.finish()
+            else:
+                # As if it was killed right after it wrote a chunk.
+                writer.flush(time.monotonic() + 10.0)
         return path
 
     return write

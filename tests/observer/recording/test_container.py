@@ -1,0 +1,303 @@
+"""Recordings whose end was never written, disks without room, and what other tools read."""
+
+from __future__ import annotations
+
+import errno
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import NonSeekingReader, make_reader
+
+from observer.errors import SourceError
+from observer.recording import topics
+from observer.recording.container import Container
+from observer.recording.errors import RecordingError
+from observer.recording.payloads import Incident, RunFacts
+from observer.recording.reader import Recording
+from observer.recording.source import RecordingSource
+from observer.recording.writer import RecordingWriter, complete
+from observer.types import StereoFrame
+
+MESSAGES, PER_CHUNK = 40, 5
+
+
+def small_file(*, finish: bool) -> tuple[bytes, list[int]]:
+    """40 messages, 5 in a chunk, and where each chunk with its indexes ends."""
+    file, ends = BytesIO(), []
+    container = Container(file, "small")
+    for k in range(MESSAGES):
+        container.add(topics.INCIDENT, k, 1000 + k, b'{"k": %d}' % k)
+        if k % PER_CHUNK == PER_CHUNK - 1:
+            container.write_chunks()
+            ends.append(container.size)
+    if finish:
+        container.finish()
+    return file.getvalue(), ends
+
+
+class CutFile(BytesIO):
+    """A disk with room for so many bytes; like a real one it takes what still fits."""
+
+    def __init__(self, room: int) -> None:
+        super().__init__()
+        self._room = room
+
+    def write(self, data: object) -> int:
+        view = memoryview(data)  # type: ignore[arg-type]
+        fits = min(len(view), self._room - self.tell())
+        if fits <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return super().write(view[:fits])
+
+
+def numbers(data: bytes) -> list[int]:
+    """What a file of made-up messages holds, read by our own reader."""
+    from observer.recording.contents import chunk_records, find_contents, messages_of
+
+    file = BytesIO(data)
+    contents = find_contents(file, "small")
+    return [
+        json.loads(bytes(message.data))["k"]
+        for chunk in contents.chunks
+        for message in messages_of(chunk_records(file, chunk, "small"))
+    ]
+
+
+WHOLE, ENDS = small_file(finish=True)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.integers(8, len(WHOLE)))
+def test_a_file_cut_anywhere_is_read_up_to_its_last_whole_chunk(length: int) -> None:
+    cut = WHOLE[:length]
+    # A chunk counts as soon as it is whole itself, even while its indexes are cut off.
+    at_least = sum(end <= length for end in ENDS) * PER_CHUNK
+    found = numbers(cut)
+    assert found == list(range(len(found)))
+    assert at_least <= len(found) <= at_least + PER_CHUNK
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(300, len(WHOLE)))
+def test_a_cut_file_goes_on_and_is_then_as_good_as_any(length: int) -> None:
+    kept = len(numbers(WHOLE[:length]))
+    file = BytesIO(WHOLE[:length])
+    container = Container(file, "small", resume=True)
+    for k in range(kept, MESSAGES):
+        container.add(topics.INCIDENT, k, 1000 + k, b'{"k": %d}' % k)
+    container.finish()
+    whole = file.getvalue()
+    assert numbers(whole) == list(range(MESSAGES))
+    summary = make_reader(BytesIO(whole)).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == MESSAGES
+    read = [json.loads(m.data)["k"] for _, _, m in make_reader(BytesIO(whole)).iter_messages()]
+    assert read == list(range(MESSAGES))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(200, len(WHOLE) - 1))
+def test_a_full_disk_ends_it_with_one_sentence_and_leaves_what_was_written(room: int) -> None:
+    file = CutFile(room)
+    container = Container(file, "small")
+
+    def write() -> None:
+        for k in range(MESSAGES):
+            container.add(topics.INCIDENT, k, 1000 + k, b'{"k": %d}' % k)
+            if k % PER_CHUNK == PER_CHUNK - 1:
+                container.write_chunks()
+        container.finish()
+
+    with pytest.raises(RecordingError, match="the disk is full; what was written") as told:
+        write()
+    assert told.value.full
+    data = file.getvalue()
+    found = numbers(data)
+    # Its index is written where the room of the chunk that did not fit does for it.
+    at_least = sum(end <= room for end in ENDS) * PER_CHUNK
+    assert found == list(range(at_least))
+    assert len(data) == container.size or data.endswith(b"\x89MCAP0\r\n")
+    with pytest.raises(RecordingError):
+        container.add(topics.INCIDENT, 0, 5000, b"{}")
+    # Making room does not make it go on by itself, but a new writer can.
+    again = BytesIO(data)
+    Container(again, "small", resume=True).finish()
+    assert numbers(again.getvalue()) == found
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(8, len(WHOLE) - 1), st.integers(0, 255))
+def test_a_damaged_byte_is_told_or_harmless(at: int, value: int) -> None:
+    data = bytearray(WHOLE)
+    data[at] = value
+    try:
+        found = numbers(bytes(data))
+    except SourceError:
+        return
+    assert set(found) <= set(range(MESSAGES))
+
+
+def test_a_real_limit_of_size_ends_it_in_the_same_way(
+    tmp_path: Path, facts: Callable[..., RunFacts]
+) -> None:
+    path = tmp_path / "recording.mcap"
+    writer = RecordingWriter(path, facts("none"))
+    written: list[int] = []
+
+    def write() -> None:
+        for k in range(100_000):
+            noise = np.random.default_rng(k).bytes(100).hex()
+            writer.incident(Incident(kind="noise", sentence=noise, received=time.monotonic()))
+            writer.flush(time.monotonic() + 10.0)
+            written.append(k)
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
+    try:
+        with pytest.raises(RecordingError, match="ended because the disk is full") as told:
+            write()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    writer.finish()
+    assert told.value.full
+    assert path.stat().st_size <= 60_000
+    with Recording(path) as recording:
+        # Every one of them was on the disk before the next.
+        assert [i.kind for i in recording.incidents()] == ["noise"] * len(written)
+
+
+@pytest.mark.parametrize("images", ["jpeg", "lossless", "none"])
+def test_the_mcap_librarys_reader_reads_all_of_it(
+    images: str, write_run: Callable[..., Path], tmp_path: Path, frames: tuple[StereoFrame, ...]
+) -> None:
+    path = write_run(tmp_path / "recording.mcap", images)
+    for reader_of in (make_reader, lambda file: NonSeekingReader(file, validate_crcs=True)):
+        with path.open("rb") as file:
+            reader = reader_of(file)
+            count: dict[str, int] = {}
+            last = 0
+            for schema, channel, message in reader.iter_messages(log_time_order=True):
+                assert schema is not None
+                assert schema.data
+                assert message.log_time >= last
+                last = message.log_time
+                count[channel.topic] = count.get(channel.topic, 0) + 1
+        assert count[topics.FRAME.name] == count[topics.OBSERVATION.name] == len(frames)
+        expected = 0 if images == "none" else len(frames)
+        assert count.get(topics.LEFT_RAW.name, 0) == expected
+        assert count.get(topics.RIGHT_RAW.name, 0) == expected
+
+
+def test_an_unfinished_file_is_left_as_it_is_by_reading_and_completed_on_demand(
+    write_run: Callable[..., Path], tmp_path: Path, frames: tuple[StereoFrame, ...]
+) -> None:
+    path = write_run(tmp_path / "recording.mcap", finish=False)
+    before = path.read_bytes()
+    with Recording(path) as recording:
+        assert recording.unfinished
+        assert len(recording.frames) == len(frames)
+        np.testing.assert_array_equal(recording.pair(7)[1], frames[7].right)
+    assert path.read_bytes() == before
+    complete(path)
+    with Recording(path) as recording:
+        assert not recording.unfinished
+        assert len(recording.frames) == len(list(recording.lines())) == len(frames)
+    with path.open("rb") as file:
+        assert make_reader(file).get_summary() is not None
+
+
+def test_a_run_goes_on_in_the_same_file_after_its_writer_was_killed(
+    write_run: Callable[..., Path], tmp_path: Path, frames: tuple[StereoFrame, ...]
+) -> None:
+    path = write_run(tmp_path / "recording.mcap", finish=False)
+    with path.open("r+b") as file:
+        file.truncate(path.stat().st_size - 100)
+    with Recording(path) as recording:
+        kept = len(recording.frames)
+    writer = RecordingWriter.resume(path)
+    for frame in frames[:3]:
+        writer.frame(frame)
+    writer.finish()
+    source = RecordingSource(path)
+    read = []
+    while (frame := source.read()) is not None:
+        assert isinstance(frame, StereoFrame)
+        read.append((frame, source.begins))
+    source.close()
+    assert len(read) == kept + 3
+    for (frame, begins), old in zip(read[-3:], frames[:3], strict=True):
+        np.testing.assert_array_equal(frame.left, old.left)
+        assert begins == ("observer" if old is frames[0] else None)
+
+
+def test_a_killed_process_loses_less_than_a_second(tmp_path: Path) -> None:
+    """Fault 21, of the recording alone: everything older than a second is there."""
+    path = tmp_path / "recording.mcap"
+    script = f"""
+import sys, time
+from pathlib import Path
+from observer.calibration.formats.opencv_file import calibration_text
+from observer.camera import StereoCalibration
+from observer.recording.payloads import Incident, RunFacts
+from observer.recording.writer import RecordingWriter
+text = calibration_text(StereoCalibration.rectified(64, 48, 50, 50, 32, 24, 0.1))
+facts = RunFacts(id="k", name="k", source="none", info={{}}, calibration_yaml=text, images="none")
+writer = RecordingWriter(Path({str(path)!r}), facts)
+print("go", flush=True)
+while True:
+    now = time.monotonic()
+    writer.incident(Incident(kind="tick", sentence="tick", received=now))
+    print(now, flush=True)
+    time.sleep(0.01)
+"""
+    worst = 0.0
+    for trial in range(3):
+        path.unlink(missing_ok=True)
+        with subprocess.Popen(
+            [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True
+        ) as child:
+            assert child.stdout is not None
+            assert child.stdout.readline() == "go\n"
+            time.sleep(0.9 + 0.13 * trial)
+            child.kill()
+            told = [float(line) for line in child.stdout.read().split()]
+        with Recording(path) as recording:
+            kept = [incident.received for incident in recording.incidents()]
+        assert kept == told[: len(kept)]
+        worst = max(worst, told[-1] - kept[-1])
+    print(f"lost at most {worst:.2f} s")  # noqa: T201
+    assert worst < 1.0
+
+
+def test_what_is_no_recording_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    with pytest.raises(SourceError, match=r"x\.mcap cannot be read: No such file"):
+        Recording(path)
+    for content, words in (
+        (b"", "is no MCAP file"),
+        (b"hello, this is text and no recording", "is no MCAP file"),
+        (WHOLE, "is no recording of a run"),
+        (WHOLE[:9], "is no recording of a run"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(SourceError, match=words):
+            RecordingSource(path)
+
+
+def test_a_recording_without_images_says_so_when_it_is_to_be_played(
+    write_run: Callable[..., Path], tmp_path: Path
+) -> None:
+    path = write_run(tmp_path / "recording.mcap", "none")
+    with pytest.raises(SourceError, match="was recorded without images"):
+        RecordingSource(path)
