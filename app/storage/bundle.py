@@ -276,7 +276,7 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         raise BackupError(
             f"{path} is no backup, or only a part of one; {_COMMAND} makes one"
         ) from error
-    except (zipfile.BadZipFile, OSError) as error:
+    except _BROKEN as error:
         why = getattr(error, "strerror", None) or error
         raise BackupError(f"cannot read the backup {path} ({why}); name a backup") from error
     with archive:
