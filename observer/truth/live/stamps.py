@@ -75,6 +75,8 @@ class StampReader(Generic[_Item]):
         self._least_late = 0.0
         self._last_stamp: float | None = None
         self._stampless = False
+        # Of arrivals that stand in for stamps: how late they count.
+        self._standing = 0.0
         self._jumps = 0
         self._reached_anew = False
 
@@ -102,9 +104,7 @@ class StampReader(Generic[_Item]):
         self._last_stamp = None
 
     def _timed(self, stamp: float, received: float, item: _Item) -> Timed[_Item]:
-        if self._stampless:
-            return Timed(received, received, item)
-        time = stamp * (self._unit or 1.0) + self._shift
+        time = self._time(stamp, received)
         self._last_stamp = stamp
         number, late = int(received), received - time
         if self._quickest and self._quickest[-1][0] == number:
@@ -113,6 +113,11 @@ class StampReader(Generic[_Item]):
         else:
             self._quickest.append((number, late))
         return Timed(time, received, item)
+
+    def _time(self, stamp: float, received: float) -> float:
+        if self._stampless:
+            return received - self._standing
+        return stamp * (self._unit or 1.0) + self._shift
 
     # --- what the stamps are ------------------------------------------------------------------
 
@@ -137,6 +142,7 @@ class StampReader(Generic[_Item]):
                     "stamps", "the server's stamps stand still, so arrivals are taken for them"
                 )
             self._stampless, self._unit = True, 1.0
+            self._standing = min((each[1] for each in self._quickest), default=0.0)
             return True
         self._stampless = False
         _, slope = lower_line(stamps - stamps[0], received - received[0])
@@ -183,7 +189,7 @@ class StampReader(Generic[_Item]):
                 return "the server's stamps move again"
             self._last_stamp = stamp
             return None
-        time = stamp * (self._unit or 1.0) + self._shift
+        time = self._time(stamp, received)
         usual = min(each[1] for each in self._quickest)
         late = received - time
         if late < usual - _EARLY_S:

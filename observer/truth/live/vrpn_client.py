@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import socket
 import threading
@@ -234,11 +235,9 @@ class VrpnCapture:
 
 def _rotation(quaternion: tuple[float, float, float, float]) -> Float64Array | None:
     """(3, 3) of x, y, z, w; None where it is no direction at all."""
-    numbers = np.array(quaternion)
-    norm = float(np.linalg.norm(numbers))
-    if not 0.9 < norm < 1.1:
+    if not 0.9 < math.hypot(*quaternion) < 1.1:
         return None
-    return np.asarray(Rotation.from_quat(numbers / norm).as_matrix())
+    return np.asarray(Rotation.from_quat(quaternion).as_matrix())
 
 
 def _reason(error: OSError) -> str:

@@ -79,6 +79,20 @@ def test_stamps_that_stand_still_give_way_to_arrivals() -> None:
     assert (read.times == received).all()
 
 
+def test_stamps_may_stand_still_for_a_while_only() -> None:
+    stamps, received = arrivals(4, 15.0)
+    stamps -= stamps[0]
+    stamps[500:1000] = 5.0
+    read = Read()
+    read.feed(stamps[:500], received[:500])
+    read.reader.restart()
+    read.feed(stamps[500:], received[500:])
+    assert read.kinds == ["stamps", "clock"]
+    assert (np.diff(read.times) >= 0).all()
+    assert read.times[-1] == pytest.approx(stamps[-1], abs=0.01)
+    assert len(read.timed) == 1500
+
+
 @pytest.mark.parametrize("jump_s", [3600.0, -3600.0, 1.0, -1.0, -0.3, 0.05])
 def test_a_clock_that_is_set_is_noticed_and_taken_on(jump_s: float) -> None:
     stamps, received = arrivals(5, 20.0)

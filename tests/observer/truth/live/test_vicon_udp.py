@@ -59,7 +59,7 @@ def noted(words: str) -> Callable[[LiveCaptureReport], bool]:
 
 def test_objects_come_in_metres_at_times_counted_in_frames(udp_port: int) -> None:
     with capturing(udp_port) as capture, streaming(udp_port):
-        told = samples(capture, 100)
+        told = samples(capture, 40)
         report = until(capture, lambda r: r.clock)
     assert report.state == "receiving"
     assert not report.notes
