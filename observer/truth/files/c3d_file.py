@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib.util
 import math
 import mmap
-import struct
 import warnings
 from pathlib import Path
 from typing import Any
@@ -26,11 +25,6 @@ from observer.truth.motion_capture import Capture, Trajectory
 _KEY = 0x50
 _LEAST_BYTES = 1024
 _MOST_NUMBERS = 60_000_000
-# What the package raises where a file is damaged; it checks by assertions.
-_DAMAGED = (
-    ArithmeticError, AssertionError, AttributeError, BufferError, LookupError, MemoryError,
-    OSError, TypeError, ValueError, struct.error,
-)  # fmt: skip
 # Labels of points that are results of a model and no places.
 _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 
@@ -75,7 +69,7 @@ def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
             return trial.capture(rate_hz)
         except TruthError:
             raise
-        except _DAMAGED as error:
+        except Exception as error:  # noqa: BLE001 - what the package raises of damage is anything
             why = " ".join(str(error).split())[:80] or type(error).__name__
             raise TruthError(
                 f"{name}: the C3D file is damaged ({why}); export it once more, or as CSV"

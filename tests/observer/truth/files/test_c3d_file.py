@@ -102,6 +102,14 @@ def test_refuses_a_file_that_is_cut_off(read: Read) -> None:
             read(WHOLE[:length])
 
 
+def test_refuses_a_file_of_an_unknown_processor(read: Read) -> None:
+    damaged = bytearray(WHOLE)
+    # The parameters' header begins in the second block; its fourth byte is the processor.
+    damaged[512 + 3] = 99
+    with pytest.raises(TruthError, match="C3D file is damaged"):
+        read(bytes(damaged))
+
+
 def test_refuses_a_file_without_markers(read: Read) -> None:
     damaged = bytearray(WHOLE.replace(USED + b"\2\0", USED + b"\0\0"))
     damaged[2:4] = b"\0\0"
