@@ -25,6 +25,7 @@ WINDOW_S = 300.0
 _BIN_S = 0.1
 _FEWEST = 10
 _KNOT_S = 60.0
+_REFIT_S = 1.0
 # Scatter of the quickest arrivals is judged over so many stretches.
 _STRETCHES = 8
 
@@ -69,7 +70,7 @@ class ClockFitter:
         self._quickest: deque[tuple[int, float, float]] = deque()
         self._counts: deque[int] = deque()
         self._fit: ClockFit | None = None
-        self._stale = False
+        self._newest = self._fitted_at = float("-inf")
 
     def add(self, stamp: float, received: float) -> None:
         """One arrival: the server's stamp and the host's monotonic clock, both seconds."""
@@ -85,12 +86,16 @@ class ClockFitter:
             while (number - self._quickest[0][0]) * _BIN_S > self._window_s:
                 self._quickest.popleft()
                 self._counts.popleft()
-        self._stale = True
+        self._newest = received
 
     def fit(self) -> ClockFit | None:
-        """The mapping as far as known; None before a second or so was seen."""
-        if self._stale:
-            self._stale = False
+        """The mapping as far as known; None before a second or so was seen.
+
+        Asked again within a second of arrivals, the answer is the same: nobody can tell them apart,
+        and whoever asks often shall not keep arrivals waiting.
+        """
+        if self._fit is None or self._newest - self._fitted_at >= _REFIT_S:
+            self._fitted_at = self._newest
             stamps = np.array([each[1] for each in self._quickest])
             late = np.array([each[2] for each in self._quickest])
             self._fit = _fit(stamps, late, sum(self._counts))

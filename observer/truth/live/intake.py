@@ -158,7 +158,7 @@ class Intake:
             unit, times = ("mm", 1000) if self._millimetres else ("m", 1)
             self._note(
                 "scale",
-                f"a body is {self._farthest_m * times:.0f} {unit} from the origin, too far for a "
+                f"a body is {self._farthest_m * times:.4g} {unit} from the origin, too far for a "
                 f"room: the server seems to send a smaller unit, and must be set to {unit}",
             )
         elif self._millimetres and self._poses == _SCALE_AFTER and self._farthest_m < _NEAR_M:

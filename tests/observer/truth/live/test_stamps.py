@@ -6,6 +6,8 @@ import re
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from observer.truth.live.stamps import StampReader, Timed
 
@@ -33,6 +35,27 @@ class Read:
     @property
     def times(self) -> np.ndarray:
         return np.array([each.time for each in self.timed])
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2**32 - 1) | st.integers(0, 50), st.floats(0, 0.2)), max_size=80
+    ),
+    st.booleans(),
+    st.integers(0, 79),
+)
+def test_whatever_is_stamped_becomes_finite_times_in_order_of_arrival(
+    told: list[tuple[int, float]], counts: bool, anew: int
+) -> None:
+    read = Read(counts=counts)
+    received = 1000 + np.cumsum([wait for _, wait in told])
+    stamps = np.array([float(stamp) for stamp, _ in told])
+    read.feed(stamps[:anew], received[:anew])
+    read.reader.restart()
+    read.feed(stamps[anew:], received[anew:])
+    items = [each.item for each in read.timed]
+    assert items == sorted(set(items))
+    assert np.isfinite(read.times).all()
 
 
 def test_seconds_are_left_as_they_are() -> None:

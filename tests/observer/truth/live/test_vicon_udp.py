@@ -13,6 +13,7 @@ import pytest
 from observer.truth.live import intake, stamps, vicon_udp
 from observer.truth.live.contract import LiveCapture, LiveCaptureReport
 from observer.truth.live.opening import open_live_truth
+from observer.truth.live.vicon_stream import ViconObject, pack_frame
 
 from .mishaps import Mishaps, Stream
 from .test_vrpn_client import circling, samples, until
@@ -101,6 +102,27 @@ def test_garbage_is_counted_and_a_second_sender_left_out(udp_port: int) -> None:
         until(capture, noted("sends to this port as well"))
         other.stop()
         samples(capture, 20)
+
+
+def test_numbers_beyond_all_sense_are_gaps_or_said(udp_port: int) -> None:
+    with capturing(udp_port) as capture:
+        sender = ViconSender(udp_port)
+        wild = (float("nan"), float("inf"), -1e308, 1e308, 5e-324, 0.0)
+        tame = ViconObject("Tame", (1.0, 2.0, 3.0), (0.0, 0.0, 0.0))
+        for number in range(120):
+            x, y = wild[number % 6], wild[number // 6 % 6]
+            objects = [ViconObject("Wild", (x, y, 1.0), (y, x, 0.0)), tame]
+            sender.raw(pack_frame(number, objects))
+            time.sleep(0.01)
+        told = samples(capture, 160)
+        until(capture, noted("too far for a room"))
+        sender.stop()
+    seen = [each.position is not None for each in told if each.name == "Tame"]
+    assert seen == [True] + [False] * (len(seen) - 1)
+    for each in told:
+        if each.position is not None and each.rotation is not None:
+            assert np.isfinite(each.position).all()
+            assert np.isfinite(each.rotation).all()
 
 
 def test_tracker_restarted_counts_anew(udp_port: int) -> None:
