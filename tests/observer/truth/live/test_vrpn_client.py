@@ -112,7 +112,7 @@ def test_every_sensor_of_every_sender_comes_with_its_pose(piece: int | None) -> 
     assert report.state == "receiving"
     assert report.trouble is None
     assert not report.notes
-    assert report.rate_hz["Robot"] == pytest.approx(100, rel=0.2)
+    assert report.rate_hz["Robot"] == pytest.approx(100, rel=0.4)
     assert report.seen == {"Robot": 1.0, "Cart/2": 1.0}
 
 
@@ -266,7 +266,7 @@ def test_ticks_are_said_and_become_seconds(monkeypatch: pytest.MonkeyPatch) -> N
         told = samples(capture, 40)
         assert "ticks, 1e+06 a second" in capture.report().notes[0]
         sent = [planted.stamp(each.received) / 1e6 for each in told]
-        assert told[30].time - told[0].time == pytest.approx(sent[30] - sent[0], abs=0.1)
+        assert told[30].time - told[0].time == pytest.approx(sent[30] - sent[0], abs=0.3)
 
 
 def test_a_clock_that_is_set_is_said() -> None:
