@@ -16,6 +16,7 @@ from typing import BinaryIO, NamedTuple
 
 import lz4.frame  # type: ignore[import-untyped]
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Footer, MessageIndex, Schema, Statistics
 
@@ -104,7 +105,7 @@ def find_contents(file: BinaryIO, name: str) -> Contents:
         raise SourceError(f"{name} is no MCAP file; give a recording.mcap of a run")
     try:
         return _by_index(file) or _by_scanning(file)
-    except (struct.error, ValueError, EOFError) as error:
+    except (struct.error, ValueError, EOFError, McapError) as error:
         raise SourceError(f"{name} is damaged: {error}; give an undamaged recording") from None
 
 

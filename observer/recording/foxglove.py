@@ -333,10 +333,13 @@ def _turn_from_x(direction: Sequence[float]) -> tuple[float, float, float, float
     """The shortest turn (w, x, y, z) of the x axis into a direction that is not zero."""
     length = math.hypot(*direction)
     x, y, z = (value / length for value in direction)
-    if x < -1 + 1e-9:
-        return 0.0, 0.0, 0.0, 1.0
-    # Half of the turn: between the axis and the direction lies their sum.
-    norm = math.sqrt(2 * (1 + x))
+    aside = y * y + z * z
+    if aside == 0:
+        return (1.0, 0.0, 0.0, 0.0) if x > 0 else (0.0, 0.0, 0.0, 1.0)
+    # Half of the turn: between the axis and the direction lies their sum, whose part along the
+    # axis, 1 + x, has no digits left where they are opposite.
+    ahead = 1 + x if x > 0 else aside / (1 - x)
+    norm = math.sqrt(2 * ahead)
     return norm / 2, 0.0, -z / norm, y / norm
 
 

@@ -55,7 +55,14 @@ class RecordingWriter:
         encoder = Encoder(facts)
         self._set_up(encoder, facts, ring, clock)
         self._open(file, "wb")
-        self._keep(encoder.beginning())
+        try:
+            self._keep(encoder.beginning())
+            # From here on the file is a recording, whatever happens.
+            if self._container is not None:
+                self._container.write_chunks()
+        except BaseException:
+            self.finish()
+            raise
 
     @classmethod
     def resume(

@@ -95,6 +95,9 @@ def write_run(
                 writer.observation(made_up_line(frame), frame.received)
                 assert lab.truth is not None
                 writer.truth(truth_at(lab.truth, frame), frame.received)
+                if frame.index % 6 == 5:
+                    # As half a second later.
+                    writer.flush(time.monotonic() + 10.0)
             if finish:
                 writer.finish()
             else:
