@@ -1,0 +1,152 @@
+"""Motion capture as truth: on the source's clock and in the observer's world."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Mapping
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+from observer.truth.alignment.curves import between, window_for
+from observer.truth.alignment.result import Alignment
+from observer.truth.alignment.rooms import body_poses, centre_positions
+from observer.truth.alignment.smoothing import velocities
+from observer.truth.contract import TrueBody
+from observer.truth.motion_capture import Capture, Trajectory
+
+# Of a body that nobody measured: length, width and height of a Pioneer P3-DX.
+DEFAULT_SIZE = np.array([0.455, 0.381, 0.237])
+# Short enough to keep a start's ramp, long enough for millimetre noise: facts of mocap, 0.3-0.9
+# mm/s with 11 samples at 100 Hz.
+_SMOOTHING_S = 0.11
+
+
+class AlignedTruth:
+    """Fulfils ``observer.truth.contract.Truth``; the world is that of the segment at each time.
+
+    Args:
+        capture: as it was aligned. alignment: of it. sizes: of bodies by name, (3,) metres.
+
+    Attributes:
+        notes: what was taken for granted, one sentence each.
+    """
+
+    def __init__(
+        self,
+        capture: Capture,
+        alignment: Alignment,
+        sizes: Mapping[str, Float64Array] | None = None,
+    ) -> None:
+        self._alignment = alignment
+        self._segments = [number for number, _ in alignment.segments]
+        self._starts = [start for _, start in alignment.segments]
+        named = {n: b for n, b in capture.bodies.items() if n in alignment.roles}
+        sizes = sizes or {}
+        # The observer first, as everywhere.
+        order = sorted(named, key=lambda n: alignment.roles[n] != "observer")
+        self._bodies: list[tuple[int, Trajectory, Float64Array, Float64Array]] = []
+        number = 0
+        for name in order:
+            if alignment.roles[name] != "observer":
+                number += 1
+            body = named[name]
+            self._bodies.append(
+                (
+                    0 if alignment.roles[name] == "observer" else number,
+                    body,
+                    _centre_velocities(body, alignment),
+                    np.asarray(sizes.get(name, DEFAULT_SIZE), np.float64),
+                )
+            )
+        unknown = [n for n in order if n not in sizes and alignment.roles[n] == "obstacle"]
+        self.notes: tuple[str, ...] = ()
+        if unknown:
+            self.notes = (
+                f"The size of {', '.join(unknown)} is not known and was taken to be that of a "
+                f"Pioneer P3-DX, {DEFAULT_SIZE[0]:.2f} x {DEFAULT_SIZE[1]:.2f} m.",
+            )
+
+    def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        """Every body known at ``time`` (source clock), in the world of the segment of then.
+
+        A body in a gap is left out; all are where the room's place in the world is not known.
+        """
+        T_world_room = self._T_world_room(time)
+        if T_world_room is None:
+            return ()
+        found = []
+        for number, body, rates, size in self._bodies:
+            state = self._state(body, rates, time)
+            if state is None:
+                continue
+            place, velocity, heading = state
+            forward = T_world_room.rotate(heading)
+            role = self._alignment.roles[body.name]
+            found.append(
+                TrueBody(
+                    id=number,
+                    name=body.name,
+                    role=role,
+                    position=T_world_room.apply(place),
+                    velocity=T_world_room.rotate(velocity),
+                    size=size,
+                    yaw=math.atan2(float(forward[0]), float(forward[2])),
+                    visible=None,
+                    commanded_speed=None,
+                )
+            )
+        return tuple(found)
+
+    def camera_pose(self, time: float) -> Pose | None:
+        """``T_world_camera`` by motion capture; None where the observer was not seen."""
+        observer, T_body_camera = self._alignment.observer, self._alignment.T_body_camera
+        T_world_room = self._T_world_room(time)
+        if observer is None or T_body_camera is None or T_world_room is None:
+            return None
+        body = next(b for _, b, *_ in self._bodies if b.name == observer)
+        pose = body_poses(body, self._alignment.time.to_truth(np.array([time])))[0]
+        if not np.isfinite(pose).all():
+            return None
+        return T_world_room @ Pose.from_matrix(pose) @ T_body_camera
+
+    def speed(self, name: str, time: float) -> float | None:
+        """m/s of one body at ``time``; known also where frames could not be aligned."""
+        for _, body, rates, _ in self._bodies:
+            if body.name == name:
+                at = self._alignment.time.to_truth(np.array([time]))
+                speed = float(np.linalg.norm(between(body.times, rates, at)))
+                return speed if math.isfinite(speed) else None
+        return None
+
+    def _T_world_room(self, time: float) -> Pose | None:
+        index = max(bisect_right(self._starts, time) - 1, 0)
+        if not self._segments:
+            return None
+        return self._alignment.T_world_room.get(self._segments[index])
+
+    def _state(
+        self, body: Trajectory, rates: Float64Array, time: float
+    ) -> tuple[Float64Array, Float64Array, Float64Array] | None:
+        at = self._alignment.time.to_truth(np.array([time]))
+        centre = self._alignment.centres.get(body.name)
+        place = centre_positions(body, at, None if centre is None else np.array(centre))[0]
+        velocity = between(body.times, rates, at)[0]
+        if not (np.isfinite(place).all() and np.isfinite(velocity).all()):
+            return None
+        heading = velocity
+        if body.rotations is not None:
+            heading = body_poses(body, at)[0, :3, 0]
+        return place, velocity, heading
+
+
+def _centre_velocities(body: Trajectory, alignment: Alignment) -> Float64Array:
+    """(N, 3) m/s, room: of the centre, which swings about the origin when the body turns."""
+    centre = alignment.centres.get(body.name)
+    places = body.positions
+    if centre is not None and body.rotations is not None:
+        places = places + body.rotations @ np.array(centre)
+    rates = velocities(body.times, places, window_for(body.times, _SMOOTHING_S))
+    # The instants on truth's clock run by the drift too fast or too slow.
+    return rates / (1 + 1e-6 * alignment.time.drift_ppm)

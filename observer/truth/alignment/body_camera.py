@@ -1,0 +1,292 @@
+"""Where the camera sits on the body that motion capture follows, from one common drive.
+
+Every pose of the camera in its world is ``T_world_room @ T_room_body @ T_body_camera`` with both
+outer ones unknown and constant (robot-world and hand-eye calibration: Dornaika and Horaud, 1998).
+Both are found together by least squares. Driving over a floor leaves some of it open, as the
+height; what is open is taken from the rig, or assumed, and said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose, rotation_matrix
+from observer.truth.alignment.frame_alignment import upright
+from observer.truth.alignment.observability import NotObservable
+
+# What visual odometry and motion capture tell together, one standard deviation of each pose.
+_POSITION_M, _ANGLE_RAD = 0.01, 0.005
+# An obstacle's centre as seen, over the floor.
+_POINT_M = 0.1
+_ROBUST = 2.0
+_MOST_POSES = 200
+_MOST_STEPS = 30
+Function = Callable[[Float64Array], Float64Array]
+# Of what is assumed: offsets on the body, a vertical that is told and one that is only guessed.
+_OFFSET_M, _UP_TOLD_RAD, _UP_GUESSED_RAD = 0.3, 0.01, 0.1
+_TOLD_M, _TOLD_RAD, _FREE_RAD = 0.003, 0.01, 3.0
+_HEIGHT_M = 0.01
+# A degree of freedom counts as observed if the data reduce what was assumed to this share, or
+# know it so well all the same.
+_SHARE, _GOOD_M, _GOOD_RAD = 0.5, 0.02, 0.02
+_NAMES = ("x", "y", "height", "turn about x", "turn about y", "turn about the vertical")
+
+
+@dataclass(frozen=True, eq=False)
+class Assumed:
+    """What is known beforehand.
+
+    Attributes:
+        up_world: (3,) the vertical in the world, from the mount; None where unknown: then the
+            camera is taken to be level.
+        T_body_camera: as typed in or from the rig, None where unknown.
+        camera_height_m: above the room's floor, z = 0; None where unknown.
+    """
+
+    up_world: Float64Array | None = None
+    T_body_camera: Pose | None = None
+    camera_height_m: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class BodyCamera:
+    """Attributes:
+    T_body_camera, T_world_room: as found.
+    sigmas: (6,) of ``T_body_camera``: x, y, z in metres, then turns about x, y, z in radians.
+    observed: (6,) which of these the drive told; the others are as assumed.
+    residual_m: root mean square distance of the camera from where motion capture puts it.
+    poses: compared.
+    notes: what was not observable, a sentence each.
+    """
+
+    T_body_camera: Pose
+    T_world_room: Pose
+    sigmas: Float64Array
+    observed: tuple[bool, ...]
+    residual_m: float
+    poses: int
+    notes: tuple[str, ...]
+
+
+def find_body_camera(
+    camera: Float64Array,
+    body: Float64Array,
+    assumed: Assumed | None = None,
+    points: tuple[Float64Array, Float64Array] | None = None,
+) -> BodyCamera:
+    """Args:
+        camera: (N, 4, 4) ``T_world_camera``. body: (N, 4, 4) ``T_room_body`` at the same instants;
+            rows with NaN are left out.
+        assumed: what is known beforehand.
+        points: (M, 3) in the world and (M, 3) in the room, the same obstacles; they help with
+            the yaw where the observer hardly moves.
+
+    Raises:
+        NotObservable: nothing tells how the room lies in the world.
+    """
+    assumed = assumed or Assumed()
+    known = np.isfinite(camera).all(axis=(1, 2)) & np.isfinite(body).all(axis=(1, 2))
+    chosen = np.flatnonzero(known)
+    if len(chosen) < 5:
+        raise NotObservable(
+            f"the observer's body and its camera's pose are both known in {len(chosen)} frames, "
+            f"too few to tell how they sit together; motion capture must see the observer"
+        )
+    chosen = chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), _MOST_POSES)).astype(int)]
+    problem = _Problem(camera[chosen], body[chosen], assumed, _thinned(points))
+    best = min((problem.solve(yaw, begun) for yaw, begun in problem.beginnings()), key=_cost_of)
+    return problem.result(best[0])
+
+
+def _cost_of(found: tuple[Float64Array, float]) -> float:
+    return found[1]
+
+
+def _thinned(
+    points: tuple[Float64Array, Float64Array] | None,
+) -> tuple[Float64Array, Float64Array]:
+    if points is None or not len(points[0]):
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    seen, true = points
+    known = np.flatnonzero(np.isfinite(seen).all(axis=1) & np.isfinite(true).all(axis=1))
+    known = known[np.linspace(0, len(known) - 1, min(len(known), _MOST_POSES)).astype(int)]
+    return seen[known], true[known]
+
+
+class _Problem:
+    """Unknowns: turn (3) and shift (3) of ``T_world_room``, turn (3) and shift (3) of
+    ``T_body_camera``; turns apply on top of a
+    beginning, the camera's about the body's axes."""
+
+    def __init__(
+        self,
+        camera: Float64Array,
+        body: Float64Array,
+        assumed: Assumed,
+        points: tuple[Float64Array, Float64Array],
+    ) -> None:
+        self._Rc, self._pc = camera[:, :3, :3], camera[:, :3, 3]
+        self._Rb, self._pb = body[:, :3, :3], body[:, :3, 3]
+        self._seen, self._true = points
+        self._assumed = assumed
+        guessed = assumed.up_world is None
+        up = np.array([0.0, -1.0, 0.0]) if guessed else np.asarray(assumed.up_world)
+        self._up = up / np.linalg.norm(up)
+        self._up_sigma = _UP_GUESSED_RAD if guessed else _UP_TOLD_RAD
+        self._R0 = self._X0 = np.eye(3)
+        told = assumed.T_body_camera
+        self._offset = np.zeros(3) if told is None else told.translation
+        self._offset_sigma = _OFFSET_M if told is None else _TOLD_M
+
+    def beginnings(self) -> list[tuple[float, Float64Array]]:
+        """The best of yaws all round, for the problem has several valleys."""
+        begun = []
+        for yaw in np.arange(16) * np.pi / 8:
+            x = self._begin(yaw)
+            begun.append((float(np.log1p(self._cost(x) ** 2).sum()), float(yaw), x))
+        begun.sort(key=lambda one: one[0])
+        return [(yaw, x) for _, yaw, x in begun[:3]]
+
+    def _begin(self, yaw: float) -> Float64Array:
+        level = Pose.from_rotvec([0, 0, yaw], np.zeros(3)).rotation
+        R0 = upright(self._up).T @ level
+        told = self._assumed.T_body_camera
+        self._R0 = R0
+        self._X0 = self._Rb[0].T @ R0.T @ self._Rc[0] if told is None else told.rotation
+        x = np.zeros(12)
+        middle = np.mean(self._pb + self._Rb @ self._offset, axis=0)
+        x[3:6] = np.mean(self._pc, axis=0) - R0 @ middle
+        x[9:12] = self._offset
+        return x
+
+    def solve(self, yaw: float, x: Float64Array) -> tuple[Float64Array, float]:
+        """Solution with its beginning's rotations (30,), and its cost."""
+        self._begin(yaw)
+        found, cost = _levenberg_marquardt(self._cost, x)
+        return np.concatenate([found, self._R0.ravel(), self._X0.ravel()]), cost
+
+    def _poses(self, x: Float64Array) -> tuple[Float64Array, ...]:
+        Rw = self._R0 @ rotation_matrix(x[0:3])
+        Rx = rotation_matrix(x[6:9]) @ self._X0
+        return Rw, x[3:6], Rx, x[9:12]
+
+    def _data(self, x: Float64Array) -> Float64Array:
+        Rw, tw, Rx, tx = self._poses(x)
+        turn = np.swapaxes(Rw @ self._Rb @ Rx, 1, 2) @ self._Rc
+        # Twice the sine of half the angle, nearly: all that is needed near zero.
+        skew = 0.5 * (turn - np.swapaxes(turn, 1, 2))
+        angle = skew[:, [2, 0, 1], [1, 2, 0]]
+        # Beyond a right angle the sine falls again.
+        far = np.maximum(1 - np.trace(turn, axis1=1, axis2=2), 0)[:, None]
+        place = self._pc - (self._pb + self._Rb @ tx) @ Rw.T - tw
+        parts = [angle / _ANGLE_RAD, far / _ANGLE_RAD, place / _POSITION_M]
+        if len(self._seen):
+            # Heights say nothing: a body's origin is anywhere on it.
+            apart = ((self._seen - tw) @ Rw - self._true)[:, :2]
+            # All points together count as some dozens: their errors are alike.
+            parts.append(apart / _POINT_M * np.sqrt(min(1.0, 30 / len(apart))))
+        return np.concatenate([part.ravel() for part in parts])
+
+    def _cost(self, x: Float64Array) -> Float64Array:
+        Rw, _, _, tx = self._poses(x)
+        priors = [
+            (Rw[:, 2] - self._up) / self._up_sigma,
+            (tx - self._offset) / self._offset_sigma,
+        ]
+        told = self._assumed.T_body_camera
+        priors.append(x[6:9] / (_FREE_RAD if told is None else _TOLD_RAD))
+        if self._assumed.camera_height_m is not None and told is None:
+            height = float((self._pb[:, 2] + (self._Rb @ tx)[:, 2]).mean())
+            priors.append(np.array([(height - self._assumed.camera_height_m) / _HEIGHT_M]))
+        return np.concatenate([self._data(x), *priors])
+
+    def result(self, solved: Float64Array) -> BodyCamera:
+        x = solved[:12]
+        self._R0, self._X0 = solved[12:21].reshape(3, 3), solved[21:30].reshape(3, 3)
+        Rw, tw, Rx, tx = self._poses(x)
+        T_world_room = Pose(Rw, tw)
+        T_body_camera = Pose(Rx, tx)
+        place = self._pc - T_world_room.apply(self._pb + self._Rb @ tx)
+        residual = float(np.sqrt((place**2).sum(axis=1).mean()))
+        scale = max(1.0, residual / (_POSITION_M * np.sqrt(3)))
+        J = _jacobian(self._cost, x)
+        data = len(self._data(x))
+        # Poses in a row err alike, so that they count as fewer than they are.
+        information = J[:data].T @ J[:data] / (5 * scale**2)
+        prior = J[data:].T @ J[data:]
+        wanted = [9, 10, 11, 6, 7, 8]
+        sigmas = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information + prior))[wanted], 0))
+        before = np.r_[[_OFFSET_M] * 3, [_FREE_RAD] * 3]
+        free = np.r_[[_FREE_RAD] * 3, [10.0] * 3, [_FREE_RAD] * 3, [_OFFSET_M] * 3]
+        weak = np.diag(free**-2)
+        weak[:3, :3] += J[data : data + 3, :3].T @ J[data : data + 3, :3]
+        alone = np.sqrt(np.diag(np.linalg.pinv(information + weak))[wanted])
+        good = np.r_[[_GOOD_M] * 3, [_GOOD_RAD] * 3]
+        observed = tuple(bool(v) for v in (alone < _SHARE * before) & (alone < 5 * good))
+        return BodyCamera(
+            T_body_camera, T_world_room, sigmas, observed, residual, len(self._pc),
+            self._notes(observed),
+        )  # fmt: skip
+
+    def _notes(self, observed: tuple[bool, ...]) -> tuple[str, ...]:
+        open_ = [name for name, told in zip(_NAMES, observed, strict=True) if not told]
+        if not open_:
+            return ()
+        told = self._assumed.T_body_camera is not None
+        listed = ", ".join(open_)
+        source = "they are as the rig says" if told else "they are assumed"
+        if not told and self._assumed.camera_height_m is not None and open_ == ["height"]:
+            source = "it follows from the mount's height above the room's floor"
+        elif open_ == ["height"]:
+            source = "it is as the rig says" if told else "it is assumed to be the body's"
+        why = (
+            "motion over a floor does not tell"
+            if open_ == ["height"]
+            else "the observer moved too little to tell"
+        )
+        return (f"Of the camera's place on its body, {why}: {listed}; {source}.",)
+
+
+def _levenberg_marquardt(function: Function, x: Float64Array) -> tuple[Float64Array, float]:
+    """The robust least squares from x on, and their cost.
+
+    Residuals beyond two sigmas count linearly. By normal equations: for twelve unknowns they are
+    exact enough, and take a hundredth of the time of a decomposition of all residuals.
+    """
+    damping = 1e-3
+    r = function(x)
+    cost = _robust_cost(r)
+    for _ in range(_MOST_STEPS):
+        weight = 1 / np.sqrt(1 + (r / _ROBUST) ** 2)
+        J = _jacobian(function, x)
+        normal = J.T @ (weight[:, None] * J)
+        gradient = J.T @ (weight * r)
+        before = cost
+        for _ in range(8):
+            damped = normal + damping * np.diag(np.diag(normal) + 1e-9)
+            moved = x - np.linalg.solve(damped, gradient)
+            r_moved = function(moved)
+            if _robust_cost(r_moved) < cost:
+                x, r, cost = moved, r_moved, _robust_cost(r_moved)
+                damping = max(damping / 10, 1e-9)
+                break
+            damping *= 10
+        if before - cost <= 1e-6 * before:
+            break
+    return x, cost
+
+
+def _robust_cost(r: Float64Array) -> float:
+    return float((np.sqrt(1 + (r / _ROBUST) ** 2) - 1).sum())
+
+
+def _jacobian(function: Function, x: Float64Array) -> Float64Array:
+    columns = []
+    for k in range(len(x)):
+        step = np.zeros(len(x))
+        step[k] = 1e-6
+        columns.append((function(x + step) - function(x - step)) / 2e-6)
+    return np.column_stack(columns)

@@ -1,0 +1,67 @@
+"""What a person, or the rig, says about an alignment before it is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from observer.errors import TruthError
+from observer.geometry import Float64Array, Pose
+from observer.mount import CameraMount
+from observer.truth.alignment.body_camera import Assumed
+from observer.truth.alignment.observed import TrackKey
+
+BodyRole = Literal["observer", "obstacle", "ignored"]
+
+
+@dataclass(frozen=True, eq=False)
+class AlignmentChoices:
+    """Attributes:
+    roles: of bodies by name. Bodies without one are obstacles; where none is the observer, the
+        one that moves as the camera does is taken for it, if there is one.
+    matches: a person's corrections: which body a track is, None for none of them.
+    search: lowest and highest offset to be looked at, seconds to be added to truth's times;
+        None for everything at which the recordings overlap.
+    drift: whether the clocks' drift is estimated where the overlap is long enough.
+    sizes: of bodies by name, (3,) metres, as the robots' models give them.
+    mount: of the camera; tells the vertical and the height. T_body_base: of the observer's body.
+    T_body_camera: typed in; None where it is to be found, or follows from mount and T_body_base.
+
+    Raises:
+        TruthError: two bodies are the observer, or a size is not positive.
+    """
+
+    roles: Mapping[str, BodyRole] = field(default_factory=dict)
+    matches: Mapping[TrackKey, str | None] = field(default_factory=dict)
+    search: tuple[float, float] | None = None
+    drift: bool = True
+    sizes: Mapping[str, Float64Array] = field(default_factory=dict)
+    mount: CameraMount | None = None
+    T_body_base: Pose | None = None
+    T_body_camera: Pose | None = None
+
+    def __post_init__(self) -> None:
+        observers = [name for name, role in self.roles.items() if role == "observer"]
+        if len(observers) > 1:
+            raise TruthError(
+                f"only one body can be the observer, not both {observers[0]} and {observers[1]}"
+            )
+        for name, size in self.sizes.items():
+            if np.shape(size) != (3,) or not (np.asarray(size) > 0).all():
+                raise TruthError(f"the size of {name} must be three positive lengths in metres")
+        for key in ("roles", "matches", "sizes"):
+            object.__setattr__(self, key, MappingProxyType(dict(getattr(self, key))))
+
+    @property
+    def assumed(self) -> Assumed:
+        """What is known of the camera on its body before anything is computed."""
+        T_body_camera = self.T_body_camera
+        if T_body_camera is None and self.mount is not None and self.T_body_base is not None:
+            T_body_camera = self.T_body_base @ self.mount.T_base_camera
+        if self.mount is None:
+            return Assumed(None, T_body_camera, None)
+        return Assumed(-self.mount.down, T_body_camera, self.mount.height_m)

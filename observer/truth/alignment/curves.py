@@ -1,0 +1,107 @@
+"""Speed curves: what two recordings of one motion have in common before anything is aligned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.errors import TruthError
+from observer.geometry import Float64Array
+from observer.truth.alignment.smoothing import angular_velocities, velocities
+from observer.truth.motion_capture import Trajectory
+
+# Speeds of truth and of what is seen are smoothed over the same time, so that ramps are alike.
+SMOOTHING_S = 0.4
+# Two samples further apart than so many of their median distance are the edges of a gap.
+_GAP_INTERVALS = 3.5
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedCurve:
+    """A speed, or a turn rate, over time.
+
+    Attributes:
+        times: (N,) seconds, rising, of the instants that the values belong to.
+        values: (N,) m/s or rad/s, NaN in gaps.
+        sigmas: (N,) one standard deviation of each value, same unit; positive.
+
+    Raises:
+        TruthError: lengths differ, times do not rise or a sigma is not positive.
+    """
+
+    times: Float64Array
+    values: Float64Array
+    sigmas: Float64Array
+
+    def __post_init__(self) -> None:
+        if not self.times.shape == self.values.shape == self.sigmas.shape == (len(self.times),):
+            raise TruthError("a speed curve needs one value and one sigma for each time")
+        if not np.isfinite(self.times).all() or (np.diff(self.times) <= 0).any():
+            raise TruthError("a speed curve's times must be finite and rise")
+        if not (self.sigmas > 0).all():
+            raise TruthError("a speed curve's sigmas must be positive")
+
+    @staticmethod
+    def of(times: Float64Array, values: Float64Array, sigma: float = 1.0) -> SpeedCurve:
+        """With one standard deviation for all values."""
+        return SpeedCurve(times, values, np.full(len(times), float(sigma)))
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(N,) where there is a value."""
+        return np.asarray(np.isfinite(self.values))
+
+    def at(self, times: Float64Array) -> Float64Array:
+        """Values between samples, linear; NaN in gaps and beyond the ends."""
+        return between(self.times, self.values[:, None], times)[:, 0]
+
+
+def between(times: Float64Array, values: Float64Array, wanted: Float64Array) -> Float64Array:
+    """Rows (N, D) at (N,) rising times, interpolated linearly at (M,) others; NaN in gaps.
+
+    A gap is a row with NaN, or two times that lie more than 3.5 median intervals apart.
+    """
+    wanted = np.asarray(wanted, np.float64)
+    if len(times) < 2:
+        return np.full((len(wanted), values.shape[1]), np.nan)
+    intervals = np.diff(times)
+    later = np.clip(np.searchsorted(times, wanted, side="right"), 1, len(times) - 1)
+    start, step = times[later - 1], intervals[later - 1]
+    weight = (wanted - start) / step
+    # Where a sample is hit, its neighbour need not be known.
+    a, b = values[later - 1], values[later]
+    found = a + weight[:, None] * (b - a)
+    found = np.where((weight == 0)[:, None], a, found)
+    found = np.where((weight == 1)[:, None], b, found)
+    outside = (weight < 0) | (weight > 1)
+    outside |= (step > _GAP_INTERVALS * np.median(intervals)) & (weight > 0) & (weight < 1)
+    found[outside] = np.nan
+    return np.asarray(found, np.float64)
+
+
+def window_for(times: Float64Array, seconds: float = SMOOTHING_S) -> int:
+    """Odd number of samples, 5 at least, that spans about so many seconds."""
+    if len(times) < 2:
+        return 5
+    samples = seconds / float(np.median(np.diff(times)))
+    return max(5, 2 * round((samples - 1) / 2) + 1)
+
+
+def body_speed(body: Trajectory, seconds: float = SMOOTHING_S) -> SpeedCurve:
+    """The speed of a body of motion capture, smoothed over ``seconds``."""
+    velocity = velocities(body.times, body.positions, window_for(body.times, seconds))
+    return SpeedCurve.of(body.times, np.linalg.norm(velocity, axis=1), 0.003)
+
+
+def turn_rate(times: Float64Array, rotations: Float64Array, sigma: float) -> SpeedCurve | None:
+    """The length of the angular velocity, rad/s: the same for all that is fixed to one body.
+
+    Args:
+        rotations: (N, 3, 3), NaN in gaps. sigma: of the result, rad/s.
+    """
+    if len(times) < 5:
+        return None
+    rate = angular_velocities(times, rotations, window_for(times))
+    return SpeedCurve.of(times, np.linalg.norm(rate, axis=1), sigma)

@@ -1,0 +1,84 @@
+"""Which track is which body: by where they are, unless a person says so."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.truth.alignment.observed import TrackKey
+
+# A track whose median distance from a body is more is none of it; the body's origin and the
+# middle of what is seen may be half a robot apart.
+GATE_M = 1.0
+# Two tracks of one body follow each other; they may be told together for so long.
+_TOGETHER_S = 0.5
+
+
+@dataclass(frozen=True)
+class Match:
+    """Attributes:
+    body: its name, None where the track belongs to none.
+    by: ``position``, ``speed`` or ``person``.
+    distance_m: median over the track's life; None where it was not judged by position.
+    """
+
+    body: str | None
+    by: str
+    distance_m: float | None
+
+
+def match_tracks(
+    lives: Mapping[TrackKey, tuple[float, float]],
+    distances: Mapping[TrackKey, Mapping[str, float]],
+    corrections: Mapping[TrackKey, str | None],
+    gate_m: float = GATE_M,
+) -> dict[TrackKey, Match]:
+    """One body may be several tracks one after the other, but not two at a time.
+
+    Args:
+        lives: first and last time of each track, seconds.
+        distances: for each track the median distance from each body, metres; NaN where unknown.
+        corrections: what a person says; it holds before everything else.
+    """
+    matched: dict[TrackKey, Match] = {}
+    taken: dict[str, list[tuple[float, float]]] = {}
+    for key, body in corrections.items():
+        if key in lives:
+            distance = distances.get(key, {}).get(body) if body is not None else None
+            matched[key] = Match(body, "person", distance)
+            if body is not None:
+                taken.setdefault(body, []).append(lives[key])
+    candidates = sorted(
+        (distance, str(key), key, body)
+        for key, by_body in distances.items()
+        for body, distance in by_body.items()
+        if key not in matched and np.isfinite(distance) and distance <= gate_m
+    )
+    # The surest first: long tracks near a body, so that a short ghost takes no one's place.
+    candidates.sort(key=lambda c: c[0] / max(lives[c[2]][1] - lives[c[2]][0], 0.1))
+    for distance, _, key, body in candidates:
+        if key in matched or any(_together(lives[key], other) for other in taken.get(body, ())):
+            continue
+        nearest = min(v for v in distances[key].values() if np.isfinite(v))
+        # A track beside two bodies belongs to the nearer one, if to any.
+        if distance > nearest + 0.2:
+            continue
+        matched[key] = Match(body, "position", float(distance))
+        taken.setdefault(body, []).append(lives[key])
+    for key in lives:
+        matched.setdefault(key, Match(None, "position", None))
+    return {key: matched[key] for key in lives}
+
+
+def median_distance(seen: Float64Array, true: Float64Array) -> float:
+    """Of positions (N, 3) on both sides; NaN where fewer than three are known on both."""
+    distance = np.linalg.norm(seen - true, axis=1)
+    known = distance[np.isfinite(distance)]
+    return float(np.median(known)) if len(known) >= 3 else float("nan")
+
+
+def _together(a: tuple[float, float], b: tuple[float, float]) -> bool:
+    return min(a[1], b[1]) - max(a[0], b[0]) > _TOGETHER_S

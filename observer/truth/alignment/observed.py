@@ -1,0 +1,211 @@
+"""One run as the alignment needs it: plain arrays, from the JSON lines of ``observe``."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from observer.errors import TruthError
+from observer.geometry import Float64Array, Pose
+from observer.truth.alignment.curves import SpeedCurve, turn_rate, window_for
+from observer.truth.alignment.smoothing import velocities
+
+# A velocity that stands before its frame by more than this is of two frames, not filtered.
+_MIDPOINT_S = 1e-3
+# The least that a speed may be trusted, m/s, and where nothing is told of it.
+_MIN_SIGMA_MPS, _UNKNOWN_SIGMA_MPS = 0.02, 0.05
+# Of the camera's own speed and turn rate, smoothed: m/s and rad/s.
+_OWN_SPEED_SIGMA_MPS, _OWN_TURN_SIGMA = 0.005, 0.005
+
+
+@dataclass(frozen=True, order=True)
+class TrackKey:
+    """A track's number, which is unique within its segment."""
+
+    segment: int
+    id: int
+
+    def __str__(self) -> str:
+        return f"{self.segment}:{self.id}"
+
+    @staticmethod
+    def parse(text: str) -> TrackKey:
+        """As ``str`` writes it.
+
+        Raises:
+            TruthError: it is not two whole numbers with a colon between them.
+        """
+        segment, colon, id_ = text.partition(":")
+        try:
+            if colon:
+                return TrackKey(int(segment), int(id_))
+        except ValueError:
+            pass
+        raise TruthError(f"a track is named SEGMENT:NUMBER, as in 0:3, not {text[:40]!r}")
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedTrack:
+    """One obstacle under one identity.
+
+    Attributes:
+        key: of the track.
+        times: (N,) seconds on the source's clock, of the frames in which it was measured.
+        positions: (N, 3) metres, the segment's world.
+        velocity_times: (N,) seconds. speeds: (N,) m/s, at these. speed_stds: (N,) NaN if unknown.
+    """
+
+    key: TrackKey
+    times: Float64Array
+    positions: Float64Array
+    velocity_times: Float64Array
+    speeds: Float64Array
+    speed_stds: Float64Array
+
+    def speed_curve(self) -> SpeedCurve | None:
+        """How fast it moved, without the lag of a filter; None for too short a life.
+
+        Speeds that stand at an instant before their frame are displacements between two frames
+        and taken as they are. Others come from a filter and lag behind when something starts or
+        stops, so they are found anew from the positions, with a symmetric window.
+        """
+        known = np.isfinite(self.speeds)
+        if known.sum() < 5:
+            return None
+        stds = np.where(np.isfinite(self.speed_stds), self.speed_stds, _UNKNOWN_SIGMA_MPS)
+        sigmas = np.maximum(stds, _MIN_SIGMA_MPS)
+        if np.median(self.times - self.velocity_times) > _MIDPOINT_S:
+            times, values = self.velocity_times[known], self.speeds[known]
+            rising = np.r_[True, np.diff(times) > 0]
+            return SpeedCurve(times[rising], values[rising], sigmas[known][rising])
+        velocity = velocities(self.times, self.positions, window_for(self.times))
+        speed = np.linalg.norm(velocity, axis=1)
+        if np.isfinite(speed).sum() < 5:
+            return None
+        return SpeedCurve(self.times, speed, sigmas)
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedRun:
+    """Attributes:
+    times: (N,) seconds on the source's clock, one for each frame.
+    segments: (N,) number of each frame's segment.
+    poses: N ``T_world_camera``, None where unknown.
+    tracks: by key, in the order in which they appeared.
+    """
+
+    times: Float64Array
+    segments: Float64Array
+    poses: tuple[Pose | None, ...]
+    tracks: Mapping[TrackKey, ObservedTrack]
+
+    @staticmethod
+    def of_lines(lines: Iterable[Mapping[str, Any]]) -> ObservedRun:
+        """Of lines as ``observer.jsonl.observation_line`` makes them.
+
+        Coasting and tentative obstacles are left out: they were not measured.
+
+        Raises:
+            TruthError: a line lacks what it should hold; the sentence names line and field.
+        """
+        times: list[float] = []
+        segments: list[int] = []
+        poses: list[Pose | None] = []
+        rows: dict[TrackKey, list[tuple[float, ...]]] = defaultdict(list)
+        for number, line in enumerate(lines, 1):
+            try:
+                time, segment = float(line["time"]), int(line["segment"])
+                if not math.isfinite(time):
+                    raise ValueError("time")
+                pose = line["pose"]
+                placed = None if pose is None else Pose.from_quaternion(
+                    pose["orientation_wxyz"], pose["position"]
+                )  # fmt: skip
+                for entry in line["obstacles"]:
+                    if entry["state"] == "confirmed":
+                        rows[TrackKey(segment, int(entry["id"]))].append(_row(time, entry))
+            except (KeyError, TypeError, ValueError) as error:
+                raise TruthError(
+                    f"line {number} of the observations is not as observe writes it: "
+                    f"{type(error).__name__} at {str(error)[:60]}"
+                ) from None
+            times.append(time)
+            segments.append(segment)
+            poses.append(placed)
+        return ObservedRun(
+            np.array(times),
+            np.array(segments, dtype=np.float64),
+            tuple(poses),
+            {key: _track(key, np.array(found)) for key, found in rows.items()},
+        )
+
+    def camera_path(self, segment: int | None = None) -> tuple[Float64Array, Float64Array]:
+        """Times (M,) and ``T_world_camera`` (M, 4, 4) of the frames with a pose.
+
+        Args:
+            segment: only of this one; None for all, which are not in one world.
+        """
+        chosen = [
+            k
+            for k, pose in enumerate(self.poses)
+            if pose is not None and (segment is None or self.segments[k] == segment)
+        ]
+        poses = [pose.matrix for k in chosen if (pose := self.poses[k]) is not None]
+        return self.times[chosen], np.array(poses).reshape(-1, 4, 4)
+
+    def segment_numbers(self) -> tuple[int, ...]:
+        """In their order, each once."""
+        return tuple(int(k) for k in dict.fromkeys(self.segments.tolist()))
+
+    def segment_starts(self) -> tuple[tuple[int, float], ...]:
+        """Each segment's number and the time of its first frame."""
+        return tuple(
+            (number, float(self.times[self.segments == number][0]))
+            for number in self.segment_numbers()
+        )
+
+    def own_curves(self) -> tuple[SpeedCurve | None, SpeedCurve | None]:
+        """The camera's own speed and turn rate; None where too few poses are known."""
+        times, speed, rate = [], [], []
+        for segment in self.segment_numbers():
+            t, T = self.camera_path(segment)
+            t, once = np.unique(t, return_index=True)
+            if len(t) < 7:
+                continue
+            T = T[once]
+            turning = turn_rate(t, T[:, :3, :3], _OWN_TURN_SIGMA)
+            if turning is None:
+                continue
+            window = window_for(t)
+            times.append(t)
+            speed.append(np.linalg.norm(velocities(t, T[:, :3, 3], window), axis=1))
+            rate.append(turning.values)
+        if not times:
+            return None, None
+        t = np.concatenate(times)
+        return (
+            SpeedCurve.of(t, np.concatenate(speed), _OWN_SPEED_SIGMA_MPS),
+            SpeedCurve.of(t, np.concatenate(rate), _OWN_TURN_SIGMA),
+        )
+
+
+def _row(time: float, entry: Mapping[str, Any]) -> tuple[float, ...]:
+    unknown = (math.nan, math.nan, math.nan)
+    position = unknown if entry["position"] is None else entry["position"]
+    std = entry.get("speed_std")
+    x, y, z = (float(value) for value in position)
+    return (
+        time, x, y, z, float(entry["velocity_time"]), float(entry["speed"]),
+        math.nan if std is None else float(std),
+    )  # fmt: skip
+
+
+def _track(key: TrackKey, rows: Float64Array) -> ObservedTrack:
+    _, once = np.unique(rows[:, 0], return_index=True)
+    rows = rows[once]
+    return ObservedTrack(key, rows[:, 0], rows[:, 1:4], rows[:, 4], rows[:, 5], rows[:, 6])

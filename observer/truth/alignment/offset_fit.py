@@ -1,0 +1,202 @@
+"""Least squares for the offset of two clocks on the curves themselves, and its honest sigma."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from observer.geometry import Float64Array
+from observer.truth.alignment.curves import SpeedCurve
+
+# Clocks of computers differ by less; a wide bound keeps the drift from fitting noise.
+_DRIFT_PRIOR_PPM = 200.0
+# A vision's scale and offset may be off by this much before they count against the fit.
+_GAIN_PRIOR, _BIAS_PRIOR_SIGMAS = 0.1, 1.0
+# Beyond this many sigmas a residual counts linearly: false speeds are part of what is compared.
+_ROBUST_SIGMAS = 2.0
+
+
+class OffsetFit:
+    """Least squares over offset (from the coarse one), drift, and each pair's gain and bias."""
+
+    def __init__(self, pairs: Sequence[tuple[SpeedCurve, SpeedCurve]], coarse: float) -> None:
+        self._parts: list[tuple[Float64Array, Float64Array, Float64Array, SpeedCurve]] = []
+        times = []
+        for seen, true in pairs:
+            # Known at neighbouring offsets too, so that no sample comes and goes in the search.
+            known = seen.known.copy()
+            for shift in (-0.1, 0.0, 0.1):
+                known &= np.isfinite(true.at(seen.times - coarse + shift))
+            t = seen.times[known]
+            self._parts.append((t - coarse, seen.values[known], seen.sigmas[known], true))
+            times.append(t - coarse)
+        every = np.concatenate(times)
+        self.samples = len(every)
+        self.span_s = float(np.ptp(every)) if len(every) else 0.0
+        self.reference = float((every.min() + every.max()) / 2) if len(every) else 0.0
+        self.overlap_s = max((_known_time(t) for t in times), default=0.0)
+        # Of each pair, in its sigmas.
+        self._noise = np.ones(len(self._parts))
+
+    def solve(self, with_drift: bool) -> Float64Array:
+        start = np.zeros(2 + 2 * len(self._parts))
+        # First what the noise really is, then the fit with it.
+        for _ in range(3):
+            free = [0, *([1] if with_drift else []), *range(2, len(start))]
+
+            def cost(x: Float64Array, free: list[int] = free) -> Float64Array:
+                full = np.zeros(len(start))
+                full[free] = x
+                return np.concatenate([*self._residuals(full), self._priors(full)])
+
+            found = least_squares(
+                cost, start[free], loss="soft_l1", f_scale=_ROBUST_SIGMAS,
+                x_scale=[1e-2, *([1e-5] if with_drift else []), *[0.1] * (2 * len(self._parts))],
+            )  # fmt: skip
+            start[free] = found.x
+            for k, error in enumerate(self._residuals(start)):
+                if len(error) < 3:
+                    continue
+                spread = 1.4826 * float(np.median(np.abs(error)))
+                # What wanders slowly counts for less than its samples seem to say.
+                lags = _correlated_samples(self._parts[k][0])
+                like = _correlation_time(np.clip(error, -3, 3), lags)
+                self._noise[k] = max(self._noise[k] * spread * np.sqrt(like), 0.05)
+        return start
+
+    def _residuals(self, x: Float64Array) -> list[Float64Array]:
+        parts = []
+        for k, (times, values, sigmas, true) in enumerate(self._parts):
+            drifted = times - x[0] - x[1] * (times - self.reference)
+            expected = np.nan_to_num(true.at(drifted), nan=0.0)
+            gain, bias = 1 + x[2 + 2 * k], x[3 + 2 * k] * float(np.median(sigmas))
+            lost = np.isnan(true.at(drifted))
+            error = np.where(lost, 0.0, (values - gain * expected - bias) / sigmas)
+            parts.append(error / self._noise[k])
+        return parts
+
+    def _priors(self, x: Float64Array) -> Float64Array:
+        gains, biases = x[2::2] / _GAIN_PRIOR, x[3::2] / _BIAS_PRIOR_SIGMAS
+        return np.concatenate([gains, biases, [1e6 * x[1] / _DRIFT_PRIOR_PPM]])
+
+    def sigmas(self, x: Float64Array, with_drift: bool) -> tuple[float, float]:
+        """Of offset and drift, by the scatter of the residuals' own gradients.
+
+        The sandwich estimator of Newey and West (1987), for neighbouring residuals are alike:
+        what smoothes speeds, and a body that is seen from another side, last for many frames.
+        """
+        free = [0, *([1] if with_drift else []), *range(2, len(x))]
+        residuals = self._residuals(x)
+        columns = []
+        for index in free:
+            delta = np.zeros(len(x))
+            step = (2e-2, 5e-6)[index] if index < 2 else 1e-3
+            delta[index] = step
+            ahead, behind = self._residuals(x + delta), self._residuals(x - delta)
+            steps = zip(ahead, behind, strict=True)
+            columns.append([(a - b) / (2 * step) for a, b in steps])
+        prior = np.zeros(len(x))
+        prior[2::2], prior[3::2] = _GAIN_PRIOR**-2, _BIAS_PRIOR_SIGMAS**-2
+        prior[1] = (1e6 / _DRIFT_PRIOR_PPM) ** 2
+        information = np.diag(prior[free])
+        scatter = np.diag(prior[free])
+        inflation = np.zeros_like(information)
+        for k, r in enumerate(residuals):
+            J = np.column_stack([column[k] for column in columns])
+            weight = np.asarray(1 / np.sqrt(1 + (r / _ROBUST_SIGMAS) ** 2))
+            information += J.T @ (weight[:, None] * J)
+            g = J * (weight * r)[:, None]
+            # What errs as slowly as the speed itself changes looks like an offset.
+            lags = max(_correlated_samples(self._parts[k][0]), _first_zero(J[:, 0]))
+            scatter += _long_run(g, lags)
+            # Where events are few, their scatter is by chance small; then the noise's own counts.
+            power = float(np.mean((weight * r) ** 2))
+            inflation += _correlation_time(weight * r, lags) * power * (J.T @ J)
+        inverse = np.linalg.pinv(information)
+        sandwich = inverse @ scatter @ inverse
+        plain = inverse @ (inflation + np.diag(prior[free])) @ inverse
+        variances = np.maximum(np.diag(sandwich), np.diag(plain))
+        floor = self._floor()
+        return (
+            float(np.hypot(np.sqrt(variances[0]), floor)),
+            float(np.sqrt(variances[1])) if with_drift else float("nan"),
+        )
+
+    def _floor(self) -> float:
+        """What no statistics show: the true instant within a frame of what is reported."""
+        steps = [float(np.median(np.diff(t))) for t, *_ in self._parts if len(t) > 1]
+        return 0.02 * float(np.min(steps)) if steps else 0.0
+
+    def correlation(self, x: Float64Array) -> float:
+        """Of all curves, each about its own mean; single false speeds weigh little."""
+        covariance = power_seen = power_true = 0.0
+        for (times, values, sigmas, curve), r in zip(self._parts, self._residuals(x), strict=True):
+            true = curve.at(times - x[0] - x[1] * (times - self.reference))
+            known = np.isfinite(true)
+            if not known.any():
+                continue
+            weight = (1 / (1 + (r / _ROBUST_SIGMAS) ** 2) / sigmas**2)[known]
+            a, b = values[known], true[known]
+            a, b = a - np.average(a, weights=weight), b - np.average(b, weights=weight)
+            covariance += float(weight @ (a * b))
+            power_seen += float(weight @ (a * a))
+            power_true += float(weight @ (b * b))
+        return covariance / (float(np.sqrt(power_seen * power_true)) + 1e-12)
+
+    def residual(self, x: Float64Array) -> float:
+        """Without gain and bias, for these are errors too."""
+        times, values, _, curve = self._parts[0]
+        error = values - curve.at(times - x[0] - x[1] * (times - self.reference))
+        return float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else float("nan")
+
+
+def _known_time(times: Float64Array) -> float:
+    if len(times) < 2:
+        return 0.0
+    steps = np.diff(times)
+    return float(steps[steps <= 3.5 * np.median(steps)].sum())
+
+
+def _correlated_samples(times: Float64Array) -> int:
+    """How many neighbours may be alike: those within a second."""
+    if len(times) < 3:
+        return 0
+    return int(np.clip(round(1.0 / float(np.median(np.diff(times)))), 1, len(times) // 3))
+
+
+def _first_zero(gradient: Float64Array) -> int:
+    """Samples after which a curve is no longer like itself, a quarter of them at most."""
+    power = float(gradient @ gradient)
+    limit = len(gradient) // 4
+    if power <= 0:
+        return 0
+    for lag in range(1, limit):
+        if gradient[lag:] @ gradient[:-lag] <= 0:
+            return lag
+    return limit
+
+
+def _long_run(g: Float64Array, lags: int) -> Float64Array:
+    """Covariance (P, P) of the sum of g (N, P), by Bartlett's window."""
+    total = g.T @ g
+    for lag in range(1, lags + 1):
+        cross = g[lag:].T @ g[:-lag]
+        total = total + (1 - lag / (lags + 1)) * (cross + cross.T)
+    return np.asarray(total)
+
+
+def _correlation_time(r: Float64Array, lags: int) -> float:
+    """By how much the variance of a sum exceeds that of independent samples, 1 at least."""
+    power = float(r @ r)
+    if power <= 0 or lags < 1:
+        return 1.0
+    total = 1.0
+    for lag in range(1, lags + 1):
+        rho = float(r[lag:] @ r[:-lag]) / power
+        # Beyond the first zero there is only noise.
+        if rho <= 0:
+            break
+        total += 2 * rho
+    return total

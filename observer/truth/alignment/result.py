@@ -1,0 +1,101 @@
+"""What an alignment came to: plain data that is kept with the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from observer.errors import TruthError
+from observer.geometry import Pose
+from observer.truth.alignment.matching import Match
+from observer.truth.alignment.observed import TrackKey
+from observer.truth.alignment.time_offset import TimeOffset
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """Attributes:
+    time: offset and drift of the clocks, with overlap, correlation and residual.
+    roles: ``observer`` or ``obstacle``, by the body's name; others are ignored.
+    segments: number and beginning (source clock, seconds) of each segment, in order.
+    T_world_room: by segment; one without is missing there, and only speeds can be compared.
+    frame_residual_m: root mean square distance of what was aligned, None without a frame.
+    T_body_camera: of the observer's body, None where it is not known.
+    matches: which body each track is.
+    centres: by body, (3,) metres in the body's axes, or in the room's where it has none: from the
+        body's origin to the middle of what was seen.
+    notes: what was decided and what was not observable, one sentence each.
+    """
+
+    time: TimeOffset
+    roles: Mapping[str, str]
+    segments: tuple[tuple[int, float], ...]
+    T_world_room: Mapping[int, Pose]
+    frame_residual_m: float | None
+    T_body_camera: Pose | None
+    matches: Mapping[TrackKey, Match]
+    centres: Mapping[str, tuple[float, float, float]]
+    notes: tuple[str, ...]
+
+    @property
+    def observer(self) -> str | None:
+        """The observer's body."""
+        return next((name for name, role in self.roles.items() if role == "observer"), None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "time": asdict(self.time),
+            "roles": dict(self.roles),
+            "segments": [list(segment) for segment in self.segments],
+            "T_world_room": {str(k): _listed(T) for k, T in self.T_world_room.items()},
+            "frame_residual_m": self.frame_residual_m,
+            "T_body_camera": None if self.T_body_camera is None else _listed(self.T_body_camera),
+            "matches": {str(key): asdict(match) for key, match in self.matches.items()},
+            "centres": {name: list(centre) for name, centre in self.centres.items()},
+            "notes": list(self.notes),
+        }
+
+    @staticmethod
+    def of_dict(plain: Mapping[str, Any]) -> Alignment:
+        """As ``as_dict`` makes it.
+
+        Raises:
+            TruthError: it is not.
+        """
+        try:
+            camera = plain["T_body_camera"]
+            residual = plain["frame_residual_m"]
+            return Alignment(
+                time=TimeOffset(**plain["time"]),
+                roles={str(k): str(v) for k, v in plain["roles"].items()},
+                segments=tuple((int(n), float(t)) for n, t in plain["segments"]),
+                T_world_room={int(k): _pose(T) for k, T in plain["T_world_room"].items()},
+                frame_residual_m=None if residual is None else float(residual),
+                T_body_camera=None if camera is None else _pose(camera),
+                matches={TrackKey.parse(k): Match(**m) for k, m in plain["matches"].items()},
+                centres={str(k): _three(c) for k, c in plain["centres"].items()},
+                notes=tuple(str(note) for note in plain["notes"]),
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise TruthError(
+                f"the alignment is not as it was written: {type(error).__name__} at "
+                f"{str(error)[:60]}; align the run again"
+            ) from None
+
+
+def _listed(pose: Pose) -> list[list[float]]:
+    rows: list[list[float]] = pose.matrix.tolist()
+    return rows
+
+
+def _pose(rows: Any) -> Pose:
+    return Pose.from_matrix(np.array(rows, dtype=np.float64))
+
+
+def _three(values: Any) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z

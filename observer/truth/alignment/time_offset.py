@@ -1,0 +1,231 @@
+"""The offset between two clocks, found in what both saw: how fast something moved.
+
+The correlation is looked at for every lag at which the curves overlap enough, and the best lag is
+refined by least squares on the curves themselves, where an offset below one sample shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from observer.geometry import Float64Array
+from observer.truth.alignment.correlation import Correlation, correlation, informative
+from observer.truth.alignment.curves import SpeedCurve
+from observer.truth.alignment.observability import NotObservable
+from observer.truth.alignment.offset_fit import OffsetFit
+
+MIN_OVERLAP_S = 4.0
+MIN_CORRELATION = 0.75
+# Share of the shorter recording that must overlap, where nobody says where to look.
+_MIN_SHARE = 0.4
+# What the second best lag leaves unexplained must exceed what the best one leaves by this factor.
+_AMBIGUITY = 1.5
+_MIN_PROMINENCE = 0.05
+# Another peak is a rival if its overlap lasts at least this share of the best one's.
+_RIVAL_OVERLAP = 0.6
+# What vision leaves unexplained by chance; less than that is no sign of a better lag.
+_LEAST_UNEXPLAINED = 0.03
+_CLOSE_STEPS = 100
+# Two lags that leave less than this unexplained both fit perfectly.
+_ROUNDING = 1e-3
+# A curve that varies by twice so many times its noise does so clearly.
+_CLEARLY = 3.0
+# An offset less certain than this is of no use, seconds.
+MAX_SIGMA_S = 0.06
+# A drift shows only over a time like this.
+_DRIFT_OVERLAP_S = 20.0
+
+
+@dataclass(frozen=True)
+class TimeOffset:
+    """How truth's clock relates to the source's.
+
+    Attributes:
+        offset_s: to be added to truth's times at ``reference_s``; sigma_s: one standard deviation.
+        reference_s: on truth's clock, the middle of the overlap.
+        drift_ppm: by how much the offset grows, microseconds per second; 0 where the overlap
+            is too short to tell. drift_sigma_ppm: None where it was not estimated.
+        correlation: -1 to 1, of the curves at this offset.
+        runner_up: the highest correlation at any other lag, None where there is no other peak.
+        overlap_s: time in which both curves are known.
+        residual_mps: root of the mean square of what remains, in the curves' unit.
+        samples: compared.
+    """
+
+    offset_s: float
+    sigma_s: float
+    reference_s: float
+    drift_ppm: float
+    drift_sigma_ppm: float | None
+    correlation: float
+    runner_up: float | None
+    overlap_s: float
+    residual_mps: float
+    samples: int
+
+    def to_source(self, times: Float64Array) -> Float64Array:
+        """Truth's times on the source's clock."""
+        times = np.asarray(times, np.float64)
+        return times + self.offset_s + 1e-6 * self.drift_ppm * (times - self.reference_s)
+
+    def to_truth(self, times: Float64Array) -> Float64Array:
+        """The source's times on truth's clock."""
+        slope = 1 + 1e-6 * self.drift_ppm
+        since = np.asarray(times, np.float64) - self.offset_s - self.reference_s
+        return np.asarray(self.reference_s + since / slope)
+
+
+def find_time_offset(
+    seen: SpeedCurve,
+    true: SpeedCurve,
+    *,
+    search: tuple[float, float] | None = None,
+    drift: bool = True,
+) -> TimeOffset:
+    """The offset at which two curves agree best.
+
+    Args:
+        seen: by the observer, on the source's clock. true: by motion capture, on its own.
+        search: lowest and highest offset, seconds, where it is known roughly.
+        drift: whether a drift is estimated too where the overlap is long enough.
+
+    Raises:
+        NotObservable: one sentence that tells why and what would help.
+    """
+    return find_common_offset([(seen, true)], search=search, drift=drift)
+
+
+def find_common_offset(
+    pairs: Sequence[tuple[SpeedCurve, SpeedCurve]],
+    *,
+    search: tuple[float, float] | None = None,
+    drift: bool = True,
+) -> TimeOffset:
+    """As ``find_time_offset``, for several pairs of curves on the same two clocks."""
+    # A curve that does not vary knows nothing of the clocks, and its errors are not noise alone.
+    pairs = informative(pairs) or pairs
+    found = correlation(pairs)
+    coarse, runner_up = best_lag(found, search)
+    # What hardly varies may tell lags apart, but its errors would shift the offset.
+    pairs = informative(pairs, _CLEARLY) or pairs
+    return refined(pairs, coarse, runner_up, step=found.step, drift=drift)
+
+
+def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[float, float | None]:
+    """The lag of the highest correlation, and the highest correlation of any other peak.
+
+    Raises:
+        NotObservable: there is no lag with enough overlap or no clear peak.
+    """
+    enough = MIN_OVERLAP_S
+    if search is None:
+        enough = max(enough, _MIN_SHARE * found.shorter_s)
+    allowed = found.overlap_s >= enough
+    if search is not None:
+        allowed &= (found.lags >= search[0]) & (found.lags <= search[1])
+    if not allowed.any():
+        raise NotObservable(
+            f"the recordings overlap for less than {enough:.1f} s in which a speed is known on "
+            f"both sides, too short to find the offset of the clocks; let both record the same "
+            f"motion for longer"
+        )
+    if not found.varied:
+        raise NotObservable(
+            "the speed is constant within its noise, which fits any offset of the clocks; let the "
+            "robot start, stop or turn once while both record"
+        )
+    values = np.where(allowed, found.values, -1.0)
+    # How much more likely than no relation at all: agreement counts by how long it lasts.
+    unexplained = np.maximum(1 - np.clip(values, 0, 1) ** 2, _LEAST_UNEXPLAINED)
+    best = int(np.argmax(-found.overlap_s * np.log(unexplained)))
+    # The overlap's share shifts it a little from where the curves agree best.
+    first = max(best - _CLOSE_STEPS, 0)
+    best = first + int(np.argmax(values[first : best + _CLOSE_STEPS + 1]))
+    peak = float(values[best])
+    if peak < MIN_CORRELATION:
+        raise NotObservable(_too_little(peak))
+    edge = best in (0, len(values) - 1) or not (allowed[best - 1] and allowed[best + 1])
+    if edge:
+        raise NotObservable(
+            "the best offset lies at the edge of what the recordings' overlap can tell; let both "
+            "record the same motion for longer, a start or a stop included"
+        )
+    others, _ = find_peaks(values, prominence=_MIN_PROMINENCE)
+    # A flat top may be counted as a peak of its own.
+    apart = [
+        float(values[min(int(k), best) : max(int(k), best) + 1].min()) < float(values[k]) - 0.02
+        for k in others
+    ]
+    others = others[np.array(apart, dtype=bool)]
+    if not len(others):
+        return float(found.lags[best]), None
+    second = int(others[np.argmax(values[others])])
+    # What agrees as well, but for a much shorter time, is a part of the motion that came twice.
+    rivals = others[found.overlap_s[others] >= _RIVAL_OVERLAP * found.overlap_s[best]]
+    for rival in rivals[np.argsort(-values[rivals])][:1]:
+        left = max(1 - peak**2, _ROUNDING)
+        if values[rival] > 0 and 1 - values[rival] ** 2 < _AMBIGUITY * left:
+            raise NotObservable(
+                f"the speeds agree nearly as well at offsets {found.lags[best]:+.2f} s and "
+                f"{found.lags[rival]:+.2f} s (correlations {peak:.3f} and {values[rival]:.3f}), "
+                f"as for a motion that repeats itself; record a start or a stop, or say roughly "
+                f"which offset to expect"
+            )
+    return float(found.lags[best]), float(values[second])
+
+
+def refined(
+    pairs: Sequence[tuple[SpeedCurve, SpeedCurve]],
+    coarse: float,
+    runner_up: float | None,
+    *,
+    step: float,
+    drift: bool,
+) -> TimeOffset:
+    """The offset near ``coarse`` by least squares on the curves, with its sigma.
+
+    Raises:
+        NotObservable: the offset remains too uncertain, or wanders off.
+    """
+    fit = OffsetFit(pairs, coarse)
+    if fit.samples < 10:
+        raise NotObservable(
+            f"only {fit.samples} speeds are known on both sides, too few to find the offset of the "
+            f"clocks; let both record the same motion for longer"
+        )
+    with_drift = drift and fit.span_s >= _DRIFT_OVERLAP_S
+    solution = fit.solve(with_drift)
+    offset = coarse + solution[0]
+    sigma, drift_sigma = fit.sigmas(solution, with_drift)
+    if abs(solution[0]) > max(0.3, 5 * step) or not sigma <= MAX_SIGMA_S:
+        raise NotObservable(
+            f"the offset of the clocks cannot be told better than {1e3 * sigma:.0f} ms, for the "
+            f"speed changes too little; let the robot start and stop while both record"
+        )
+    agreement = fit.correlation(solution)
+    if agreement < MIN_CORRELATION:
+        raise NotObservable(_too_little(agreement))
+    return TimeOffset(
+        offset_s=float(offset),
+        sigma_s=float(sigma),
+        reference_s=fit.reference,
+        drift_ppm=float(1e6 * solution[1]) if with_drift else 0.0,
+        drift_sigma_ppm=1e6 * drift_sigma if with_drift else None,
+        correlation=agreement,
+        runner_up=runner_up,
+        overlap_s=fit.overlap_s,
+        residual_mps=fit.residual(solution),
+        samples=fit.samples,
+    )
+
+
+def _too_little(correlation: float) -> str:
+    return (
+        f"the speeds agree too little at any offset of the clocks (correlation {correlation:.2f}, "
+        f"at least {MIN_CORRELATION} is needed); check that the body is the one that was seen, and "
+        f"let it start and stop while both record"
+    )
