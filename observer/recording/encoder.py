@@ -164,7 +164,8 @@ class Encoder:
         self, line: Mapping[str, Any], entries: Sequence[Mapping[str, Any]], received: float
     ) -> list[Encoded]:
         """True bodies in the observation's world: fields of ``MatchedBody`` by name."""
-        bodies = [MatchedBody(**entry) for entry in entries]
+        known = MatchedBody.__struct_fields__
+        bodies = [MatchedBody(**{name: entry[name] for name in known}) for entry in entries]
         matched = MatchedTruth(frame=line["frame"], time=line["time"], bodies=bodies)
         scene = foxglove.truth_scene(entries, self._wall(received))
         return [
