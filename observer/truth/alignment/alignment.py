@@ -10,7 +10,7 @@ from observer.geometry import Float64Array
 from observer.truth.alignment.body_camera import BodyCamera
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.correlation import correlation
-from observer.truth.alignment.curves import SpeedCurve, body_speed, turn_rate
+from observer.truth.alignment.curves import SpeedCurve, body_speed, steady_speed, turn_rate
 from observer.truth.alignment.matching import Match, match_tracks
 from observer.truth.alignment.observability import NotObservable
 from observer.truth.alignment.observed import ObservedRun, TrackKey
@@ -24,6 +24,8 @@ Pairs = list[tuple[SpeedCurve, SpeedCurve]]
 # The camera's own motion is known so much better that a body must agree with it this well to be
 # taken for the observer without being told, and better than any other by this.
 _OBSERVER_CORRELATION, _OBSERVER_LEAD = 0.9, 0.05
+# And what it leaves unexplained, as a share of the camera's own variation of speed.
+_OBSERVER_RESIDUAL = 0.6
 _ROUNDS = 2
 # An offset from the camera's own motion that is so certain needs no obstacles.
 _ENOUGH_S = 0.01
@@ -60,7 +62,7 @@ class _Aligning:
             for key, track in run.tracks.items()
             if (curve := track.speed_curve()) is not None
         }
-        self._true = {name: body_speed(body) for name, body in capture.bodies.items()}
+        self._true = {name: steady_speed(body) for name, body in capture.bodies.items()}
         self._observer = self._find_observer()
         self._obstacles = [
             name
@@ -112,7 +114,11 @@ class _Aligning:
                 time = find_common_offset(pairs, search=self._choices.search, drift=False)
             except NotObservable:
                 continue
-            found[name] = time.correlation
+            # A body that drives as the camera does but faster is another one.
+            if self._speed is not None and time.residual_mps < _OBSERVER_RESIDUAL * float(
+                np.nanstd(self._speed.values)
+            ):
+                found[name] = time.correlation
         ranked = sorted(found.items(), key=lambda item: -item[1])
         if not ranked or ranked[0][1] < _OBSERVER_CORRELATION:
             return None
@@ -129,7 +135,7 @@ class _Aligning:
         body = self._capture.bodies[name]
         pairs: Pairs = []
         if self._speed is not None:
-            true = self._true[name]
+            true = body_speed(body)
             if camera is not None and body.rotations is not None:
                 # The camera swings about the body's origin when this turns.
                 lever = camera.T_body_camera.translation

@@ -16,6 +16,8 @@ from observer.truth.motion_capture import Trajectory
 SMOOTHING_S = 0.4
 # Two samples further apart than so many of their median distance are the edges of a gap.
 _GAP_INTERVALS = 3.5
+# With an origin 0.2 m from the centre this makes a false speed of 0.05 m/s.
+_QUICK_TURN_RADPS = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,24 @@ def body_speed(body: Trajectory, seconds: float = SMOOTHING_S) -> SpeedCurve:
     """The speed of a body of motion capture, smoothed over ``seconds``."""
     velocity = velocities(body.times, body.positions, window_for(body.times, seconds))
     return SpeedCurve.of(body.times, np.linalg.norm(velocity, axis=1), 0.003)
+
+
+def steady_speed(body: Trajectory) -> SpeedCurve:
+    """As ``body_speed``, but unknown while the body turns quickly.
+
+    Its origin is where somebody put the markers, so that it swings about the centre that the
+    observer sees. Where a body turns most of the time, or has no rotations, all of it is kept.
+    """
+    speed = body_speed(body)
+    if body.rotations is None:
+        return speed
+    rate = turn_rate(body.times, body.rotations, 1.0)
+    if rate is None:
+        return speed
+    steady = ~(rate.values > _QUICK_TURN_RADPS)
+    if (steady & speed.known).sum() < speed.known.sum() / 2:
+        return speed
+    return SpeedCurve(speed.times, np.where(steady, speed.values, np.nan), speed.sigmas)
 
 
 def turn_rate(times: Float64Array, rotations: Float64Array, sigma: float) -> SpeedCurve | None:

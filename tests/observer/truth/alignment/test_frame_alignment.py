@@ -1,0 +1,70 @@
+"""A rigid motion is found in spite of outliers, and refused where the points do not tell it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.geometry import Pose
+from observer.truth.alignment.frame_alignment import align_full, align_planar, upright
+from observer.truth.alignment.observability import NotObservable
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-3.1, 3.1), st.integers(0, 10**6))
+def test_yaw_and_translation_in_spite_of_outliers(yaw: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    room = np.column_stack([rng.uniform(-2, 2, (120, 2)), np.full(120, 0.2)])
+    down = np.array([0.05, 1.0, 0.15])
+    T = (
+        Pose(upright(-down).T, np.zeros(3))
+        @ Pose.from_rotvec([0, 0, yaw], [*rng.uniform(-5, 5, 2), 0.4])
+    )  # fmt: skip
+    seen = T.apply(room) + rng.normal(0, 0.02, room.shape)
+    seen[:30] += rng.uniform(-3, 3, (30, 3))
+    found = align_planar(room, seen, UP, -down)
+    apart = found.T_target_source.inverse() @ T
+    assert np.degrees(np.linalg.norm(apart.rotvec)) < 1.0
+    assert np.linalg.norm(apart.translation) < 0.03
+    assert found.inliers >= 85
+    assert found.residual_m < 0.1
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6))
+def test_full_motion_in_spite_of_outliers(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    source = rng.uniform(-2, 2, (100, 3))
+    T = Pose.from_rotvec(rng.uniform(-1.5, 1.5, 3), rng.uniform(-5, 5, 3))
+    target = T.apply(source) + rng.normal(0, 0.01, source.shape)
+    target[:20] += rng.uniform(-3, 3, (20, 3))
+    target[50] = np.nan
+    found = align_full(source, target)
+    apart = found.T_target_source.inverse() @ T
+    assert np.degrees(np.linalg.norm(apart.rotvec)) < 0.5
+    assert np.linalg.norm(apart.translation) < 0.01
+    assert found.points == 99
+
+
+def test_a_straight_drive_tells_the_yaw_but_no_full_motion() -> None:
+    source = np.column_stack([np.linspace(0, 2, 50), np.zeros((50, 2))])
+    yaw = Pose.from_rotvec([0, 0, 1.0], [1, 2, 0.5])
+    found = align_planar(source, yaw.apply(source), UP, UP)
+    np.testing.assert_allclose(found.T_target_source.matrix, yaw.matrix, atol=1e-9)
+    with pytest.raises(NotObservable, match="one line"):
+        align_full(source, yaw.apply(source))
+
+
+def test_a_body_that_stays_where_it_is_tells_no_yaw() -> None:
+    source = np.random.default_rng(0).normal(0, 0.05, (50, 3))
+    with pytest.raises(NotObservable, match="drive a longer way"):
+        align_planar(source, source, UP, UP)
+
+
+def test_two_points_are_too_few() -> None:
+    with pytest.raises(NotObservable, match="only 2 positions"):
+        align_full(np.zeros((2, 3)), np.zeros((2, 3)))
