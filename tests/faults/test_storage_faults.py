@@ -201,9 +201,8 @@ def test_the_server_is_killed_in_a_run(tmp_path: Path) -> None:
     data, chance = tmp_path / "data", random.Random(21)
     file = data / "observer.sqlite"
     lost: list[float] = []
-    trials = max(2, TRIALS)
     killed_run = ""
-    for trial in range(trials + 1):
+    for trial in range(TRIALS + 1):
         with served(data, SOURCE) as server:
             wait_until_ready(server)
             if killed_run:
@@ -214,7 +213,7 @@ def test_the_server_is_killed_in_a_run(tmp_path: Path) -> None:
                     each for each in server.request("GET", "/status")["warnings"]
                     if "damaged" in each
                 ]  # fmt: skip
-            if trial == trials:
+            if trial == TRIALS:
                 break
             killed_run = begin_run(server)
             first, since = frames_of(server, killed_run), time.monotonic()
