@@ -21,6 +21,7 @@ DEFAULT_SIZE = np.array([0.455, 0.381, 0.237])
 # Short enough to keep a start's ramp, long enough for millimetre noise: facts of mocap, 0.3-0.9
 # mm/s with 11 samples at 100 Hz.
 _SMOOTHING_S = 0.11
+_NEIGHBOURS = 8
 
 
 class AlignedTruth:
@@ -106,7 +107,8 @@ class AlignedTruth:
         if observer is None or T_body_camera is None or T_world_room is None:
             return None
         body = next(b for _, b, *_ in self._bodies if b.name == observer)
-        pose = body_poses(body, self._alignment.time.to_truth(np.array([time])))[0]
+        at = self._alignment.time.to_truth(np.array([time]))
+        pose = body_poses(_around(body, at), at)[0]
         if not np.isfinite(pose).all():
             return None
         return T_world_room @ Pose.from_matrix(pose) @ T_body_camera
@@ -116,7 +118,8 @@ class AlignedTruth:
         for _, body, rates, _ in self._bodies:
             if body.name == name:
                 at = self._alignment.time.to_truth(np.array([time]))
-                speed = float(np.linalg.norm(between(body.times, rates, at)))
+                some = _slice(body.times, at)
+                speed = float(np.linalg.norm(between(body.times[some], rates[some], at)))
                 return speed if math.isfinite(speed) else None
         return None
 
@@ -131,14 +134,28 @@ class AlignedTruth:
     ) -> tuple[Float64Array, Float64Array, Float64Array] | None:
         at = self._alignment.time.to_truth(np.array([time]))
         centre = self._alignment.centres.get(body.name)
+        some = _slice(body.times, at)
+        velocity = between(body.times[some], rates[some], at)[0]
+        body = _around(body, at)
         place = centre_positions(body, at, None if centre is None else np.array(centre))[0]
-        velocity = between(body.times, rates, at)[0]
         if not (np.isfinite(place).all() and np.isfinite(velocity).all()):
             return None
         heading = velocity
         if body.rotations is not None:
             heading = body_poses(body, at)[0, :3, 0]
         return place, velocity, heading
+
+
+def _slice(times: Float64Array, at: Float64Array) -> slice:
+    """The samples around one instant: a capture of hours is not gone through for each frame."""
+    middle = int(np.searchsorted(times, at[0]))
+    return slice(max(middle - _NEIGHBOURS, 0), middle + _NEIGHBOURS)
+
+
+def _around(body: Trajectory, at: Float64Array) -> Trajectory:
+    some = _slice(body.times, at)
+    rotations = None if body.rotations is None else body.rotations[some]
+    return Trajectory(body.name, body.times[some], body.positions[some], rotations)
 
 
 def _centre_velocities(body: Trajectory, alignment: Alignment) -> Float64Array:

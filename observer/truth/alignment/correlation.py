@@ -30,7 +30,6 @@ class Correlation:
     lags: (L,) seconds to be added to truth's times, rising by ``step``.
     values: (L,) -1 to 1; 0 where nothing overlaps.
     overlap_s: (L,) time in which both are known, of the pair with most.
-    errors: (L,) mean square of the difference in sigmas, gain 1; infinite where nothing overlaps.
     shorter_s: time in which the shorter curve is known.
     varied: whether seen and true speeds vary by more than noise.
     """
@@ -38,7 +37,6 @@ class Correlation:
     lags: Float64Array
     values: Float64Array
     overlap_s: Float64Array
-    errors: Float64Array
     step: float
     shorter_s: float
     varied: bool
@@ -71,8 +69,7 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
     size = next_fast_len(n + m)
     grid = true_start + step * np.arange(m)
     covariance = np.zeros(n + m - 1)
-    power_seen, power_true, errors = covariance.copy(), covariance.copy(), covariance.copy()
-    overlap, counted = covariance.copy(), covariance.copy()
+    power_seen, power_true, overlap = covariance.copy(), covariance.copy(), covariance.copy()
     varied = False
     shorter = 0.0
     for seen, true in usable:
@@ -109,8 +106,6 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
         covariance += np.where(inside, wst - ws * wt / safe, 0)
         power_seen += np.where(inside, wss - ws * ws / safe, 0)
         power_true += np.where(inside, wtt - wt * wt / safe, 0)
-        errors += np.where(inside, wss - 2 * wst + wtt, 0)
-        counted += np.where(inside, count, 0)
         overlap = np.maximum(overlap, np.where(inside, count * interval, 0))
         varied |= bool(informative([(seen, true)]))
         own = min(known.sum() * interval, float(mask.sum()) * step)
@@ -122,7 +117,6 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
         lags=lags,
         values=np.clip(covariance / np.sqrt(square), -1, 1),
         overlap_s=overlap,
-        errors=np.where(counted > 0, errors / np.maximum(counted, 1), np.inf),
         step=step,
         shorter_s=shorter,
         varied=varied,

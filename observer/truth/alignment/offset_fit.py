@@ -10,8 +10,10 @@ from scipy.optimize import least_squares
 from observer.geometry import Float64Array
 from observer.truth.alignment.curves import SpeedCurve
 
-# Clocks of computers differ by less; a wide bound keeps the drift from fitting noise.
-_DRIFT_PRIOR_PPM = 200.0
+# Two crystals differ by less, mostly; without a bound the drift would fit noise.
+_DRIFT_PRIOR_PPM = 100.0
+# Few starts and stops at either end decide on it: planted ones erred by this much more.
+_DRIFT_ERRS_MORE = 1.4
 # A vision's scale and offset may be off by this much before they count against the fit.
 _GAIN_PRIOR, _BIAS_PRIOR_SIGMAS = 0.1, 1.0
 # Beyond this many sigmas a residual counts linearly: false speeds are part of what is compared.
@@ -121,7 +123,7 @@ class OffsetFit:
         floor = self._floor()
         return (
             float(np.hypot(np.sqrt(variances[0]), floor)),
-            float(np.sqrt(variances[1])) if with_drift else float("nan"),
+            _DRIFT_ERRS_MORE * float(np.sqrt(variances[1])) if with_drift else float("nan"),
         )
 
     def _floor(self) -> float:
