@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
+from functools import cache
 from typing import Any, Self
 
 from pydantic import ValidationError
@@ -100,6 +102,11 @@ def parameter_schema() -> list[dict[str, Any]]:
     ``choice``), ``unit, default, models`` (with which ``ego_motion.model`` it acts), and
     ``minimum, maximum, step`` or ``choices``.
     """
+    return deepcopy(_declared())
+
+
+@cache
+def _declared() -> list[dict[str, Any]]:
     entries: list[dict[str, Any]] = []
     for group, group_field in Parameters.model_fields.items():
         stage = group_field.annotation
@@ -133,7 +140,7 @@ def parameter_schema() -> list[dict[str, Any]]:
 
 def describe_range(dotted: str) -> str:
     """One sentence that states which values a parameter takes."""
-    for entry in parameter_schema():
+    for entry in _declared():
         if entry["name"] != dotted:
             continue
         if entry["type"] == "choice":
