@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -60,13 +61,26 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "observer.sqlite"
 
 
+@pytest.fixture(scope="session")
+def migrated_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An empty database of this version: making one takes longer than most tests."""
+    file = tmp_path_factory.mktemp("template") / "observer.sqlite"
+    with Storage(file):
+        pass
+    return file
+
+
 @pytest.fixture(params=["sqlite", "postgresql"])
 def location(
-    request: pytest.FixtureRequest, file: Path, server_or_reason: PrivateServer | str
+    request: pytest.FixtureRequest,
+    file: Path,
+    migrated_file: Path,
+    server_or_reason: PrivateServer | str,
 ) -> str | Path:
     """A database of each kind. The server is started before the test: it is none of its own."""
     del server_or_reason
     if request.param == "sqlite":
+        shutil.copyfile(migrated_file, file)
         return file
     make: Callable[[str], str] = request.getfixturevalue("new_database")
     return make(_TEMPLATE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import random
+import shutil
 import sqlite3
 import tarfile
 import threading
@@ -49,7 +50,7 @@ def fill(storage: Storage) -> str:
         calibration_id=calibration.id, truth_id=truth.id, tags=["x", "ä"], notes="n",
         rig="mount: {}\n", record="jpeg",
     )  # fmt: skip
-    storage.append_speeds(speeds(run.id, 4500))
+    storage.append_speeds(speeds(run.id, 2100))
     storage.align_run(run.id, {"offset_s": 0.05}, truth_id=truth.id)
     stop = StopFigures(1.5, None, 0.1, 0.3, None)
     storage.append_incident(IncidentRecord(run.id, "t", None, "guard", "Stop.", None, {"a": stop}))
@@ -91,13 +92,21 @@ def back_up(storage: Storage, location: str | Path, target: Path, **given: Any) 
     return write_backup(target, storage.folder.path, location, **given)
 
 
-@pytest.fixture
-def kept(tmp_path: Path) -> tuple[Path, str]:
-    """A backup of a file, recordings included, and its run."""
-    data = tmp_path / "first"
+@pytest.fixture(scope="module")
+def kept_once(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    folder = tmp_path_factory.mktemp("kept")
+    data = folder / "first"
     with Storage(data / "observer.sqlite") as storage:
         run_id = fill(storage)
-        back_up(storage, data / "observer.sqlite", tmp_path / "kept.zip")
+        back_up(storage, data / "observer.sqlite", folder / "kept.zip")
+    return folder, run_id
+
+
+@pytest.fixture
+def kept(kept_once: tuple[Path, str], tmp_path: Path) -> tuple[Path, str]:
+    """A backup of the data folder ``first`` beside it, recordings included, and its run."""
+    folder, run_id = kept_once
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     return tmp_path / "kept.zip", run_id
 
 
@@ -131,8 +140,8 @@ def test_all_comes_back_from_either_database_into_either(
     with opened() as storage:
         assert contents(storage, run_id) == before
         # Numbers go on behind those that came with the rows.
-        storage.append_speeds(speeds(run_id, 1, 4500))
-        assert storage.speeds(run_id)[-1].track_id == 4500
+        storage.append_speeds(speeds(run_id, 1, 2100))
+        assert storage.speeds(run_id)[-1].track_id == 2100
     folder, database = done.kept
     assert (folder / "rig.yaml").read_text() == "changed"
     database.rename(folder / "observer.sqlite")
@@ -243,7 +252,7 @@ def test_damage_anywhere_is_found_before_anything_is_touched(kept: tuple[Path, s
             # Bytes of the zip that mean nothing (times, permissions): all came as it was.
             harmless += 1
             with Storage(data / "observer.sqlite") as storage:
-                assert len(storage.speeds(run_id)) == 4500
+                assert len(storage.speeds(run_id)) == 2100
     assert harmless < 8
     for length in (0, 1, 1000, len(whole) // 2, len(whole) - 1):
         source.write_bytes(whole[:length])
