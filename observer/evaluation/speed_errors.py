@@ -1,0 +1,234 @@
+"""Errors of speed against truth, as figure 17 of the paper compares them.
+
+The definitions:
+
+* A **sample** is one speed that a track states, at the instant to which it belongs (the middle of
+  its displacement, or its frame), with the true speed of its body at that instant. Coasting tracks
+  state nothing.
+* True speeds are **interpolated** linearly between two samples of truth that follow each other
+  without a gap, and known nowhere else.
+* A sample has the **direction** of its body's true motion then: towards the camera or away from it
+  where most of the velocity lies along the line of sight, to the left or to the right otherwise;
+  and its **way**: forward or backward by where the body's front points, as programmes count it.
+* **Coverage** is the share of errors within 1.96 of the stated standard deviations, of those
+  samples that state one.
+* The **share seen** is that of the instants of truth at which the body moved in sight and a track
+  was measured on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+
+MOVING_MPS = 0.05
+# Half of a normal distribution's middle 95 %, in standard deviations.
+BAND_95 = 1.96
+AT_REST = "at rest"
+DIRECTIONS = ("towards", "away", "left", "right")
+WAYS = ("forward", "backward")
+# Samples of truth further apart than so many of their usual distance have a gap between them.
+_GAP_FRAMES = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class TrueMotion:
+    """One body through a run.
+
+    Attributes:
+        body: its name.
+        times: (N,) seconds on the source's clock, rising.
+        speeds: (N,) m/s, NaN where not known.
+        directions, ways: N words each, of ``DIRECTIONS`` and ``WAYS``, or ``AT_REST``.
+        in_sight: (N,) whether the camera could see at least half of it.
+    """
+
+    body: str
+    times: Float64Array
+    speeds: Float64Array
+    directions: tuple[str, ...]
+    ways: tuple[str, ...]
+    in_sight: NDArray[np.bool_]
+
+    def speeds_at(self, times: Float64Array) -> Float64Array:
+        """(M,) m/s, NaN in a gap and outside of what was sampled."""
+        if len(self.times) == 0:
+            return np.full(len(times), np.nan)
+        later = np.clip(np.searchsorted(self.times, times), 1, max(len(self.times) - 1, 1))
+        if len(self.times) == 1:
+            return np.where(times == self.times[0], self.speeds[0], np.nan)
+        start, end = self.times[later - 1], self.times[later]
+        weight = (times - start) / (end - start)
+        # A sample itself speaks even where its neighbour is missing.
+        before = np.where(weight == 1.0, 0.0, (1.0 - weight) * self.speeds[later - 1])
+        after = np.where(weight == 0.0, 0.0, weight * self.speeds[later])
+        exact = (weight == 0.0) | (weight == 1.0)
+        usual = float(np.median(np.diff(self.times)))
+        known = (weight >= 0) & (weight <= 1) & (exact | (end - start <= _GAP_FRAMES * usual))
+        return np.where(known, before + after, np.nan)
+
+    def nearest(self, times: Float64Array) -> NDArray[np.intp]:
+        """(M,) the samples of truth nearest to these times; there must be one."""
+        later = np.clip(np.searchsorted(self.times, times), 0, len(self.times) - 1)
+        before = np.maximum(later - 1, 0)
+        closer = np.abs(self.times[before] - times) < np.abs(self.times[later] - times)
+        return np.where(closer, before, later)
+
+
+@dataclass(frozen=True, eq=False)
+class SeenMotion:
+    """One track as long as it was taken for one body.
+
+    Attributes:
+        track: segment and number, as in ``0:3``. body: its name.
+        frame_times: (N,) of the frames in which it was measured.
+        times: (N,) the instants to which the speeds belong.
+        speeds, stds: (N,) m/s; a standard deviation that is not known is NaN.
+    """
+
+    track: str
+    body: str
+    frame_times: Float64Array
+    times: Float64Array
+    speeds: Float64Array
+    stds: Float64Array
+
+
+@dataclass(frozen=True)
+class SpeedErrors:
+    """The figures of one group of samples; None is what there was nothing to draw from.
+
+    Attributes:
+        group: ``all``, ``body``, ``track``, ``direction`` or ``way``. label: which one.
+        body: its name, None where several are put together.
+        samples: how many. bias_mps: mean error, seen less true. rmse_mps, maximum_mps: of errors.
+        coverage: share within the band of 95 %, and of how many: ``covered_of``.
+        seen_share: share of the moving instants in sight; None where groups have no instants.
+    """
+
+    group: str
+    label: str
+    body: str | None
+    samples: int
+    bias_mps: float | None
+    rmse_mps: float | None
+    maximum_mps: float | None
+    coverage: float | None
+    covered_of: int
+    seen_share: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """All of one track: what ``SpeedErrors`` are drawn from, the unknown left out."""
+
+    motion: SeenMotion
+    errors: Float64Array
+    stds: Float64Array
+    directions: NDArray[np.str_]
+    ways: NDArray[np.str_]
+
+
+def speed_errors(seen: Sequence[SeenMotion], true: Sequence[TrueMotion]) -> tuple[SpeedErrors, ...]:
+    """All groups that have a sample or an instant: the whole, then by direction, way, body, track.
+
+    Tracks of bodies without truth are left out.
+    """
+    by_name = {motion.body: motion for motion in true}
+    all_samples = [_samples(each, by_name[each.body]) for each in seen if each.body in by_name]
+    found = [_group("all", "whole run", None, all_samples, true)]
+    for group, words in (("direction", (*DIRECTIONS, AT_REST)), ("way", WAYS)):
+        for word in words:
+            found.append(_group(group, word, None, all_samples, true, word))
+    for motion in true:
+        own = [s for s in all_samples if s.motion.body == motion.body]
+        found.append(_group("body", motion.body, motion.body, own, [motion]))
+        for each in own:
+            found.append(_group("track", each.motion.track, motion.body, [each], ()))
+    return tuple(e for e in found if e.group == "all" or e.samples or e.seen_share is not None)
+
+
+def sample_errors(seen: SeenMotion, true: TrueMotion) -> Float64Array:
+    """(N,) m/s, of each of a track's speeds; NaN where truth is not known."""
+    return seen.speeds - true.speeds_at(seen.times)
+
+
+def identity_changes(seen: Iterable[SeenMotion]) -> dict[str, int]:
+    """By body: how often another track took its place."""
+    order: dict[str, list[tuple[float, str]]] = {}
+    for each in seen:
+        order.setdefault(each.body, []).extend((t, each.track) for t in each.frame_times)
+    return {
+        body: sum(before[1] != after[1] for before, after in pairwise(rows))
+        for body, rows in ((body, sorted(rows)) for body, rows in order.items())
+    }
+
+
+def _samples(seen: SeenMotion, true: TrueMotion) -> _Samples:
+    errors = sample_errors(seen, true)
+    known = np.isfinite(errors)
+    nearest = true.nearest(seen.times[known]) if known.any() else np.zeros(0, np.intp)
+    return _Samples(
+        seen,
+        errors[known],
+        seen.stds[known],
+        np.array(true.directions, dtype=np.str_)[nearest],
+        np.array(true.ways, dtype=np.str_)[nearest],
+    )
+
+
+def _group(
+    group: str,
+    label: str,
+    body: str | None,
+    samples: Sequence[_Samples],
+    true: Sequence[TrueMotion],
+    word: str | None = None,
+) -> SpeedErrors:
+    chosen = [np.ones(len(s.errors), np.bool_) for s in samples]
+    if word is not None:
+        chosen = [(s.directions if group == "direction" else s.ways) == word for s in samples]
+    empty = np.zeros(0)
+    errors = np.concatenate([empty, *(s.errors[c] for s, c in zip(samples, chosen, strict=True))])
+    stds = np.concatenate([empty, *(s.stds[c] for s, c in zip(samples, chosen, strict=True))])
+    stated = np.isfinite(stds)
+    covered = np.abs(errors[stated]) <= BAND_95 * stds[stated]
+    count = len(errors)
+    return SpeedErrors(
+        group=group,
+        label=label,
+        body=body,
+        samples=count,
+        bias_mps=float(errors.mean()) if count else None,
+        rmse_mps=float(np.sqrt(np.mean(errors**2))) if count else None,
+        maximum_mps=float(np.abs(errors).max()) if count else None,
+        coverage=float(covered.mean()) if len(covered) else None,
+        covered_of=len(covered),
+        seen_share=_seen_share(group, word, samples, true),
+    )
+
+
+def _seen_share(
+    group: str, word: str | None, samples: Sequence[_Samples], true: Sequence[TrueMotion]
+) -> float | None:
+    counted = found = 0
+    for motion in true:
+        wanted = motion.in_sight & (np.nan_to_num(motion.speeds) > MOVING_MPS)
+        if word is not None:
+            words = motion.directions if group == "direction" else motion.ways
+            wanted &= np.array(words, dtype=np.str_) == word
+        times = [s.motion.frame_times for s in samples if s.motion.body == motion.body]
+        counted += int(wanted.sum())
+        found += int(np.isin(motion.times[wanted], np.concatenate([np.zeros(0), *times])).sum())
+    return found / counted if counted else None
