@@ -92,6 +92,7 @@ class LiveCamera:
         self._last_arrival = now
         self._undecodable_since: float | None = None
         self._frozen_since: float | None = None
+        self.repeats = False
         self._standing_stamps = 0
         self.period = Period()
         self.opened: Opened | None = None
@@ -288,6 +289,7 @@ class LiveCamera:
                 self._take_grabbed(notice, now)
             case Ready(seq, repeats):
                 self._undecodable_since = None
+                self.repeats = repeats > 0
                 if repeats >= _FROZEN_REPEATS and self._frozen_since is None:
                     self._frozen_since = now
                 elif repeats == 0 and self._standing_stamps < _FROZEN_REPEATS:

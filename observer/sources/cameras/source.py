@@ -6,6 +6,7 @@ import contextlib
 import select
 import subprocess
 import time
+from collections.abc import Sequence
 from typing import Literal
 
 from observer.camera import StereoCalibration
@@ -74,6 +75,7 @@ class CameraSource:
         self._pairs = 0
         self._dropped = 0
         self._last_time: float | None = None
+        self._left_out = False
         self._told: str | None = None
         self._closed = False
         self._ahead = False
@@ -245,7 +247,7 @@ class CameraSource:
         assert right is not None
         frame = None
         is_news = self._last_time is None or left.stamp > self._last_time
-        if is_news and not any(camera.is_frozen for camera in cameras):
+        if is_news and not self._repeats(cameras):
             both = len(cameras) == 1
             received = max(left.arrival, right.arrival)
             if not self._pairs:
@@ -271,6 +273,15 @@ class CameraSource:
         for camera in cameras:
             camera.release()
         return frame
+
+    def _repeats(self, cameras: Sequence[LiveCamera]) -> bool:
+        """Whether the pair shows what the one before showed: a robot must not drive by it.
+
+        One repeated pair is left out, more of them are a fault. Behind one that was left out the
+        next is news, so that two cameras that repeat in turn still deliver.
+        """
+        self._left_out = not self._left_out and any(camera.repeats for camera in cameras)
+        return self._left_out or any(camera.is_frozen for camera in cameras)
 
     def _images(self) -> tuple[Image, Image]:
         """Copies: the memory is written again with the next pair."""

@@ -31,7 +31,8 @@ class ScriptedCapture:
     """Implements ``Capture``.
 
     Modes: ``good``; ``hang in grab`` and ``hang in retrieve``, in a native call that also keeps
-    the interpreter; ``no image``; ``frozen``; ``black`` (repeats too); ``gone`` (each grab fails
+    the interpreter; ``no image``; ``frozen``; ``twice`` (each image), or in turn with it
+    ``twice, later``; ``black`` (repeats too); ``gone`` (each grab fails
     at once); ``raise``; ``die``; ``busy`` (cannot be opened); ``hang in opening``.
     """
 
@@ -102,7 +103,10 @@ class ScriptedCapture:
         if self._noise is None or self._noise.shape != (height, width, 3):
             noise = np.random.default_rng(1).integers(0, 200, (height, width, 3))
             self._noise = noise.astype(np.uint8)
-        shift = 0 if mode == "frozen" else round(self._stamp * script["rate"])
+        number = round(self._stamp * script["rate"])
+        shift = {"frozen": 0, "twice": number // 2, "twice, later": (number + 1) // 2}.get(
+            mode, number
+        )
         image = np.roll(self._noise, shift, axis=1)
         # The left half is even, the right half odd: tells the halves of a side-by-side image.
         image[:, : width // 2] &= 0xFE

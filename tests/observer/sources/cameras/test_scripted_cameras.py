@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import statistics
 import subprocess
 import sys
@@ -113,6 +114,28 @@ def test_images_without_contrast_are_left_to_the_observers_health(
     write_script(left, mode="black")
     watch.read_until(lambda: watch.frames and not watch.frames[-1].left.any())
     watch.read_frames(20)
+    assert watch.troubles == []
+
+
+def test_a_pair_that_shows_nothing_new_is_left_out(watch: Watch, left: Path) -> None:
+    write_script(left, mode="twice")
+    time.sleep(3 * PERIOD_S)
+    watch.read_frames(1)
+    begun = len(watch.frames)
+    watch.read_frames(12)
+    for before, after in itertools.pairwise(watch.frames[begun:]):
+        assert (before.left != after.left).any()
+    assert watch.troubles == []
+
+
+def test_cameras_that_repeat_in_turn_still_deliver(watch: Watch, left: Path, right: Path) -> None:
+    write_script(left, mode="twice")
+    write_script(right, mode="twice, later", phase=0.2)
+    time.sleep(3 * PERIOD_S)
+    began = time.monotonic()
+    watch.read_frames(15)
+    # Every second pair; a machine that does other things as well may miss some.
+    assert time.monotonic() - began < 3 * 15 * 2 * PERIOD_S
     assert watch.troubles == []
 
 
