@@ -49,6 +49,25 @@ class EngineState(StrEnum):
 
 
 @dataclass(frozen=True)
+class RecordOrder:
+    """Where and how a run is recorded.
+
+    Attributes:
+        path: of the file; one that is there already is gone on with where the run goes on.
+        images: which are kept. name: of the run. preset: what its parameters began as.
+        versions: of packages, by name.
+        reserve_bytes: the recording ends before less than this is left on the disk.
+    """
+
+    path: str
+    images: Literal["none", "jpeg", "lossless"]
+    name: str
+    preset: str | None = None
+    versions: dict[str, str] = field(default_factory=dict)
+    reserve_bytes: int = 200 << 20
+
+
+@dataclass(frozen=True)
 class OpenSource:
     """Open a source and observe it without keeping anything; ends in ``preview``.
 
@@ -56,6 +75,8 @@ class OpenSource:
     ``segment`` is the number of the first segment, above 0 when a run goes on after a restart.
     ``calibration_yaml`` (OpenCV FileStorage text) replaces the source's own calibration.
     ``rig_yaml`` tells how the cameras are mounted where the source does not.
+    With ``record`` the run is recorded; where that cannot begin, the source is refused, except
+    where the run goes on: then it goes on without.
     The reply's value has the fields of the ``StateEvent`` that goes before it, and
     ``calibration_yaml``: the calibration that is used, also where it is the source's own.
     Refused, what was open before stays open.
@@ -71,6 +92,7 @@ class OpenSource:
     run_id: str | None = None
     segment: int = 0
     rig_yaml: str | None = None
+    record: RecordOrder | None = None
 
 
 @dataclass(frozen=True)
@@ -106,7 +128,24 @@ class ChangeCalibration:
 
 @dataclass(frozen=True)
 class StopRun:
-    """End the run; the source stays open in ``preview``."""
+    """End the run; the source stays open in ``preview``.
+
+    A recording is whole when the reply comes; its value is ``{"recording": facts}``, as in
+    ``StateEvent.recording``.
+    """
+
+
+@dataclass(frozen=True)
+class RecordRobots:
+    """What was heard of robots since the last time, for the run's recording; none is no error.
+
+    Attributes:
+        rows: fields of ``observer.recording.payloads.RobotRow``.
+        incidents: fields of ``observer.recording.payloads.Incident``.
+    """
+
+    rows: tuple[dict[str, Any], ...] = ()
+    incidents: tuple[dict[str, Any], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -207,6 +246,7 @@ Command = (
     | BeginCalibration
     | ChangeCalibration
     | StopRun
+    | RecordRobots
     | CloseSource
     | SetParameters
     | SetPlayback
@@ -232,14 +272,14 @@ class Request:
 class Reply:
     """Answer to one request: a value, or one sentence of why not.
 
-    ``refusal`` is ``input`` (what was asked is wrong), ``state`` (not possible now) or
-    ``failure`` (it was tried and failed).
+    ``refusal`` is ``input`` (what was asked is wrong), ``state`` (not possible now), ``full``
+    (the disk is) or ``failure`` (it was tried and failed).
     """
 
     number: int
     value: dict[str, Any] | None = None
     error: str | None = None
-    refusal: Literal["input", "state", "failure"] | None = None
+    refusal: Literal["input", "state", "full", "failure"] | None = None
 
 
 # --- events, engine to web -----------------------------------------------------------------
@@ -293,7 +333,10 @@ class StateEvent:
     ``CameraMount`` as the observer uses it, None where it is not known. ``ageing`` holds
     ``rows`` and ``vergence``, the fields of ``RowDrift`` and ``VergenceCheck``; None before the
     first frame. ``world`` is that of ``observer.guard.sight.Sight``; ``robots`` holds the fields of
-    each ``RobotPort`` that belongs to the source's own world.
+    each ``RobotPort`` that belongs to the source's own world. ``recording`` holds ``images,
+    bytes, seconds, dropped, trouble``: what is kept of images, the file's size, how long it has
+    been recording, how many messages were lost because the disk did not keep up, and one sentence
+    of why nothing is recorded any more; None where nothing was to be recorded.
     """
 
     state: EngineState
@@ -309,6 +352,7 @@ class StateEvent:
     ageing: dict[str, Any] | None = None
     world: str | None = None
     robots: tuple[dict[str, Any], ...] = ()
+    recording: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from app.messages import (
     MeasureDepth,
     OpenSource,
     PreviewCalibration,
+    RecordRobots,
     Reply,
     Request,
     SetParameters,
@@ -34,6 +35,7 @@ from app.messages import (
     WatchViews,
 )
 from observer.errors import DynamicObserverError, InputError
+from observer.recording.payloads import Incident, RobotRow
 from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
@@ -77,6 +79,8 @@ class CommandDesk:
             if isinstance(command, OpenSource | BeginCalibration):
                 self._current.begin(request, command)
                 return None
+            if isinstance(command, StopRun):
+                return self._stop_run(request.number)
             return Reply(request.number, value=self._handle(command))
         except DynamicObserverError as error:
             return refusal(request.number, error)
@@ -88,8 +92,8 @@ class CommandDesk:
 
     def _handle(self, command: object) -> dict[str, Any]:
         match command:
-            case StopRun():
-                return self._stop_run()
+            case RecordRobots():
+                return self._record_robots(command)
             case CloseSource():
                 return self._close_source()
             case ChangeCalibration():
@@ -116,11 +120,26 @@ class CommandDesk:
                 return {}
         raise InputError(f"the engine knows no command {type(command).__name__}")
 
-    def _stop_run(self) -> dict[str, Any]:
+    def _stop_run(self, number: int) -> Reply | None:
+        """Stop at once; the answer comes from the recording's thread once that is whole."""
         session = self._current.session
         if session is None or session.run_id is None:
             raise NotNow("no run is going; start one first")
         session.run_id = None
+        observing = self._current.observing
+        recorder = None if observing is None else observing.stop_recording()
+        if recorder is None:
+            return Reply(number, value={"recording": None})
+        recorder.end(lambda: self._send(Reply(number, value={"recording": recorder.facts()})))
+        return None
+
+    def _record_robots(self, command: RecordRobots) -> dict[str, Any]:
+        session = self._current.observing
+        if session is not None and session.recorder is not None:
+            session.recorder.robots(
+                [RobotRow(**row) for row in command.rows],
+                [Incident(**incident) for incident in command.incidents],
+            )
         return {}
 
     def _close_source(self) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from app.engine.calibrating import BoardPublisher, CalibrationSession, open_cali
 from app.engine.errors import NotNow
 from app.engine.lending import LentRobots, LentSource, lent
 from app.engine.opening import Opening
+from app.engine.recording import Recorders
 from app.engine.replies import refusal, unexpected
 from app.engine.session import (
     NotCalibrated,
@@ -36,6 +37,8 @@ _log = logging.getLogger(__name__)
 
 # Requests are counted from 1.
 _NOBODYS = 0
+# A recording that was not ended can be read as well.
+_RECORDING_ENDS_S = 2.0
 
 
 class CurrentSource:
@@ -71,6 +74,7 @@ class CurrentSource:
         self._boards = boards
         self._stage_clock = stage_clock
         self._clock = clock
+        self._recorders = Recorders()
         self.session: PlayedSource | None = None
         self.opening: Opening | None = None
         self.raw_pair: StereoFrame | None = None
@@ -121,7 +125,9 @@ class CurrentSource:
     def _open(self, command: OpeningCommand, open_source: SourceOpener) -> PlayedSource:
         if isinstance(command, BeginCalibration):
             return open_calibration(command, open_source, self._boards)
-        return open_session(command, open_source, self._make_observer, self._stage_clock)
+        return open_session(
+            command, open_source, self._make_observer, self._stage_clock, self._recorders
+        )
 
     def finish(self, opening: Opening) -> Reply | None:
         """Observe from now on what was opened, or say why it was not; None if it was given up."""
@@ -197,6 +203,11 @@ class CurrentSource:
             self._closed()
             session.close()
 
+    def end(self) -> None:
+        """Close the session for good; what was recorded is waited for, though not for long."""
+        self.close()
+        self._recorders.wait(_RECORDING_ENDS_S)
+
     def fail(self, doing: str, error: Exception) -> None:
         """The session cannot go on; the engine can."""
         if isinstance(error, DynamicObserverError):
@@ -205,6 +216,8 @@ class CurrentSource:
             _log.error("%s failed", doing, exc_info=error)
             reason = f"{doing} failed: {unexpected(error)}"
         failed = replace(self.state(), state=EngineState.FAILED, reason=reason)
+        if self.observing is not None and self.observing.recorder is not None:
+            self.observing.recorder.incident("failed", reason)
         self.close()
         self._failed = failed
 
@@ -227,6 +240,7 @@ class CurrentSource:
             ageing=session.ageing_facts(),
             world=session.world,
             robots=session.robot_facts(),
+            recording=session.recording_facts(),
         )
 
 

@@ -104,7 +104,7 @@ class Engine:
                 self._advance()
                 self._publish_state()
         finally:
-            self._current.close()
+            self._current.end()
             self._publisher.close()
 
     def beat(self) -> None:
@@ -199,6 +199,8 @@ class Engine:
             return
         if skipped is not None:
             self._send(SkippedFrameEvent(skipped.index, skipped.reason))
+            if isinstance(session, Session) and session.recorder is not None:
+                session.recorder.skipped(skipped)
             return
         if session.player.wait_s(self._clock()) != 0.0:
             return
@@ -221,6 +223,8 @@ class Engine:
         observer = session.observer
         if played.new_segment:
             observer.begin_segment()
+        # It only goes into a queue, and a frame that breaks the observer is worth to be seen.
+        session.record(frame, played)
         trace = FullTrace()
         observation = observer.observe(frame, trace)
         observed = Observed(frame, observation, trace, observer.camera, observer.parameters)
@@ -232,20 +236,25 @@ class Engine:
         session.segment = session.first_segment + observation.segment
         line["segment"] = session.segment
         truth = session.truth
-        self._send(
-            ObservationEvent(
-                sequence=self._sequence,
-                line=line,
-                truth=[] if truth is None else truth.match(observation, played.source_time),
-                received=frame.received,
-                published=published,
-                frame_skips=session.player.skipped,
-                run_id=session.run_id,
-                ego_motion=ego_motion_facts(trace, observer.parameters),
-                odometry=None if frame.odometry is None else asdict(frame.odometry),
-            )
+        event = ObservationEvent(
+            sequence=self._sequence,
+            line=line,
+            truth=[] if truth is None else truth.match(observation, played.source_time),
+            received=frame.received,
+            published=published,
+            frame_skips=session.player.skipped,
+            run_id=session.run_id,
+            ego_motion=ego_motion_facts(trace, observer.parameters),
+            odometry=None if frame.odometry is None else asdict(frame.odometry),
         )
+        self._send(event)
         self._sequence += 1
+        if (recorder := session.recorder) is not None:
+            recorder.observation(line, frame.received, event.ego_motion, event.truth)
+            if truth is not None:
+                recorder.truth(
+                    truth.sample(frame.index, frame.time, played.source_time), frame.received
+                )
         self.beat()
         session.ageing.look(observed)
         self._explainer.remember(observed, session.segment)
@@ -280,6 +289,7 @@ def _without_position(state: StateEvent) -> StateEvent:
         playback=_without(state.playback, "frame", "achieved_rate"),
         live=_without(state.live, "pairs", "dropped", "skew_median_s", "skew_p95_s"),
         ageing=None,
+        recording=_without(state.recording, "bytes", "seconds", "dropped"),
     )
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 from app.engine.errors import NotNow
 from app.messages import Reply
 from observer.errors import DynamicObserverError, InputError
+from observer.recording.errors import RecordingError
 
 
 def refusal(number: int, error: DynamicObserverError) -> Reply:
     """What was asked is wrong, not possible now, or failed for a reason we know."""
     if isinstance(error, NotNow):
         return Reply(number, error=str(error), refusal="state")
+    if isinstance(error, RecordingError) and error.full:
+        return Reply(number, error=str(error), refusal="full")
     if isinstance(error, InputError):
         return Reply(number, error=str(error), refusal="input")
     return Reply(number, error=str(error), refusal="failure")

@@ -8,7 +8,8 @@ from dataclasses import asdict, replace
 from typing import Any, Protocol
 
 from app.engine.ageing import CalibrationAgeing
-from app.engine.playback import Player
+from app.engine.playback import PlayedFrame, Player
+from app.engine.recording import Recorders, RunRecorder
 from app.engine.truth_matching import TruthMatcher
 from app.messages import BeginCalibration, EngineState, OpenSource
 from observer.calibration.formats.opencv_file import (
@@ -130,6 +131,10 @@ class PlayedSource:
         """As ``StateEvent.ageing`` holds it."""
         return None
 
+    def recording_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.recording`` holds it."""
+        return None
+
     @property
     def world(self) -> str | None:
         """As ``StateEvent.world`` holds it."""
@@ -188,11 +193,13 @@ class Session(PlayedSource):
         calibration_yaml: str,
         mount: CameraMount | None,
         ports: tuple[RobotPort, ...],
+        recorder: RunRecorder | None = None,
     ) -> None:
         """
         Args:
             calibration_yaml, mount: what the observer was made with.
             ports: where the robots of the source's world are reached.
+            recorder: records the run, where it is to be recorded.
         """
         super().__init__(command.source, opened.source, player, skipped, opened.robots)
         self._command = command
@@ -207,6 +214,11 @@ class Session(PlayedSource):
         self.truth = None if opened.truth is None else TruthMatcher(opened.truth)
         self.has_truth = self.truth is not None
         self.segment = command.segment
+        self.recorder = recorder
+        if recorder is not None:
+            recorder.parameters(observer.parameters, command.parameters_revision)
+            for frame in skipped:
+                recorder.skipped(frame)
 
     @property
     def state(self) -> EngineState:
@@ -220,12 +232,42 @@ class Session(PlayedSource):
             parameters_revision=self.parameters_revision,
             run_id=None,
             segment=0,
+            record=None,
         )
 
     def use(self, parameters: Parameters, revision: int) -> None:
         """Observe with these parameters from the next frame on."""
+        before = self.observer.parameters
         self.observer.use(parameters, revision)
+        if self.recorder is not None:
+            next_index = self.player.next_index
+            self.recorder.parameters(parameters, revision, before=before, frame=next_index)
         self.parameters_revision = revision
+
+    def record(self, frame: StereoFrame, played: PlayedFrame) -> None:
+        """Record a frame that is about to be observed, where the run is recorded."""
+        if self.recorder is not None:
+            self.recorder.frame(
+                frame,
+                position=played.position,
+                source_time=played.source_time,
+                begins="segment" if played.new_segment else None,
+            )
+
+    def stop_recording(self) -> RunRecorder | None:
+        """Nothing more is recorded; whoever asked ends what is returned."""
+        recorder, self.recorder = self.recorder, None
+        return recorder
+
+    def recording_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.recording`` holds it."""
+        return None if self.recorder is None else self.recorder.facts()
+
+    def close(self) -> None:
+        recorder = self.stop_recording()
+        if recorder is not None:
+            recorder.end()
+        super().close()
 
     def camera_facts(self) -> dict[str, Any]:
         """The rectified camera as ``StateEvent.camera`` holds it."""
@@ -256,12 +298,14 @@ def open_session(
     open_source: SourceOpener,
     make_observer: ObserverFactory,
     clock: Callable[[], float],
+    recorders: Recorders,
 ) -> Session:
     """Open the source and all that belongs to it, its first frame already read; on any refusal
     nothing stays open.
 
     Raises:
         InputError: one sentence of what is wrong with the source, calibration or a parameter.
+        RecordingError: it was to be recorded and cannot be.
     """
     parameters = parse_parameters(command.parameters)
     calibration = (
@@ -295,7 +339,8 @@ def open_session(
         ports = () if opened.robots is None else opened.robots.serve()
         player = Player(opened.source, paused=command.paused, rate=command.rate, loop=command.loop)
         skipped = read_first(player)
-        return Session(command, opened, observer, player, skipped, text, mount, ports)
+        recorder = recorders.begin(command, opened.source.info, text, mount)
+        return Session(command, opened, observer, player, skipped, text, mount, ports, recorder)
     except BaseException:
         close_opened(opened)
         raise

@@ -9,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody, Truth
+from observer.truth.csv_file import TruthSample
 from observer.types import Observation, Obstacle
 
 # An obstacle further than this from a body's surface (its half length) is not taken for it.
@@ -27,6 +28,7 @@ class TruthMatcher:
         self._truth = truth
         self._segment: int | None = None
         self._T_world_truth: Pose | None = None
+        self._newest: tuple[float, tuple[TrueBody, ...]] | None = None
 
     def match(self, observation: Observation, source_time: float) -> list[dict[str, Any]]:
         """One entry per true body at ``source_time``, as in ``ObservationEvent.truth``.
@@ -40,10 +42,25 @@ class TruthMatcher:
         if self._T_world_truth is None:
             return []
         T_world_truth = self._T_world_truth
-        bodies = self._truth.bodies(source_time)
+        bodies = self._bodies(source_time)
         obstacles = [body for body in bodies if body.role == "obstacle"]
         tracks = _assign(obstacles, T_world_truth, observation.reported)
         return [_entry(body, T_world_truth, tracks.get(body.id)) for body in bodies]
+
+    def sample(self, frame: int, time: float, source_time: float) -> TruthSample:
+        """All that is truly known at ``source_time``, in the truth's own world, for a recording.
+
+        Args:
+            frame, time: of the frame as it was observed.
+        """
+        pose = self._truth.camera_pose(source_time)
+        return TruthSample(frame, time, self._bodies(source_time), pose)
+
+    def _bodies(self, source_time: float) -> tuple[TrueBody, ...]:
+        # Asked for twice a frame, and a simulator renders to know what is visible.
+        if self._newest is None or self._newest[0] != source_time:
+            self._newest = source_time, self._truth.bodies(source_time)
+        return self._newest[1]
 
     def _align(self, observation: Observation, source_time: float) -> Pose | None:
         if observation.T_world_camera is None:

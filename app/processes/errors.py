@@ -11,11 +11,11 @@ class ProcessRefused(DynamicObserverError):
     """The process answered that it will not or could not.
 
     Attributes:
-        refusal: ``input`` (what was asked is wrong), ``state`` (not possible now) or ``failure``
-            (it was tried and failed).
+        refusal: ``input`` (what was asked is wrong), ``state`` (not possible now), ``full`` (the disk
+            is) or ``failure`` (it was tried and failed).
     """
 
-    def __init__(self, message: str, refusal: Literal["input", "state", "failure"]) -> None:
+    def __init__(self, message: str, refusal: Literal["input", "state", "full", "failure"]) -> None:
         self.refusal = refusal
         super().__init__(message)
 

@@ -11,6 +11,7 @@ from app.messages import Command
 from app.processes.errors import ProcessRefused, ProcessUnavailable
 from app.station.contracts import Drive, Engine
 from app.station.errors import Conflict, FieldError, NotAvailable
+from app.storage import StorageFull
 
 
 async def ask(
@@ -23,6 +24,7 @@ async def ask(
 
     Raises:
         FieldError: what was asked is wrong. Conflict: it is not possible in this state.
+        StorageFull: the disk is full.
         NotAvailable: it failed, or there is no engine at the moment.
     """
     with _own_errors(field):
@@ -49,6 +51,8 @@ def _own_errors(field: tuple[str, ...]) -> Iterator[None]:
             raise FieldError(field, str(error)) from error
         if error.refusal == "state":
             raise Conflict(str(error)) from error
+        if error.refusal == "full":
+            raise StorageFull(str(error)) from error
         raise NotAvailable(str(error)) from error
     except ProcessUnavailable as error:
         raise NotAvailable(str(error)) from error

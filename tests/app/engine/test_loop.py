@@ -8,6 +8,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from app.messages import (
     ObservationEvent,
     OpenSource,
     PreviewCalibration,
+    RecordOrder,
+    RecordRobots,
     Reply,
     Request,
     SetParameters,
@@ -40,6 +43,7 @@ from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
+from observer.recording.reader import Recording
 from observer.truth.contract import TrueBody
 from observer.types import NoTrace, Observation, Status, StereoFrame, Trace
 
@@ -482,3 +486,65 @@ def test_watching_reaches_the_publisher_and_shutdown_ends(bench: Bench) -> None:
     assert not bench._thread.is_alive()
     assert bench.sources["many"].closed == 1
     assert bench.publisher.closed
+
+
+def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "r1" / "recording.mcap"
+    bench.truth = StandingTruth()
+    bench.sources["numbers"].broken = (3,)
+    bench.value(
+        opening(run_id="r1", record=RecordOrder(str(path), "lossless", "a run"), paused=True)
+    )
+    assert bench.state.recording is not None
+    assert bench.state.recording["images"] == "lossless"
+    bench.value(SetParameters({"ego_motion.ransac_threshold_px": 3.0}, revision=2))
+    bench.value(RecordRobots(({"role": "observer", "received": 1.0, "sent_speed": 0.3},)))
+    bench.value(SetPlayback(paused=False))
+    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback["ended"])
+    stopped = bench.value(StopRun())
+    assert stopped["recording"]["bytes"] == path.stat().st_size
+    assert bench.state.state is EngineState.PREVIEW
+    assert bench.state.recording is None
+    events = bench.all(ObservationEvent)
+    with Recording(path) as recording:
+        assert not recording.unfinished
+        assert list(recording.lines()) == [event.line for event in events]
+        assert [f.index for f in recording.frames] == [0, 1, 2, 4]
+        assert [f.received for f in recording.frames] == [event.received for event in events]
+        assert [pixels.max() for pixels in (recording.pair(k)[0] for k in range(4))] == [0, 1, 2, 4]
+        assert [(at, r.revision) for at, r in recording.positioned_revisions] == [(0, 1), (0, 2)]
+        assert recording.positioned_revisions[1][1].difference == {
+            "ego_motion.ransac_threshold_px": 3.0
+        }
+        assert [s.index for s in recording.skipped()] == [3]
+        assert [row.sent_speed for row in recording.robot_rows()] == [0.3]
+        matched = [[b.track_id for b in each.bodies] for each in recording.matched_truth()]
+        assert matched == [[None]] * 4
+        truth = recording.truth()
+        assert truth is not None
+        # The truth's own world and the frame's time.
+        assert truth.bodies(100.0)[0].position.tolist() == [100.0, 0.0, 5.0]
+
+
+def test_a_frame_that_breaks_the_observer_is_recorded_with_why(
+    bench: Bench, tmp_path: Path
+) -> None:
+    path = tmp_path / "recording.mcap"
+    record = RecordOrder(str(path), "none", "a run")
+    bench.value(opening("many", run_id="r1", record=record, paused=True))
+    bench.observers[-1].breaks_at = 2
+    bench.value(SetPlayback(paused=False))
+    bench.wait(StateEvent, lambda s: s.state is EngineState.FAILED)
+    bench.ask(Shutdown())
+    bench._thread.join(PATIENCE_S)
+    with Recording(path) as recording:
+        assert not recording.unfinished
+        assert [f.index for f in recording.frames] == [0, 1, 2]
+        assert ["a stage broke" in i.sentence for i in recording.incidents()] == [True]
+
+
+def test_a_recording_without_room_refuses_the_run(bench: Bench, tmp_path: Path) -> None:
+    order = RecordOrder(str(tmp_path / "r.mcap"), "jpeg", "a run", reserve_bytes=1 << 60)
+    refused = bench.answer(opening(run_id="r1", record=order))
+    assert refused.refusal == "full"
+    assert bench.sources["numbers"].closed == 1

@@ -1,0 +1,374 @@
+"""Recording beside the loop: a bounded queue and one thread around ``RecordingWriter``.
+
+The loop only puts references into the queue; packing and writing are the thread's. Where the disk
+does not keep up, frames are dropped and counted; where it is full, the recording ends, not the run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import shutil
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from app.engine.latest_worker import step_back
+from app.messages import OpenSource, RecordOrder
+from observer.errors import SourceError
+from observer.mount import CameraMount
+from observer.parameters import Parameters
+from observer.recording.errors import RecordingError
+from observer.recording.payloads import Begins, Incident, ParameterRevision, RobotRow, RunFacts
+from observer.recording.writer import RecordingWriter
+from observer.sources.contract import SkippedFrame, SourceInfo
+from observer.truth.csv_file import TruthSample
+from observer.types import StereoFrame
+
+_log = logging.getLogger(__name__)
+
+# Seven seconds of a grey pair of 640x480 at 30 frames a second.
+MOST_BYTES = 128 << 20
+# Of messages without images, which are small; a disk that stands still for minutes.
+_MOST_MESSAGES = 20_000
+_FLUSH_S = 0.2
+_LOOK_AT_DISK_S = 1.0
+
+Work = Callable[[RecordingWriter], None]
+
+
+def free_bytes(path: Path) -> int:
+    """What may still be written where a file is."""
+    return shutil.disk_usage(path.parent).free
+
+
+class RunRecorder:
+    """Records one run. Its methods belong to the loop's thread and return at once.
+
+    Args:
+        writer: what to write with; None records nothing. trouble: why, then.
+        order: what was ordered. most_bytes: of frames that wait for the disk.
+        free: what is left on the disk of a file.
+    """
+
+    def __init__(
+        self,
+        writer: RecordingWriter | None,
+        order: RecordOrder,
+        *,
+        trouble: str | None = None,
+        most_bytes: int = MOST_BYTES,
+        free: Callable[[Path], int] = free_bytes,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._writer = writer
+        self._order = order
+        self._path = Path(order.path)
+        self._trouble = trouble
+        self._most_bytes = most_bytes
+        self._free = free
+        self._clock = clock
+        self._began = clock()
+        self._bytes = 0 if writer is None else writer.size
+        self._seconds = 0.0
+        self._changed = threading.Condition()
+        self._waiting: deque[tuple[Work, int]] = deque()
+        self._waiting_bytes = 0
+        self._dropped = 0
+        # Dropped, but not yet told in the recording.
+        self._untold = 0
+        self._ending = False
+        self._done: Callable[[], None] | None = None
+        # A frame with which something began was dropped: it begins with the next one.
+        self._owed: Begins | None = None
+        self._disk_looked_at = clock()
+        self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
+        self._thread.start()
+
+    def facts(self) -> dict[str, Any]:
+        """As ``StateEvent.recording`` holds it."""
+        return {
+            "images": self._order.images,
+            "bytes": self._bytes,
+            "seconds": round(self._seconds, 1),
+            "dropped": self._dropped,
+            "trouble": self._trouble,
+        }
+
+    # --- what is recorded --------------------------------------------------------------------
+
+    def frame(
+        self, frame: StereoFrame, *, position: int, source_time: float, begins: Begins | None
+    ) -> None:
+        """A frame exactly as it is observed, before it is; the arrays must not change.
+
+        Args:
+            position, source_time: within the source. begins: what begins with it.
+        """
+        begins = begins or self._owed
+
+        def write(writer: RecordingWriter) -> None:
+            writer.frame(frame, source_position=position, source_time=source_time, begins=begins)
+
+        taken = self._give(write, frame.left.nbytes + frame.right.nbytes)
+        self._owed = None if taken else begins
+
+    def observation(
+        self,
+        line: Mapping[str, Any],
+        received: float,
+        ego_motion: Mapping[str, Any] | None,
+        truth: Sequence[Mapping[str, Any]],
+    ) -> None:
+        """What was found in a frame, as in the ``ObservationEvent``."""
+        self._give(lambda w: w.observation(line, received, ego_motion=ego_motion, truth=truth))
+
+    def truth(self, sample: TruthSample, received: float) -> None:
+        """What is truly known at a frame, in the truth's own world."""
+        self._give(lambda w: w.truth(sample, received))
+
+    def parameters(
+        self,
+        parameters: Parameters,
+        revision: int,
+        *,
+        before: Parameters | None = None,
+        frame: int | None = None,
+    ) -> None:
+        """Parameters that act from the next frame on.
+
+        Args:
+            before: those until then. frame: the index of the first frame they act on.
+        """
+        values = dict(parameters.flat())
+        old = values if before is None else before.flat()
+        difference = {name: value for name, value in values.items() if old.get(name) != value}
+        told = ParameterRevision(
+            revision=revision, values=values, frame=frame, difference=difference
+        )
+        now = self._clock()
+        self._give(lambda w: w.parameters(told, now))
+
+    def robots(self, rows: Sequence[RobotRow], incidents: Sequence[Incident]) -> None:
+        """What was sent to robots and what they told."""
+
+        def write(writer: RecordingWriter) -> None:
+            for row in rows:
+                writer.robot(row)
+            for incident in incidents:
+                writer.incident(incident)
+
+        self._give(write)
+
+    def skipped(self, skipped: SkippedFrame) -> None:
+        """A frame that the source could not read."""
+        now = self._clock()
+        self._give(lambda w: w.skipped(skipped, now))
+
+    def incident(self, kind: str, sentence: str) -> None:
+        """Something that is to be found again."""
+        told = Incident(kind=kind, sentence=sentence, received=self._clock())
+        self._give(lambda w: w.incident(told))
+
+    def end(self, done: Callable[[], None] | None = None) -> None:
+        """Write what waits and close the file; returns at once, safe to call twice.
+
+        Args:
+            done: called in another thread when the file is whole, or given up.
+        """
+        with self._changed:
+            if self._ending:
+                return
+            self._done = done
+            self._ending = True
+            self._changed.notify()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the end of what ``end`` began."""
+        self._thread.join(timeout_s)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the file is closed for good."""
+        return not self._thread.is_alive()
+
+    def _give(self, work: Work, size: int = 0) -> bool:
+        with self._changed:
+            if self._trouble is not None or self._ending:
+                return True
+            full = size and self._waiting_bytes + size > self._most_bytes
+            # At least one frame has room, however large it is.
+            if (full and self._waiting_bytes) or len(self._waiting) >= _MOST_MESSAGES:
+                self._dropped += 1
+                self._untold += 1
+                return False
+            self._waiting.append((work, size))
+            self._waiting_bytes += size
+            self._changed.notify()
+            return True
+
+    # --- the thread --------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        step_back()
+        try:
+            while (job := self._next()) is not None:
+                self._step(*job)
+        finally:
+            self._close()
+            if self._done is not None:
+                self._done()
+
+    def _next(self) -> tuple[Work, int] | None:
+        """The next piece of work, nothing to do once in a while, or None at the end."""
+        with self._changed:
+            if not self._waiting and not self._ending:
+                self._changed.wait(_FLUSH_S)
+            if self._waiting:
+                return self._waiting.popleft()
+            return None if self._ending else (_nothing, 0)
+
+    def _step(self, work: Work, size: int) -> None:
+        writer, now = self._writer, self._clock()
+        try:
+            if writer is not None:
+                self._tell_of_lost(writer, now)
+                work(writer)
+                writer.flush(now)
+                self._bytes, self._seconds = writer.size, now - self._began
+                self._look_at_disk(now)
+        except RecordingError as error:
+            self._give_up(str(error))
+        except Exception as error:  # noqa: BLE001
+            # Whatever cannot be recorded must end neither this thread nor the run.
+            _log.exception("recording failed")
+            self._give_up(f"the recording ended because of {type(error).__name__}: {error}")
+        finally:
+            with self._changed:
+                self._waiting_bytes -= size
+
+    def _tell_of_lost(self, writer: RecordingWriter, now: float) -> None:
+        with self._changed:
+            lost, self._untold = self._untold, 0
+        if lost:
+            sentence = f"{lost} messages were not recorded, because the disk did not keep up"
+            writer.incident(Incident(kind="not_recorded", sentence=sentence, received=now))
+
+    def _look_at_disk(self, now: float) -> None:
+        if now - self._disk_looked_at < _LOOK_AT_DISK_S:
+            return
+        self._disk_looked_at = now
+        with contextlib.suppress(OSError):
+            left = self._free(self._path)
+            if left < self._order.reserve_bytes:
+                self._give_up(almost_full(self._path, left, self._order.reserve_bytes))
+
+    def _give_up(self, trouble: str) -> None:
+        """The run goes on without; what was written stays readable."""
+        with self._changed:
+            self._trouble = trouble
+            self._waiting.clear()
+            self._waiting_bytes = 0
+        self._close()
+
+    def _close(self) -> None:
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        try:
+            writer.finish()
+        except RecordingError as error:
+            self._trouble = self._trouble or str(error)
+        with contextlib.suppress(OSError):
+            self._bytes = self._path.stat().st_size
+
+
+class Recorders:
+    """Begins recordings, and waits for those that are ending when the engine leaves."""
+
+    def __init__(self) -> None:
+        self._all: list[RunRecorder] = []
+
+    def begin(
+        self,
+        command: OpenSource,
+        info: SourceInfo,
+        calibration_yaml: str,
+        mount: CameraMount | None,
+    ) -> RunRecorder | None:
+        """Record what is opened, where that was ordered; not in the loop's thread, since it opens
+        a file. Where a run goes on, what hinders it is only told.
+
+        Args:
+            info: of the source. calibration_yaml, mount: what it is observed with.
+
+        Raises:
+            RecordingError: the file cannot be written, or the disk is almost full.
+        """
+        order = command.record
+        if order is None or command.run_id is None:
+            return None
+        facts = RunFacts(
+            id=command.run_id,
+            name=order.name,
+            source=info.spec,
+            info=asdict(info),
+            calibration_yaml=calibration_yaml,
+            images=order.images,
+            rig_yaml=command.rig_yaml,
+            mount=None if mount is None else asdict(mount),
+            preset=order.preset,
+            segment=command.segment,
+            versions=order.versions,
+        )
+        resume, trouble = command.segment > 0, None
+        try:
+            writer = _opened(order, facts, resume=resume)
+        except RecordingError as error:
+            if not resume:
+                raise
+            writer, trouble = None, str(error)
+        recorder = RunRecorder(writer, order, trouble=trouble)
+        self._all = [each for each in self._all if not each.ended] + [recorder]
+        return recorder
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for recordings that are ending."""
+        until = time.monotonic() + timeout_s
+        for recorder in self._all:
+            recorder.join(max(0.0, until - time.monotonic()))
+
+
+def almost_full(path: Path, left: int, reserve: int) -> str:
+    """What to say where the disk has too little room for a recording."""
+    return (
+        f"the recording {path.name} cannot go on: {left >> 20} MB are left on the disk and "
+        f"{reserve >> 20} MB are kept free; make room and begin a new run"
+    )
+
+
+def _opened(order: RecordOrder, facts: RunFacts, *, resume: bool) -> RecordingWriter:
+    path = Path(order.path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        left = free_bytes(path)
+    except OSError as error:
+        raise RecordingError.of(error, path.name) from None
+    if left < order.reserve_bytes:
+        raise RecordingError(almost_full(path, left, order.reserve_bytes), full=True)
+    if resume and path.exists():
+        try:
+            return RecordingWriter.resume(path)
+        except SourceError as error:
+            # It ended before it was a recording: kept for whoever wants to look at it.
+            _log.warning("a recording is begun anew: %s", error)
+            path.replace(path.with_suffix(".damaged.mcap"))
+    return RecordingWriter(path, facts)
+
+
+def _nothing(_: RecordingWriter) -> None:
+    pass

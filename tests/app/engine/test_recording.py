@@ -1,0 +1,220 @@
+"""A run's recording beside the loop: nothing waits for the disk, and a full one ends it alone."""
+
+from __future__ import annotations
+
+import resource
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.engine.recording import Recorders, RunRecorder
+from app.messages import OpenSource, RecordOrder
+from observer.calibration.formats.opencv_file import calibration_text
+from observer.camera import StereoCalibration
+from observer.recording.errors import RecordingError
+from observer.recording.payloads import RunFacts
+from observer.recording.reader import Recording
+from observer.recording.writer import RecordingWriter
+from observer.sources.contract import SkippedFrame, SourceInfo
+from observer.types import StereoFrame
+
+WIDTH, HEIGHT = 64, 48
+INFO = SourceInfo("numbers", "numbers", WIDTH, HEIGHT, 10.0, 5)
+CALIBRATION = calibration_text(
+    StereoCalibration.rectified(WIDTH, HEIGHT, 60.0, 60.0, 32.0, 24.0, 0.1)
+)
+FRAME_BYTES = 2 * WIDTH * HEIGHT
+
+
+def frame(index: int) -> StereoFrame:
+    image = np.full((HEIGHT, WIDTH), index % 256, dtype=np.uint8)
+    return StereoFrame(index, index / 10, image, image, received=time.monotonic())
+
+
+def order(path: Path, **changes: Any) -> RecordOrder:
+    return RecordOrder(str(path), "lossless", "a run", **changes)
+
+
+def command(path: Path, segment: int = 0, **changes: Any) -> OpenSource:
+    return OpenSource(
+        "numbers", None, {}, 1, run_id="r1", segment=segment, record=order(path, **changes)
+    )
+
+
+def begin(wanted: OpenSource) -> RunRecorder:
+    recorder = Recorders().begin(wanted, INFO, CALIBRATION, None)
+    assert recorder is not None
+    return recorder
+
+
+def give(recorder: RunRecorder, index: int, begins: Any = None) -> None:
+    recorder.frame(frame(index), position=index, source_time=index / 10, begins=begins)
+
+
+def ended(recorder: RunRecorder) -> None:
+    recorder.end()
+    recorder.join(20)
+    assert recorder.ended
+
+
+def eventually(holds: Callable[[], Any]) -> None:
+    until = time.monotonic() + 20
+    while not holds():
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def frames_in(path: Path) -> list[int]:
+    with Recording(path) as recording:
+        return [each.index for each in recording.frames]
+
+
+class SlowWriter:
+    """Stands in a frame until it is let go; then it is the writer behind it."""
+
+    def __init__(self, writer: Any) -> None:
+        self._writer = writer
+        self.gate = threading.Event()
+
+    def frame(self, *args: Any, **more: Any) -> None:
+        assert self.gate.wait(20)
+        self._writer.frame(*args, **more)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._writer, name)
+
+
+@pytest.fixture
+def file_limit() -> Iterator[Callable[[int], None]]:
+    """Let no file of this process grow beyond a size: EFBIG, as a full disk gives ENOSPC."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_what_is_given_stands_in_the_file_in_order(tmp_path: Path) -> None:
+    path = tmp_path / "runs" / "r1" / "recording.mcap"
+    recorder = begin(command(path))
+    recorder.skipped(SkippedFrame(7, "frame 7 is damaged"))
+    for index in range(5):
+        give(recorder, index, "segment" if index == 3 else None)
+    recorder.incident("failed", "a stage broke")
+    done = threading.Event()
+    recorder.end(done.set)
+    assert done.wait(20)
+    facts = recorder.facts()
+    assert facts["bytes"] == path.stat().st_size
+    assert (facts["images"], facts["dropped"], facts["trouble"]) == ("lossless", 0, None)
+    with Recording(path) as recording:
+        assert not recording.unfinished
+        assert [f.begins for f in recording.frames] == ["observer", None, None, "segment", None]
+        assert [f.source_position for f in recording.frames] == [0, 1, 2, 3, 4]
+        assert np.array_equal(recording.pair(4)[1], frame(4).right)
+        assert [s.index for s in recording.skipped()] == [7]
+        assert [i.kind for i in recording.incidents()] == ["failed"]
+
+
+def test_a_disk_that_stands_still_costs_frames_not_time(tmp_path: Path) -> None:
+    path = tmp_path / "recording.mcap"
+    facts = RunFacts(
+        id="r1", name="", source="", info={}, calibration_yaml=CALIBRATION, images="lossless"
+    )
+    slow = SlowWriter(RecordingWriter(path, facts))
+    recorder = RunRecorder(slow, order(path), most_bytes=3 * FRAME_BYTES)  # type: ignore[arg-type]
+    begun = time.monotonic()
+    for index in range(100):
+        give(recorder, index, "segment" if index == 50 else None)
+    assert time.monotonic() - begun < 2.0
+    # Three have room, the one that is being written among them.
+    assert recorder.facts()["dropped"] == 97
+    slow.gate.set()
+    eventually(lambda: not recorder._waiting and recorder._waiting_bytes == 0)
+    give(recorder, 100)
+    ended(recorder)
+    with Recording(path) as recording:
+        assert [f.index for f in recording.frames] == [0, 1, 2, 100]
+        # The world that began with a frame that was lost begins with the next one.
+        assert recording.frames[-1].begins == "segment"
+        assert ["97 messages" in i.sentence for i in recording.incidents()] == [True]
+
+
+def test_a_full_disk_ends_the_recording_alone(
+    tmp_path: Path, file_limit: Callable[[int], None]
+) -> None:
+    path = tmp_path / "recording.mcap"
+    recorder = begin(command(path))
+    give(recorder, 0)
+    eventually(lambda: frames_in(path))
+    file_limit(path.stat().st_size + 50)
+    index = 1
+    noise = np.random.default_rng(1)
+    until = time.monotonic() + 20
+    while recorder.facts()["trouble"] is None and time.monotonic() < until:
+        image = noise.integers(0, 255, (HEIGHT, WIDTH), dtype=np.uint8)
+        noisy = StereoFrame(index, index / 10, image, image, received=time.monotonic())
+        recorder.frame(noisy, position=index, source_time=index / 10, begins=None)
+        index += 1
+        time.sleep(0.02)
+    assert "disk is full" in recorder.facts()["trouble"]
+    give(recorder, index)
+    ended(recorder)
+    assert frames_in(path)[0] == 0
+
+
+def test_it_ends_before_the_disk_is_full(tmp_path: Path) -> None:
+    path = tmp_path / "recording.mcap"
+    first = begin(command(path))
+    ended(first)
+    left = [500 << 20]
+    recorder = RunRecorder(
+        RecordingWriter.resume(path), order(path, reserve_bytes=200 << 20), free=lambda _: left[0]
+    )
+    give(recorder, 0)
+    left[0] = 199 << 20
+    eventually(lambda: recorder.facts()["trouble"])
+    assert "199 MB are left" in recorder.facts()["trouble"]
+    with Recording(path) as recording:
+        assert not recording.unfinished
+        assert [f.index for f in recording.frames] == [0]
+    ended(recorder)
+
+
+def test_no_room_refuses_a_run_that_begins_but_not_one_that_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "recording.mcap"
+    with pytest.raises(RecordingError, match="kept free") as refused:
+        begin(command(path, reserve_bytes=1 << 60))
+    assert refused.value.full
+    assert not path.exists()
+    going_on = begin(command(path, segment=1, reserve_bytes=1 << 60))
+    assert "kept free" in going_on.facts()["trouble"]
+    give(going_on, 0)
+    ended(going_on)
+    assert not path.exists()
+
+
+def test_a_run_that_goes_on_is_recorded_in_the_same_file(tmp_path: Path) -> None:
+    path = tmp_path / "recording.mcap"
+    for segment in (0, 1):
+        recorder = begin(command(path, segment))
+        give(recorder, 3 * segment)
+        ended(recorder)
+    with Recording(path) as recording:
+        assert [(f.index, f.begins) for f in recording.frames] == [(0, "observer"), (3, "observer")]
+    path.write_bytes(b"no recording")
+    recorder = begin(command(path, 2))
+    ended(recorder)
+    assert recorder.facts()["trouble"] is None
+    assert path.with_suffix(".damaged.mcap").read_bytes() == b"no recording"
+
+
+def test_a_fault_in_what_is_recorded_ends_the_recording_with_a_sentence(tmp_path: Path) -> None:
+    recorder = begin(command(tmp_path / "recording.mcap"))
+    recorder.observation({"no": "line"}, time.monotonic(), None, [])
+    eventually(lambda: recorder.facts()["trouble"])
+    assert "KeyError" in recorder.facts()["trouble"]
+    ended(recorder)
