@@ -4,21 +4,31 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from observer.errors import InputError
 from observer.evaluation.breakdown import LAB, ROAD, break_down, breakdown_tables
 from observer.evaluation.evaluate import summarise
-from observer.evaluation.lines import read_lines
+from observer.evaluation.lines import checked_lines, read_plain_lines
 from observer.evaluation.results import listed
 from observer.evaluation.tally import tally
-from observer.truth.csv_file import CsvTruth
+from observer.truth.alignment.choices import AlignmentChoices, BodyRole
+from observer.truth.alignment.result import Alignment
+from observer.truth.files.angles import AngleReading
+from observer.truth.opening import OpenedTruth, open_truth
 
 
 def evaluate(
     tracks: Annotated[Path, typer.Argument(help="JSON lines written by observe.")],
-    truth: Annotated[Path, typer.Option(help="truth.csv of the same frames.")],
+    truth: Annotated[
+        Path,
+        typer.Option(
+            help="truth.csv of the same frames; or motion capture, which is aligned first: Vicon "
+            "Tracker or Nexus CSV, C3D, a plain CSV (t,x,y,z), TUM."
+        ),
+    ],
     as_json: Annotated[bool, typer.Option("--json", help="Figures as JSON on stdout.")] = False,
     road: Annotated[
         bool,
@@ -28,17 +38,71 @@ def evaluate(
             f"range and speed for roads.",
         ),
     ] = False,
+    observer: Annotated[
+        str | None,
+        typer.Option(metavar="BODY", help="The body that carries the cameras; else found out."),
+    ] = None,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option(metavar="BODY", help="A body to leave out; may be given more than once."),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Samples per second of a file that does not tell (Tracker 3.5)."),
+    ] = None,
+    angles: Annotated[
+        AngleReading | None,
+        typer.Option(help="How Vicon's three angles are meant, where that cannot be found out."),
+    ] = None,
 ) -> None:
     """Compare tracks with truth: recall, false obstacles, errors of position and velocity."""
     scale = ROAD if road else LAB
-    counted = tally(read_lines(tracks), CsvTruth(truth), scale.gate_m)
+    lines = read_plain_lines(tracks)
+    opened = open_truth(
+        truth, lines, _choices(observer, ignore or []), rate_hz=rate, angles=angles
+    )
+    for sentence in _sentences(opened):
+        typer.echo(sentence, err=True)
+    counted = tally(checked_lines(lines), opened.truth, scale.gate_m)
     result, classes = summarise([counted]), break_down([counted], scale)
     if as_json:
-        figures = {
+        figures: dict[str, Any] = {
             **result.as_dict(),
             "breakdown": classes.as_dict(),
             **listed(tuple(counted.false)),
         }
+        if opened.alignment is not None:
+            figures["alignment"] = opened.alignment.as_dict()
         typer.echo(json.dumps(figures, indent=2, allow_nan=False))
     else:
         typer.echo(f"{result.markdown()}\n{breakdown_tables({'': classes})}".rstrip())
+
+
+def _choices(observer: str | None, ignored: list[str]) -> AlignmentChoices:
+    roles: dict[str, BodyRole] = dict.fromkeys(ignored, "ignored")
+    if observer is not None:
+        if observer in roles:
+            raise InputError(f"{observer} cannot be both --observer and --ignore; name it once")
+        roles[observer] = "observer"
+    return AlignmentChoices(roles=roles)
+
+
+def _sentences(opened: OpenedTruth) -> list[str]:
+    """What was understood of the file and how it was aligned; for people, on stderr."""
+    if opened.capture is None or opened.alignment is None:
+        return []
+    return [
+        f"truth: {opened.capture.format}",
+        *opened.capture.notes,
+        _clocks(opened.alignment),
+        *opened.alignment.notes,
+    ]
+
+
+def _clocks(alignment: Alignment) -> str:
+    time = alignment.time
+    drift = f", drift {time.drift_ppm:+.0f} ppm" if time.drift_sigma_ppm is not None else ""
+    return (
+        f"clocks: {1000 * time.offset_s:+.1f} ms (one sigma {1000 * time.sigma_s:.1f} ms{drift}), "
+        f"correlation {time.correlation:.2f} over {time.overlap_s:.0f} s"
+    )

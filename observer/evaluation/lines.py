@@ -70,7 +70,22 @@ def read_lines(path: Path | str) -> tuple[Line, ...]:
     Raises:
         InputError: the file cannot be read, or as for ``checked_lines``.
     """
-    path = Path(path)
+    return _ordered([_line(content, number) for number, content in _contents(Path(path))])
+
+
+def read_plain_lines(path: Path | str) -> tuple[dict[str, Any], ...]:
+    """The same file with all that its lines hold, as plain dictionaries.
+
+    Raises:
+        InputError: as ``read_lines``.
+    """
+    contents = _contents(Path(path))
+    _ordered([_line(content, number) for number, content in contents])
+    return tuple(content for _, content in contents)
+
+
+def _contents(path: Path) -> list[tuple[int, Any]]:
+    """What each line that is not empty holds, and its number."""
     try:
         with path.open(encoding="utf-8") as file:
             contents = [(n, text) for n, text in enumerate(file, 1) if text.strip()]
@@ -81,12 +96,12 @@ def read_lines(path: Path | str) -> tuple[Line, ...]:
     lines = []
     for number, text in contents:
         try:
-            lines.append(_line(json.loads(text), number))
+            lines.append((number, json.loads(text)))
         except (json.JSONDecodeError, RecursionError):
             raise InputError(f"{path.name} line {number} is not valid JSON") from None
     if not lines:
         raise InputError(f"{path.name} holds no lines")
-    return _ordered(lines)
+    return lines
 
 
 def _line(content: Any, number: int) -> Line:

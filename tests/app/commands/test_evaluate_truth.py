@@ -1,0 +1,77 @@
+"""``evaluate`` against motion capture that knows neither the run's clock nor its world."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from ...observer.truth.alignment.conftest import Room, make_room
+from .shell import Shell
+
+OFFSET_S = 0.3
+
+
+@pytest.fixture
+def room() -> Room:
+    return make_room(3, offset=OFFSET_S, noise=0.002)
+
+
+@pytest.fixture
+def tracks(room: Room, tmp_path: Path) -> Path:
+    lines = [line | {"status": "ok"} for line in room.lines]
+    seen = [(line["time"], each) for line in lines for each in line["obstacles"]]
+    times = np.array([time for time, _ in seen])
+    velocities = np.gradient(np.array([each["position"] for _, each in seen]), times, axis=0)
+    for (_, each), velocity in zip(seen, velocities, strict=True):
+        each |= {"velocity": velocity.tolist(), "velocity_cov": None}
+    path = tmp_path / "tracks.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return path
+
+
+@pytest.fixture
+def mocap(room: Room, tmp_path: Path) -> Path:
+    rows = ["body,t,x,y,z,qx,qy,qz,qw"]
+    for name, body in room.capture.bodies.items():
+        assert body.rotations is not None
+        for t, place, R in zip(body.times, body.positions, body.rotations, strict=True):
+            if np.isfinite(place).all():
+                cells = [t, *place, *Rotation.from_matrix(R).as_quat()]
+                rows.append(",".join([name, *(f"{cell:.6f}" for cell in cells)]))
+    path = tmp_path / "anything.txt"
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_motion_capture_is_aligned_and_then_compared(
+    shell: Shell, tracks: Path, mocap: Path
+) -> None:
+    done = shell("evaluate", str(tracks), "--truth", str(mocap), "--json")
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    assert found["alignment"]["time"]["offset_s"] == pytest.approx(OFFSET_S, abs=0.02)
+    assert found["alignment"]["roles"] == {"Amigo": "observer", "P3DX": "obstacle"}
+    assert found["recall"] > 0.9
+    assert found["speed_rmse_mps"] < 0.1
+    assert "clocks: +" in done.err
+    assert "taken for the observer" in done.err
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--observer", "Turtle"), "motion capture has no body 'Turtle'"),
+        (("--observer", "P3DX", "--ignore", "P3DX"), "cannot be both"),
+    ],
+)
+def test_a_body_that_is_not_there_is_named(
+    shell: Shell, tracks: Path, mocap: Path, options: tuple[str, ...], says: str
+) -> None:
+    done = shell("evaluate", str(tracks), "--truth", str(mocap), *options)
+    assert done.code == 2
+    assert says in done.err
+    assert done.out == ""
