@@ -32,11 +32,13 @@ def build() -> typer.Typer:
     from app.commands.drive import drive, programmes
     from app.commands.emulate import emulate
     from app.commands.evaluate import evaluate
+    from app.commands.export import export
     from app.commands.observe import observe
     from app.commands.parameters import parameters
     from app.commands.restore import restore
     from app.commands.serve import serve
     from app.commands.simulate import simulate
+    from app.commands.sweep import sweep
 
     cli = typer.Typer(
         name="dynamic-observer",
@@ -49,6 +51,7 @@ def build() -> typer.Typer:
     cli.command("serve")(serve)
     cli.command("observe")(observe)
     cli.command("evaluate")(evaluate)
+    cli.command("export")(export)
     cli.command("simulate")(simulate)
     cli.command("calibrate")(calibrate)
     cli.command("coppelia-scene")(coppelia_scene)
@@ -56,6 +59,7 @@ def build() -> typer.Typer:
     cli.command("drive")(drive)
     cli.command("programmes")(programmes)
     cli.command("benchmark")(benchmark)
+    cli.command("sweep")(sweep)
     cli.command("emulate")(emulate)
     cli.command("backup")(backup)
     cli.command("restore")(restore)

@@ -20,11 +20,11 @@ from observer.evaluation.results import Benchmark, PresetResult, SourceResult
 
 _DPI = 130
 # Okabe and Ito's colours that stay apart for colour-blind eyes; the markers tell them apart too.
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
 _MARKERS = ("o", "s", "^", "D", "v")
-_GREY = "#5a5a5a"
+GREY = "#5a5a5a"
 _GRID = "#e2e2e2"
-_TARGET = "#8a8a8a"
+TARGET = "#8a8a8a"
 _RECALL = 0.97
 _VELOCITY_IDEAL, _VELOCITY_FAULTY = 0.03, 0.08
 _FALSE_PER_100 = 0.5
@@ -134,7 +134,7 @@ def _points(
         axes.plot(places, values, linewidth=1.4, **_style(number))
     axes.set_xticks(range(len(labels)), labels, fontsize=8.5)
     axes.set_xlim(-0.4, len(labels) - 0.6)
-    _plain(axes, "y")
+    plain_axes(axes, "y")
     return known
 
 
@@ -154,12 +154,12 @@ def _false(
     axes.xaxis.set_minor_formatter(NullFormatter())
     ticks = [0, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000]
     axes.set_xticks([t for t in ticks if t <= axes.get_xlim()[1]])
-    axes.axvline(_FALSE_PER_100, color=_TARGET, linewidth=1, linestyle="--", zorder=1)
+    axes.axvline(_FALSE_PER_100, color=TARGET, linewidth=1, linestyle="--", zorder=1)
     axes.set_yticks(places, [label for label, _ in by_source], fontsize=8.5)
     axes.set_ylim(len(by_source) - 0.4, -0.6)
     axes.set_xlabel("instances per 100 frames (linear below 1)")
     axes.set_title("False instances by source", **_TITLE)
-    _plain(axes, "both")
+    plain_axes(axes, "both")
 
 
 def _cost(
@@ -173,9 +173,9 @@ def _cost(
             if ms is None:
                 continue
             y = place + (row - (len(presets) - 1) / 2) * thickness
-            colour = _COLOURS[number % len(_COLOURS)]
+            colour = COLOURS[number % len(COLOURS)]
             axes.barh(y, ms, height=0.9 * thickness, color=colour, zorder=2)
-            axes.text(ms, y, f" {ms:.1f}", va="center", fontsize=8, color=_GREY)
+            axes.text(ms, y, f" {ms:.1f}", va="center", fontsize=8, color=GREY)
     axes.set_yticks(range(len(stages)), [_WORDS.get(s, s.replace("_", " ")) for s in stages])
     axes.tick_params(axis="y", labelsize=8.5)
     axes.set_ylim(len(stages) - 0.4, -0.6)
@@ -184,8 +184,8 @@ def _cost(
     ratios = [f"{p.preset} {p.opencv.ratio:.1f}" for p in presets if p.opencv is not None]
     note = f"   whole step / OpenCV: {', '.join(ratios)}" if ratios else ""
     axes.set_title("Cost by stage", **_TITLE)
-    axes.set_title(note, loc="right", fontsize=9, color=_GREY)
-    _plain(axes, "x")
+    axes.set_title(note, loc="right", fontsize=9, color=GREY)
+    plain_axes(axes, "x")
 
 
 _OPENCV = "opencv"
@@ -226,7 +226,7 @@ def _false_by_source(sources: Sequence[SourceResult]) -> list[tuple[str, dict[st
 
 def _legend(figure: Figure, names: Sequence[str], sources: Sequence[SourceResult]) -> None:
     handles = [Line2D([], [], linewidth=1.4, **_style(i)) for i in range(len(names))]
-    handles += [Line2D([], [], color=_TARGET, linewidth=1, linestyle="--")]
+    handles += [Line2D([], [], color=TARGET, linewidth=1, linestyle="--")]
     figure.legend(
         handles,
         [*names, "to reach"],
@@ -238,7 +238,7 @@ def _legend(figure: Figure, names: Sequence[str], sources: Sequence[SourceResult
     first = [s for s in sources if s.preset == names[0]]
     figure.text(
         0.993, 0.995, f"{len(first)} sources, {sum(s.frames for s in first)} frames each preset",
-        ha="right", va="top", fontsize=9, color=_GREY,
+        ha="right", va="top", fontsize=9, color=GREY,
     )  # fmt: skip
 
 
@@ -249,7 +249,7 @@ def _apart(number: int, count: int) -> float:
 
 def _style(number: int) -> dict[str, Any]:
     return {
-        "color": _COLOURS[number % len(_COLOURS)],
+        "color": COLOURS[number % len(COLOURS)],
         "marker": _MARKERS[number % len(_MARKERS)],
         "markersize": 6.5,
         "zorder": 3,
@@ -257,15 +257,16 @@ def _style(number: int) -> dict[str, Any]:
 
 
 def _horizontal_target(axes: Axes, value: float, label: str = "") -> None:
-    axes.axhline(value, color=_TARGET, linewidth=1, linestyle="--", zorder=1)
+    axes.axhline(value, color=TARGET, linewidth=1, linestyle="--", zorder=1)
     if label:
         axes.text(
             1.0, value, label, transform=axes.get_yaxis_transform(), ha="right", va="bottom",
-            fontsize=8, color=_GREY,
+            fontsize=8, color=GREY,
         )  # fmt: skip
 
 
-def _plain(axes: Axes, lines: Literal["x", "y", "both"]) -> None:
+def plain_axes(axes: Axes, lines: Literal["x", "y", "both"]) -> None:
+    """Axes without a frame, with a quiet grid across these directions."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):

@@ -10,7 +10,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from observer.errors import InputError
@@ -41,7 +41,8 @@ class SourceRun:
         times_ms: by stage, one value for each frame on which they were taken.
         opencv_ms: by call, one mapping for each of the other frames. recorded_ms: what the whole
             of ``observe`` took on these, the taking of their time included.
-        tally: None where the source has no truth.
+        tally: None where the source has no truth, and for a preset that saw only part of it.
+        timed_frames: the number of the frame of each value in ``times_ms``.
     """
 
     frames: int
@@ -51,6 +52,7 @@ class SourceRun:
     opencv_ms: list[Mapping[str, float]]
     recorded_ms: list[float]
     tally: Tally | None
+    timed_frames: list[int] = field(default_factory=list)
 
 
 def run_source(
@@ -73,18 +75,30 @@ def run_source(
     """
     opened = open_source(source.spec)
     with closing(opened.source):
-        return _run(opened, source, presets, max_frames, gate_m, report, clock)
+        return run_opened(opened, source, presets, max_frames, gate_m, report, clock)
 
 
-def _run(
+def run_opened(
     opened: OpenedSource,
     source: BenchmarkSource,
     presets: Mapping[str, Parameters],
     max_frames: int,
     gate_m: float,
     report: Callable[[int], None],
-    clock: Callable[[], float],
+    clock: Callable[[], float] = time.perf_counter,
+    *,
+    during: Mapping[str, range] | None = None,
+    recorded_share: float = _RECORDED_SHARE,
 ) -> dict[str, SourceRun]:
+    """As ``run_source``, of a source that is open; it stays open.
+
+    Args:
+        during: of a preset that is to see only part of the source, the numbers of its frames.
+        recorded_share: of the frames, those on which OpenCV's calls are timed.
+
+    Raises:
+        InputError: the source has no calibration.
+    """
     calibration = opened.source.calibration
     if calibration is None:
         raise InputError(f"{source.spec} brings no calibration, so it cannot be benchmarked")
@@ -96,16 +110,20 @@ def _run(
     times: dict[str, dict[str, list[float]]] = {name: defaultdict(list) for name in presets}
     opencv: dict[str, list[Mapping[str, float]]] = {name: [] for name in presets}
     whole: dict[str, list[float]] = {name: [] for name in presets}
+    timed: dict[str, list[int]] = {name: [] for name in presets}
+    spans = {name: (during or {}).get(name, range(max_frames)) for name in presets}
     recorder, draw = OpenCvRecorder(clock), random.Random(0)
     skipped = 0
     for number, frame in enumerate(_frames(opened.source.read, max_frames)):
         report(number)
         settled = number >= _WARM_UP_FRAMES
-        recorded = settled and draw.random() < _RECORDED_SHARE
+        recorded = settled and draw.random() < recorded_share
         if not isinstance(frame, StereoFrame):
             skipped += 1
             continue
         for name, observer in observers.items():
+            if number not in spans[name]:
+                continue
             if recorded:
                 with recorder.on():
                     observation = observer.observe(frame)
@@ -114,7 +132,8 @@ def _run(
             else:
                 observation = observer.observe(frame)
             lines[name].append(observation_line(observation))
-            if settled and not recorded:
+            if number - spans[name].start >= _WARM_UP_FRAMES and not recorded:
+                timed[name].append(number)
                 for stage, ms in observation.timings_ms.items():
                     times[name][stage].append(ms)
     info = opened.source.info
@@ -127,8 +146,9 @@ def _run(
             opencv_ms=opencv[name],
             recorded_ms=whole[name],
             tally=None
-            if opened.truth is None
+            if opened.truth is None or name in (during or {})
             else tally(checked_lines(lines[name]), opened.truth, gate_m, source.scored_for),
+            timed_frames=timed[name],
         )
         for name in presets
     }

@@ -1,0 +1,201 @@
+"""The processes that work on a sweep: dask.distributed, which the extra ``cluster`` installs.
+
+It is imported at the first use only, so that everybody else starts without it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import signal
+import tempfile
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from observer.errors import DynamicObserverError, InputError
+from observer.evaluation.sweep.task import Outcome, Task, run_task
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+_JOINING_S = 30.0
+# Tasks handed out before they are due, for each worker: none waits for the next one.
+_AHEAD = 3
+
+
+class ClusterLost(DynamicObserverError):
+    """The cluster went away in the middle of a sweep."""
+
+
+@dataclass(frozen=True)
+class ClusterChoice:
+    """Where to work.
+
+    Attributes:
+        scheduler: address of a lab's own, as in ``tcp://lab-server:8786``; None for one that is
+            started here and ended behind the work.
+        workers: of the one started here, one thread each.
+        processes: False to have them in threads of this process.
+    """
+
+    scheduler: str | None = None
+    workers: int = 1
+    processes: bool = True
+
+
+def cluster_missing() -> str | None:
+    """One sentence on how to get what a sweep needs where it is not installed, otherwise None."""
+    missing = [n for n in ("distributed", "pyarrow") if importlib.util.find_spec(n) is None]
+    if not missing:
+        return None
+    return (
+        f"a sweep needs {' and '.join(missing)}, not installed here; install by: "
+        f"pip install 'dynamic-observer[cluster]'"
+    )
+
+
+@contextmanager
+def opened_cluster(choice: ClusterChoice) -> Iterator[Client]:
+    """A client of the cluster while the block runs; what was started here is ended behind it.
+
+    Raises:
+        InputError: distributed is not installed, or no scheduler answers at the address.
+    """
+    missing = cluster_missing()
+    if missing is not None:
+        raise InputError(missing)
+    with _local(choice) if choice.scheduler is None else _remote(choice.scheduler) as client:
+        yield client
+
+
+def evaluate_tasks(
+    client: Client,
+    tasks: Iterable[Task],
+    done: Callable[[Task, Outcome], None],
+    *,
+    cache_bytes: int,
+    own_process: bool = True,
+) -> None:
+    """Have the cluster evaluate the tasks, a few handed out ahead.
+
+    Args:
+        done: called with each as soon as it is finished, in this thread.
+
+    Raises:
+        ClusterLost: the scheduler went away, or cancelled the tasks.
+    """
+    from distributed import as_completed
+
+    waiting: dict[str, Task] = {}
+    left = iter(tasks)
+    finished: Any = as_completed(loop=client.loop)  # type: ignore[no-untyped-call]
+
+    def hand_out() -> None:
+        # A lab's cluster may have grown meanwhile.
+        workers: Any = client.nthreads()  # type: ignore[no-untyped-call]
+        while len(waiting) < _AHEAD * max(1, len(workers)):
+            task = next(left, None)
+            if task is None:
+                return
+            key = f"sweep-{task.key}"
+            if key in waiting:
+                raise ValueError("a task is given twice")
+            waiting[key] = task
+            finished.add(client.submit(run_task, task, cache_bytes, own_process, key=key))
+
+    try:
+        hand_out()
+        for future in finished:
+            done(waiting.pop(future.key), _outcome(future))
+            # Lets the scheduler forget it.
+            future.release()
+            hand_out()
+    except (OSError, TimeoutError) as error:
+        raise ClusterLost(
+            f"the cluster's scheduler went away ({error or type(error).__name__}); start the "
+            f"sweep again, it goes on where it was"
+        ) from None
+
+
+def _outcome(future: Any) -> Outcome:
+    if future.status == "finished":
+        outcome = future.result()
+        assert isinstance(outcome, Outcome)
+        return outcome
+    if future.status in ("cancelled", "lost"):
+        raise ClusterLost(
+            "the cluster gave up its tasks; start the sweep again, it goes on where it was"
+        )
+    error = future.exception()
+    if type(error).__name__ == "KilledWorker":
+        return Outcome(
+            error="the workers that tried it ended, killed by the system for want of memory "
+            "perhaps; run with fewer jobs"
+        )
+    return Outcome(error=f"{type(error).__name__}: {error}")
+
+
+@contextmanager
+def _local(choice: ClusterChoice) -> Iterator[Client]:
+    from distributed import Client, LocalCluster
+
+    with ExitStack() as stack:
+        scratch = stack.enter_context(
+            tempfile.TemporaryDirectory(prefix="sweep-", ignore_cleanup_errors=True)
+        )
+        with _without_interrupts():
+            cluster = LocalCluster(  # type: ignore[no-untyped-call]
+                n_workers=choice.workers,
+                threads_per_worker=1,
+                processes=choice.processes,
+                dashboard_address=None,
+                local_directory=scratch,
+                memory_limit=0,
+                silence_logs=logging.CRITICAL,
+            )
+        stack.callback(cluster.close)
+        client = Client(cluster, set_as_default=False)  # type: ignore[no-untyped-call]
+        yield stack.enter_context(client)
+
+
+@contextmanager
+def _remote(address: str) -> Iterator[Client]:
+    from distributed import Client
+
+    try:
+        client = Client(  # type: ignore[no-untyped-call]
+            address, set_as_default=False, timeout=_JOINING_S
+        )
+    except (OSError, TimeoutError, ValueError):
+        raise InputError(
+            f"no scheduler answers at {address}; start one by `dask scheduler` and give its "
+            f"address, as in tcp://lab-server:8786"
+        ) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=_JOINING_S)
+        except TimeoutError:
+            raise InputError(
+                f"the scheduler at {address} has no worker; start some by "
+                f"`dask worker {address} --nthreads 1`"
+            ) from None
+        yield client
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Have processes that are started within ignore Ctrl-C, which goes to all of a terminal's:
+
+    this one ends them, once what is finished is kept.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,64 @@
+"""Accuracy of the combinations of a sweep against their cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.figure import Figure
+
+from observer.evaluation.figure import COLOURS, GREY, TARGET, plain_axes
+from observer.evaluation.sweep.results import RANKED_BY, Ranked, RankedBy, Sweep
+
+# So many of the best are named by their numbers; more would cover each other.
+_NAMED = 12
+
+
+def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure:
+    """Each combination as a point, means over the sources; those that nothing beats as a line.
+
+    Args:
+        by: the figure of ``RANKED_BY`` that was ranked by.
+    """
+    title, more = RANKED_BY[by]
+    figure = Figure(figsize=(8.5, 5.6), layout="constrained", facecolor="white")
+    axes = figure.add_subplot()
+    points = [
+        (each, each.cost_ratio, value)
+        for each in ranked
+        if each.rank is not None
+        and each.cost_ratio is not None
+        and (value := each.means[by]) is not None
+    ]
+    for number, preset in enumerate(sweep.grid.presets):
+        mine = [(x, y) for each, x, y in points if each.combination.preset == preset]
+        colour = COLOURS[number % len(COLOURS)]
+        axes.plot(
+            [x for x, _ in mine],
+            [y for _, y in mine],
+            linestyle="none", marker="o", markersize=6, color=colour, alpha=0.6, label=preset,
+        )  # fmt: skip
+    front = sorted(
+        ((x, y, each) for each, x, y in points if each.best), key=lambda point: point[0]
+    )
+    axes.plot(
+        [x for x, _, _ in front],
+        [y for _, y, _ in front],
+        color="#202020", linewidth=1.2, marker="o", markersize=9, markerfacecolor="none",
+        label="none is both better and cheaper",
+    )  # fmt: skip
+    for x, y, each in front[-_NAMED:]:
+        axes.annotate(
+            str(each.combination.number), (x, y), xytext=(6, 6), textcoords="offset points",
+            fontsize=8.5,
+        )  # fmt: skip
+    axes.axvline(1.0, color=TARGET, linewidth=1, linestyle="--", zorder=1)
+    axes.set_xlabel("cost of observe over that of the preset default")
+    axes.set_ylabel(f"{title} ({'more' if more else 'less'} is better)")
+    axes.set_title("Accuracy against cost", loc="left", fontsize=11, fontweight="bold")
+    axes.set_title(
+        f"{len(points)} combinations, {len(sweep.sources)} sources", loc="right", fontsize=9,
+        color=GREY,
+    )  # fmt: skip
+    axes.legend(frameon=False, fontsize=9)
+    plain_axes(axes, "both")
+    return figure

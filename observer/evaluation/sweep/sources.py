@@ -1,0 +1,101 @@
+"""What a sweep goes over: finite sources with truth, named by their content."""
+
+from __future__ import annotations
+
+import hashlib
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from observer.errors import InputError
+from observer.evaluation.sources import BenchmarkSource, described
+from observer.opening import exclusive_world, live_devices, open_source, shown_spec
+
+_VIDEO = "video:"
+_BLOCK = 1 << 20
+
+
+@dataclass(frozen=True)
+class SweepSource:
+    """One source of a sweep.
+
+    Attributes:
+        name: as it was given, for people. benchmark: its spec has whole paths, so that it is
+            found from any working directory.
+        frames: how many of it are observed at most.
+        digest: of what it holds: of a file its bytes, of a folder the names, sizes and times of
+            change of its files, of a scenario its name and seed.
+    """
+
+    name: str
+    benchmark: BenchmarkSource
+    frames: int
+    digest: str
+
+
+def sweep_source(spec: str, frames: int | None) -> SweepSource:
+    """Look at a source before it is run.
+
+    Args:
+        frames: most frames of it; None for all it has.
+
+    Raises:
+        InputError: there is no such source, it is live, has no end, no calibration or no truth.
+    """
+    shown = shown_spec(spec)
+    if live_devices(spec) or exclusive_world(spec) is not None:
+        raise InputError(
+            f"{shown} is live, so it differs each time; record a run of it and sweep over the "
+            f"recording"
+        )
+    spec = _with_whole_paths(spec)
+    source = described(spec)
+    if source.frames is None and frames is None:
+        raise InputError(f"{shown} never ends; say how much of it to observe, as in --frames 300")
+    if source.declares is None:
+        _check(spec, shown)
+    planned = source.planned(frames) if frames is not None else source.frames
+    assert planned is not None
+    return SweepSource(shown, replace(source, frames=planned), planned, _digest(spec))
+
+
+def _check(spec: str, shown: str) -> None:
+    opened = open_source(spec)
+    with closing(opened.source):
+        if opened.source.calibration is None:
+            raise InputError(f"{shown} brings no calibration, so it cannot be observed in a sweep")
+        if opened.truth is None:
+            raise InputError(
+                f"{shown} brings no truth, so nothing can be judged by it; give a recording with "
+                f"truth, or a folder with truth.csv"
+            )
+
+
+def _with_whole_paths(spec: str) -> str:
+    if spec.startswith(_VIDEO):
+        parts = spec.removeprefix(_VIDEO).split(",")
+        return _VIDEO + ",".join(_whole(part) for part in parts)
+    return _whole(spec)
+
+
+def _whole(text: str) -> str:
+    path = Path(text)
+    return str(path.resolve()) if path.exists() else text
+
+
+def _digest(spec: str) -> str:
+    digest = hashlib.blake2b(digest_size=16)
+    for part in spec.removeprefix(_VIDEO).split(",") if spec.startswith(_VIDEO) else [spec]:
+        path = Path(part)
+        if path.is_file():
+            with path.open("rb") as file:
+                while block := file.read(_BLOCK):
+                    digest.update(block)
+        elif path.is_dir():
+            for each in sorted(p for p in path.rglob("*") if p.is_file()):
+                about = each.stat()
+                line = f"{each.relative_to(path)} {about.st_size} {about.st_mtime_ns}\n"
+                digest.update(line.encode())
+        else:
+            digest.update(part.encode())
+    return digest.hexdigest()

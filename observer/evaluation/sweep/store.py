@@ -1,0 +1,68 @@
+"""Finished tasks in a folder, one file each, so that a sweep goes on where it was ended."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+from observer.errors import InputError
+from observer.evaluation.sweep.task import Outcome, Task
+
+
+class TaskStore:
+    """The outcomes of the tasks that came to an end; failed ones are not kept, but tried again.
+
+    Args:
+        folder: is made where it does not exist.
+
+    Raises:
+        InputError: the folder cannot be made.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder / "tasks"
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"cannot make the folder {self._folder}: {error.strerror}; name one that may be "
+                f"written"
+            ) from None
+
+    def find(self, task: Task) -> Outcome | None:
+        """What an earlier sweep found; None where none did, or where its file is damaged."""
+        try:
+            data = json.loads(self._path(task).read_text(encoding="utf-8"))
+            return Outcome(**data["outcome"])
+        except (OSError, ValueError, TypeError, KeyError):
+            return None
+
+    def keep(self, task: Task, outcome: Outcome) -> None:
+        """Write it at once, whole or not at all.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        if outcome.error is not None:
+            return
+        told = {
+            "source": task.source.name,
+            "frames": task.source.frames,
+            "version": task.version,
+            "gate_m": task.gate_m,
+            "parameters": task.parameters.flat(),
+            "outcome": outcome.as_dict(),
+        }
+        path = self._path(task)
+        part = path.with_suffix(".part")
+        try:
+            part.write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
+            os.replace(part, path)
+        except OSError as error:
+            raise InputError(
+                f"cannot write {path}: {error.strerror}; what was finished before is kept"
+            ) from None
+
+    def _path(self, task: Task) -> Path:
+        return self._folder / f"{task.key}.json"

@@ -1,0 +1,125 @@
+"""The sweep from its plan to its results."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from observer.errors import InputError
+from observer.evaluation.sweep.cluster import ClusterChoice, evaluate_tasks, opened_cluster
+from observer.evaluation.sweep.grid import Combination, Grid
+from observer.evaluation.sweep.results import Row, Sweep
+from observer.evaluation.sweep.sources import SweepSource
+from observer.evaluation.sweep.store import TaskStore
+from observer.evaluation.sweep.task import Outcome, Task, method_version
+
+DEFAULT_CACHE_BYTES = 600_000_000
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be evaluated.
+
+    Attributes:
+        gate_m: how far an instance may lie from what it is.
+    """
+
+    grid: Grid
+    combinations: tuple[Combination, ...]
+    sources: tuple[SweepSource, ...]
+    gate_m: float
+
+    @property
+    def count(self) -> int:
+        """How many tasks there are."""
+        return len(self.combinations) * len(self.sources)
+
+
+class SweepRun:
+    """A sweep at work; what is finished is in the store and in ``result`` at any time.
+
+    Raises:
+        InputError: there is nothing to do, or a source is given twice.
+    """
+
+    def __init__(self, plan: Plan, store: TaskStore) -> None:
+        if not plan.combinations or not plan.sources:
+            raise InputError("a sweep needs at least one combination and one source")
+        digests = [s.digest for s in plan.sources]
+        for i, source in enumerate(plan.sources):
+            if source.digest in digests[:i]:
+                raise InputError(f"{source.name} is given twice; give each source once")
+        self._plan, self._store = plan, store
+        self._version = method_version()
+        # Source by source, so that a worker keeps few of them at a time.
+        self._tasks = [
+            (combination, Task(source, combination.parameters, plan.gate_m, self._version))
+            for source in plan.sources
+            for combination in plan.combinations
+        ]
+        self._outcomes: dict[str, Outcome] = {}
+        for _, task in self._tasks:
+            found = store.find(task)
+            if found is not None:
+                self._outcomes[task.key] = found
+        self.kept = sum(task.key in self._outcomes for _, task in self._tasks)
+
+    def run(
+        self,
+        cluster: ClusterChoice,
+        *,
+        cache_bytes: int = DEFAULT_CACHE_BYTES,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> None:
+        """Evaluate what no earlier sweep did; each is kept as soon as it is finished.
+
+        Args:
+            cache_bytes: of frames that each worker keeps.
+            progress: called with the tasks done and all of them.
+
+        Raises:
+            InputError: the cluster cannot be opened, or a result cannot be written.
+            ClusterLost: the cluster went away.
+        """
+        # Combinations may come to the same parameters, which are evaluated once.
+        open_tasks = {t.key: t for _, t in self._tasks if t.key not in self._outcomes}
+        alike = Counter(task.key for _, task in self._tasks)
+        total, done = len(self._tasks), self.kept
+
+        def finished(task: Task, outcome: Outcome) -> None:
+            nonlocal done
+            self._outcomes[task.key] = outcome
+            self._store.keep(task, outcome)
+            done += alike[task.key]
+            if progress is not None:
+                progress(done, total)
+
+        if progress is not None:
+            progress(done, total)
+        if not open_tasks:
+            return
+        with opened_cluster(cluster) as client:
+            evaluate_tasks(
+                client,
+                open_tasks.values(),
+                finished,
+                cache_bytes=cache_bytes,
+                own_process=cluster.processes,
+            )
+
+    @property
+    def result(self) -> Sweep:
+        """All that is known so far."""
+        return Sweep(
+            grid=self._plan.grid,
+            sources=self._plan.sources,
+            combinations=self._plan.combinations,
+            rows=tuple(
+                Row(combination, task.source, self._outcomes.get(task.key))
+                for combination, task in self._tasks
+            ),
+            gate_m=self._plan.gate_m,
+            version=self._version,
+            kept=self.kept,
+        )

@@ -1,0 +1,163 @@
+"""A sweep's results as tables: Parquet and CSV for machines, Markdown for people."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from observer.errors import InputError
+from observer.evaluation.evaluate import Evaluation, markdown_table, shown
+from observer.evaluation.sweep.results import RANKED_BY, Ranked, RankedBy, Row, Sweep
+from observer.parameters import ParameterValue, parameter_schema
+
+# More are in the CSV file.
+_MARKDOWN_ROWS = 100
+_FAILED_TOLD = 20
+
+
+def ranking_markdown(sweep: Sweep, ranked: Sequence[Ranked], figure: RankedBy) -> str:
+    """The combinations ranked by a figure of ``RANKED_BY``, and what failed."""
+    title, more = RANKED_BY[figure]
+    names = list(sweep.grid.lists)
+    header = ["rank", "combination", "preset", *names]
+    header += [title for title, _ in RANKED_BY.values()]
+    header += ["cost / default", "sources"]
+    rows = [
+        [
+            ("-" if each.rank is None else str(each.rank)) + (" *" if each.best else ""),
+            str(each.combination.number),
+            each.combination.preset,
+            *(_value(each.combination.values[name]) for name in names),
+            *(shown(each.means[name]) for name in RANKED_BY),
+            shown(each.cost_ratio),
+            str(each.judged),
+        ]
+        for each in ranked[:_MARKDOWN_ROWS]
+    ]
+    fixed = ", ".join(f"{name} = {_value(value)}" for name, value in sweep.grid.fixed.items())
+    sources = ", ".join(f"{s.name} ({s.frames} frames)" for s in sweep.sources)
+    parts = [
+        "# Sweep\n",
+        f"{len(sweep.combinations)} of {sweep.grid.count} combinations over "
+        f"{len(sweep.sources)} sources, matched within {sweep.gate_m:g} m, version "
+        f"{sweep.version}. Means over the sources, ranked by {title} "
+        f"({'more' if more else 'less'} is better). Cost is that of `observe` over the preset "
+        f"default's on the same frames. No other combination is both better and cheaper than "
+        f"those with an asterisk.\n",
+        f"Sources: {sources}.\n",
+    ]
+    parts += [f"The same in all: {fixed}.\n"] * bool(fixed)
+    parts += [markdown_table(header, rows)]
+    if len(ranked) > _MARKDOWN_ROWS:
+        parts += [f"{len(ranked) - _MARKDOWN_ROWS} more are in ranking.csv.\n"]
+    if sweep.left:
+        parts += [f"The sweep was ended before {sweep.left} of {len(sweep.rows)} tasks.\n"]
+    if sweep.failed:
+        parts += ["## Failed\n", "\n".join(_failures(sweep)) + "\n"]
+    return "\n".join(parts)
+
+
+def _failures(sweep: Sweep) -> list[str]:
+    told = [
+        f"- combination {r.combination.number} over {r.source.name}: {r.outcome.error}"
+        for r in sweep.failed[:_FAILED_TOLD]
+        if r.outcome is not None
+    ]
+    more = len(sweep.failed) - _FAILED_TOLD
+    return told + [f"- and {more} more, in results.parquet"] * (more > 0)
+
+
+def ranking_csv(sweep: Sweep, ranked: Sequence[Ranked]) -> str:
+    """All combinations in their order of rank; what is not known is empty."""
+    names = list(sweep.grid.lists)
+    text = io.StringIO()
+    out = csv.writer(text, lineterminator="\n")
+    out.writerow(
+        ["rank", "combination", "preset", *names, *RANKED_BY, "cost_ratio", "sources", "best"]
+    )
+    for each in ranked:
+        row: list[Any] = [each.rank, each.combination.number, each.combination.preset]
+        row += [_value(each.combination.values[name]) for name in names]
+        row += [each.means[name] for name in RANKED_BY]
+        out.writerow([*row, each.cost_ratio, each.judged, int(each.best)])
+    return text.getvalue()
+
+
+def write_parquet(sweep: Sweep, path: Path) -> None:
+    """One row for each combination and source; what is not known is null.
+
+    Columns: ``combination, preset, source, frames_planned, status`` (``finished``, ``failed`` or
+    ``left``), ``error``, the varied parameters by their dotted names, every figure of
+    ``Evaluation``, ``frames_observed, frames_skipped, median_ms, cost_ratio, cpu_s, wall_s,
+    version``.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    import pyarrow  # type: ignore[import-untyped]
+    import pyarrow.parquet  # type: ignore[import-untyped]
+
+    declared = {entry["name"]: entry["type"] for entry in parameter_schema()}
+    types = {
+        "text": pyarrow.string(),
+        "choice": pyarrow.string(),
+        "boolean": pyarrow.bool_(),
+        "integer": pyarrow.int64(),
+        "number": pyarrow.float64(),
+    }
+    kinds = {
+        **dict.fromkeys(("combination", "frames_planned"), "integer"),
+        **dict.fromkeys(("preset", "source", "status", "error", "version"), "text"),
+        **{name: declared[name] for name in sweep.grid.lists},
+        **{
+            f.name: "integer" if f.type in ("int", int) else "number" for f in fields(Evaluation)
+        },
+        **dict.fromkeys(("frames_observed", "frames_skipped"), "integer"),
+        **dict.fromkeys(("median_ms", "cost_ratio", "cpu_s", "wall_s"), "number"),
+    }
+    rows = [_flat(row, sweep.version) for row in sweep.rows]
+    table = pyarrow.table(
+        {
+            name: pyarrow.array([row.get(name) for row in rows], types[kind])
+            for name, kind in kinds.items()
+        }
+    )
+    part = path.with_name(path.name + ".part")
+    try:
+        pyarrow.parquet.write_table(table, part)
+        os.replace(part, path)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def _flat(row: Row, version: str) -> Mapping[str, Any]:
+    outcome = row.outcome
+    told: dict[str, Any] = {
+        "combination": row.combination.number,
+        "preset": row.combination.preset,
+        "source": row.source.name,
+        "frames_planned": row.source.frames,
+        "status": "left" if outcome is None else "failed" if outcome.error else "finished",
+        "version": version,
+        **row.combination.values,
+        **row.figures,
+    }
+    if outcome is None or outcome.error:
+        return told | {"error": None if outcome is None else outcome.error}
+    return told | {
+        "frames_observed": outcome.frames,
+        "frames_skipped": outcome.skipped,
+        "median_ms": outcome.median_ms,
+        "cost_ratio": outcome.cost_ratio,
+        "cpu_s": outcome.cpu_s,
+        "wall_s": outcome.wall_s,
+    }
+
+
+def _value(value: ParameterValue) -> str:
+    return str(value).lower() if isinstance(value, bool) else f"{value}"
