@@ -11,8 +11,8 @@ class ProcessRefused(DynamicObserverError):
     """The process answered that it will not or could not.
 
     Attributes:
-        refusal: ``input`` (what was asked is wrong), ``state`` (not possible now), ``full`` (the disk
-            is) or ``failure`` (it was tried and failed).
+        refusal: ``input`` (what was asked is wrong), ``state`` (not possible now), ``full``
+            (the disk is) or ``failure`` (it was tried and failed).
     """
 
     def __init__(self, message: str, refusal: Literal["input", "state", "full", "failure"]) -> None:

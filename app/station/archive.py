@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
-from app.station.errors import NotThere
+from app.station.errors import Conflict, NotThere
 from app.storage import IncidentRecord, RunRecord, SpeedRow, Storage
+from app.storage.folder import RECORDING
 
 
 class RunArchive:
@@ -38,6 +40,21 @@ class RunArchive:
         if record is None:
             raise no_such_run(run_id)
         return record
+
+    async def recording(self, run_id: str) -> Path:
+        """The file of a run's recording, which is whole.
+
+        Raises:
+            NotThere: there is no such run, or it has none. Conflict: it is being written.
+        """
+        record = await self.find(run_id)
+        current = self._current()
+        if current is not None and current.id == run_id:
+            raise Conflict(f"the run {record.name} is going; stop it to have its recording")
+        path = self._storage.folder.run(run_id) / RECORDING
+        if not await asyncio.to_thread(path.is_file):
+            raise NotThere(f"the run {record.name} has no recording")
+        return path
 
     async def speeds(self, run_id: str) -> list[SpeedRow]:
         """All speeds of a run, those of the last half second excepted while it is going."""

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import structlog
 
@@ -47,10 +48,16 @@ from app.station.followers import Followers
 from app.station.opening import Opening
 from app.station.parameter_desk import ParameterDesk
 from app.station.rig_desk import RigDesk
+from app.station.run_recording import (
+    complete_recording,
+    keep_telling,
+    record_order,
+    tell_robots,
+)
 from app.station.telemetry import Telemetry
 from app.station.watching import Watching
 from app.station.writer import Writer
-from app.storage import RunRecord, RunState, Storage, StorageError
+from app.storage import RunRecord, RunState, Storage, StorageError, StorageFull
 from observer.opening import shown_spec
 from observer.rig.rig import ROLES
 
@@ -121,6 +128,8 @@ class StationCore:
         self._generation = 0
         self._fruitless_losses = 0
         self._restoring = False
+        # Runs that the end of the server before cut short.
+        self._interrupted: list[str] = []
         # One change of source, run, calibration or parameters at a time.
         self._lock = asyncio.Lock()
         self._background = Background()
@@ -140,6 +149,10 @@ class StationCore:
         self._started = True
         self._unsubscribe = self.engine.subscribe(self._on_event)
         self._background.start(self.watching.run())
+        self._background.start(keep_telling(self.engine, lambda: self._run))
+        for run_id in self._interrupted:
+            complete = partial(complete_recording, self.storage.folder, run_id)
+            self._background.start(asyncio.to_thread(complete))
         self.driving.start()
         await self.engine.start()
         # An engine that was up before somebody listened.
@@ -163,7 +176,7 @@ class StationCore:
     def _load(self) -> None:
         self.storage.open()
         self.warnings.extend(self.storage.warnings)
-        self.storage.mark_interrupted_runs()
+        self._interrupted = [run.id for run in self.storage.mark_interrupted_runs()]
         warning = self.parameters.load()
         if warning is not None:
             self.warnings.append(warning)
@@ -284,6 +297,7 @@ class StationCore:
             run_id=None if run is None else run.id,
             segment=segment,
             rig_yaml=self.rig.observed_text,
+            record=None if run is None else record_order(self.storage.folder, run.record),
         )
         reply = await ask(self.engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
         self.telemetry.new_source()
@@ -371,12 +385,16 @@ class StationCore:
         if run.programme:
             with contextlib.suppress(NotAvailable, Conflict, FieldError):
                 await self.driving.stop_programme()
-        with contextlib.suppress(NotAvailable, Conflict, FieldError):
-            await ask(self.engine, StopRun())
+        await tell_robots(self.engine, run)
+        recording: dict[str, Any] = {}
+        with contextlib.suppress(NotAvailable, Conflict, FieldError, StorageFull):
+            recording = (await ask(self.engine, StopRun())).get("recording") or {}
             if not self._wanted.endless:
                 # Its run ended with the recording; the preview goes round.
                 await ask(self.engine, SetPlayback(loop=True))
         run.flush()
+        # A finished run tells why its recording is not whole.
+        reason = reason or recording.get("trouble")
         ended = run.ended(state, reason)
         write = partial(
             self.storage.update_run,
@@ -385,6 +403,7 @@ class StationCore:
             frames=ended.frames,
             segments=ended.segments,
             reason=reason,
+            recording_bytes=recording.get("bytes"),
         )
         try:
             ended = await self.writer.submit(write, timeout_s=2.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import importlib.metadata
 import platform
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -13,6 +13,7 @@ from typing import Any
 from app.messages import ObservationEvent
 from app.station.driving.incidents import Incident
 from app.station.driving.wheels import WheelSample
+from app.station.run_recording import RobotFeed
 from app.station.writer import Writer
 from app.storage import (
     IncidentRecord,
@@ -38,6 +39,7 @@ class CurrentRun:
 
     Attributes:
         programme: whether it began with one, which then ends with it.
+        robots: what the recording is to be told of them.
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class CurrentRun:
         self.frames = 0
         self.segments = 1
         self.programme = False
+        self.robots = RobotFeed()
         self._storage = storage
         self._writer = writer
         self._clock = clock
@@ -73,6 +76,11 @@ class CurrentRun:
         """Keep what a robot was sent and what its wheels said."""
         self._collect(wheel_rows(self.id, sample))
 
+    def heard(self, robots: Mapping[str, Any], newest: ObservationEvent | None) -> None:
+        """Have recorded how robots are; see ``RobotFeed.heard``."""
+        if self.record.record is not None:
+            self.robots.heard(robots, newest)
+
     def _collect(self, rows: Iterable[SpeedRow]) -> None:
         self._rows.extend(rows)
         if self._clock() - self._flushed >= _FLUSH_S:
@@ -85,6 +93,8 @@ class CurrentRun:
             incident.speed_mps,
         )  # fmt: skip
         self._writer.post(partial(self._write_incident, incident.number, record))
+        if self.record.record is not None:
+            self.robots.happened(incident)
 
     def stopped(self, incident: Incident, role: Role) -> None:
         """Keep how a robot came to stand by it; also behind the end of the run."""

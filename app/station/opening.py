@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from app.messages import OpenSource
+from app.messages import OpenSource, RecordOrder
 from app.parameter_store import ParametersInForce
 from app.station.binding import calibration_of_cameras
 from app.station.calibrations import find_calibration
@@ -35,11 +35,13 @@ class Opening:
         run_id: str | None = None,
         segment: int = 0,
         rig_yaml: str | None = None,
+        record: RecordOrder | None = None,
     ) -> OpenSource:
         """Open it from its beginning.
 
         Args:
             playback: as it is now, whose rate is kept; None where something else was open.
+            record: how the run is recorded.
         """
         return OpenSource(
             source=self.source,
@@ -51,6 +53,7 @@ class Opening:
             run_id=run_id,
             segment=segment,
             rig_yaml=rig_yaml,
+            record=record,
         )
 
 
@@ -64,7 +67,7 @@ def check_spec(source: str) -> None:
         raise FieldError(
             ("body", "source"),
             "give simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, "
-            "coppeliasim:HOST:PORT or the path of a folder",
+            "coppeliasim:HOST:PORT or the path of a folder or of a recording.mcap",
         )
 
 

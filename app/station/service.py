@@ -11,7 +11,7 @@ import contextlib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 from app.calibration_worker.messages import FindBoards
 from app.drive.messages import StartProgramme
@@ -63,10 +63,12 @@ class Station(StationCore):
         preset: str | None,
         parameters: dict[str, Any],
         programme: StartProgramme | None = None,
+        record: Literal["none", "jpeg", "lossless"] = "jpeg",
     ) -> RunRecord:
         """Keep what is observed from now on, from the source's beginning.
 
         Args:
+            record: which images the recording keeps.
             source: what is open if left out. calibration_id: the source's own if left out
                 together with a source, otherwise the one in use.
             programme: started once the run has begun, and ended with it.
@@ -74,7 +76,8 @@ class Station(StationCore):
         Raises:
             Conflict: a run is going, or the programme cannot be driven. FieldError,
                 ParameterError: nothing was changed.
-            NotAvailable, StorageError: nothing was changed.
+            NotAvailable, StorageError: nothing was changed; ``StorageFull`` also where the disk
+                has no room for a recording.
         """
         async with self._lock:
             self._refuse_in_run("stop it first")
@@ -87,7 +90,7 @@ class Station(StationCore):
                 opening = await asyncio.to_thread(
                     make_opening, self.storage, source or self._wanted.source, calibration_id
                 )
-            record = await asyncio.to_thread(
+            created = await asyncio.to_thread(
                 partial(
                     self.storage.create_run,
                     name=name or f"Run of {shown_spec(opening.source)}"[:100],
@@ -96,18 +99,20 @@ class Station(StationCore):
                     versions=versions(),
                     calibration_id=None if opening.calibration is None else opening.calibration.id,
                     preset=revision.after.preset,
+                    rig=self.rig.observed_text,
+                    record=record,
                 )
             )
-            run = self._run = CurrentRun(record, self.storage, self.writer, self.clock)
+            run = self._run = CurrentRun(created, self.storage, self.writer, self.clock)
             try:
                 text = await self._open(opening, run, parameters=revision.after)
                 if opening.calibration is None:
                     run.record = await asyncio.to_thread(
-                        keep_own_calibration, self.storage, text, record
+                        keep_own_calibration, self.storage, text, created
                     )
             except BaseException:
                 self._run = None
-                await self._forget(record.id)
+                await self._forget(created.id)
                 raise
             self._wanted = opening
             self.parameters.adopt(revision, 0, run.id)

@@ -33,6 +33,7 @@ def status(station: Station) -> dict[str, Any]:
         "run": None
         if run is None
         else {"id": run.id, "name": run.name, "started_at": run.started_at},
+        "recording": state.recording,
         "live": state.live,
         "mount": state.mount,
         "ageing": state.ageing,
@@ -74,6 +75,7 @@ def _trouble(station: Station) -> list[str]:
         station.writer.trouble,
         station.telemetry.dense_trouble,
         drift.get("warning"),
+        (station.state.recording or {}).get("trouble"),
         vergence.get("sentence") if vergence.get("status") == "drifted" else None,
     )
     bound = binding_warnings(station.state, station.wanted.calibration)

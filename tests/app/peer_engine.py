@@ -51,7 +51,8 @@ JPEG = b"\xff\xd8\xff\xe0 not a picture, but carried like one \xff\xd9"
 class PeerEngine:
     """Fulfils ``app.station.Engine`` by keeping state instead of observing.
 
-    Sources: ``simulated:lab`` and anything else opens; ``missing`` is refused as input.
+    Sources: ``simulated:lab`` and anything else opens; ``missing`` is refused as input and
+    ``no room`` as on a full disk.
     """
 
     def __init__(self) -> None:
@@ -160,9 +161,9 @@ class PeerEngine:
             case StopRun():
                 if self.opened is None or self.opened.run_id is None:
                     raise EngineRefused("no run is going", "state")
-                self.opened = replace(self.opened, run_id=None)
+                record, self.opened = self.opened.record, replace(self.opened, run_id=None)
                 self.publish(self.state())
-                return {}
+                return {"recording": record and self.recording(bytes=4096)}
             case WatchViews():
                 new = set(command.names) - set(self.watched)
                 self.watched = command.names
@@ -248,6 +249,8 @@ class PeerEngine:
             raise EngineRefused("there is no folder missing; name one that exists", "input")
         if command.source == "uncalibrated" and command.calibration_yaml is None:
             raise EngineRefused("uncalibrated brings no calibration", "input")
+        if command.source == "no room":
+            raise EngineRefused("the recording cannot go on: 3 MB are left on the disk", "full")
         self.opened, self.calibrating = command, None
         self.parameters = dict(command.parameters)
         self.frame = 0
@@ -307,6 +310,12 @@ class PeerEngine:
             if not more
             else replace(self.state(), **more)
         )
+
+    @staticmethod
+    def recording(**more: Any) -> dict[str, Any]:
+        """How a recording is, as the engine tells it."""
+        facts = {"images": "jpeg", "bytes": 0, "seconds": 0.0, "dropped": 0, "trouble": None}
+        return {**facts, **more}
 
     def draw(self, name: str) -> None:
         header = {

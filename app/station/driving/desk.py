@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -53,6 +53,10 @@ class RunKeeper(IncidentKeeper, Protocol):
     """Who keeps with a run what there is of driving."""
 
     def measured(self, sample: WheelSample) -> None: ...
+
+    def heard(self, robots: Mapping[str, Any], newest: ObservationEvent | None) -> None:
+        """How each robot is, as in ``DriveEvent.facts``."""
+        ...
 
 
 class DrivingDesk:
@@ -160,6 +164,8 @@ class DrivingDesk:
                 self.operators.drive_said(self._facts["robots"])
                 self.checks.drive_said(self._facts["robots"])
                 self._connecting.stopped = self._facts["stopped"]
+                if (keeper := self._run()) is not None:
+                    keeper.heard(self._facts["robots"], self.newest)
                 self._changed()
             case WheelSpeedEvent():
                 sample, run = self.wheels.take(event, self.newest), self._run()

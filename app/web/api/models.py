@@ -86,6 +86,16 @@ class LiveStatus(BaseModel):
     trouble: str | None = Field(description="What keeps it from delivering at this moment.")
 
 
+class RecordingStatus(BaseModel):
+    """The run's recording, which is on."""
+
+    images: Literal["none", "jpeg", "lossless"]
+    bytes: int = Field(description="Of the file.")
+    seconds: float
+    dropped: int = Field(description="Messages lost because the disk did not keep up.")
+    trouble: str | None = Field(description="Why nothing is recorded any more.")
+
+
 class MountStatus(BaseModel):
     """How the left camera is mounted, as the method uses it."""
 
@@ -216,6 +226,7 @@ class Status(BaseModel):
     run: RunReference | None
     mount: MountStatus | None = Field(description="None: it is not known.")
     ageing: AgeingStatus | None = Field(description="How the calibration in use holds.")
+    recording: RecordingStatus | None = Field(description="None: nothing is recorded.")
     live: LiveStatus | None = Field(description="None for what is not live.")
     calibrating: CalibratingFacts | None = Field(description="None: nothing is calibrated.")
     calibration: CalibrationReference | None = Field(description="None: the source's own.")
@@ -272,6 +283,9 @@ class RunStart(In):
     programme: ProgrammeStart | None = Field(
         None, description="Driven from the run's beginning, and ended with it."
     )
+    record: Literal["none", "jpeg", "lossless"] = Field(
+        "jpeg", description="Which images its recording keeps; all else is always recorded."
+    )
 
 
 class Run(BaseModel):
@@ -289,6 +303,10 @@ class Run(BaseModel):
     segments: int
     versions: dict[str, str]
     reason: str | None
+    record: Literal["none", "jpeg", "lossless"] | None = Field(
+        description="Which images are recorded; None: nothing is."
+    )
+    recording_bytes: int | None
 
 
 class SpeedEntry(BaseModel):

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Path, Query, Response
+from fastapi.responses import FileResponse
 
 from app.storage import IncidentRecord, RunRecord, SpeedRow
 from app.web.api.common import TheStation, refusals
@@ -45,6 +46,7 @@ async def start_run(wanted: RunStart, station: TheStation) -> RunRecord:
         preset=wanted.preset,
         parameters=wanted.parameters,
         programme=programme,
+        record=wanted.record,
     )
 
 
@@ -75,6 +77,23 @@ async def delete_run(id: RunId, station: TheStation) -> None:
 async def stop_run(id: RunId, station: TheStation) -> RunRecord:
     """Its source stays open."""
     return await station.stop_run(id)
+
+
+@router.get(
+    "/{id}/recording",
+    summary="A run's recording, MCAP",
+    response_class=FileResponse,
+    responses={
+        200: {"content": {"application/octet-stream": {}}},
+        206: {"description": "The part that was asked for by the header Range."},
+        416: {"description": "There is no such part."},
+        **refusals(404, 409, 503),
+    },
+)
+async def get_recording(id: RunId, station: TheStation) -> FileResponse:
+    """Everything that happened in a run; opens in Foxglove and Lichtblick, and as a source."""
+    path = await station.runs.recording(id)
+    return FileResponse(path, filename=f"{_file_name(id)}.mcap")
 
 
 @router.get(

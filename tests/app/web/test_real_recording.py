@@ -1,0 +1,84 @@
+"""A real server records a run without loss; its recording is opened, and gives the run again."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+from app.settings import Settings
+from app.web.server import create_app
+from observer.jsonl import observation_line
+from observer.recording.reader import Recording
+from observer.recording.replay import replay, replay_revisions
+from observer.recording.source import RecordingSource
+
+
+def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles(
+    tmp_path: Path, serve_app: Any, token: str, eventually: Any
+) -> None:
+    settings = Settings(data=tmp_path / "data")
+    file = tmp_path / "run.mcap"
+    live: list[dict[str, Any]] = []
+
+    async def scenario() -> None:
+        async with asyncio.timeout(100), serve_app(create_app(settings, token), settings) as served:
+            station = served.station
+            run = (await served.http.post("/api/runs", json={"record": "lossless"})).json()
+
+            def keep(event: Any) -> None:
+                if getattr(event, "run_id", None) == run["id"] and hasattr(event, "line"):
+                    live.append(event.line)
+
+            station.engine.subscribe(keep)
+            await eventually(lambda: len(live) >= 12, 40)
+            await served.http.patch("/api/parameters", json={"clustering.min_points": 7})
+            await eventually(lambda: len(live) >= 24, 40)
+            status = (await served.http.get("/api/status")).json()
+            assert status["recording"]["images"] == "lossless"
+            assert status["recording"]["trouble"] is None
+            # What is not yet in a chunk is lost with the engine; then it goes on in the same file.
+            os.kill(status["engine"]["pid"], signal.SIGKILL)
+            await eventually(lambda: station.generation == 2, 40)
+            await eventually(lambda: sum(line["segment"] == 1 for line in live) >= 10, 40)
+            ended = (await served.http.post(f"/api/runs/{run['id']}/stop")).json()
+            assert (ended["state"], ended["reason"]) == ("finished", None)
+            answer = await served.http.get(f"/api/runs/{run['id']}/recording")
+            file.write_bytes(answer.content)
+            assert ended["recording_bytes"] == len(answer.content)
+
+            opened = await served.http.put("/api/source", json={"source": str(file)})
+            assert opened.status_code == 200, opened.text
+            assert opened.json()["source"]["kind"] == "recording"
+            assert opened.json()["has_truth"]
+            await eventually(lambda: station.latest is not None, 40)
+
+    asyncio.run(scenario())
+
+    with Recording(file) as recording:
+        lines = list(recording.lines())
+        keys, part = [], -1
+        for frame in recording.frames:
+            part += frame.begins == "observer"
+            keys.append((part, frame.index))
+        assert recording.facts.id
+        # At most a second of it is lost with an engine.
+        assert {line["segment"] for line in lines} == {0, 1}
+        by_number = {(line["segment"], line["frame"]): line for line in live}
+        known = [line for line in lines if (line["segment"], line["frame"]) in by_number]
+        assert len(known) >= 20
+        assert all(line == by_number[line["segment"], line["frame"]] for line in known)
+    source = RecordingSource(file)
+    try:
+        again = list(replay(source, replay_revisions(source.recording)))
+    finally:
+        source.close()
+    found = dict(zip(keys, map(observation_line, again), strict=True))
+    assert any(line["obstacles"] for line in lines)
+    for line in lines:
+        same = found[line["segment"], line["frame"]]
+        assert same["parameters_revision"] == line["parameters_revision"]
+        assert same["pose"] == line["pose"]
+        assert same["obstacles"] == line["obstacles"]
