@@ -21,7 +21,9 @@ _RAW_WIDTH, _RAW_HEIGHT, _RAW_ENCODING, _RAW_STEP, _RAW_DATA = 2, 3, 4, 5, 6
 _JPEG_DATA, _JPEG_FORMAT = 2, 3
 
 
-class _Field(NamedTuple):
+class Field(NamedTuple):
+    """One field of a message: its number in the ``.proto`` file, and its value or bytes."""
+
     number: int
     value: int | memoryview
 
@@ -32,7 +34,7 @@ def raw_pixels(message: memoryview) -> Image:
     Raises:
         SourceError: the message is damaged or of another kind of image.
     """
-    fields = {field.number: field.value for field in _fields(message)}
+    fields = {field.number: field.value for field in message_fields(message)}
     width, height, step = (fields.get(n) for n in (_RAW_WIDTH, _RAW_HEIGHT, _RAW_STEP))
     data, encoding = fields.get(_RAW_DATA), fields.get(_RAW_ENCODING)
     channels = {b"mono8": 1, b"bgr8": 3}.get(_bytes(encoding))
@@ -55,7 +57,7 @@ def jpeg_pixels(message: memoryview) -> Image:
     Raises:
         SourceError: the message is damaged.
     """
-    fields = {field.number: field.value for field in _fields(message)}
+    fields = {field.number: field.value for field in message_fields(message)}
     data = fields.get(_JPEG_DATA)
     # OpenCV answers an empty buffer with an error of its own.
     found = None
@@ -66,7 +68,12 @@ def jpeg_pixels(message: memoryview) -> Image:
     return np.asarray(found, dtype=np.uint8)
 
 
-def _fields(message: memoryview) -> list[_Field]:
+def message_fields(message: memoryview) -> list[Field]:
+    """The fields of a message, in order.
+
+    Raises:
+        SourceError: the message is damaged.
+    """
     found, at = [], 0
     try:
         while at < len(message):
@@ -74,7 +81,7 @@ def _fields(message: memoryview) -> list[_Field]:
             number, wire = tag >> 3, tag & 7
             if wire == _VARINT:
                 value, at = _varint(message, at)
-                found.append(_Field(number, value))
+                found.append(Field(number, value))
                 continue
             if wire == _BYTES:
                 size, at = _varint(message, at)
@@ -86,7 +93,7 @@ def _fields(message: memoryview) -> list[_Field]:
             if len(part) != size:
                 raise SourceError("a message of the recording is cut off")
             at += size
-            found.append(_Field(number, part if wire == _BYTES else int.from_bytes(part, "little")))
+            found.append(Field(number, part if wire == _BYTES else int.from_bytes(part, "little")))
     except IndexError:
         raise SourceError("a message of the recording is cut off") from None
     return found

@@ -1,0 +1,144 @@
+"""The point cloud of a frame, and the file that holds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import IO, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.calibration.formats.opencv_file import read_calibration
+from observer.camera import as_gray
+from observer.exporting.errors import ExportError
+from observer.exporting.foxglove_messages import read_cloud
+from observer.geometry import Pose
+from observer.parameters import Parameters, StereoParameters
+from observer.recording import topics
+from observer.recording.foxglove import line_pose
+from observer.recording.reader import Recording
+from observer.stages.rectification import Rectification
+from observer.stages.stereo import disparity_map, point_cloud
+
+Frame = Literal["camera", "world"]
+# More than any screen shows; a pair of 640x480 has a third of it.
+_MAX_POINTS = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points (N, 3) float32, metres, with colours (N, 3) uint8, RGB.
+
+    Attributes:
+        frame: that the points are given in. source: ``recorded``, or ``computed`` from the images.
+        index, time: of the frame that it is of.
+    """
+
+    points: NDArray[np.float32]
+    colors: NDArray[np.uint8]
+    frame: Frame
+    source: Literal["recorded", "computed"]
+    index: int
+    time: float
+
+
+def cloud_at(recording: Recording, position: int, frame: Frame = "camera") -> Cloud:
+    """The cloud of a frame: as it was recorded, else by dense stereo from the images.
+
+    Args:
+        position: of the frame in the recording, from 0.
+        frame: what the points are given in; the world is that of the frame's segment.
+
+    Raises:
+        ExportError: there is no such frame, or its pose is not known and the world was asked for.
+        SourceError: neither a cloud nor images were recorded for it.
+    """
+    count = len(recording.frames)
+    if not 0 <= position < count:
+        raise ExportError(
+            f"{recording.path.name} has no frame at position {position}; it has 0 to {count - 1}"
+        )
+    T_world_camera = _pose_at(recording, position) if frame == "world" else None
+    found = _recorded(recording, position)
+    points, colors = found or _computed(recording, position)
+    if T_world_camera is not None:
+        points = (points @ T_world_camera.rotation.T + T_world_camera.translation).astype(
+            np.float32
+        )
+    at = recording.frames[position]
+    source: Literal["recorded", "computed"] = "computed" if found is None else "recorded"
+    return Cloud(points, colors, frame, source, at.index, at.time)
+
+
+def write_ply(cloud: Cloud, file: IO[bytes]) -> None:
+    """Write a cloud as binary PLY, little endian: x y z in metres, red green blue.
+
+    The format is that of Greg Turk, "The PLY Polygon File Format", 1994.
+    """
+    vertices = np.zeros(len(cloud.points), dtype=[("xyz", "<f4", 3), ("rgb", "u1", 3)])
+    vertices["xyz"], vertices["rgb"] = cloud.points, cloud.colors
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment metres, {cloud.frame} frame, x right, y down, z forward of the "
+        f"{'camera' if cloud.frame == 'camera' else 'first camera of the segment'}",
+        f"comment frame {cloud.index}, {cloud.time!r} s, {cloud.source}",
+        f"element vertex {len(vertices)}",
+        *(f"property float {axis}" for axis in "xyz"),
+        *(f"property uchar {color}" for color in ("red", "green", "blue")),
+        "end_header\n",
+    ]
+    file.write("\n".join(header).encode("ascii"))
+    file.write(vertices.tobytes())
+
+
+def _pose_at(recording: Recording, position: int) -> Pose:
+    at = recording.frames[position]
+    for line in recording.lines():
+        if line["frame"] == at.index and line["time"] == at.time:
+            pose = line_pose(line)
+            if pose is not None:
+                return pose
+            break
+    raise ExportError(
+        f"the camera's pose at frame {at.index} is not known, so its cloud can only be given in "
+        f"the camera frame"
+    )
+
+
+def _recorded(
+    recording: Recording, position: int
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]] | None:
+    wanted = recording.facts.anchor.wall_time_ns(recording.frames[position].received)
+    for _, message in recording.messages(topics.CLOUD.name):
+        told = read_cloud(message.data)
+        if told.stamp_ns == wanted:
+            return told.points, told.colors
+    return None
+
+
+def _computed(recording: Recording, position: int) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    rectified = recorded_rectification(recording)
+    left, right = recording.pair(position)
+    left, right = rectified.apply(left, right)
+    parameters = _stereo_parameters(recording, position)
+    disparity = disparity_map(as_gray(left), as_gray(right), parameters)
+    return point_cloud(disparity, left, rectified.camera, parameters, _MAX_POINTS)
+
+
+def _stereo_parameters(recording: Recording, position: int) -> StereoParameters:
+    values = {}
+    for begin, revision in recording.positioned_revisions:
+        if begin <= position:
+            values = revision.values
+    return Parameters().changed(values).stereo
+
+
+def recorded_rectification(recording: Recording) -> Rectification:
+    """That of the cameras as the run was observed with.
+
+    Raises:
+        CalibrationError: the calibration cannot be used.
+    """
+    name = f"the calibration in {recording.path.name}"
+    return Rectification(read_calibration(recording.facts.calibration_yaml, name=name))

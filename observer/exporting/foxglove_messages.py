@@ -1,0 +1,124 @@
+"""What exports read of Foxglove's messages in a recording: clouds, log, images as they are.
+
+Numbers of fields are those of foxglove/PointCloud.proto, Log.proto, CompressedImage.proto and
+google/protobuf/timestamp.proto.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.errors import SourceError
+from observer.recording.images import message_fields
+
+_STAMP = 1
+_SECONDS, _NANOSECONDS = 1, 2
+_CLOUD_STRIDE, _CLOUD_DATA = 4, 6
+_LOG_LEVEL, _LOG_MESSAGE, _LOG_NAME = 2, 3, 4
+_JPEG_DATA = 2
+# As ``observer.recording.foxglove.point_cloud`` packs them.
+_POINT = np.dtype([("point", "<f4", 3), ("color", "u1", 4)])
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedCloud:
+    """Points (N, 3) float32, metres, camera frame, and colours (N, 3) uint8, RGB.
+
+    Attributes:
+        stamp_ns: nanoseconds since 1970, as of the frame that it is of.
+    """
+
+    stamp_ns: int
+    points: NDArray[np.float32]
+    colors: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class RecordedLog:
+    """A sentence of the log.
+
+    Attributes:
+        level: 1 debug, 2 info, 3 warning, 4 error, 5 fatal. name: who says so.
+    """
+
+    stamp_ns: int
+    level: int
+    name: str
+    text: str
+
+
+def read_cloud(message: memoryview) -> RecordedCloud:
+    """A ``PointCloud``.
+
+    Raises:
+        SourceError: the message is damaged or of another layout.
+    """
+    fields = {field.number: field.value for field in message_fields(message)}
+    data = fields.get(_CLOUD_DATA, memoryview(b""))
+    if (
+        fields.get(_CLOUD_STRIDE) != _POINT.itemsize
+        or not isinstance(data, memoryview)
+        or len(data) % _POINT.itemsize
+    ):
+        raise SourceError("a point cloud of the recording is damaged")
+    packed = np.frombuffer(data, _POINT)
+    return RecordedCloud(
+        _stamp(fields.get(_STAMP)),
+        np.ascontiguousarray(packed["point"]),
+        np.ascontiguousarray(packed["color"][:, :3]),
+    )
+
+
+def read_log(message: memoryview) -> RecordedLog:
+    """A ``Log``.
+
+    Raises:
+        SourceError: the message is damaged.
+    """
+    fields = {field.number: field.value for field in message_fields(message)}
+    level = fields.get(_LOG_LEVEL, 0)
+    return RecordedLog(
+        _stamp(fields.get(_STAMP)),
+        level if isinstance(level, int) else 0,
+        _text(fields.get(_LOG_NAME)),
+        _text(fields.get(_LOG_MESSAGE)),
+    )
+
+
+def read_stamp(message: memoryview) -> int:
+    """When what a message shows was received, nanoseconds since 1970.
+
+    Raises:
+        SourceError: the message is damaged.
+    """
+    fields = (field for field in message_fields(message) if field.number == _STAMP)
+    return _stamp(next((field.value for field in fields), None))
+
+
+def read_jpeg(message: memoryview) -> bytes:
+    """The JPEG's own bytes of a ``CompressedImage``.
+
+    Raises:
+        SourceError: the message is damaged.
+    """
+    for field in message_fields(message):
+        if field.number == _JPEG_DATA and isinstance(field.value, memoryview):
+            return bytes(field.value)
+    raise SourceError("a JPEG image of the recording is damaged")
+
+
+def _stamp(value: int | memoryview | None) -> int:
+    if not isinstance(value, memoryview):
+        return 0
+    parts = {field.number: field.value for field in message_fields(value)}
+    seconds, nanoseconds = parts.get(_SECONDS, 0), parts.get(_NANOSECONDS, 0)
+    if not isinstance(seconds, int) or not isinstance(nanoseconds, int):
+        raise SourceError("a message of the recording is damaged")
+    return seconds * 1_000_000_000 + nanoseconds
+
+
+def _text(value: int | memoryview | None) -> str:
+    return bytes(value).decode(errors="replace") if isinstance(value, memoryview) else ""

@@ -1,0 +1,220 @@
+"""A run as a bag that ``ros2 bag play`` takes: a folder with metadata.yaml and one data file.
+
+Version 8 of the bag's format with Humble's message types: what Humble, Iron, Jazzy and later read.
+Fixed transforms are on /tf_static, kept for late subscribers. Stamps are exposures: the source's
+clock, laid on the wall clock at the first frame, so a bag plays at the pace of its source however
+long observing took.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from observer.calibration.formats.opencv_file import read_calibration
+from observer.errors import SourceError
+from observer.exporting.clouds import recorded_rectification
+from observer.exporting.errors import ExportError
+from observer.exporting.foxglove_messages import read_cloud, read_jpeg, read_log, read_stamp
+from observer.exporting.ros2_clock import ExposureClock
+from observer.exporting.ros2_messages import RosMessages
+from observer.geometry import Pose
+from observer.recording import topics
+from observer.recording.contents import Message
+from observer.recording.foxglove import line_pose
+from observer.recording.images import raw_pixels
+from observer.recording.payloads import MatchedTruth, RecordedFrame
+from observer.recording.reader import Recording
+from observer.recording.replay import recorded_mount
+
+BagStorage = Literal["sqlite3", "mcap"]
+BAG_VERSION: Literal[8] = 8
+_SIDES = {topics.LEFT_RAW.name: "left", topics.RIGHT_RAW.name: "right"}
+# x right, y down, z forward of a level camera, as x forward, y left, z up.
+_LEVEL = Pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.zeros(3))
+
+_TF, _STATIC = "tf2_msgs/msg/TFMessage", "/tf_static"
+_MARKERS = "visualization_msgs/msg/MarkerArray"
+
+
+class _Told(NamedTuple):
+    """One message of the bag."""
+
+    topic: str
+    kind: str
+    wall_ns: int
+    message: Any
+
+
+def write_ros2_bag(
+    recording: Recording,
+    folder: Path,
+    *,
+    storage: BagStorage = "sqlite3",
+    progress: Callable[[int, int | None], None] | None = None,
+) -> dict[str, int]:
+    """Write the bag.
+
+    Args:
+        folder: made anew. storage: of its data file.
+        progress: called with observations done and the number of frames.
+
+    Returns:
+        how many messages there are by topic.
+
+    Raises:
+        ExportError: rosbags is not installed, the folder exists, cannot be written, or nothing
+            was recorded.
+    """
+    run = _Run(recording)
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.rosbag2.errors import WriterError
+
+    plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+    counts: dict[str, int] = {}
+    connections: dict[str, Any] = {}
+    try:
+        with Writer(folder, version=BAG_VERSION, storage_plugin=plugin) as writer:
+            for told in run.messages():
+                if told.topic not in connections:
+                    connections[told.topic] = writer.add_connection(
+                        told.topic,
+                        told.kind,
+                        typestore=run.ros.store,
+                        offered_qos_profiles=_latched() if told.topic == _STATIC else (),
+                    )
+                data = run.ros.store.serialize_cdr(told.message, told.kind)
+                writer.write(connections[told.topic], told.wall_ns, data)
+                counts[told.topic] = counts.get(told.topic, 0) + 1
+                if progress is not None and told.topic == "/observation":
+                    progress(counts[told.topic], len(recording.frames))
+    except WriterError as error:
+        raise ExportError(f"the bag {folder} cannot be written: {error}") from None
+    except OSError as error:
+        raise ExportError(f"the bag {folder} cannot be written: {error.strerror}") from None
+    return counts
+
+
+class _Run:
+    """Reads a recording's messages as those of the bag, in the order of the recording."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.ros = RosMessages()
+        self._recording = recording
+        name = f"the calibration in {recording.path.name}"
+        self._calibration = read_calibration(recording.facts.calibration_yaml, name=name)
+        self._rectified = recorded_rectification(recording)
+        if not recording.frames:
+            raise ExportError(f"{recording.path.name} holds no frame, so there is nothing to play")
+        self._clock = ExposureClock(recording)
+
+    def messages(self) -> Iterator[_Told]:
+        begin = self._clock.begin_ns
+        yield _Told(_STATIC, _TF, begin, self.ros.transforms(self._fixed(), begin))
+        read: dict[str, Callable[[Message, str], Iterator[_Told]]] = {
+            **dict.fromkeys(_SIDES, self._image),
+            topics.FRAME.name: self._frame,
+            topics.OBSERVATION.name: self._observation,
+            topics.MATCHED_TRUTH.name: self._truth,
+            topics.CLOUD.name: self._cloud,
+            topics.LOG.name: self._log,
+        }
+        for topic, message in self._recording.messages(*read):
+            try:
+                yield from read[topic](message, topic)
+            except SourceError:
+                # One damaged message is no reason to have none of the others.
+                continue
+
+    def _fixed(self) -> list[tuple[str, str, Pose]]:
+        rectified, mount = self._rectified, recorded_mount(self._recording)
+        right = np.array([rectified.camera.baseline, 0.0, 0.0])
+        found = [
+            ("level", "world", _LEVEL if mount is None else mount.T_level_camera),
+            ("camera", "camera_left", Pose(rectified.R_rectified_left, np.zeros(3))),
+            ("camera", "camera_right", Pose(rectified.R_rectified_right, right)),
+        ]
+        if mount is not None:
+            found.append(("camera", "base", mount.T_base_camera.inverse()))
+        return found
+
+    def _image(self, message: Message, topic: str) -> Iterator[_Told]:
+        side, at = _SIDES[topic], self._clock.of_wall(read_stamp(message.data))
+        if self._recording.facts.images == "lossless":
+            image = self.ros.image(raw_pixels(message.data), side, at)
+            yield _Told(f"/camera/{side}/image_raw", "sensor_msgs/msg/Image", at, image)
+        else:
+            jpeg = self.ros.compressed(read_jpeg(message.data), side, at)
+            name, kind = f"/camera/{side}/image_raw/compressed", "sensor_msgs/msg/CompressedImage"
+            yield _Told(name, kind, at, jpeg)
+        # With the very stamp of its image, by which ROS pairs them.
+        info = self.ros.camera_info(self._calibration, self._rectified, side, at)
+        yield _Told(f"/camera/{side}/camera_info", "sensor_msgs/msg/CameraInfo", at, info)
+
+    def _frame(self, message: Message, _: str) -> Iterator[_Told]:
+        frame = msgspec.json.decode(message.data, type=RecordedFrame)
+        if frame.odometry is not None:
+            at = self._clock.of_frame(frame.index, frame.time)
+            odometry = self.ros.odometry(frame.odometry, at)
+            yield _Told("/odom", "nav_msgs/msg/Odometry", at, odometry)
+
+    def _observation(self, message: Message, _: str) -> Iterator[_Told]:
+        line = msgspec.json.decode(message.data)
+        at = self._clock.of_frame(line["frame"], line["time"])
+        text = self.ros.text(json.dumps(line))
+        yield _Told("/observation", "std_msgs/msg/String", at, text)
+        yield _Told("/obstacles", _MARKERS, at, self.ros.obstacles(line, at))
+        T_world_camera = line_pose(line)
+        if T_world_camera is not None:
+            moving = self.ros.transforms([("world", "camera", T_world_camera)], at)
+            yield _Told("/tf", _TF, at, moving)
+            pose = self.ros.pose(T_world_camera, at)
+            yield _Told("/camera/pose", "geometry_msgs/msg/PoseStamped", at, pose)
+
+    def _truth(self, message: Message, _: str) -> Iterator[_Told]:
+        matched = msgspec.json.decode(message.data, type=MatchedTruth)
+        at = self._clock.of_frame(matched.frame, matched.time)
+        yield _Told("/truth", _MARKERS, at, self.ros.true_bodies(matched.bodies, at))
+
+    def _cloud(self, message: Message, _: str) -> Iterator[_Told]:
+        told = read_cloud(message.data)
+        at = self._clock.of_wall(told.stamp_ns)
+        yield _Told("/cloud", "sensor_msgs/msg/PointCloud2", at, self.ros.cloud(told, at))
+
+    def _log(self, message: Message, _: str) -> Iterator[_Told]:
+        told = read_log(message.data)
+        at = self._clock.of_wall(told.stamp_ns)
+        yield _Told("/dynamic_observer/log", "rcl_interfaces/msg/Log", at, self.ros.log(told, at))
+
+
+def _latched() -> list[Any]:
+    """The quality of service of what late subscribers get, too."""
+    from rosbags.interfaces import (
+        Qos,
+        QosDurability,
+        QosHistory,
+        QosLiveliness,
+        QosReliability,
+        QosTime,
+    )
+
+    # As rmw_qos_profile_default: no deadline.
+    never = QosTime(9223372036, 854775807)
+    return [
+        Qos(
+            history=QosHistory.KEEP_LAST,
+            depth=1,
+            reliability=QosReliability.RELIABLE,
+            durability=QosDurability.TRANSIENT_LOCAL,
+            deadline=never,
+            lifespan=never,
+            liveliness=QosLiveliness.AUTOMATIC,
+            liveliness_lease_duration=never,
+            avoid_ros_namespace_conventions=False,
+        )
+    ]

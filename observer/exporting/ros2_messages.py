@@ -1,0 +1,343 @@
+"""A run's messages as those of ROS 2, built by the ``rosbags`` package.
+
+Frames are those of ``observer.recording.foxglove``; times are those of ``ExposureClock``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from observer.camera import StereoCalibration
+from observer.exporting.errors import missing_extra
+from observer.exporting.foxglove_messages import RecordedCloud, RecordedLog
+from observer.geometry import Pose
+from observer.recording.payloads import MatchedBody, OdometryPayload
+from observer.stages.rectification import Rectification
+from observer.types import Image
+
+# visualization_msgs/msg/Marker.
+_ARROW, _CUBE, _TEXT = 0, 1, 9
+_ADD, _DELETE_ALL = 0, 3
+# sensor_msgs/msg/PointField.
+_FLOAT32 = 7
+# rcl_interfaces/msg/Log, by Foxglove's level.
+_LEVELS = {1: 10, 2: 20, 3: 30, 4: 40, 5: 50}
+# nav_msgs and geometry_msgs have no word for what is not known; robot_localization and others take
+# so large a variance as that.
+_UNKNOWN_VARIANCE = 1e6
+
+_MOVING, _STOPPED = (1.0, 0.85, 0.0, 0.45), (0.3, 0.6, 1.0, 0.45)
+_COASTING, _VELOCITY = (0.6, 0.6, 0.6, 0.3), (1.0, 0.3, 0.0, 0.9)
+_TRUE, _WHITE = (0.1, 0.9, 0.3, 0.35), (1.0, 1.0, 1.0, 1.0)
+_SHORTEST_ARROW_MPS = 0.02
+_LEAST_EXTENT_M = 0.01
+
+Rgba = tuple[float, float, float, float]
+
+
+class RosMessages:
+    """Makes messages of the types that ROS 2 Humble and all later ones share.
+
+    Attributes:
+        store: rosbags' own, which turns them into CDR.
+
+    Raises:
+        ExportError: rosbags is not installed.
+    """
+
+    def __init__(self) -> None:
+        try:
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError:
+            raise missing_extra("rosbags", "ros", "a ROS 2 bag") from None
+        self.store: Any = get_typestore(Stores.ROS2_HUMBLE)
+
+    def _make(self, name: str, *fields: Any, **named: Any) -> Any:
+        return self.store.types[name](*fields, **named)
+
+    def _time(self, wall_ns: int) -> Any:
+        return self._make("builtin_interfaces/msg/Time", *divmod(wall_ns, 1_000_000_000))
+
+    def _header(self, wall_ns: int, frame: str) -> Any:
+        return self._make("std_msgs/msg/Header", self._time(wall_ns), frame)
+
+    def _xyz(self, kind: str, values: ArrayLike) -> Any:
+        x, y, z = np.asarray(values, dtype=np.float64).tolist()
+        return self._make(f"geometry_msgs/msg/{kind}", x, y, z)
+
+    def _quaternion(self, wxyz: ArrayLike) -> Any:
+        w, x, y, z = np.asarray(wxyz, dtype=np.float64).tolist()
+        return self._make("geometry_msgs/msg/Quaternion", x, y, z, w)
+
+    def _pose(self, position: ArrayLike, wxyz: ArrayLike) -> Any:
+        return self._make(
+            "geometry_msgs/msg/Pose", self._xyz("Point", position), self._quaternion(wxyz)
+        )
+
+    # --- images ------------------------------------------------------------------------------
+
+    def compressed(self, jpeg: bytes, side: str, wall_ns: int) -> Any:
+        """``sensor_msgs/CompressedImage`` of the recorded JPEG itself."""
+        return self._make(
+            "sensor_msgs/msg/CompressedImage",
+            self._header(wall_ns, f"camera_{side}"),
+            "jpeg",
+            np.frombuffer(jpeg, np.uint8),
+        )
+
+    def image(self, pixels: Image, side: str, wall_ns: int) -> Any:
+        """``sensor_msgs/Image`` of (H, W) grey or (H, W, 3) BGR."""
+        height, width = pixels.shape[:2]
+        grey = pixels.ndim == 2
+        return self._make(
+            "sensor_msgs/msg/Image",
+            self._header(wall_ns, f"camera_{side}"),
+            height,
+            width,
+            "mono8" if grey else "bgr8",
+            0,
+            width * (1 if grey else 3),
+            np.ascontiguousarray(pixels).reshape(-1),
+        )
+
+    def camera_info(
+        self, calibration: StereoCalibration, rectified: Rectification, side: str, wall_ns: int
+    ) -> Any:
+        """``sensor_msgs/CameraInfo`` of the images as taken (REP-104)."""
+        left = side == "left"
+        K, D = (calibration.K1, calibration.D1) if left else (calibration.K2, calibration.D2)
+        R = rectified.R_rectified_left if left else rectified.R_rectified_right
+        camera = rectified.camera
+        P = np.zeros((3, 4))
+        P[:, :3] = camera.K
+        P[0, 3] = 0.0 if left else -camera.fx * camera.baseline
+        if calibration.distortion_model == "equidistant":
+            model = "equidistant"
+        else:
+            model = "plumb_bob" if D.size <= 5 else "rational_polynomial"
+            D = np.concatenate([D, np.zeros(max(0, 5 - D.size))])
+        return self._make(
+            "sensor_msgs/msg/CameraInfo",
+            self._header(wall_ns, f"camera_{side}"),
+            calibration.height,
+            calibration.width,
+            model,
+            np.array(D, dtype=np.float64),
+            np.array(K, dtype=np.float64).ravel(),
+            np.array(R, dtype=np.float64).ravel(),
+            P.ravel(),
+            0,
+            0,
+            self._make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False),
+        )
+
+    def cloud(self, told: RecordedCloud, wall_ns: int) -> Any:
+        """``sensor_msgs/PointCloud2`` with x, y, z and rgb, in the camera frame."""
+        packed = np.zeros(len(told.points), dtype=[("xyz", "<f4", 3), ("bgra", "u1", 4)])
+        packed["xyz"] = told.points
+        packed["bgra"][:, :3] = told.colors[:, ::-1]
+        fields = [
+            self._make("sensor_msgs/msg/PointField", name, 4 * k, _FLOAT32, 1)
+            for k, name in enumerate(("x", "y", "z", "rgb"))
+        ]
+        return self._make(
+            "sensor_msgs/msg/PointCloud2",
+            self._header(wall_ns, "camera"),
+            1,
+            len(packed),
+            fields,
+            False,
+            packed.itemsize,
+            packed.nbytes,
+            np.frombuffer(packed.tobytes(), np.uint8),
+            True,
+        )
+
+    # --- poses -------------------------------------------------------------------------------
+
+    def transforms(self, poses: Sequence[tuple[str, str, Pose]], wall_ns: int) -> Any:
+        """``tf2_msgs/TFMessage`` of (parent, child, ``T_parent_child``)."""
+        return self._make(
+            "tf2_msgs/msg/TFMessage",
+            [
+                self._make(
+                    "geometry_msgs/msg/TransformStamped",
+                    self._header(wall_ns, parent),
+                    child,
+                    self._make(
+                        "geometry_msgs/msg/Transform",
+                        self._xyz("Vector3", T.translation),
+                        self._quaternion(T.quaternion_wxyz),
+                    ),
+                )
+                for parent, child, T in poses
+            ],
+        )
+
+    def pose(self, T_world_camera: Pose, wall_ns: int) -> Any:
+        """``geometry_msgs/PoseStamped`` of the camera in the world."""
+        return self._make(
+            "geometry_msgs/msg/PoseStamped",
+            self._header(wall_ns, "world"),
+            self._pose(T_world_camera.translation, T_world_camera.quaternion_wxyz),
+        )
+
+    def odometry(self, told: OdometryPayload, wall_ns: int) -> Any:
+        """``nav_msgs/Odometry`` by the robot's wheels; its twist and variances are not known."""
+        unknown = np.diag(np.full(6, _UNKNOWN_VARIANCE)).ravel()
+        half = told.yaw / 2
+        zero = self._xyz("Vector3", (0, 0, 0))
+        return self._make(
+            "nav_msgs/msg/Odometry",
+            self._header(wall_ns, "odom"),
+            "base",
+            self._make(
+                "geometry_msgs/msg/PoseWithCovariance",
+                self._pose((told.x, told.y, 0), (math.cos(half), 0, 0, math.sin(half))),
+                unknown,
+            ),
+            self._make(
+                "geometry_msgs/msg/TwistWithCovariance",
+                self._make("geometry_msgs/msg/Twist", zero, zero),
+                unknown,
+            ),
+        )
+
+    # --- what was seen, in words and boxes ---------------------------------------------------
+
+    def obstacles(self, line: Mapping[str, Any], wall_ns: int) -> Any:
+        """``visualization_msgs/MarkerArray``: box, velocity of one second and label of each."""
+        markers = [self._clearing(wall_ns)]
+        for entry in line["obstacles"]:
+            if entry["position"] is None or entry["orientation_wxyz"] is None:
+                continue
+            color = _MOVING if entry["motion"] == "moving" else _STOPPED
+            if entry["state"] == "coasting":
+                color = _COASTING
+            std = entry["speed_std"]
+            sure = "" if std is None else f" ± {std:.2f}"
+            markers += self._body(
+                "obstacle",
+                entry["id"],
+                wall_ns,
+                position=entry["position"],
+                wxyz=entry["orientation_wxyz"],
+                size=entry["size"],
+                velocity=entry["velocity"],
+                color=color,
+                text=f"{entry['id']}: {entry['speed']:.2f}{sure} m/s",
+            )
+        return self._make("visualization_msgs/msg/MarkerArray", markers)
+
+    def true_bodies(self, bodies: Sequence[MatchedBody], wall_ns: int) -> Any:
+        """The same of true bodies in the world of the obstacles."""
+        markers = [self._clearing(wall_ns)]
+        for body in bodies:
+            length, width, height = body.size
+            half = body.yaw / 2
+            markers += self._body(
+                body.role,
+                body.id,
+                wall_ns,
+                position=body.position,
+                # The world's y points down; see foxglove.truth_scene.
+                wxyz=(math.cos(half), 0.0, math.sin(half), 0.0),
+                size=(width, height, length),
+                velocity=body.velocity,
+                color=_TRUE,
+                text=f"{body.name}: {body.speed:.2f} m/s",
+            )
+        return self._make("visualization_msgs/msg/MarkerArray", markers)
+
+    def text(self, text: str) -> Any:
+        """``std_msgs/String``."""
+        return self._make("std_msgs/msg/String", text)
+
+    def log(self, told: RecordedLog, wall_ns: int) -> Any:
+        """``rcl_interfaces/Log``."""
+        level = _LEVELS.get(told.level, 20)
+        return self._make(
+            "rcl_interfaces/msg/Log",
+            self._time(wall_ns), level, told.name, told.text, "", "", 0,
+        )  # fmt: skip
+
+    def _body(
+        self,
+        ns: str,
+        id_: int,
+        wall_ns: int,
+        *,
+        position: Sequence[float],
+        wxyz: Sequence[float],
+        size: Sequence[float],
+        velocity: Sequence[float] | None,
+        color: Rgba,
+        text: str,
+    ) -> list[Any]:
+        extent = [max(_LEAST_EXTENT_M, s) if math.isfinite(s) else _LEAST_EXTENT_M for s in size]
+        pose, still = self._pose(position, wxyz), (1, 0, 0, 0)
+        found = [self._marker(wall_ns, ns, id_, _CUBE, color, pose, extent)]
+        if velocity is not None and math.hypot(*velocity) >= _SHORTEST_ARROW_MPS:
+            tip = np.add(position, velocity)
+            ends = [self._xyz("Point", position), self._xyz("Point", tip)]
+            origin = self._pose((0, 0, 0), still)
+            arrow = (0.04, 0.1, 0.0)
+            found.append(
+                self._marker(wall_ns, f"{ns} velocity", id_, _ARROW, _VELOCITY, origin, arrow, ends)
+            )
+        x, y, z = position
+        # y points down.
+        above = self._pose((x, y - extent[1] / 2 - 0.15, z), still)
+        found.append(
+            self._marker(
+                wall_ns, f"{ns} label", id_, _TEXT, _WHITE, above, (0.0, 0.0, 0.12), (), text
+            )
+        )
+        return found
+
+    def _clearing(self, wall_ns: int) -> Any:
+        """What was drawn before goes first, so that nothing stays that is seen no more."""
+        nowhere = self._pose((0, 0, 0), (1, 0, 0, 0))
+        return self._marker(wall_ns, "", 0, 0, _WHITE, nowhere, (0.0, 0.0, 0.0), action=_DELETE_ALL)
+
+    def _marker(
+        self,
+        wall_ns: int,
+        ns: str,
+        id_: int,
+        kind: int,
+        color: Rgba,
+        pose: Any,
+        scale: Sequence[float],
+        points: Sequence[Any] = (),
+        text: str = "",
+        action: int = _ADD,
+    ) -> Any:
+        nothing = np.zeros(0, np.uint8)
+        return self._make(
+            "visualization_msgs/msg/Marker",
+            header=self._header(wall_ns, "world"),
+            ns=ns,
+            id=id_,
+            type=kind,
+            action=action,
+            pose=pose,
+            scale=self._xyz("Vector3", scale),
+            color=self._make("std_msgs/msg/ColorRGBA", *color),
+            lifetime=self._make("builtin_interfaces/msg/Duration", 0, 0),
+            frame_locked=False,
+            points=list(points),
+            colors=[],
+            texture_resource="",
+            texture=self._make("sensor_msgs/msg/CompressedImage", self._header(0, ""), "", nothing),
+            uv_coordinates=[],
+            text=text,
+            mesh_resource="",
+            mesh_file=self._make("visualization_msgs/msg/MeshFile", "", nothing),
+            mesh_use_embedded_materials=False,
+        )

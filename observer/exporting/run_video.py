@@ -1,0 +1,72 @@
+"""The video of a run: what was found, drawn over the recorded images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from observer.errors import SourceError
+from observer.exporting.clouds import recorded_rectification
+from observer.exporting.errors import ExportError
+from observer.exporting.overlay import draw_overlay
+from observer.exporting.video import OverlayVideo
+from observer.recording.reader import Recording
+
+_FALLBACK_RATE = 15.0
+# Players and encoders refuse others.
+_SLOWEST, _FASTEST = 1.0, 240.0
+
+
+def write_run_video(
+    recording: Recording,
+    path: Path,
+    progress: Callable[[int, int | None], None] | None = None,
+) -> OverlayVideo:
+    """Write the overlay video of a run, at the rate of its frames.
+
+    Args:
+        progress: called with frames done and their number.
+
+    Returns:
+        the finished video, for what it was encoded as.
+
+    Raises:
+        ExportError: the recording holds no images, or the file cannot be written.
+    """
+    if not recording.images_held:
+        raise ExportError(
+            f"{recording.path.name} was recorded without images, so there is no video of it; "
+            f"record with jpeg or lossless images"
+        )
+    rectified = recorded_rectification(recording)
+    positions = {
+        (frame.index, frame.time): position for position, frame in enumerate(recording.frames)
+    }
+    video = OverlayVideo(path, frame_rate(recording))
+    try:
+        for done, line in enumerate(recording.lines(), 1):
+            position = positions.get((line["frame"], line["time"]))
+            if position is not None:
+                try:
+                    left, _ = rectified.apply(*recording.pair(position))
+                except SourceError:
+                    # Its images were lost; the picture before stays.
+                    continue
+                video.add(draw_overlay(left, line), line["time"])
+            if progress is not None:
+                progress(done, len(positions))
+        video.finish()
+    finally:
+        video.abort()
+    return video
+
+
+def frame_rate(recording: Recording) -> float:
+    """Frames a second of a run, by the middle distance of its frames."""
+    times = np.array([frame.time for frame in recording.frames])
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    rate = 1 / float(np.median(steps)) if len(steps) else _FALLBACK_RATE
+    return min(max(rate, _SLOWEST), _FASTEST)

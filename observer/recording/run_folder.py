@@ -1,0 +1,52 @@
+"""Where a run's recording lies, from whatever a person names it by."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from observer.errors import SourceError
+
+RUNS = "runs"
+RECORDING = "recording.mcap"
+
+
+def find_recording(run: Path | str, data: Path | None = None) -> Path:
+    """The recording that is meant.
+
+    Args:
+        run: a recording's file, a run's folder, or the id of a run or its beginning.
+        data: the data folder in which runs are looked for by id; None where there is none.
+
+    Raises:
+        SourceError: there is none, or the beginning of an id is that of several.
+    """
+    path = Path(run)
+    if path.is_file():
+        return path
+    if (path / RECORDING).is_file():
+        return path / RECORDING
+    if path.exists():
+        raise SourceError(f"{run} holds no {RECORDING}; give a run's folder or a recording's file")
+    name = str(run)
+    if data is None or path.suffix or path.name != name:
+        raise SourceError(
+            f"there is no recording {run}; give the file, the folder or the id of a run"
+        )
+    runs = data / RUNS
+    found = [runs / name] if (runs / name).is_dir() else sorted(runs.glob(f"{_literal(name)}*"))
+    if len(found) > 1:
+        names = ", ".join(each.name for each in found[:5])
+        raise SourceError(f"{name} is the beginning of several runs ({names}); give more of the id")
+    if not found:
+        raise SourceError(
+            f"there is no run {name} in {data}; give its id, its folder or a recording's file"
+        )
+    recording = found[0] / RECORDING
+    if not recording.is_file():
+        raise SourceError(f"the run {found[0].name} was not recorded, so there is nothing to read")
+    return recording
+
+
+def _literal(name: str) -> str:
+    """A name for ``glob`` in which no character stands for others."""
+    return "".join(f"[{c}]" if c in "*?[" else c for c in name)

@@ -1,0 +1,198 @@
+"""Videos, point clouds and the archive of all, read back by other means than they were written."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import shutil
+import zipfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from observer.exporting.archive import write_archive
+from observer.exporting.clouds import Cloud, cloud_at, write_ply
+from observer.exporting.errors import ExportError
+from observer.exporting.output import whole_output
+from observer.exporting.overlay import draw_overlay
+from observer.exporting.run_video import write_run_video
+from observer.exporting.video import OverlayVideo
+from observer.recording.foxglove import line_pose
+from observer.recording.reader import Recording
+
+from .conftest import FRAMES
+
+
+def pictures_of(path: Path) -> list[np.ndarray]:
+    """All pictures of a video."""
+    capture = cv2.VideoCapture(str(path))
+    found = []
+    while True:
+        there, picture = capture.read()
+        if not there:
+            break
+        found.append(picture)
+    capture.release()
+    return found
+
+
+def encoders() -> list[str | None]:
+    """OpenCV's own, and ffmpeg where it is."""
+    return [None, *([found] if (found := shutil.which("ffmpeg")) else [])]
+
+
+@pytest.mark.parametrize("ffmpeg", encoders())
+def test_pictures_come_at_their_times_and_gaps_are_filled(
+    tmp_path: Path, ffmpeg: str | None
+) -> None:
+    path = tmp_path / "a %20 video.mp4.part"
+    video = OverlayVideo(path, 10.0, ffmpeg=ffmpeg)
+    shades = [30, 90, 150, 210]
+    # One frame is missing after the second, and the clock begins again before the last.
+    for shade, time in zip(shades, (5.0, 5.1, 5.3, 0.0), strict=True):
+        video.add(np.full((65, 97, 3), shade, np.uint8), time)
+    video.finish()
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    found = pictures_of(path)
+    assert found[0].shape == (64, 96, 3)
+    assert video.pictures == 5
+    means = [float(picture.mean()) for picture in found]
+    assert means == pytest.approx([30, 90, 90, 150, 210], abs=6)
+
+
+@pytest.mark.parametrize("ffmpeg", encoders())
+def test_a_video_that_cannot_be_written_says_so(tmp_path: Path, ffmpeg: str | None) -> None:
+    video = OverlayVideo(tmp_path / "none" / "v.mp4", 10.0, ffmpeg=ffmpeg)
+
+    def write() -> None:
+        try:
+            for k in range(50):
+                video.add(np.zeros((480, 640, 3), np.uint8), k / 10)
+            video.finish()
+        finally:
+            video.abort()
+
+    with pytest.raises(ExportError, match="cannot be written"):
+        write()
+
+
+def test_the_video_of_a_run_shows_each_frame_with_its_obstacles(
+    recorded: dict[str, Path], tmp_path: Path
+) -> None:
+    with Recording(recorded["lossless"]) as recording:
+        write_run_video(recording, tmp_path / "v.mp4")
+        found = pictures_of(tmp_path / "v.mp4")
+        assert len(found) == FRAMES
+        line = list(recording.lines())[-1]
+        left, _ = recording.pair(FRAMES - 1)
+        before = left.copy()
+        drawn = draw_overlay(left, line)
+        assert np.array_equal(left, before)
+        u0, v0, _, v1 = (round(value) for value in line["obstacles"][0]["box_px"])
+        assert drawn[(v0 + v1) // 2, u0].tolist() == [0, 235, 255]
+        # The same place of the encoded picture is yellow, too: blue stays far behind green.
+        blue, green, red = found[-1][(v0 + v1) // 2, u0].astype(int)
+        assert min(green, red) > blue + 60
+    with (
+        Recording(recorded["none"]) as recording,
+        pytest.raises(ExportError, match="without images"),
+    ):
+        write_run_video(recording, tmp_path / "w.mp4")
+
+
+def read_ply(data: bytes) -> np.ndarray:
+    """The vertices of a PLY, by its own header."""
+    header, _, body = data.partition(b"end_header\n")
+    lines = header.decode("ascii").splitlines()
+    assert lines[:2] == ["ply", "format binary_little_endian 1.0"]
+    kinds = {"float": "<f4", "uchar": "u1"}
+    fields = [line.split() for line in lines if line.startswith("property")]
+    found = np.frombuffer(body, [(name, kinds[kind]) for _, kind, name in fields])
+    assert f"element vertex {len(found)}" in lines
+    return found
+
+
+def test_a_recorded_cloud_is_taken_and_another_is_computed(recorded: dict[str, Path]) -> None:
+    with Recording(recorded["jpeg"]) as recording:
+        kept = cloud_at(recording, 5)
+        assert kept.source == "recorded"
+        assert np.array_equal(kept.points.ravel(), np.arange(15))
+        assert kept.colors.tolist() == [[9, 8, 7]] * 5
+        made = cloud_at(recording, 0)
+        assert made.source == "computed"
+        assert len(made.points) > 10_000
+        # The lab is some metres large, and a few wrong matches are always far away.
+        near, far = np.quantile(made.points[:, 2], [0.01, 0.99])
+        assert 0.3 < near < 3 < far < 20
+        turned = cloud_at(recording, FRAMES - 1, "world")
+        pose = line_pose(list(recording.lines())[-1])
+        assert pose is not None
+        assert np.linalg.norm(pose.translation) > 1e-4
+        there = cloud_at(recording, FRAMES - 1).points
+        assert np.abs(turned.points - pose.apply(there)).max() < 1e-5
+        with pytest.raises(ExportError, match=f"0 to {FRAMES - 1}"):
+            cloud_at(recording, FRAMES)
+
+
+def test_ply_holds_every_point() -> None:
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(100, 3)).astype(np.float32)
+    colors = rng.integers(0, 255, (100, 3), dtype=np.uint8)
+    file = io.BytesIO()
+    write_ply(Cloud(points, colors, "camera", "computed", 7, 0.5), file)
+    read = read_ply(file.getvalue())
+    assert np.array_equal(np.stack([read[c] for c in "xyz"], axis=1), points)
+    names = ("red", "green", "blue")
+    assert np.array_equal(np.stack([read[c] for c in names], axis=1), colors)
+
+
+def test_the_archive_holds_all_and_says_what_is_missing(
+    recorded: dict[str, Path], tmp_path: Path
+) -> None:
+    for images in ("jpeg", "none"):
+        with Recording(recorded[images]) as recording:
+            write_archive(recording, tmp_path / f"{images}.zip")
+    with zipfile.ZipFile(tmp_path / "jpeg.zip") as archive:
+        assert archive.testzip() is None
+        names = set(archive.namelist())
+        readme = archive.read("README.md").decode()
+        lines = archive.read("observations.jsonl").decode().splitlines()
+        assert len(lines) == FRAMES
+        assert json.loads(archive.read("run.json"))["id"] == "jpeg"
+        header = archive.read("obstacles.csv").decode().splitlines()[0].split(",")
+        assert all(f"- {column} (" in readme for column in header)
+        assert len(read_ply(archive.read("cloud.ply"))) > 10_000
+    assert {"overlay.mp4", "calibration.yaml", "truth.csv", "odometry.csv", "frames.csv"} < names
+    with zipfile.ZipFile(tmp_path / "none.zip") as archive:
+        assert "overlay.mp4" not in archive.namelist()
+        assert "overlay.mp4: none.mcap was recorded without images" in (
+            archive.read("README.md").decode()
+        )
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["jpeg.zip", "none.zip"]
+
+
+def test_nothing_is_replaced_unasked_nor_by_half(tmp_path: Path) -> None:
+    path = tmp_path / "f.csv"
+    path.write_text("before")
+    with pytest.raises(ExportError, match="--overwrite"), whole_output(path):
+        pass
+    with contextlib.suppress(KeyError), whole_output(path, overwrite=True) as part:
+        part.write_text("half")
+        raise KeyError
+    assert path.read_text() == "before"
+    with whole_output(path, overwrite=True) as part:
+        part.write_text("after")
+    assert path.read_text() == "after"
+    assert [each.name for each in tmp_path.iterdir()] == ["f.csv"]
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis").touch()
+    with (
+        pytest.raises(ExportError, match="no bag"),
+        whole_output(tmp_path / "mine", overwrite=True),
+    ):
+        pass
+    with pytest.raises(ExportError, match="exists"), whole_output(tmp_path / "no" / "f.csv"):
+        pass

@@ -1,0 +1,101 @@
+"""Tables hold every number of the recording, with the unit in the column's name."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from observer.exporting.errors import ExportError
+from observer.exporting.tables import TABLES, find_table, write_csv, write_parquet
+from observer.recording.reader import Recording
+
+_UNITS = re.compile(r"_(m|mps|s|rad|radps|px|m2|m2ps2)$")
+_WITHOUT = {
+    "frame", "segment", "status", "id", "state", "motion", "points", "significance", "why",
+    "reasons", "parameters_revision", "obstacles", "name", "role", "visible", "track_id",
+    "revision", "from_position", "value", "qw", "qx", "qy", "qz",
+}  # fmt: skip
+
+
+def read_csv(name: str, recording: Recording) -> list[dict[str, str]]:
+    file = io.StringIO()
+    count = write_csv(TABLES[name], recording, file)
+    rows = list(csv.DictReader(io.StringIO(file.getvalue())))
+    assert len(rows) == count
+    return rows
+
+
+def test_every_number_has_its_unit() -> None:
+    for table in TABLES.values():
+        for column in table.columns:
+            bare = column.name.removeprefix("camera_")
+            assert _UNITS.search(column.name) or bare in _WITHOUT, column.name
+
+
+def test_a_row_for_each_obstacle_and_frame_to_the_last_digit(recorded: dict[str, Path]) -> None:
+    with Recording(recorded["none"]) as recording:
+        entries = [(line, each) for line in recording.lines() for each in line["obstacles"]]
+        rows = read_csv("obstacles", recording)
+        assert entries
+        assert len(rows) == len(entries)
+        for (line, entry), row in zip(entries, rows, strict=True):
+            assert (int(row["frame"]), int(row["id"])) == (line["frame"], entry["id"])
+            assert [float(row[c]) for c in ("x_m", "y_m", "z_m")] == entry["position"]
+            assert [float(row[c]) for c in ("vx_mps", "vy_mps", "vz_mps")] == entry["velocity"]
+            assert float(row["speed_mps"]) == entry["speed"]
+            assert float(row["cov_yz_m2"]) == entry["position_cov"][1][2]
+            assert float(row["cov_vzvz_m2ps2"]) == entry["velocity_cov"][2][2]
+            assert row["why"] == entry["why"]
+
+
+def test_truth_odometry_robots_frames_and_parameters_have_tables(
+    recorded: dict[str, Path],
+) -> None:
+    with Recording(recorded["none"]) as recording:
+        true = [(s.frame, body) for s in recording.truth_samples() for body in s.bodies]
+        rows = read_csv("truth", recording)
+        assert [(int(r["frame"]), r["name"]) for r in rows] == [(f, b.name) for f, b in true]
+        assert [float(r["x_m"]) for r in rows] == [b.position[0] for _, b in true]
+        matched = read_csv("matched_truth", recording)
+        assert {r["track_id"] for r in matched if r["role"] == "obstacle"} == {"1"}
+        assert {r["track_id"] for r in matched if r["role"] == "observer"} == {""}
+        told = [frame.odometry for frame in recording.frames if frame.odometry is not None]
+        assert [float(r["yaw_rad"]) for r in read_csv("odometry", recording)] == [
+            each.yaw for each in told
+        ]
+        assert {r["encoder_speed_mps"] for r in read_csv("robots", recording)} == {"0.2"}
+        assert len(read_csv("frames", recording)) == len(recording.frames)
+        values = {r["name"]: r["value"] for r in read_csv("parameters", recording)}
+        assert values["ego_motion.model"] == '"rigid"'
+
+
+def test_parquet_holds_the_same_with_types_and_help(recorded: dict[str, Path]) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs pyarrow, of the extra parquet")
+    with Recording(recorded["none"]) as recording:
+        for name in ("obstacles", "truth", "parameters"):
+            packed = io.BytesIO()
+            write_parquet(TABLES[name], recording, packed)
+            packed.seek(0)
+            table = parquet.read_table(packed)
+            assert table.to_pylist() == list(TABLES[name].rows(recording))
+    field = table.schema.field("value")
+    assert field.metadata[b"help"] == b"as JSON"
+
+
+def test_without_the_package_the_extra_is_named(
+    recorded: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with Recording(recorded["none"]) as recording, pytest.raises(ExportError) as refused:
+        write_parquet(TABLES["truth"], recording, io.BytesIO())
+    assert "dynamic-observer[parquet]" in str(refused.value)
+
+
+def test_an_unknown_table_is_answered_with_those_there_are() -> None:
+    with pytest.raises(ExportError, match="obstacles, frames, truth"):
+        find_table("obstacle")
