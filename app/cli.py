@@ -35,6 +35,7 @@ def build() -> typer.Typer:
     from app.commands.export import export
     from app.commands.observe import observe
     from app.commands.parameters import parameters
+    from app.commands.report import report
     from app.commands.restore import restore
     from app.commands.serve import serve
     from app.commands.simulate import simulate
@@ -52,6 +53,7 @@ def build() -> typer.Typer:
     cli.command("observe")(observe)
     cli.command("evaluate")(evaluate)
     cli.command("export")(export)
+    cli.command("report")(report)
     cli.command("simulate")(simulate)
     cli.command("calibrate")(calibrate)
     cli.command("coppelia-scene")(coppelia_scene)

@@ -1,0 +1,114 @@
+"""How figures look and are written: the same bytes from the same data, on paper and on a page.
+
+No state of pyplot is used. Text and axes are drawn in one ink, which a page replaces by its own
+colour, so that charts can be read on a light and on a dark ground.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from numpy.typing import NDArray
+
+from observer.errors import InputError
+from observer.types import Image
+
+INK = "#1b1d21"
+GRID = "#dfe2e6"
+GREEN, YELLOW, RED, GREY = "#2bd42b", "#ffd800", "#e5261f", "#9aa0a6"
+# After Okabe and Ito: they stay apart for colour-blind eyes, and on a dark ground.
+BLUE, ORANGE, PURPLE, TEAL, SKY = "#1f7fc4", "#D55E00", "#CC79A7", "#009E73", "#56B4E9"
+FORMATS = ("png", "svg", "pdf")
+_DPI = 150
+_STYLE: Any = {"svg.fonttype": "none", "font.family": "sans-serif"}
+
+
+def picture_axes(titles: tuple[str, ...], size: tuple[int, int]) -> tuple[Figure, list[Axes]]:
+    """A row of axes for pictures of this width and height, pixels, without ticks."""
+    width = 3.6 * len(titles)
+    height = width / len(titles) * size[1] / size[0] + 0.34
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    found = list(figure.subplots(1, len(titles), squeeze=False).flat)
+    for axes, title in zip(found, titles, strict=True):
+        axes.set_title(title, fontsize=9, color=INK)
+        axes.set_xticks([])
+        axes.set_yticks([])
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+    return figure, found
+
+
+def show_image(axes: Axes, image: Image) -> None:
+    """A grey or BGR image; pixel centres have whole coordinates."""
+    rgb: NDArray[np.uint8] = (
+        np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image[..., ::-1]
+    )
+    axes.imshow(rgb, interpolation="nearest")
+    axes.set_xlim(-0.5, image.shape[1] - 0.5)
+    axes.set_ylim(image.shape[0] - 0.5, -0.5)
+
+
+def plain_axes(axes: Axes) -> None:
+    """Two spines and a grid."""
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color(INK)
+    axes.tick_params(colors=INK, length=3)
+    axes.grid(True, color=GRID, linewidth=0.7, zorder=0)
+    axes.set_axisbelow(True)
+
+
+def figure_bytes(figure: Figure, name: str, format_: str) -> bytes:
+    """The file of a figure, without a date in it.
+
+    Args:
+        name: of the figure; parts of an SVG are numbered by it, so that several can stand on one
+            page. format_: one of ``FORMATS`` or ``jpg``.
+    """
+    file = io.BytesIO()
+    dates: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    more: dict[str, Any] = {"pil_kwargs": {"quality": 88}} if format_ == "jpg" else {}
+    for text in figure.findobj(Text):
+        assert isinstance(text, Text)
+        if text.get_color() == "black":
+            text.set_color(INK)
+    with mpl.rc_context({**_STYLE, "svg.hashsalt": name}):
+        figure.savefig(file, format=format_, dpi=_DPI, metadata=dates.get(format_), **more)
+    return file.getvalue()
+
+
+def themed_svg(figure: Figure, name: str) -> str:
+    """An SVG element that takes ink and grid from the page around it."""
+    figure.patch.set_alpha(0.0)
+    for axes in figure.axes:
+        axes.patch.set_alpha(0.0)
+    text = figure_bytes(figure, name, "svg").decode()
+    figure.patch.set_alpha(1.0)
+    text = text[text.index("<svg") :]
+    return text.replace(INK, "currentColor").replace(GRID, "var(--grid)")
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Whole or not at all.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(content)
+        os.replace(part, path)
+    except OSError as error:
+        raise InputError(
+            f"cannot write {path}: {error.strerror}; name a file in a folder that may be written"
+        ) from None

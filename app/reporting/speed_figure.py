@@ -1,0 +1,92 @@
+"""Figure 17: the obstacle's speed as it was seen, as it truly was, as commanded, by encoders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from app.reporting.drawing import BLUE, INK, ORANGE, PURPLE, TEAL, plain_axes
+from app.reporting.gathering import Curve, Gathered
+from observer.evaluation.speed_errors import BAND_95, SeenMotion
+from observer.geometry import Float64Array
+
+# A curve is not drawn over a stretch this many times its usual step.
+_GAP_STEPS = 3.0
+# Tracks of fewer samples are drawn without their number.
+_NAMED_FROM = 5
+_OTHER_SOURCES = {"true": (ORANGE, "--"), "commanded": (INK, ":"), "encoder": (TEAL, "-.")}
+
+
+def speed_figure(runs: Sequence[tuple[str, Gathered]]) -> Figure:
+    """One chart for each experiment, with its title."""
+    figure = Figure(figsize=(9.6, 3.5 * len(runs)), layout="constrained", facecolor="white")
+    charts = figure.subplots(len(runs), 1, squeeze=False)
+    for axes, (title, gathered) in zip(charts.flat, runs, strict=True):
+        _chart(axes, gathered)
+        axes.set_title(title, fontsize=10, loc="left")
+        axes.set_ylabel("speed, m/s")
+    charts.flat[-1].set_xlabel("time on the source's clock, s")
+    return figure
+
+
+def _chart(axes: Axes, gathered: Gathered) -> None:
+    stray = "of no known body" if gathered.true else "by the observer"
+    groups = ((gathered.seen, BLUE, "by the observer"), (gathered.unmatched, PURPLE, stray))
+    for motions, color, label in groups:
+        for number, motion in enumerate(motions):
+            _seen(axes, motion, color, None if number else label)
+    for true in gathered.true:
+        _line(axes, Curve(f"{true.body} by truth", true.times, true.speeds), "true")
+    for curve in gathered.commanded:
+        _line(axes, curve, "commanded")
+    for curve in gathered.encoder:
+        _line(axes, curve, "encoder")
+    axes.margins(y=0.12)
+    axes.set_ylim(bottom=0)
+    plain_axes(axes)
+    if axes.get_legend_handles_labels()[0]:
+        # Above the chart, where it hides no curve.
+        axes.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8, ncols=5,
+            borderaxespad=0.2,
+        )  # fmt: skip
+
+
+def _seen(axes: Axes, motion: SeenMotion, color: str, label: str | None) -> None:
+    times, speeds, stds = broken(motion.times, motion.speeds, motion.stds)
+    axes.plot(times, speeds, color=color, linewidth=1.5, label=label, zorder=4)
+    known = np.isfinite(stds)
+    low = np.maximum(speeds - BAND_95 * stds, 0.0)
+    axes.fill_between(
+        times, low, speeds + BAND_95 * stds, where=list(known), color=color, alpha=0.18,
+        linewidth=0, label=None if label is None else "its band of 95 %", zorder=2,
+    )  # fmt: skip
+    if len(motion.times) >= _NAMED_FROM:
+        # Where an identity begins, so that changes of it can be seen.
+        axes.plot(motion.times[0], motion.speeds[0], "o", color=color, markersize=3.5, zorder=5)
+        axes.annotate(
+            motion.track, (motion.times[0], motion.speeds[0]), xytext=(3, 4),
+            textcoords="offset points", fontsize=7, color=color,
+        )  # fmt: skip
+
+
+def _line(axes: Axes, curve: Curve, kind: str) -> None:
+    color, style = _OTHER_SOURCES[kind]
+    times, speeds = broken(curve.times, curve.speeds)
+    axes.plot(times, speeds, style, color=color, linewidth=1.4, label=curve.label, zorder=3)
+
+
+def broken(times: Float64Array, *values: Float64Array) -> tuple[Float64Array, ...]:
+    """The same with a NaN in every gap, so that no line is drawn over it."""
+    if len(times) < 3:
+        return (times, *values)
+    steps = np.diff(times)
+    gaps = np.flatnonzero(steps > _GAP_STEPS * np.median(steps)) + 1
+    between = (times[gaps - 1] + times[gaps]) / 2
+    return (
+        np.insert(times, gaps, between),
+        *(np.insert(np.asarray(each, np.float64), gaps, np.nan) for each in values),
+    )
