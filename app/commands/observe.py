@@ -7,11 +7,12 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Annotated
+from typing import IO, Annotated, Literal
 
 import typer
 
 from app.commands.assignments import chosen_parameters
+from app.commands.keeping import Keeper, keeping
 from app.commands.output import whole_file
 from app.commands.progress import ProgressCallback, progress_bar
 from observer.calibration.formats.recognition import named_file, read_any
@@ -28,8 +29,8 @@ def observe(
     source: Annotated[
         str,
         typer.Argument(
-            help="simulated:SCENARIO, video:LEFT,RIGHT, coppeliasim:HOST:PORT, cameras or a folder "
-            "of stereo images."
+            help="simulated:SCENARIO, video:LEFT,RIGHT, coppeliasim:HOST:PORT, cameras, a folder "
+            "of stereo images or a recording.mcap."
         ),
     ],
     output: Annotated[
@@ -60,10 +61,22 @@ def observe(
             "provisional.",
         ),
     ] = False,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="F.mcap", help="Also record the run as it is observed."),
+    ] = None,
+    record_images: Annotated[
+        Literal["none", "jpeg", "lossless"], typer.Option(help="Which images are recorded.")
+    ] = "jpeg",
+    video: Annotated[
+        Path | None,
+        typer.Option(metavar="F.mp4", help="Also write a video of what is found."),
+    ] = None,
 ) -> None:
     """Observe a source from its first frame to its last and write one JSON line per frame."""
     parameters = chosen_parameters(preset, assignments or [])
-    opened = open_source(source).source
+    found = open_source(source)
+    opened = found.source
     try:
         used = (
             _read_calibration(calibration, (opened.info.width, opened.info.height))
@@ -76,8 +89,18 @@ def observe(
                 f"(OpenCV YAML with K1 D1 K2 D2 R T, or that of another tool)"
             )
         observer = Observer(used, parameters, mount=opened.info.mount)
-        with _writer(output) as file, progress_bar(f"observing {source}") as progress:
-            skipped = _observe_all(opened, observer, file, progress, frames, tentative)
+        keeper = keeping(
+            opened.info, found.truth, used, parameters, preset,
+            record=record, images=record_images, video=video,
+        )  # fmt: skip
+        with (
+            _writer(output) as file,
+            keeper as kept,
+            progress_bar(f"observing {source}") as progress,
+        ):
+            skipped = _observe_all(opened, observer, file, progress, frames, tentative, kept)
+        if video is not None:
+            typer.echo(f"{video}: {kept.video_told}", err=True)
     finally:
         opened.close()
     if skipped:
@@ -106,6 +129,7 @@ def _observe_all(
     progress: ProgressCallback,
     limit: int | None,
     tentative: bool,
+    kept: Keeper,
 ) -> list[SkippedFrame]:
     """Write one line per readable frame; the frames that could not be read are returned."""
     skipped: list[SkippedFrame] = []
@@ -117,12 +141,17 @@ def _observe_all(
             break
         if isinstance(frame, SkippedFrame):
             skipped.append(frame)
+            kept.skipped(frame)
             continue
         if isinstance(frame, NoFrame):
             trouble = _told(frame.trouble, trouble)
+            kept.waited()
             continue
-        line = observation_line(observer.observe(frame), tentative=tentative)
+        kept.frame(frame)
+        observation = observer.observe(frame)
+        line = observation_line(observation, tentative=tentative)
         file.write(json.dumps(line, allow_nan=False) + "\n")
+        kept.observed(frame, observation, line)
         observed += 1
         progress(observed, limit or source.info.frame_count)
     if observed == 0:
