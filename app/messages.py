@@ -166,6 +166,9 @@ class SetParameters:
 class SetPlayback:
     """Change what is given; ``step`` shows that many further frames while paused.
 
+    ``seek`` goes on with that frame, from 0, of a recording, and shows it also while paused; it
+    begins a new segment.
+
     The reply's value is the playback as in ``StateEvent.playback``.
     """
 
@@ -174,6 +177,7 @@ class SetPlayback:
     loop: bool | None = None
     step: int = 0
     restart: bool = False
+    seek: int | None = None
 
 
 @dataclass(frozen=True)
@@ -324,8 +328,8 @@ class StateEvent:
     While only the playback's position moves it is sent twice a second.
 
     ``source`` holds the fields of ``SourceInfo``; ``playback`` holds ``paused, rate, loop,
-    frame, frame_count, ended, achieved_rate`` (``frame``: position within the source, None
-    before the first one; ``achieved_rate``: source seconds per second really played, below
+    frame, frame_count, ended, seekable, achieved_rate`` (``frame``: position within the source,
+    None before the first one; ``seekable``: whether ``SetPlayback.seek`` can be asked for; ``achieved_rate``: source seconds per second really played, below
     ``rate`` where observing cannot keep up, None while unknown); ``camera`` the rectified
     ``width, height, fx, fy, cx, cy, baseline``. In ``failed`` they tell of what failed.
     ``live`` holds the fields of ``LiveReport`` and ``trouble``, what keeps the source from

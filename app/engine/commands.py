@@ -175,6 +175,7 @@ class CommandDesk:
             loop=command.loop,
             step=command.step,
             restart=command.restart,
+            seek=command.seek,
         )
         return session.playback_facts(self._clock())
 

@@ -1,4 +1,4 @@
-"""Playing a source at its recorded pace: pause, step, rate, loop and restart.
+"""Playing a source at its recorded pace: pause, step, seek, rate, loop and restart.
 
 Of a source that is not live no frame is ever left out: where reading or observing cannot keep
 up, the playback slows down and says at which rate it really runs.
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from app.engine.errors import NotNow
 from observer.errors import InputError, SourceError
-from observer.sources.contract import NoFrame, SkippedFrame, Source
+from observer.sources.contract import NoFrame, SeekableSource, SkippedFrame, Source
 from observer.types import StereoFrame
 
 MIN_RATE = 0.1
@@ -28,7 +28,8 @@ class PlayedFrame:
             instant it was played (of a live source: received).
         source_time: its time within the source, by which truth is looked up.
         position: its number within the source.
-        new_segment: it follows a rewind, so nothing before it belongs to it.
+        new_segment: it follows a rewind, a seek or what was a new beginning when it was recorded,
+            so nothing before it belongs to it.
     """
 
     frame: StereoFrame
@@ -46,6 +47,7 @@ class Player:
 
     def __init__(self, source: Source, *, paused: bool, rate: float, loop: bool) -> None:
         self._source = source
+        self._seekable = source if isinstance(source, SeekableSource) else None
         self._live = source.info.live
         self._period = 1.0 / source.info.frame_rate
         self._rate = _checked_rate(rate)
@@ -80,6 +82,11 @@ class Player:
     @property
     def loop(self) -> bool:
         return self._loop
+
+    @property
+    def seekable(self) -> bool:
+        """Whether it can go on from any frame."""
+        return self._seekable is not None
 
     @property
     def ended(self) -> bool:
@@ -117,6 +124,8 @@ class Player:
         if self._held is not None or self._ended:
             return None
         item = self._source.read()
+        if isinstance(item, StereoFrame | SkippedFrame):
+            self._note_beginning()
         if isinstance(item, SkippedFrame):
             self.skipped += 1
             self._last_index = item.index + self._index_offset
@@ -137,6 +146,16 @@ class Player:
             self._ended = True
         return None
 
+    def _note_beginning(self) -> None:
+        """Begin a new world where one began when this was recorded."""
+        if self._seekable is None or self._last_index < 0 or self._seekable.begins is None:
+            return
+        self._rewound = True
+        if self._seekable.begins == "observer":
+            # The source had been opened again then, so its numbers and times were others.
+            self._index_offset = self._last_index + 1
+            self._time_offset = None
+
     def _hold(self, frame: StereoFrame) -> None:
         if self._time_offset is None:
             after = 0.0 if self._last_time is None else self._last_time + self._period
@@ -149,11 +168,16 @@ class Player:
             time=frame.time + self._time_offset,
             right_time=right_time,
         )
-        self._held = PlayedFrame(continued, frame.time, frame.index, self._rewound)
+        # A recording may lack frames, so that their indexes do not count them.
+        position = frame.index if self._seekable is None else self._seekable.position - 1
+        self._held = PlayedFrame(continued, frame.time, position, self._rewound)
         self._rewound = False
 
     def _rewind(self) -> None:
         self._source.rewind()
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
         self._held = None
         self._ended = False
         self._frames_in_pass = 0
@@ -208,15 +232,17 @@ class Player:
         loop: bool | None = None,
         step: int = 0,
         restart: bool = False,
+        seek: int | None = None,
     ) -> None:
         """Change what is given, all or nothing.
 
         Raises:
-            InputError: a value is out of range, or the source is live.
+            InputError: a value is out of range, or the source is live or cannot seek.
             NotNow: steps were asked for while playing.
             SourceError: the source cannot be rewound.
         """
-        if self._live and (paused or rate not in (None, 1.0) or loop or step or restart):
+        moved = restart or seek is not None
+        if self._live and (paused or rate not in (None, 1.0) or loop or step or moved):
             raise InputError("a live source comes at its own pace and cannot be paused or replayed")
         new_rate = self._rate if rate is None else _checked_rate(rate)
         if step < 0:
@@ -224,14 +250,34 @@ class Player:
         new_paused = self._paused if paused is None else paused
         if step and not new_paused:
             raise NotNow("single steps are possible while paused; pause first")
+        if seek is not None:
+            self._seek(seek, restart=restart)
         self._loop = self._loop if loop is None else loop
         if restart or (self._loop and self._ended):
             self._rewind()
-        if restart or new_rate != self._rate or new_paused != self._paused:
+        if moved or new_rate != self._rate or new_paused != self._paused:
             self._anchor = None
             self._played.clear()
-        self._steps = self._steps + step if new_paused else 0
+        # Whoever looks for something while it is paused wants to see it.
+        shown = step + (seek is not None)
+        self._steps = self._steps + shown if new_paused else 0
         self._rate, self._paused = new_rate, new_paused
+
+    def _seek(self, position: int, *, restart: bool) -> None:
+        if self._seekable is None:
+            raise InputError("only a recording can be searched; this source plays from its start")
+        count = self._source.info.frame_count
+        if restart or isinstance(position, bool) or not 0 <= position < (count or 0):
+            raise InputError(
+                f"seek must be a frame from 0 to {(count or 0) - 1} and stands alone, not "
+                f"{position}{' with restart' if restart else ''}"
+            )
+        self._seekable.seek(position)
+        # Frames that were to be shown step by step were others.
+        self._steps = 0
+        self._begin_anew()
+        # There were frames; those from here on may all be damaged.
+        self._frames_in_pass = 1
 
 
 def _checked_rate(rate: float) -> float:

@@ -155,6 +155,7 @@ class PlayedSource:
             "frame": player.position,
             "frame_count": self.source.info.frame_count,
             "ended": player.ended,
+            "seekable": player.seekable,
             "achieved_rate": None if achieved is None else round(achieved, 2),
         }
 

@@ -61,6 +61,7 @@ class PlaybackStatus(BaseModel):
     frame: int | None = Field(description="Position within the source.")
     frame_count: int | None
     ended: bool
+    seekable: bool = Field(False, description="Whether it can go on from any frame.")
     achieved_rate: float | None = Field(None, description="Source seconds per second, measured.")
 
 
@@ -269,6 +270,9 @@ class PlaybackChange(In):
         0, description="Show so many further frames while paused."
     )
     restart: StrictBool = False
+    seek: Annotated[StrictInt, Field(ge=0)] | None = Field(
+        None, description="Go on from this frame of a recording, and show it also while paused."
+    )
 
 
 # --- runs -----------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ async def put_source(choice: SourceChoice, station: TheStation) -> dict[str, Any
 @router.post(
     "/playback",
     response_model=PlaybackStatus,
-    summary="Pause, step, change the rate, loop, restart",
+    summary="Pause, step, seek, change the rate, loop, restart",
     responses=refusals(409, 415, 422, 503),
 )
 async def post_playback(change: PlaybackChange, station: TheStation) -> dict[str, Any]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import pytest
 from hypothesis import given, settings
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from app.engine.errors import NotNow
 from app.engine.playback import PlayedFrame, Player
 from observer.errors import InputError, SourceError
+from observer.sources.contract import SkippedFrame
 
 Numbered = Callable[..., Any]
 
@@ -248,3 +250,110 @@ def test_whatever_is_pressed_time_and_index_only_go_forward(
     frames = [p.frame for _, p in host.played]
     assert all(b.index > a.index and b.time > a.time for a, b in itertools.pairwise(frames))
     assert all(p.source_time == pytest.approx(100 + p.position / 10) for _, p in host.played)
+
+
+class Recorded:
+    """A recording of numbered frames: frame 3 began a segment, frame 6 another engine's run."""
+
+    begun: ClassVar[dict[int, str]] = {0: "observer", 3: "segment", 6: "observer"}
+
+    def __init__(self, numbered: Numbered, broken: tuple[int, ...] = ()) -> None:
+        self._source = numbered(10)
+        self._broken = broken
+        self.info, self.calibration = self._source.info, self._source.calibration
+        self.begins: Any = None
+
+    @property
+    def position(self) -> int:
+        at: int = self._source.at
+        return at
+
+    def read(self) -> Any:
+        at = self.position
+        frame = self._source.read()
+        if frame is None:
+            return None
+        self.begins = self.begun.get(at)
+        if at in self._broken:
+            return SkippedFrame(at, "its images are lost")
+        if at < 6:
+            return frame
+        # The other engine opened its source from the beginning.
+        return replace(frame, index=at - 6, time=frame.time - 0.6)
+
+    def seek(self, position: int) -> None:
+        self._source.at = position
+
+    def rewind(self) -> None:
+        self._source.at = 0
+
+    def close(self) -> None:
+        pass
+
+
+def positions(frames: list[PlayedFrame]) -> list[int]:
+    return [played.position for played in frames]
+
+
+def test_a_recording_begins_anew_where_it_did_then(numbered: Numbered) -> None:
+    frames = Host(player(Recorded(numbered))).run(5.0)
+    assert positions(frames) == list(range(10))
+    assert [played.position for played in frames if played.new_segment] == [3, 6]
+    assert [played.frame.index for played in frames] == list(range(10))
+    steps = [b.frame.time - a.frame.time for a, b in itertools.pairwise(frames)]
+    assert steps == pytest.approx([0.1] * 9)
+    # Truth is looked up by the time it had then.
+    assert frames[6].source_time == pytest.approx(100.0)
+
+
+def test_a_recording_goes_on_from_any_frame(numbered: Numbered) -> None:
+    host = Host(player(Recorded(numbered)))
+    assert positions(host.run(0.25)) == [0, 1, 2]
+    host.player.change(seek=8)
+    frames = host.run(5.0)
+    assert positions(frames) == [8, 9]
+    assert [played.new_segment for played in frames] == [True, False]
+    host.player.change(seek=1)
+    again = host.run(0.15)
+    assert positions(again) == [1, 2]
+    seen = [played.frame for _, played in host.played]
+    assert all(b.index > a.index and b.time > a.time for a, b in itertools.pairwise(seen))
+
+
+def test_while_paused_the_frame_that_is_sought_is_shown(numbered: Numbered) -> None:
+    host = Host(player(Recorded(numbered), paused=True))
+    host.run(0.1)
+    for sought in (4, 2, 9):
+        host.player.change(seek=sought)
+        assert positions(host.run(1.0)) == [sought]
+    assert host.player.paused
+    host.player.change(seek=0, step=2)
+    assert positions(host.run(1.0)) == [0, 1, 2]
+
+
+def test_damaged_frames_behind_what_is_sought_end_nothing(numbered: Numbered) -> None:
+    host = Host(player(Recorded(numbered, broken=(8, 9))))
+    host.run(0.1)
+    host.player.change(seek=8)
+    host.run(1.0)
+    assert host.player.ended
+    # The skipped beginning of a segment is made up for by the next frame.
+    host = Host(player(Recorded(numbered, broken=(3,))))
+    assert [p.position for p in host.run(5.0) if p.new_segment] == [4, 6]
+
+
+@pytest.mark.parametrize("change", [{"seek": 10}, {"seek": -1}, {"seek": 2, "restart": True}])
+def test_what_cannot_be_sought_changes_nothing(numbered: Numbered, change: Any) -> None:
+    host = Host(player(Recorded(numbered)))
+    host.run(0.15)
+    with pytest.raises(InputError, match="seek must be a frame from 0 to 9"):
+        host.player.change(rate=4.0, **change)
+    assert host.player.rate == 1.0
+    assert positions(host.run(0.1)) == [2]
+
+
+def test_only_a_recording_is_searched(numbered: Numbered) -> None:
+    plain = player(numbered(5))
+    assert not plain.seekable
+    with pytest.raises(InputError, match="only a recording"):
+        plain.change(seek=1)

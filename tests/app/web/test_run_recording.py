@@ -116,6 +116,7 @@ def test_robots_are_told_of_in_the_recording(
 
         await eventually(told)
         command = told()
+        assert command is not None
         # Told three times, but heard once.
         assert len(command.rows) == 1
         row = command.rows[0]
