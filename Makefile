@@ -50,7 +50,9 @@ setup-dev: setup $(INSTALLED_DEV)
 run: setup
 	@exec $(BIN)/dynamic-observer serve $(ARGS)
 
-# In two processes, but for the page's: a browser wants both cores to itself.
+# In two processes, but for the page's: a browser wants both cores to itself. Compiled modules are
+# kept even where the environment says not to: the tests start hundreds of processes.
+test: export PYTHONDONTWRITEBYTECODE :=
 test: setup-dev
 	@( $(install_chromium) ) || true
 	@( $(install_ffmpeg) ) || true
