@@ -1,16 +1,15 @@
-"""A missing prerequisite gives one sentence with the next command; a second set-up is nothing."""
+"""A missing prerequisite gives one sentence with the next command."""
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
-import time
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+
+from .making import make
 
 TOOLS = ("sh", "make", "sed", "cat", "id", "touch", "printf", "rm", "uname", "env", "chmod")
 
@@ -25,27 +24,6 @@ def bare(tmp_path: Path) -> Path:
         assert path is not None, f"{tool} is needed to test the Makefile"
         (folder / tool).symlink_to(path)
     return folder
-
-
-def make(
-    clone: Path, *arguments: str, path: str | None = None, timeout: float = 60
-) -> subprocess.CompletedProcess[str]:
-    environment: Mapping[str, str] = {
-        name: value for name, value in os.environ.items() if not name.startswith("MAKE")
-    }
-    # Compiling what is never imported is half the time that pip takes ("no" means --no-compile).
-    environment = {**environment, "PIP_NO_COMPILE": "no"}
-    if path is not None:
-        environment = {**environment, "PATH": path}
-    return subprocess.run(
-        ["make", *arguments],
-        cwd=clone,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-        check=False,
-    )
 
 
 def sentences(done: subprocess.CompletedProcess[str]) -> list[str]:
@@ -168,28 +146,3 @@ def test_make_alone_lists_the_targets(clone: Path) -> None:
     assert done.returncode == 0
     for target in ("run", "test", "lint", "bench", "wheel", "setup", "clean"):
         assert f"make {target} " in done.stdout
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(600)
-def test_a_fresh_clone_is_set_up_once(clone: Path) -> None:
-    started = time.monotonic()
-    done = make(clone, "setup", timeout=540)
-    assert done.returncode == 0, done.stderr
-    print(f"set-up of a fresh clone: {time.monotonic() - started:.1f} s")  # noqa: T201
-    assert (clone / "static" / "vendor" / "uplot" / "uPlot.esm.js").is_file()
-    assert not list((clone / ".venv" / "lib").glob("python3.*/site-packages/app"))
-    where = subprocess.run(
-        [clone / ".venv" / "bin" / "python", "-c", "import app; print(app.__file__)"],
-        cwd=clone.parent,
-        check=True,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert where.stdout.strip() == str(clone / "app" / "__init__.py")
-    second = make(clone, "setup")
-    assert (second.returncode, second.stdout) == (0, "")
-    assert make(clone, "clean").returncode == 0
-    assert not (clone / ".venv").exists()
-    assert not (clone / "static" / "vendor").exists()

@@ -1,4 +1,7 @@
-"""A wheel is whole: installed alone into an empty environment it serves the panel."""
+"""A fresh clone is set up by make, and a wheel serves the panel from what that installed.
+
+One environment for both: to install all that is needed costs more than all that is checked.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,21 @@ from pathlib import Path
 
 import pytest
 
+from .making import make
+
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+
+@pytest.fixture(scope="module")
+def set_up(clone_into: Callable[[Path], None], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A fresh clone in which ``make setup`` has run."""
+    clone = tmp_path_factory.mktemp("set-up") / "fresh clone"
+    clone_into(clone)
+    started = time.monotonic()
+    done = make(clone, "setup", timeout=540)
+    assert done.returncode == 0, done.stderr
+    print(f"set-up of a fresh clone: {time.monotonic() - started:.1f} s")  # noqa: T201
+    return clone
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +49,22 @@ def wheel(clone_into: Callable[[Path], None], tmp_path_factory: pytest.TempPathF
     assert done.returncode == 0, done.stdout + done.stderr
     (made,) = (folder / "dist").glob("*.whl")
     return made
+
+
+def test_a_fresh_clone_is_set_up_once(set_up: Path) -> None:
+    assert (set_up / "static" / "vendor" / "uplot" / "uPlot.esm.js").is_file()
+    assert not list((set_up / ".venv" / "lib").glob("python3.*/site-packages/app"))
+    where = subprocess.run(
+        [set_up / ".venv" / "bin" / "python", "-c", "import app; print(app.__file__)"],
+        cwd=set_up.parent,
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert where.stdout.strip() == str(set_up / "app" / "__init__.py")
+    second = make(set_up, "setup")
+    assert (second.returncode, second.stdout) == (0, "")
 
 
 def test_what_is_in_it(wheel: Path, repository: Path) -> None:
@@ -58,19 +91,17 @@ def test_what_is_in_it(wheel: Path, repository: Path) -> None:
     assert [name for name in names if unwanted.search(name)] == []
 
 
-def test_it_serves_from_an_empty_environment(
-    wheel: Path, repository: Path, tmp_path: Path, free_port: int
+def test_it_serves_from_an_environment_of_what_it_needs_alone(
+    wheel: Path, set_up: Path, tmp_path: Path, free_port: int
 ) -> None:
-    environment = tmp_path / "empty"
-    python = environment / "bin" / "python"
-    subprocess.run(
-        [sys.executable, "-m", "venv", "--without-pip", str(environment)], check=True, timeout=120
-    )
-    # The pip of here, and without compiling what is never imported: both only take time.
-    pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "-q", "--no-compile"]
-    pip.append("--disable-pip-version-check")
-    constraints = ["-c", str(repository / "constraints.txt")]
-    subprocess.run([*pip, *constraints, str(wheel)], check=True, timeout=400)
+    environment = set_up / ".venv"
+    pip = [str(environment / "bin" / "python"), "-m", "pip", "--disable-pip-version-check"]
+    subprocess.run([*pip, "uninstall", "-q", "-y", "dynamic-observer"], check=True, timeout=60)
+    # Without an index it is refused if anything that it asks for were not there.
+    install = [*pip, "install", "-q", "--no-compile", "--no-index", str(wheel)]
+    subprocess.run(install, check=True, timeout=60)
+    (installed,) = (environment / "lib").glob("python3.*/site-packages/app")
+    assert (installed / "static" / "vendor").is_dir()
 
     log = tmp_path / "serve.log"
     command = [str(environment / "bin" / "dynamic-observer"), "serve"]
@@ -91,6 +122,12 @@ def test_it_serves_from_an_empty_environment(
         server.terminate()
         server.wait(timeout=20)
     assert (tmp_path / "data").is_dir()
+
+
+def test_clean_removes_all_that_setup_made(set_up: Path) -> None:
+    assert make(set_up, "clean").returncode == 0
+    assert not (set_up / ".venv").exists()
+    assert not (set_up / "static" / "vendor").exists()
 
 
 def wait_for_token(server: subprocess.Popen[bytes], log: Path) -> str:
