@@ -11,4 +11,101 @@ image      pixels: u right, v down, the upper left pixel's centre is (0, 0)
 
 Units: metres, seconds, radians, pixels, m/s. ``time`` is the exposure on the source's own clock,
 ``received`` the host's monotonic clock.
+
+For notebooks and scripts there are ``observer.open`` and ``observer.load``::
+
+    import observer
+
+    with observer.open("simulated:lab", {"tracking.gate": 4.0}) as source:
+        for step in source.steps(50):
+            print(step.frame.time, [o.speed for o in step.obstacles])
+
+    with observer.load("recording.mcap") as run:
+        for track in run.tracks:
+            print(track.id, track.speeds.mean())
 """
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from observer.notebook.live import ObservedSource
+    from observer.notebook.run import LoadedRun
+
+__all__ = ["load", "open"]
+
+
+def open(
+    source: str,
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    preset: str = "default",
+    calibration: Path | str | None = None,
+) -> ObservedSource:
+    """Open a source, to be observed while it is iterated over.
+
+    Args:
+        source: whatever ``dynamic-observer observe`` takes: ``simulated:lab``, a folder, videos,
+            ``camera:0,1``, a recording.
+        parameters: values by dotted name that differ from the preset's.
+        preset: ``default`` or ``paper``.
+        calibration: a file to use in place of the source's own.
+
+    Raises:
+        InputError: one sentence says what of it cannot be used.
+
+    Example::
+
+        with observer.open("simulated:lab", {"ego_motion.model": "affine"}) as source:
+            for step in source.steps(20):
+                plt.imshow(step.picture())
+            source.set({"flow.residual_threshold_px": 1.5})
+            last = list(source.steps(20))[-1]
+    """
+    # Here and below: whoever uses a part of the library alone waits for no other.
+    from observer.calibration.formats.recognition import named_file, read_any
+    from observer.notebook.live import ObservedSource
+    from observer.opening import open_source
+    from observer.parameters.presets import preset as find_preset
+
+    chosen = find_preset(preset).changed(dict(parameters or {}))
+    opened = open_source(source)
+    try:
+        info = opened.source.info
+        given = None
+        if calibration is not None:
+            size = (info.width, info.height)
+            given = read_any([named_file(str(calibration))], expected_size=size).calibration
+        return ObservedSource(opened, chosen, given)
+    except BaseException:
+        opened.source.close()
+        raise
+
+
+def load(run: Path | str, data: Path | str | None = None) -> LoadedRun:
+    """Read a recorded run.
+
+    Args:
+        run: a recording's file, a run's folder, or the id of a run or its beginning.
+        data: the data folder in which a run is looked for by its id.
+
+    Raises:
+        SourceError: there is no such recording, or it cannot be read.
+
+    Example::
+
+        with observer.load("recording.mcap") as run:
+            for track in run.tracks:
+                plt.plot(track.times, track.speeds, label=f"track {track.id}")
+            for pair in run.speeds_beside_truth():
+                print(pair.body, pair.rmse)
+            plt.imshow(run.picture(10))
+            again = run.observe_again({"ego_motion.model": "affine"})
+    """
+    from observer.notebook.run import LoadedRun
+    from observer.recording.run_folder import find_recording
+
+    return LoadedRun(find_recording(run, None if data is None else Path(data)))

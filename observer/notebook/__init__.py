@@ -1,0 +1,1 @@
+"""For notebooks: what ``observer.open`` and ``observer.load`` give."""

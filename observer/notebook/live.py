@@ -1,0 +1,144 @@
+"""A source that is observed step by step, for notebooks and scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError
+from observer.exporting.overlay import draw_overlay
+from observer.jsonl import observation_line
+from observer.observer import Observer
+from observer.opening import OpenedSource
+from observer.parameters import Parameters
+from observer.sources.contract import NoFrame, SkippedFrame, SourceInfo
+from observer.stages.rectification import Rectification
+from observer.truth.contract import TrueBody, Truth
+from observer.types import Image, Observation, Obstacle, StereoFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One frame and what was found in it.
+
+    Attributes:
+        frame: as the source gave it. observation: what was found.
+        truth: true bodies at that instant, in the truth's own world; empty where none is known.
+    """
+
+    frame: StereoFrame
+    observation: Observation
+    truth: tuple[TrueBody, ...]
+    _rectification: Rectification
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The confirmed and coasting ones."""
+        return self.observation.reported
+
+    @cached_property
+    def line(self) -> dict[str, Any]:
+        """As ``observe`` writes it, see ``observer.jsonl``."""
+        return observation_line(self.observation)
+
+    def picture(self) -> Image:
+        """(H, W, 3) RGB: the rectified left image with what was found, for ``plt.imshow``."""
+        left, _ = self._rectification.apply(self.frame.left, self.frame.right)
+        return np.ascontiguousarray(draw_overlay(left, self.line)[:, :, ::-1])
+
+
+class ObservedSource:
+    """Observes a source while it is iterated over; see ``observer.open``.
+
+    Attributes:
+        skipped: frames that could not be read, and why.
+    """
+
+    def __init__(
+        self,
+        opened: OpenedSource,
+        parameters: Parameters,
+        calibration: StereoCalibration | None = None,
+    ) -> None:
+        """
+        Raises:
+            CalibrationError: there is none, or it cannot be used.
+        """
+        self._opened = opened
+        source = opened.source
+        used = calibration or source.calibration
+        if used is None:
+            raise CalibrationError(
+                f"{source.info.spec} brings no calibration; give calibration=FILE"
+            )
+        self.calibration = used
+        self.skipped: list[SkippedFrame] = []
+        self._revision = 0
+        self._rectification = Rectification(used)
+        self._observer = Observer(used, parameters, mount=source.info.mount)
+
+    def __enter__(self) -> ObservedSource:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def info(self) -> SourceInfo:
+        """What the source says of itself."""
+        return self._opened.source.info
+
+    @property
+    def truth(self) -> Truth | None:
+        """What is truly known of the same world."""
+        return self._opened.truth
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Those in force, by dotted name."""
+        return dict(self._observer.parameters.flat())
+
+    def set(self, changes: Mapping[str, Any]) -> None:
+        """Use other parameters from the next frame on.
+
+        Args:
+            changes: values by dotted name; the others stay.
+
+        Raises:
+            ParameterError: a name or a value is refused; nothing was changed.
+        """
+        parameters = self._observer.parameters.changed(changes)
+        self._revision += 1
+        self._observer.use(parameters, self._revision)
+
+    def __iter__(self) -> Iterator[Step]:
+        return self.steps()
+
+    def steps(self, count: int | None = None) -> Iterator[Step]:
+        """Observe on from where the source is.
+
+        Args:
+            count: of frames; None until the source ends, which live ones never do.
+        """
+        done = 0
+        while count is None or done < count:
+            frame = self._opened.source.read()
+            if frame is None:
+                return
+            if isinstance(frame, SkippedFrame):
+                self.skipped.append(frame)
+            elif not isinstance(frame, NoFrame):
+                done += 1
+                observation = self._observer.observe(frame)
+                truth = self._opened.truth
+                bodies = () if truth is None else truth.bodies(frame.time)
+                yield Step(frame, observation, bodies, self._rectification)
+
+    def close(self) -> None:
+        """Release files and devices; safe to call twice."""
+        self._opened.source.close()

@@ -1,0 +1,302 @@
+"""A recorded run as arrays, for notebooks and scripts."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.errors import SourceError
+from observer.exporting.clouds import Cloud, Frame, cloud_at, recorded_rectification
+from observer.exporting.errors import ExportError
+from observer.exporting.overlay import draw_overlay
+from observer.exporting.tables import TABLES, find_table
+from observer.geometry import Float64Array
+from observer.jsonl import observation_line
+from observer.recording.reader import Recording
+from observer.recording.replay import replay, replay_revisions
+from observer.recording.source import RecordingSource
+from observer.truth.csv_file import SampledTruth
+from observer.types import Image
+
+_UNKNOWN3 = (np.nan, np.nan, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One obstacle under one identity; N frames by rising time, NaN is not known.
+
+    Attributes:
+        segment, id: by which it is told from others.
+        frames: (N,) numbers. times: (N,) seconds on the source's clock.
+        positions: (N, 3) metres, velocities: (N, 3) m/s, the segment's world.
+        velocity_times: (N,) the instants that the velocities belong to.
+        speeds, speed_stds: (N,) m/s. ranges: (N,) metres from the camera.
+        coasting: (N,) whether it was not seen in that frame.
+    """
+
+    segment: int
+    id: int
+    frames: NDArray[np.int64]
+    times: Float64Array
+    positions: Float64Array
+    velocities: Float64Array
+    velocity_times: Float64Array
+    speeds: Float64Array
+    speed_stds: Float64Array
+    ranges: Float64Array
+    coasting: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedsBesideTruth:
+    """Speeds of one track and of the body it was taken for, at the same N instants.
+
+    Attributes:
+        body: the body's name. segment, id: of the track. times: (N,) seconds, source's clock.
+        seen, std, true: (N,) m/s, NaN is not known.
+    """
+
+    body: str
+    segment: int
+    id: int
+    times: Float64Array
+    seen: Float64Array
+    std: Float64Array
+    true: Float64Array
+
+    @property
+    def errors(self) -> Float64Array:
+        """(N,) m/s, seen minus true."""
+        return self.seen - self.true
+
+    @property
+    def rmse(self) -> float:
+        """Root of the mean squared error, m/s; NaN where nothing can be compared."""
+        known = self.errors[np.isfinite(self.errors)]
+        return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+
+
+class LoadedRun:
+    """A recorded run; see ``observer.load``. Nothing is written to it.
+
+    Attributes:
+        recording: everything that was recorded, one by one.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.recording = Recording(path)
+
+    def __enter__(self) -> LoadedRun:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        facts = self.recording.facts
+        return f"<run {facts.name or facts.id} of {facts.source}, {len(self)} frames>"
+
+    def __len__(self) -> int:
+        return len(self.recording.frames)
+
+    @cached_property
+    def lines(self) -> tuple[dict[str, Any], ...]:
+        """What was observed, a dictionary a frame as ``observe`` writes it."""
+        return tuple(self.recording.lines())
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return iter(self.lines)
+
+    @cached_property
+    def times(self) -> Float64Array:
+        """(frames,) seconds on the source's clock."""
+        return np.array([frame.time for frame in self.recording.frames])
+
+    @cached_property
+    def tracks(self) -> tuple[Track, ...]:
+        """All obstacles, by segment and id."""
+        return tracks_of(self.lines)
+
+    @cached_property
+    def truth(self) -> SampledTruth | None:
+        """The true bodies in the truth's own world; None where none were recorded."""
+        return self.recording.truth()
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Those that the run began with, by dotted name."""
+        return dict(replay_revisions(self.recording)[0][0].flat())
+
+    def speeds_beside_truth(self) -> tuple[SpeedsBesideTruth, ...]:
+        """Each track's speed beside the truth's, as matched while the run was recorded.
+
+        True speeds are interpolated to the instants that the seen ones belong to; where a body is
+        not known on both sides they are NaN.
+        """
+        true: dict[tuple[int, str], list[tuple[float, float]]] = defaultdict(list)
+        taken: dict[tuple[int, int], str] = {}
+        segments = {line["frame"]: line["segment"] for line in self.lines}
+        for matched in self.recording.matched_truth():
+            segment = segments.get(matched.frame)
+            if segment is None:
+                continue
+            for body in matched.bodies:
+                true[segment, body.name].append((matched.time, body.speed))
+                if body.track_id is not None:
+                    taken.setdefault((segment, body.track_id), body.name)
+        found = []
+        for track in self.tracks:
+            name = taken.get((track.segment, track.id))
+            if name is None:
+                continue
+            times, speeds = np.array(sorted(true[track.segment, name])).T
+            known = np.interp(track.velocity_times, times, speeds, left=np.nan, right=np.nan)
+            found.append(
+                SpeedsBesideTruth(
+                    name,
+                    track.segment,
+                    track.id,
+                    track.velocity_times,
+                    track.speeds,
+                    track.speed_stds,
+                    np.asarray(known, dtype=np.float64),
+                )
+            )
+        return tuple(found)
+
+    def table(self, name: str) -> dict[str, NDArray[Any]]:
+        """A table as arrays by column; numbers that are not known are NaN.
+
+        Args:
+            name: one of ``observer.exporting.tables.TABLES``, as in ``obstacles``.
+
+        Raises:
+            ExportError: there is no such table.
+        """
+        table = find_table(name)
+        rows = list(table.rows(self.recording))
+        found: dict[str, NDArray[Any]] = {}
+        for column in table.columns:
+            values = [row[column.name] for row in rows]
+            if column.kind == "text":
+                found[column.name] = np.array(values, dtype=object)
+            elif column.kind == "int" and None not in values:
+                found[column.name] = np.array(values, dtype=np.int64)
+            else:
+                found[column.name] = np.array(values, dtype=np.float64)
+        return found
+
+    def dataframe(self, name: str = "obstacles") -> Any:
+        """The same as ``pandas.DataFrame``.
+
+        Raises:
+            ExportError: there is no such table, or pandas is not installed.
+        """
+        try:
+            import pandas  # type: ignore[import-untyped]
+        except ImportError:
+            raise ExportError(
+                "a DataFrame needs pandas, which is not installed; install it, or use table()"
+            ) from None
+        return pandas.DataFrame(self.table(name), columns=list(TABLES[name].names))
+
+    def images(self, position: int) -> tuple[Image, Image]:
+        """The left and the right image of a frame as taken, grey or BGR.
+
+        Raises:
+            SourceError: they were not recorded.
+        """
+        if not 0 <= position < len(self):
+            raise SourceError(f"there is no frame {position}; there are 0 to {len(self) - 1}")
+        return self.recording.pair(position)
+
+    def picture(self, position: int) -> Image:
+        """(H, W, 3) RGB: the rectified left image with what was found, for ``plt.imshow``.
+
+        Raises:
+            SourceError: the frame's images or its observation were not recorded.
+        """
+        left, right = self.images(position)
+        at = self.recording.frames[position]
+        line = next(
+            (each for each in self.lines if (each["frame"], each["time"]) == (at.index, at.time)),
+            None,
+        )
+        if line is None:
+            raise SourceError(f"what was found in frame {at.index} was not recorded")
+        rectified, _ = recorded_rectification(self.recording).apply(left, right)
+        return np.ascontiguousarray(draw_overlay(rectified, line)[:, :, ::-1])
+
+    def cloud(self, position: int, frame: Frame = "camera") -> Cloud:
+        """The point cloud of a frame: as recorded, else by dense stereo from its images.
+
+        Raises:
+            ExportError, SourceError: as of ``observer.exporting.clouds.cloud_at``.
+        """
+        return cloud_at(self.recording, position, frame)
+
+    def observe_again(self, changes: Mapping[str, Any] | None = None) -> tuple[dict[str, Any], ...]:
+        """Observe the recorded images once more: lines as of ``lines``.
+
+        Without changes and with lossless images they are the run's, but for the timings.
+
+        Args:
+            changes: parameters that are to be others all the time, by dotted name.
+
+        Raises:
+            SourceError: the images were not recorded. ParameterError: a parameter is refused.
+        """
+        source = RecordingSource(self.recording.path)
+        try:
+            revisions = replay_revisions(self.recording, changes)
+            return tuple(observation_line(each) for each in replay(source, revisions))
+        finally:
+            source.close()
+
+    def close(self) -> None:
+        """Close the file; safe to call twice."""
+        self.recording.close()
+
+
+def tracks_of(lines: tuple[dict[str, Any], ...]) -> tuple[Track, ...]:
+    """The obstacles of JSON lines, by segment and id."""
+    seen: dict[tuple[int, int], list[tuple[dict[str, Any], dict[str, Any]]]] = defaultdict(list)
+    for line in lines:
+        for entry in line["obstacles"]:
+            seen[line["segment"], entry["id"]].append((line, entry))
+    return tuple(_track(*key, rows) for key, rows in sorted(seen.items(), key=lambda each: each[0]))
+
+
+def _track(segment: int, id_: int, rows: list[tuple[dict[str, Any], dict[str, Any]]]) -> Track:
+    def of_entries(name: str) -> Float64Array:
+        return np.array([entry[name] for _, entry in rows], dtype=np.float64)
+
+    def vectors(name: str) -> Float64Array:
+        return np.array(
+            [_UNKNOWN3 if entry[name] is None else entry[name] for _, entry in rows],
+            dtype=np.float64,
+        )
+
+    return Track(
+        segment=segment,
+        id=id_,
+        frames=np.array([line["frame"] for line, _ in rows], dtype=np.int64),
+        times=np.array([line["time"] for line, _ in rows], dtype=np.float64),
+        positions=vectors("position"),
+        velocities=vectors("velocity"),
+        velocity_times=of_entries("velocity_time"),
+        speeds=of_entries("speed"),
+        speed_stds=of_entries("speed_std"),
+        ranges=of_entries("range"),
+        coasting=np.array([entry["state"] == "coasting" for _, entry in rows], dtype=np.bool_),
+    )

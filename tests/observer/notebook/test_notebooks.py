@@ -1,0 +1,114 @@
+"""The notebooks run from their first cell to their last; a kernel of their own takes seconds."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import nbformat
+import pytest
+
+import observer
+
+_NOTEBOOKS = Path(__file__).parents[3] / "notebooks"
+
+
+@pytest.fixture(scope="session")
+def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short run with truth, as ``observe --record`` writes it."""
+    from app.cli import main
+
+    folder = tmp_path_factory.mktemp("recorded")
+    with pytest.raises(SystemExit) as left:
+        main(
+            [
+                "observe", "simulated:drive", "--frames", "14", "--record-images", "lossless",
+                "--record", str(folder / "run.mcap"), "--output", str(folder / "run.jsonl"),
+            ]
+        )  # fmt: skip
+    assert not left.value.code
+    return folder / "run.mcap"
+
+
+@pytest.fixture
+def figures() -> Iterator[Any]:
+    """Figures that nobody sees, and none that stay."""
+    before = matplotlib.get_backend()
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    yield pyplot
+    pyplot.close("all")
+    matplotlib.use(before)
+
+
+def run_notebook(name: str) -> dict[str, Any]:
+    """Run all cells; returns what they defined."""
+    notebook = nbformat.read(_NOTEBOOKS / name, as_version=4)
+    nbformat.validate(notebook)
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    for k, cell in enumerate(notebook.cells):
+        if cell.cell_type == "code":
+            # Committed without what they gave: that is large and never twice the same.
+            assert cell.outputs == []
+            exec(compile(cell.source, f"{name}, cell {k}", "exec"), namespace)
+    return namespace
+
+
+def test_a_source_is_observed_with_parameters(
+    figures: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    defined = run_notebook("observe_a_source.ipynb")
+    steps = defined["steps"]
+    assert len(steps) == 2 * defined["FRAMES"]
+    # The affine model begins a world of its own.
+    assert {step.observation.segment for step in steps} == {0, 1}
+    assert {step.observation.parameters_revision for step in steps} == {0, 1}
+    assert any(step.obstacles for step in steps)
+    assert "tracking.gate" in capsys.readouterr().out
+    assert len(figures.get_fignums()) == 2
+
+
+def test_a_run_is_analysed_against_truth(
+    figures: Any,
+    recorded_run: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    shutil.copy(recorded_run, tmp_path / "run.mcap")
+    monkeypatch.chdir(tmp_path)
+    defined = run_notebook("analyse_a_run.ipynb")
+    assert "RMSE" in capsys.readouterr().out
+    assert len(defined["again"]) == len(defined["run"])
+    assert len(figures.get_fignums()) == 2
+
+
+def test_tracks_are_the_lines_as_arrays_and_replay_gives_them_again(recorded_run: Path) -> None:
+    with observer.load(recorded_run) as run:
+        rows = [(line, entry) for line in run for entry in line["obstacles"]]
+        assert rows
+        assert sum(len(track) for track in run.tracks) == len(rows)
+        (track,) = [each for each in run.tracks if each.id == rows[0][1]["id"]]
+        entries = [entry for _, entry in rows if entry["id"] == track.id]
+        assert track.positions.tolist() == [entry["position"] for entry in entries]
+        assert track.speeds.tolist() == [entry["speed"] for entry in entries]
+        assert run.table("obstacles")["speed_mps"].tolist() == [e["speed"] for _, e in rows]
+        pairs = run.speeds_beside_truth()
+        assert pairs
+        assert all(pair.rmse < 0.4 for pair in pairs)
+        timeless = [{**line, "timings_ms": {}} for line in run]
+        assert [{**line, "timings_ms": {}} for line in run.observe_again()] == timeless
+
+
+def test_a_run_is_found_in_a_data_folder(recorded_run: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "runs" / "0af3"
+    folder.mkdir(parents=True)
+    shutil.copy(recorded_run, folder / "recording.mcap")
+    with observer.load("0a", data=tmp_path) as run:
+        assert len(run) == 14
+    with pytest.raises(observer.errors.SourceError, match="no run 1"):
+        observer.load("1", data=tmp_path)
