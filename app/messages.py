@@ -136,6 +136,18 @@ class StopRun:
 
 
 @dataclass(frozen=True)
+class SaveRing:
+    """Write the last half minute, as a recording of its own, to ``path``.
+
+    It is kept in a run that is recorded, and of live sources always. The reply's value is
+    ``{"bytes", "seconds"}``: of the file, and how far back it reaches.
+    """
+
+    path: str
+    reserve_bytes: int = 200 << 20
+
+
+@dataclass(frozen=True)
 class RecordRobots:
     """What was heard of robots since the last time, for the run's recording; none is no error.
 
@@ -250,6 +262,7 @@ Command = (
     | BeginCalibration
     | ChangeCalibration
     | StopRun
+    | SaveRing
     | RecordRobots
     | CloseSource
     | SetParameters
@@ -329,9 +342,10 @@ class StateEvent:
 
     ``source`` holds the fields of ``SourceInfo``; ``playback`` holds ``paused, rate, loop,
     frame, frame_count, ended, seekable, achieved_rate`` (``frame``: position within the source,
-    None before the first one; ``seekable``: whether ``SetPlayback.seek`` can be asked for; ``achieved_rate``: source seconds per second really played, below
-    ``rate`` where observing cannot keep up, None while unknown); ``camera`` the rectified
-    ``width, height, fx, fy, cx, cy, baseline``. In ``failed`` they tell of what failed.
+    None before the first one; ``seekable``: whether ``SetPlayback.seek`` can be asked for;
+    ``achieved_rate``: source seconds per second really played, below ``rate`` where observing
+    cannot keep up, None while unknown); ``camera`` the rectified ``width, height, fx, fy, cx,
+    cy, baseline``. In ``failed`` they tell of what failed.
     ``live`` holds the fields of ``LiveReport`` and ``trouble``, what keeps the source from
     delivering at this moment; None for what is not live. ``mount`` holds the fields of
     ``CameraMount`` as the observer uses it, None where it is not known. ``ageing`` holds

@@ -39,6 +39,7 @@ class Settings(BaseSettings):
             port is allowed with this port only.
         tls_cert, tls_key: PEM files; both or neither.
         viewer_points, viewer_rate_hz: the 3D scene's cloud: points drawn, updates per second.
+        ring_at_guard_stops: whether the last half minute is saved when the guard stops a robot.
         calibration_max_bytes: largest calibration file. images_max_bytes: largest archive of
             images to calibrate with. body_max_bytes: largest other request.
     """
@@ -61,6 +62,7 @@ class Settings(BaseSettings):
     calibration_max_bytes: int = Field(_MEGABYTE, ge=1024, le=64 * _MEGABYTE)
     images_max_bytes: int = Field(256 * _MEGABYTE, ge=1024, le=2048 * _MEGABYTE)
     body_max_bytes: int = Field(256 * 1024, ge=1024, le=64 * _MEGABYTE)
+    ring_at_guard_stops: bool = True
     log_level: Literal["debug", "info", "warning", "error"] = "warning"
 
     @field_validator("allowed_hosts", mode="before")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from app.engine.calibration_preview import preview_calibration
@@ -27,6 +28,7 @@ from app.messages import (
     RecordRobots,
     Reply,
     Request,
+    SaveRing,
     SetParameters,
     SetPlayback,
     Shutdown,
@@ -35,6 +37,7 @@ from app.messages import (
     WatchViews,
 )
 from observer.errors import DynamicObserverError, InputError
+from observer.recording.errors import RecordingError
 from observer.recording.payloads import Incident, RobotRow
 from observer.types import StereoFrame
 
@@ -81,6 +84,9 @@ class CommandDesk:
                 return None
             if isinstance(command, StopRun):
                 return self._stop_run(request.number)
+            if isinstance(command, SaveRing):
+                self._save_ring(request.number, command)
+                return None
             return Reply(request.number, value=self._handle(command))
         except DynamicObserverError as error:
             return refusal(request.number, error)
@@ -125,13 +131,31 @@ class CommandDesk:
         session = self._current.session
         if session is None or session.run_id is None:
             raise NotNow("no run is going; start one first")
-        session.run_id = None
         observing = self._current.observing
-        recorder = None if observing is None else observing.stop_recording()
+        recorder = None if observing is None else observing.end_run()
+        session.run_id = None
         if recorder is None:
             return Reply(number, value={"recording": None})
         recorder.end(lambda: self._send(Reply(number, value={"recording": recorder.facts()})))
         return None
+
+    def _save_ring(self, number: int, command: SaveRing) -> None:
+        """Have it saved; the answer comes from the recording's thread."""
+        session, path = self._current.observing, Path(command.path)
+        if session is None or session.recorder is None:
+            raise NotNow(
+                "the last half minute is kept of live cameras and in a run; what is open can be "
+                "played again"
+            )
+
+        def done(seconds: float | RecordingError) -> None:
+            if isinstance(seconds, RecordingError):
+                self._send(refusal(number, seconds))
+            else:
+                value = {"bytes": path.stat().st_size, "seconds": round(seconds, 1)}
+                self._send(Reply(number, value=value))
+
+        session.recorder.save_ring(path, command.reserve_bytes, done)
 
     def _record_robots(self, command: RecordRobots) -> dict[str, Any]:
         session = self._current.observing

@@ -17,6 +17,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from app.engine.errors import NotNow
 from app.engine.latest_worker import step_back
 from app.messages import OpenSource, RecordOrder
 from observer.errors import SourceError
@@ -24,6 +25,7 @@ from observer.mount import CameraMount
 from observer.parameters import Parameters
 from observer.recording.errors import RecordingError
 from observer.recording.payloads import Begins, Incident, ParameterRevision, RobotRow, RunFacts
+from observer.recording.ring import Ring
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.truth.csv_file import TruthSample
@@ -51,15 +53,17 @@ class RunRecorder:
 
     Args:
         writer: what to write with; None records nothing. trouble: why, then.
-        order: what was ordered. most_bytes: of frames that wait for the disk.
+        order: what was ordered; None fills only the ring. ring: of the writer, if any.
+        most_bytes: of frames that wait for the disk.
         free: what is left on the disk of a file.
     """
 
     def __init__(
         self,
         writer: RecordingWriter | None,
-        order: RecordOrder,
+        order: RecordOrder | None,
         *,
+        ring: Ring | None = None,
         trouble: str | None = None,
         most_bytes: int = MOST_BYTES,
         free: Callable[[Path], int] = free_bytes,
@@ -67,7 +71,8 @@ class RunRecorder:
     ) -> None:
         self._writer = writer
         self._order = order
-        self._path = Path(order.path)
+        self._path = None if order is None else Path(order.path)
+        self._ring = ring
         self._trouble = trouble
         self._most_bytes = most_bytes
         self._free = free
@@ -92,7 +97,7 @@ class RunRecorder:
     def facts(self) -> dict[str, Any]:
         """As ``StateEvent.recording`` holds it."""
         return {
-            "images": self._order.images,
+            "images": None if self._order is None else self._order.images,
             "bytes": self._bytes,
             "seconds": round(self._seconds, 1),
             "dropped": self._dropped,
@@ -173,6 +178,34 @@ class RunRecorder:
         """Something that is to be found again."""
         told = Incident(kind=kind, sentence=sentence, received=self._clock())
         self._give(lambda w: w.incident(told))
+
+    def save_ring(
+        self, path: Path, reserve_bytes: int, done: Callable[[float | RecordingError], None]
+    ) -> None:
+        """Write the last half minute behind what waits.
+
+        Args:
+            done: called in another thread with the seconds it holds, or why there is no file.
+
+        Raises:
+            NotNow: none is kept at the moment.
+        """
+        ring, trouble = self._ring, self._trouble
+        if ring is None or trouble is not None or self._ending:
+            raise NotNow(trouble or "the recording is ending; try again in a moment")
+
+        def save(_: RecordingWriter) -> None:
+            try:
+                _make_room(path, reserve_bytes)
+                ring.save(path)
+            except RecordingError as error:
+                # It is another file: the run's own goes on.
+                done(error)
+            else:
+                done(ring.seconds_held)
+
+        if not self._give(save):
+            raise NotNow("the disk does not keep up; try again in a moment")
 
     def end(self, done: Callable[[], None] | None = None) -> None:
         """Write what waits and close the file; returns at once, safe to call twice.
@@ -259,6 +292,8 @@ class RunRecorder:
             writer.incident(Incident(kind="not_recorded", sentence=sentence, received=now))
 
     def _look_at_disk(self, now: float) -> None:
+        if self._order is None or self._path is None:
+            return
         if now - self._disk_looked_at < _LOOK_AT_DISK_S:
             return
         self._disk_looked_at = now
@@ -283,8 +318,9 @@ class RunRecorder:
             writer.finish()
         except RecordingError as error:
             self._trouble = self._trouble or str(error)
-        with contextlib.suppress(OSError):
-            self._bytes = self._path.stat().st_size
+        if self._path is not None:
+            with contextlib.suppress(OSError):
+                self._bytes = self._path.stat().st_size
 
 
 class Recorders:
@@ -301,7 +337,8 @@ class Recorders:
         mount: CameraMount | None,
     ) -> RunRecorder | None:
         """Record what is opened, where that was ordered; not in the loop's thread, since it opens
-        a file. Where a run goes on, what hinders it is only told.
+        a file. Where a run goes on, what hinders it is only told. Of a live source, which cannot
+        be played again, the last half minute is kept in any case.
 
         Args:
             info: of the source. calibration_yaml, mount: what it is observed with.
@@ -310,29 +347,33 @@ class Recorders:
             RecordingError: the file cannot be written, or the disk is almost full.
         """
         order = command.record
-        if order is None or command.run_id is None:
+        if (order is None or command.run_id is None) and not info.live:
             return None
+        kept = order or RecordOrder("", "jpeg", "the last half minute")
         facts = RunFacts(
-            id=command.run_id,
-            name=order.name,
+            id=command.run_id or "",
+            name=kept.name,
             source=info.spec,
             info=asdict(info),
             calibration_yaml=calibration_yaml,
-            images=order.images,
+            images=kept.images,
             rig_yaml=command.rig_yaml,
             mount=None if mount is None else asdict(mount),
-            preset=order.preset,
+            preset=kept.preset,
             segment=command.segment,
-            versions=order.versions,
+            versions=kept.versions,
         )
+        ring = Ring()
+        if order is None or command.run_id is None:
+            return RunRecorder(RecordingWriter(None, facts, ring=ring), None, ring=ring)
         resume, trouble = command.segment > 0, None
         try:
-            writer = _opened(order, facts, resume=resume)
+            writer = _opened(order, facts, ring, resume=resume)
         except RecordingError as error:
             if not resume:
                 raise
             writer, trouble = None, str(error)
-        recorder = RunRecorder(writer, order, trouble=trouble)
+        recorder = RunRecorder(writer, order, ring=ring, trouble=trouble)
         self._all = [each for each in self._all if not each.ended] + [recorder]
         return recorder
 
@@ -351,23 +392,32 @@ def almost_full(path: Path, left: int, reserve: int) -> str:
     )
 
 
-def _opened(order: RecordOrder, facts: RunFacts, *, resume: bool) -> RecordingWriter:
-    path = Path(order.path)
+def _make_room(path: Path, reserve_bytes: int) -> None:
+    """See that a file can be begun.
+
+    Raises:
+        RecordingError: it cannot, or the disk is almost full.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         left = free_bytes(path)
     except OSError as error:
         raise RecordingError.of(error, path.name) from None
-    if left < order.reserve_bytes:
-        raise RecordingError(almost_full(path, left, order.reserve_bytes), full=True)
+    if left < reserve_bytes:
+        raise RecordingError(almost_full(path, left, reserve_bytes), full=True)
+
+
+def _opened(order: RecordOrder, facts: RunFacts, ring: Ring, *, resume: bool) -> RecordingWriter:
+    path = Path(order.path)
+    _make_room(path, order.reserve_bytes)
     if resume and path.exists():
         try:
-            return RecordingWriter.resume(path)
+            return RecordingWriter.resume(path, ring=ring)
         except SourceError as error:
             # It ended before it was a recording: kept for whoever wants to look at it.
             _log.warning("a recording is begun anew: %s", error)
             path.replace(path.with_suffix(".damaged.mcap"))
-    return RecordingWriter(path, facts)
+    return RecordingWriter(path, facts, ring=ring)
 
 
 def _nothing(_: RecordingWriter) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
+from functools import partial
 from typing import Any, Protocol
 
 from app.engine.ageing import CalibrationAgeing
@@ -195,12 +196,14 @@ class Session(PlayedSource):
         mount: CameraMount | None,
         ports: tuple[RobotPort, ...],
         recorder: RunRecorder | None = None,
+        record_again: Callable[[], RunRecorder | None] = lambda: None,
     ) -> None:
         """
         Args:
             calibration_yaml, mount: what the observer was made with.
             ports: where the robots of the source's world are reached.
-            recorder: records the run, where it is to be recorded.
+            recorder: records the run, where it is to be recorded. record_again: makes the one
+                behind the run.
         """
         super().__init__(command.source, opened.source, player, skipped, opened.robots)
         self._command = command
@@ -216,6 +219,7 @@ class Session(PlayedSource):
         self.has_truth = self.truth is not None
         self.segment = command.segment
         self.recorder = recorder
+        self._record_again = record_again
         if recorder is not None:
             recorder.parameters(observer.parameters, command.parameters_revision)
             for frame in skipped:
@@ -255,6 +259,15 @@ class Session(PlayedSource):
                 begins="segment" if played.new_segment else None,
             )
 
+    def end_run(self) -> RunRecorder | None:
+        """Keep nothing from now on; whoever asked ends what is returned."""
+        self.run_id = None
+        recorder = self.stop_recording()
+        self.recorder = self._record_again()
+        if self.recorder is not None:
+            self.recorder.parameters(self.observer.parameters, self.parameters_revision)
+        return recorder
+
     def stop_recording(self) -> RunRecorder | None:
         """Nothing more is recorded; whoever asked ends what is returned."""
         recorder, self.recorder = self.recorder, None
@@ -262,7 +275,9 @@ class Session(PlayedSource):
 
     def recording_facts(self) -> dict[str, Any] | None:
         """As ``StateEvent.recording`` holds it."""
-        return None if self.recorder is None else self.recorder.facts()
+        if self.run_id is None or self.recorder is None:
+            return None
+        return self.recorder.facts()
 
     def close(self) -> None:
         recorder = self.stop_recording()
@@ -340,8 +355,13 @@ def open_session(
         ports = () if opened.robots is None else opened.robots.serve()
         player = Player(opened.source, paused=command.paused, rate=command.rate, loop=command.loop)
         skipped = read_first(player)
-        recorder = recorders.begin(command, opened.source.info, text, mount)
-        return Session(command, opened, observer, player, skipped, text, mount, ports, recorder)
+        info = opened.source.info
+        begin = partial(recorders.begin, info=info, calibration_yaml=text, mount=mount)
+        recorder = begin(command)
+        again = partial(begin, replace(command, run_id=None, segment=0, record=None))
+        return Session(
+            command, opened, observer, player, skipped, text, mount, ports, recorder, again
+        )
     except BaseException:
         close_opened(opened)
         raise

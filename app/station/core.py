@@ -49,6 +49,7 @@ from app.station.opening import Opening
 from app.station.parameter_desk import ParameterDesk
 from app.station.rig_desk import RigDesk
 from app.station.run_recording import (
+    RingDesk,
     complete_recording,
     keep_telling,
     record_order,
@@ -78,7 +79,7 @@ class StationCore:
         telemetry: figures of the running loop. writer: the way into the database.
         calibrating: what is being calibrated. rig: how the cameras stand on their robot.
         drive: notes a drive, by which that is estimated. driving: the robots.
-        programmes: what they can be told to drive.
+        programmes: what they can be told to drive. rings: saves the last half minute.
         state: the engine's last word on itself. latest: the newest observation.
         viewers: open live pages. warnings: sentences for the person at the page.
     """
@@ -93,6 +94,7 @@ class StationCore:
         programme_folder: Path | None = None,
         check_folder: Path | None = None,
         drive: Drive | None = None,
+        ring_at_guard_stops: bool = True,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.engine = engine
@@ -106,8 +108,9 @@ class StationCore:
         self.parameters = ParameterDesk(engine, storage, self.writer)
         self.rig = RigDesk(rig_file)
         self.drive = DriveSurvey()
+        drive = drive or AbsentDrive()
         self.driving = DrivingDesk(
-            drive or AbsentDrive(),
+            drive,
             rig=lambda: self.rig.rig,
             guard=lambda: self.parameters.group("guard"),
             changed=self.followers.robots_changed,
@@ -133,7 +136,17 @@ class StationCore:
         # One change of source, run, calibration or parameters at a time.
         self._lock = asyncio.Lock()
         self._background = Background()
+        self.rings = RingDesk(
+            engine,
+            storage.folder,
+            run=lambda: self.run,
+            soon=self._background.start,
+            automatic=ring_at_guard_stops,
+            clock=clock,
+        )
+        self._drive_events = drive
         self._unsubscribe: Callable[[], None] = lambda: None
+        self._unsubscribe_drive: Callable[[], None] = lambda: None
         self._started = False
 
     # --- life ------------------------------------------------------------------------------
@@ -154,6 +167,7 @@ class StationCore:
             complete = partial(complete_recording, self.storage.folder, run_id)
             self._background.start(asyncio.to_thread(complete))
         self.driving.start()
+        self._unsubscribe_drive = self._drive_events.subscribe(self.rings.drive_said)
         await self.engine.start()
         # An engine that was up before somebody listened.
         if self.engine.health.alive and self.engine.health.generation > self._generation:
@@ -164,6 +178,7 @@ class StationCore:
         # The robots stop first, while everything that hears of it is still there.
         await self.driving.stop()
         self._unsubscribe()
+        self._unsubscribe_drive()
         await self._background.cancel()
         await self.calibrating.cancel()
         if self._run is not None:

@@ -29,6 +29,7 @@ from app.web.api import (
     parameters,
     pixels,
     programmes,
+    recordings,
     rig,
     robots,
     runs,
@@ -110,6 +111,7 @@ def create_app(
         programme_folder=settings.data / shelf.FOLDER_NAME,
         check_folder=settings.data / check_records.FOLDER_NAME,
         drive=drive,
+        ring_at_guard_stops=settings.ring_at_guard_stops,
     )
     folder = static_folder()
     policy = Policy(
@@ -191,6 +193,7 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
         robots,
         guard_checks,
         programmes,
+        recordings,
         views,
         pixels,
         drive_socket,

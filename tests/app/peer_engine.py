@@ -30,6 +30,7 @@ from app.messages import (
     ObservationEvent,
     OpenSource,
     PreviewCalibration,
+    SaveRing,
     SetParameters,
     SetPlayback,
     StateEvent,
@@ -164,6 +165,10 @@ class PeerEngine:
                 record, self.opened = self.opened.record, replace(self.opened, run_id=None)
                 self.publish(self.state())
                 return {"recording": record and self.recording(bytes=4096)}
+            case SaveRing():
+                if self.opened is None or self.opened.run_id is None:
+                    raise EngineRefused("what is open can be played again", "state")
+                return {"bytes": 512, "seconds": 29.9}
             case WatchViews():
                 new = set(command.names) - set(self.watched)
                 self.watched = command.names

@@ -28,6 +28,7 @@ from app.messages import (
     RecordRobots,
     Reply,
     Request,
+    SaveRing,
     SetParameters,
     SetPlayback,
     Shutdown,
@@ -548,3 +549,49 @@ def test_a_recording_without_room_refuses_the_run(bench: Bench, tmp_path: Path) 
     refused = bench.answer(opening(run_id="r1", record=order))
     assert refused.refusal == "full"
     assert bench.sources["numbers"].closed == 1
+
+
+def test_the_last_half_minute_of_a_live_source_can_be_had(
+    bench: Bench, numbered: Numbered, tmp_path: Path
+) -> None:
+    bench.sources["camera"] = numbered(8, live=True)
+    assert bench.answer(SaveRing(str(tmp_path / "none.mcap"))).refusal == "state"
+    bench.value(opening("numbers"))
+    assert "live cameras" in str(bench.answer(SaveRing(str(tmp_path / "none.mcap"))).error)
+    bench.value(opening("camera"))
+    bench.wait(ObservationEvent, lambda e: e.line["frame"] == 7)
+    assert bench.state.recording is None
+    path = tmp_path / "rings" / "ring.mcap"
+    saved = bench.value(SaveRing(str(path)))
+    assert saved["bytes"] == path.stat().st_size
+    with Recording(path) as recording:
+        assert not recording.unfinished
+        assert [f.index for f in recording.frames] == list(range(8))
+        assert recording.frames[0].begins == "observer"
+        assert len(list(recording.lines())) == 8
+        assert recording.pair(7)[0].shape == (48, 64)
+    full = SaveRing(str(tmp_path / "full.mcap"), reserve_bytes=1 << 60)
+    assert bench.answer(full).refusal == "full"
+
+
+def test_behind_a_run_the_last_half_minute_of_a_live_source_is_kept_again(
+    bench: Bench, numbered: Numbered, tmp_path: Path
+) -> None:
+    bench.sources["camera"] = numbered(100_000, live=True)
+    record = RecordOrder(str(tmp_path / "run.mcap"), "none", "a run")
+    bench.value(opening("camera", run_id="r1", record=record))
+    bench.wait(ObservationEvent, lambda e: e.line["frame"] == 3)
+    bench.value(SaveRing(str(tmp_path / "within.mcap")))
+    bench.value(StopRun())
+    bench.wait(ObservationEvent, lambda e: e.run_id is None)
+    path = tmp_path / "behind.mcap"
+    bench.value(SaveRing(str(path)))
+    with Recording(path) as recording:
+        assert recording.facts.id == ""
+        assert recording.frames
+        assert len(recording.parameter_revisions()) == 1
+    with Recording(tmp_path / "within.mcap") as recording:
+        assert recording.facts.id == "r1"
+    # The run's own recording is whole, and is not gone on with.
+    with Recording(tmp_path / "run.mcap") as recording:
+        assert not recording.unfinished

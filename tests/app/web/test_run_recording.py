@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from app.drive.messages import IncidentEvent
-from app.messages import EngineState, RecordRobots
+from app.messages import EngineState, RecordRobots, SaveRing
+from app.station import run_recording
 
 from .scenarios import run
 
@@ -126,3 +130,45 @@ def test_robots_are_told_of_in_the_recording(
         assert [(i["kind"], i["received"]) for i in command.incidents] == [("guard", 7.0)]
 
     run(serve, scenario)
+
+
+def test_the_last_half_minute_is_saved_beside_the_run(
+    serve: Any, peer: Any, tmp_path: Path
+) -> None:
+    async def scenario(served: Any) -> None:
+        refused = await served.http.post("/api/recording/ring")
+        assert (refused.status_code, refused.json()["detail"]) == (
+            409, "what is open can be played again",
+        )  # fmt: skip
+        assert Path(peer.commands[-1].path).parent == tmp_path / "rings"
+        id = (await served.http.post("/api/runs", json={})).json()["id"]
+        saved = await served.http.post("/api/recording/ring")
+        assert saved.status_code == 201
+        path = Path(peer.commands[-1].path)
+        assert path.parent == tmp_path / "runs" / id
+        assert saved.json() == {
+            "file": str(path.relative_to(tmp_path)), "bytes": 512, "seconds": 29.9,
+        }  # fmt: skip
+
+    run(serve, scenario)
+
+
+@pytest.mark.parametrize("automatic", [True, False])
+def test_a_stop_of_the_guard_saves_the_last_half_minute_once(
+    serve: Any, peer: Any, drive: Any, eventually: Any, monkeypatch: Any, automatic: bool
+) -> None:
+    async def scenario(served: Any) -> None:
+        await served.http.post("/api/runs", json={})
+        for kind in ("stop", "guard", "guard"):
+            drive.publish(IncidentEvent("observer", kind, "it stopped", 7.0, 0.3))
+
+        def saves() -> int:
+            return sum(isinstance(command, SaveRing) for command in peer.commands)
+
+        if automatic:
+            await eventually(saves)
+        await asyncio.sleep(0.2)
+        assert saves() == int(automatic)
+
+    monkeypatch.setattr(run_recording, "_BEHIND_STOP_S", 0.05)
+    run(serve, scenario, ring_at_guard_stops=automatic)
