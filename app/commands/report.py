@@ -22,18 +22,30 @@ def report(
         Path | None,
         typer.Option(help="Folder for each figure as PNG, SVG and PDF, and the data as CSV."),
     ] = None,
+    published: Annotated[
+        bool,
+        typer.Option(
+            "--published",
+            help="Observe all frames once more by the method as published, and show both beside "
+            "each other.",
+        ),
+    ] = False,
     data: DataOption = None,
     database: DatabaseOption = None,
 ) -> None:
     """Write one self-contained page: figures 9-11 and 13-17, errors, parameters, calibration."""
     from app.reporting.drawing import write_file
+    from app.reporting.experiments import beside_published
     from app.reporting.page import report_html
     from app.reporting.report import make_report, write_figures
 
     path, alignment = _found(run, data, database)
     with progress_bar("report") as progress:
         made = make_report(path, alignment=alignment, progress=progress)
-        write_file(output, report_html(made).encode())
+    with progress_bar("observing as published") as progress:
+        if published:
+            made = beside_published(made, path, progress)
+    write_file(output, report_html(made).encode())
     if figures is not None:
         written = write_figures(made, figures)
         typer.echo(f"{len(written)} files in {figures}", err=True)

@@ -56,14 +56,19 @@ class Gathered:
     alignment: Alignment | None
 
 
-def gather(recording: Recording, alignment: Alignment | None = None) -> Gathered:
+def gather(
+    recording: Recording,
+    alignment: Alignment | None = None,
+    lines: Iterable[dict[str, Any]] | None = None,
+) -> Gathered:
     """Read everything but images.
 
     Args:
         alignment: found before and kept with the run; None to find it where it is needed.
+        lines: of the same frames, observed otherwise than in the run; None for the run's own.
     """
-    lines = tuple(recording.lines())
-    matched = tuple(recording.matched_truth())
+    matched = tuple(recording.matched_truth()) if lines is None else ()
+    lines = tuple(recording.lines() if lines is None else lines)
     words = "Truth was recorded with the run."
     if not matched:
         truth, alignment, words = _truth(recording, lines, alignment)

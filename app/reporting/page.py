@@ -13,6 +13,7 @@ from app.reporting.report import Report, ReportFigure
 from observer.evaluation.speed_errors import SpeedErrors
 from observer.parameters import Parameters
 
+_HEADER = ("", "samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % band", "seen")
 _GROUPS = {
     "all": "", "direction": "moving: ", "way": "driving: ", "body": "body ", "track": "track ",
 }  # fmt: skip
@@ -85,8 +86,7 @@ def _figure(each: ReportFigure) -> str:
 def _errors(report: Report) -> str:
     if not report.errors:
         return f"<p>No errors can be told. {escape(report.gathered.truth_words)}</p>"
-    header = ("", "samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % band", "seen")
-    table = _table(header, [_error_row(each) for each in report.errors])
+    table = _table(_HEADER, [_error_row(each) for each in report.errors]) + _compared(report)
     changes = "; ".join(f"{escape(body)}: {n}" for body, n in report.changes.items()) or "none"
     return (
         f"{table}<p>Changes of identity: {changes}. An error is the speed of the observer less "
@@ -94,6 +94,19 @@ def _errors(report: Report) -> str:
         f"its own neighbouring samples. <em>Seen</em> is the share of the time in which the body "
         f"moved in sight and was measured.</p>"
     )
+
+
+def _compared(report: Report) -> str:
+    """Each experiment by each method, in directions; nothing where there are no experiments."""
+    if not report.judged:
+        return ""
+    rows = [
+        [each.experiment, each.method, *_error_row(errors)]
+        for each in report.judged
+        for errors in each.errors
+        if errors.group in ("all", "direction")
+    ]
+    return f"<h3>By experiment and method</h3>{_table(('experiment', 'method', *_HEADER), rows)}"
 
 
 def _error_row(errors: SpeedErrors) -> list[str]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -55,12 +56,23 @@ class ReportFigure:
 
 
 @dataclass(frozen=True, eq=False)
+class Judged:
+    """One experiment by one method, both by their names, and its errors of speed."""
+
+    experiment: str
+    method: str
+    gathered: Gathered
+    errors: tuple[SpeedErrors, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Report:
     """Attributes:
     facts: of the run. unfinished: the recording has no end. duration_s, frames: of it.
     statuses: frames by status. segments: first frame's time, by number.
     gathered: observations and truth. errors: of speed. changes: of identity, by body.
     figures: in the paper's order. revisions: parameters. incidents: as recorded.
+    judged: experiments within the run, each by several methods.
     """
 
     facts: RunFacts
@@ -75,6 +87,7 @@ class Report:
     figures: tuple[ReportFigure, ...]
     revisions: tuple[ParameterRevision, ...]
     incidents: tuple[Incident, ...]
+    judged: tuple[Judged, ...] = ()
 
 
 def make_report(
@@ -134,9 +147,14 @@ def write_figures(report: Report, folder: Path) -> list[Path]:
             written.append(path)
     tables = {
         "speeds.csv": _speed_rows(report.gathered),
-        "errors.csv": [list(SpeedErrors.__dataclass_fields__)]
-        + [list(each.as_dict().values()) for each in report.errors],
+        "errors.csv": _error_rows((("whole run", "as in the run", report.errors),)),
     }
+    if report.judged:
+        found = [(each.experiment, each.method, each.errors) for each in report.judged]
+        tables["experiments_errors.csv"] = _error_rows(found)
+        for part in report.judged:
+            name = f"speeds, {part.experiment}, {part.method}"
+            tables[f"{_file_name(name)}.csv"] = _speed_rows(part.gathered)
     for name, rows in tables.items():
         file = io.StringIO()
         csv.writer(file, lineterminator="\n").writerows(rows)
@@ -146,6 +164,21 @@ def write_figures(report: Report, folder: Path) -> list[Path]:
              "versions": report.facts.versions}  # fmt: skip
     write_file(folder / "run.json", (json.dumps(facts, indent=2) + "\n").encode())
     return [*written, folder / "run.json"]
+
+
+def _file_name(words: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_")
+
+
+def _error_rows(
+    found: Iterable[tuple[str, str, tuple[SpeedErrors, ...]]],
+) -> list[list[Any]]:
+    header = ["experiment", "method", *SpeedErrors.__dataclass_fields__]
+    return [header] + [
+        [experiment, method, *each.as_dict().values()]
+        for experiment, method, errors in found
+        for each in errors
+    ]
 
 
 def _speed_rows(gathered: Gathered) -> list[list[Any]]:

@@ -20,12 +20,20 @@ _NAMED_FROM = 5
 _OTHER_SOURCES = {"true": (ORANGE, "--"), "commanded": (INK, ":"), "encoder": (TEAL, "-.")}
 
 
-def speed_figure(runs: Sequence[tuple[str, Gathered]]) -> Figure:
-    """One chart for each experiment, with its title."""
+def speed_figure(
+    runs: Sequence[tuple[str, Gathered]], highest_mps: float | None = None
+) -> Figure:
+    """One chart for each experiment, with its title.
+
+    Args:
+        highest_mps: upper end of all charts; None for each its own.
+    """
     figure = Figure(figsize=(9.6, 3.5 * len(runs)), layout="constrained", facecolor="white")
     charts = figure.subplots(len(runs), 1, squeeze=False)
     for axes, (title, gathered) in zip(charts.flat, runs, strict=True):
         _chart(axes, gathered)
+        if highest_mps is not None:
+            axes.set_ylim(top=highest_mps)
         axes.set_title(title, fontsize=10, loc="left")
         axes.set_ylabel("speed, m/s")
     charts.flat[-1].set_xlabel("time on the source's clock, s")
@@ -69,7 +77,7 @@ def _seen(axes: Axes, motion: SeenMotion, color: str, label: str | None) -> None
         axes.plot(motion.times[0], motion.speeds[0], "o", color=color, markersize=3.5, zorder=5)
         axes.annotate(
             motion.track, (motion.times[0], motion.speeds[0]), xytext=(3, 4),
-            textcoords="offset points", fontsize=7, color=color,
+            textcoords="offset points", fontsize=7, color=color, annotation_clip=True,
         )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from app.reporting.report import Report, make_report
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.jsonl import observation_line
 from observer.observer import Observer
@@ -85,3 +86,9 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Neither images nor truth."""
     path = tmp_path_factory.mktemp("bare") / "recording.mcap"
     return record(path, images="none", truth=False, frames=6)
+
+
+@pytest.fixture(scope="session")
+def report(recording: Path) -> Report:
+    """Of the run with images and truth."""
+    return make_report(recording)

@@ -44,11 +44,6 @@ class _Page(HTMLParser):
 
 
 @pytest.fixture(scope="session")
-def report(recording: Path) -> Report:
-    return make_report(recording)
-
-
-@pytest.fixture(scope="session")
 def html(report: Report) -> str:
     return report_html(report)
 

@@ -1,0 +1,142 @@
+"""Stretches of a run that are experiments of their own, and one run observed by two methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from app.reporting.gathering import Curve, Gathered, gather
+from app.reporting.report import Judged, Report, ReportFigure
+from app.reporting.speed_figure import speed_figure
+from observer.evaluation.speed_errors import SeenMotion, TrueMotion, speed_errors
+from observer.jsonl import observation_line
+from observer.parameters import preset
+from observer.recording.reader import Recording
+from observer.recording.replay import replay, replay_revisions
+from observer.recording.source import RecordingSource
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One stretch of a run.
+
+    Attributes:
+        name: for files. title: for people. began, ended: host's monotonic clock, seconds.
+    """
+
+    name: str
+    title: str
+    began: float
+    ended: float
+
+
+def observed_as_published(path: Path, progress: Callable[[int, int | None], None]) -> Gathered:
+    """The run's frames observed once more by the method as published.
+
+    Raises:
+        SourceError: the recording holds no images.
+    """
+    source = RecordingSource(path)
+    try:
+        revisions = replay_revisions(source.recording, preset("paper").flat())
+        lines = []
+        for observation in replay(source, revisions):
+            lines.append(observation_line(observation))
+            progress(len(lines), source.info.frame_count)
+        return gather(source.recording, lines=lines)
+    finally:
+        source.close()
+
+
+def beside_published(
+    report: Report, path: Path, progress: Callable[[int, int | None], None]
+) -> Report:
+    """The whole run as one experiment, by its own method and by the one as published.
+
+    Raises:
+        SourceError: the recording holds no images.
+    """
+    published = observed_as_published(path, progress)
+    name = report.facts.name or report.facts.id
+    errors = speed_errors(published.seen, published.true) if published.true else ()
+    return with_experiments(
+        report,
+        (
+            Judged(name, "as in the run", report.gathered, report.errors),
+            Judged(name, "affine, as published", published, errors),
+        ),
+    )
+
+
+def judged(path: Path, gathered: Gathered, experiment: Experiment, method: str) -> Judged:
+    """What of a run belongs to an experiment, and its errors."""
+    with Recording(path) as recording:
+        frames = recording.frames
+    received = np.array([frame.received for frame in frames])
+    times = np.array([frame.time for frame in frames])
+    begin, end = np.interp((experiment.began, experiment.ended), received, times)
+    part = during(gathered, float(begin), float(end))
+    return Judged(experiment.title, method, part, speed_errors(part.seen, part.true))
+
+
+def during(gathered: Gathered, begin: float, end: float) -> Gathered:
+    """What lies between two instants of the source's clock."""
+    return replace(
+        gathered,
+        lines=tuple(line for line in gathered.lines if begin <= line["time"] <= end),
+        matched=tuple(each for each in gathered.matched if begin <= each.time <= end),
+        true=tuple(_true(each, begin, end) for each in gathered.true),
+        seen=tuple(part for each in gathered.seen if (part := _seen(each, begin, end))),
+        unmatched=tuple(part for each in gathered.unmatched if (part := _seen(each, begin, end))),
+        commanded=tuple(_curve(each, begin, end) for each in gathered.commanded),
+        encoder=tuple(_curve(each, begin, end) for each in gathered.encoder),
+    )
+
+
+def with_experiments(report: Report, found: tuple[Judged, ...]) -> Report:
+    """The report with figure 17 by experiment and method, and their errors beside each other."""
+    charts = [(f"{each.experiment}: {each.method}", each.gathered) for each in found]
+    highest = max((_highest(each.gathered) for each in found), default=0.0)
+    figure = ReportFigure(
+        "figure17_experiments",
+        "17",
+        "Speed of the dynamic obstacle by both methods",
+        "As the run observed it, and the same frames observed once more by the method as "
+        "published (preset paper, affine). A speed that is off the chart is still in the table "
+        "and in the data.",
+        speed_figure(charts, 2.0 * highest if highest > 0 else None),
+        "chart",
+    )
+    return replace(report, figures=(*report.figures, figure), judged=found)
+
+
+def _highest(gathered: Gathered) -> float:
+    return max((float(np.nanmax(each.speeds, initial=0.0)) for each in gathered.true), default=0.0)
+
+
+def _true(motion: TrueMotion, begin: float, end: float) -> TrueMotion:
+    some = np.flatnonzero((motion.times >= begin) & (motion.times <= end))
+    return TrueMotion(
+        motion.body,
+        motion.times[some],
+        motion.speeds[some],
+        tuple(motion.directions[k] for k in some),
+        tuple(motion.ways[k] for k in some),
+        motion.in_sight[some],
+    )
+
+
+def _seen(motion: SeenMotion, begin: float, end: float) -> SeenMotion | None:
+    some = (motion.frame_times >= begin) & (motion.frame_times <= end)
+    if not some.any():
+        return None
+    arrays = (motion.frame_times, motion.times, motion.speeds, motion.stds)
+    return SeenMotion(motion.track, motion.body, *(each[some] for each in arrays))
+
+
+def _curve(curve: Curve, begin: float, end: float) -> Curve:
+    some = (curve.times >= begin) & (curve.times <= end)
+    return Curve(curve.label, curve.times[some], curve.speeds[some])
