@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import sqlite3
 from collections.abc import Callable
 from dataclasses import asdict
@@ -11,10 +12,15 @@ from pathlib import Path
 
 import pytest
 
+from app.commands.keeping import keeping
 from observer.calibration.formats.opencv_file import calibration_text
+from observer.jsonl import observation_line
+from observer.observer import Observer
 from observer.opening import open_source
+from observer.parameters import Parameters
 from observer.recording.payloads import RunFacts
 from observer.recording.reader import Recording
+from observer.recording.source import RecordingSource
 from observer.recording.writer import RecordingWriter
 from observer.types import StereoFrame
 
@@ -112,15 +118,15 @@ def test_observe_keeps_a_recording_and_a_video(shell: Callable[..., Done], tmp_p
         assert len(lines.read_text().splitlines()) == len(list(kept.lines())) == 3
         assert kept.parameter_revisions()[0].values["tracking.gate"] == 4
         assert kept.truth() is not None
-        first = kept.pair(0)
-    again = shell("observe", str(recording), "--output", str(tmp_path / "p.jsonl"))
+    played = tmp_path / "p.jsonl"
+    again = shell("observe", str(recording), "--output", str(played), "--set", "tracking.gate=4")
     assert again.code == 0
-    source = open_source("simulated:drive").source
-    frame = source.read()
-    source.close()
-    assert isinstance(frame, StereoFrame)
-    assert (frame.left == first[0]).all()
-    assert (frame.right == first[1]).all()
+    # Lossless, so the recording as a source gives the same to the last digit.
+    both = [
+        [{**json.loads(text), "timings_ms": {}} for text in path.read_text().splitlines()]
+        for path in (lines, played)
+    ]
+    assert both[0] == both[1]
     assert sorted(each.name for each in tmp_path.iterdir()) == [
         "o.jsonl", "p.jsonl", "r.mcap", "v.mp4",
     ]  # fmt: skip
@@ -134,3 +140,32 @@ def test_what_was_recorded_before_stays_when_a_source_gives_nothing(
     done = shell("observe", str(tmp_path / "none"), "--record", str(kept))
     assert done.code == 2
     assert kept.read_bytes() == b"before"
+
+
+def test_an_interrupt_ends_a_recording_and_a_video_well(data: Path, tmp_path: Path) -> None:
+    source = RecordingSource(data / "runs" / "2026-a1" / "recording.mcap")
+    calibration = source.calibration
+    frame = source.read()
+    assert calibration is not None
+    assert isinstance(frame, StereoFrame)
+    parameters = Parameters()
+    record, video = tmp_path / "r.mcap", tmp_path / "v.mp4"
+
+    def observe_until_interrupted() -> None:
+        with keeping(
+            source.info, None, calibration, parameters, "default",
+            record=record, images="jpeg", video=video,
+        ) as kept:  # fmt: skip
+            kept.frame(frame)
+            observation = Observer(calibration, parameters).observe(frame)
+            kept.observed(frame, observation, observation_line(observation))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        observe_until_interrupted()
+    source.close()
+    with Recording(record) as recording:
+        assert not recording.unfinished
+        assert len(list(recording.lines())) == 1
+    assert b"ftyp" in video.read_bytes()[:16]
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["r.mcap", "v.mp4"]
