@@ -10,7 +10,7 @@ from app.engine.calibrating import BoardPublisher, CalibrationSession, open_cali
 from app.engine.errors import NotNow
 from app.engine.lending import LentRobots, LentSource, lent
 from app.engine.opening import Opening
-from app.engine.recording import Recorders
+from app.engine.recorders import Recorders
 from app.engine.replies import refusal, unexpected
 from app.engine.session import (
     NotCalibrated,

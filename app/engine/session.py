@@ -10,7 +10,8 @@ from typing import Any, Protocol
 
 from app.engine.ageing import CalibrationAgeing
 from app.engine.playback import PlayedFrame, Player
-from app.engine.recording import Recorders, RunRecorder
+from app.engine.recorders import Recorders
+from app.engine.recording import RunRecorder
 from app.engine.truth_matching import TruthMatcher
 from app.messages import BeginCalibration, EngineState, OpenSource
 from observer.calibration.formats.opencv_file import (

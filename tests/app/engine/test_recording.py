@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.engine.recording import Recorders, RunRecorder
+from app.engine.recorders import Recorders
+from app.engine.recording import RunRecorder
 from app.messages import OpenSource, RecordOrder
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration

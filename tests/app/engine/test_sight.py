@@ -14,6 +14,7 @@ import pytest
 from app.channel.latest import LatestReader, LatestWriter, create_slot
 from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.engine.lending import LentRobots, lent
+from app.engine.recorders import Recorders
 from app.engine.session import Session, open_session
 from app.engine.sight import SightTeller
 from app.engine.watched import Observed
@@ -186,6 +187,7 @@ def session(source: Any, robots: Robots | None) -> Session:
         lambda _: OpenedSource(source, None, robots),
         Observer,
         time.perf_counter,
+        Recorders(),
     )
 
 

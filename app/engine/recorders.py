@@ -1,0 +1,94 @@
+"""Begins recordings of what is opened, and waits for those that end."""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+from app.engine.recording import RunRecorder, make_room
+from app.messages import OpenSource, RecordOrder
+from observer.errors import SourceError
+from observer.mount import CameraMount
+from observer.recording.errors import RecordingError
+from observer.recording.payloads import RunFacts
+from observer.recording.ring import Ring
+from observer.recording.writer import RecordingWriter
+from observer.sources.contract import SourceInfo
+
+_log = logging.getLogger(__name__)
+
+
+class Recorders:
+    """Begins recordings, and waits for those that are ending when the engine leaves."""
+
+    def __init__(self) -> None:
+        self._all: list[RunRecorder] = []
+
+    def begin(
+        self,
+        command: OpenSource,
+        info: SourceInfo,
+        calibration_yaml: str,
+        mount: CameraMount | None,
+    ) -> RunRecorder | None:
+        """Record what is opened, where that was ordered; not in the loop's thread, since it opens
+        a file. Where a run goes on, what hinders it is only told. Of a live source, which cannot
+        be played again, the last half minute is kept in any case.
+
+        Args:
+            info: of the source. calibration_yaml, mount: what it is observed with.
+
+        Raises:
+            RecordingError: the file cannot be written, or the disk is almost full.
+        """
+        order = command.record
+        if (order is None or command.run_id is None) and not info.live:
+            return None
+        kept = order or RecordOrder("", "jpeg", "the last half minute")
+        facts = RunFacts(
+            id=command.run_id or "",
+            name=kept.name,
+            source=info.spec,
+            info=asdict(info),
+            calibration_yaml=calibration_yaml,
+            images=kept.images,
+            rig_yaml=command.rig_yaml,
+            mount=None if mount is None else asdict(mount),
+            preset=kept.preset,
+            segment=command.segment,
+            versions=kept.versions,
+        )
+        ring = Ring()
+        if order is None or command.run_id is None:
+            return RunRecorder(RecordingWriter(None, facts, ring=ring), None, ring=ring)
+        resume, trouble = command.segment > 0, None
+        try:
+            writer = _opened(order, facts, ring, resume=resume)
+        except RecordingError as error:
+            if not resume:
+                raise
+            writer, trouble = None, str(error)
+        recorder = RunRecorder(writer, order, ring=ring, trouble=trouble)
+        self._all = [each for each in self._all if not each.ended] + [recorder]
+        return recorder
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for recordings that are ending."""
+        until = time.monotonic() + timeout_s
+        for recorder in self._all:
+            recorder.join(max(0.0, until - time.monotonic()))
+
+
+def _opened(order: RecordOrder, facts: RunFacts, ring: Ring, *, resume: bool) -> RecordingWriter:
+    path = Path(order.path)
+    make_room(path, order.reserve_bytes)
+    if resume and path.exists():
+        try:
+            return RecordingWriter.resume(path, ring=ring)
+        except SourceError as error:
+            # It ended before it was a recording: kept for whoever wants to look at it.
+            _log.warning("a recording is begun anew: %s", error)
+            path.replace(path.with_suffix(".damaged.mcap"))
+    return RecordingWriter(path, facts, ring=ring)
