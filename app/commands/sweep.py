@@ -103,6 +103,13 @@ def sweep(
     try:
         with progress_bar("sweeping") as progress:
             run.run(cluster, cache_bytes=cache_mb * 1_000_000, progress=progress)
+    except KeyboardInterrupt:
+        typer.echo(
+            f"interrupted before {run.result.left} of {plan.count} tasks; what is finished is "
+            f"kept, and the same call goes on with it",
+            err=True,
+        )
+        raise
     finally:
         # Also of a sweep that was interrupted: what is finished is worth a look.
         result = run.result

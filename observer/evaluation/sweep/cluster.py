@@ -151,7 +151,10 @@ def _local(choice: ClusterChoice) -> Iterator[Client]:
                 n_workers=choice.workers,
                 threads_per_worker=1,
                 processes=choice.processes,
-                dashboard_address=None,
+                # Nobody else is to reach them; on free ports, as another sweep may be at work.
+                host=None if not choice.processes else "127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                worker_dashboard_address="127.0.0.1:0",
                 local_directory=scratch,
                 memory_limit=0,
                 silence_logs=logging.CRITICAL,

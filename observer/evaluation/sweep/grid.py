@@ -204,7 +204,7 @@ def _changed(
     try:
         return parameters.changed(changes)
     except ParameterError as error:
-        given = ", ".join(f"{key} {_shown(str(changes[key]))}" for key in error.problems)
+        given = ", ".join(f"{key} {str(changes[key])[:60]}" for key in error.problems)
         raise InputError(f"{name}: {error} (given: {given})") from None
 
 

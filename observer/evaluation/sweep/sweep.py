@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from observer.errors import InputError
 from observer.evaluation.sweep.cluster import ClusterChoice, evaluate_tasks, opened_cluster
@@ -83,7 +83,12 @@ class SweepRun:
             ClusterLost: the cluster went away.
         """
         # Combinations may come to the same parameters, which are evaluated once.
-        open_tasks = {t.key: t for _, t in self._tasks if t.key not in self._outcomes}
+        elsewhere = cluster.scheduler is not None
+        open_tasks = {
+            t.key: replace(t, elsewhere=elsewhere)
+            for _, t in self._tasks
+            if t.key not in self._outcomes
+        }
         alike = Counter(task.key for _, task in self._tasks)
         total, done = len(self._tasks), self.kept
 

@@ -38,12 +38,14 @@ class Task:
     Attributes:
         gate_m: how far an instance may lie from what it is.
         version: of the method, as ``method_version`` tells it.
+        elsewhere: whether another machine may work on it, whose version may be another one.
     """
 
     source: SweepSource
     parameters: Parameters
     gate_m: float
     version: str
+    elsewhere: bool = False
 
     @functools.cached_property
     def key(self) -> str:
@@ -102,7 +104,7 @@ def run_task(task: Task, cache_bytes: int, own_process: bool) -> Outcome:
         cv2.setNumThreads(1)
     cpu, wall = time.process_time(), time.perf_counter()
     try:
-        if task.version != method_version():
+        if task.elsewhere and task.version != method_version():
             return Outcome(
                 error=f"the worker has version {method_version()} of the method, the sweep "
                 f"{task.version}; install the same one on every machine of the cluster"
