@@ -75,7 +75,7 @@ class LatestWorker(Generic[Job]):
             self._thread.join(_STOP_TIMEOUT_S)
 
     def _run(self) -> None:
-        step_back()
+        _step_back()
         while (job := self._next()) is not None:
             self._work(job)
 
@@ -99,7 +99,7 @@ class LatestWorker(Generic[Job]):
         return None
 
 
-def step_back() -> None:
+def _step_back() -> None:
     """Lower the calling thread's priority where single threads have one (Linux)."""
     if sys.platform == "linux":
         with contextlib.suppress(OSError):

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from app.engine.errors import NotNow
-from app.engine.latest_worker import step_back
 from app.messages import RecordOrder
 from observer.parameters import Parameters
 from observer.recording.errors import RecordingError
@@ -244,7 +243,8 @@ class RunRecorder:
     # --- the thread --------------------------------------------------------------------------
 
     def _run(self) -> None:
-        step_back()
+        # With the loop's own priority: one that lost its core while it holds Python's lock would
+        # have the loop wait, and the robots' sight with it.
         try:
             while (job := self._next()) is not None:
                 self._step(*job)
