@@ -228,3 +228,24 @@ def test_no_scheduler_is_told(address: str, monkeypatch: pytest.MonkeyPatch) -> 
         opened_cluster(ClusterChoice(address)),
     ):
         pass
+
+
+def test_a_labs_own_cluster(sources: tuple[str, str], tmp_path: Path) -> None:
+    from distributed import LocalCluster
+
+    free = "127.0.0.1:0"
+    with LocalCluster(  # type: ignore[no-untyped-call]
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        host="127.0.0.1",
+        dashboard_address=free,
+        worker_dashboard_address=free,
+    ) as lab:
+        run = SweepRun(plan_of(sources[1:], "evidence.radius_px: [26]"), TaskStore(tmp_path))
+        run.run(ClusterChoice(lab.scheduler_address, processes=False))
+    (row,) = run.result.rows
+    assert row.outcome is not None
+    assert row.outcome.error is None
+    assert row.outcome.frames == row.source.frames
