@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -79,24 +80,53 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A painted surface at all its levels, the finest first.
+    """A painted surface at all its levels, each shrunk from the finest when first asked for.
 
     Attributes:
+        finest: as it was painted.
+        extent: metres (along, down).
         density: pixels per metre of the finest level.
         samples: least number of samples along each axis of an image pixel; more than one where
             edges are to be measured.
     """
 
-    levels: tuple[Level, ...]
+    finest: Level
+    extent: tuple[float, float]
     density: float
     samples: int = 1
+    # By number. Two threads that make one at the same time make the same.
+    _made: dict[int, Level] = field(default_factory=dict, repr=False)
 
     def level(self, density: float) -> Level:
         """The level whose density, pixels per metre, comes closest to the one that is wanted."""
-        if density <= 0:
-            return self.levels[-1]
-        k = round(_LEVELS_PER_OCTAVE * math.log2(self.density / density))
-        return self.levels[min(max(k, 0), len(self.levels) - 1)]
+        k = self._coarsest
+        if density > 0:
+            k = min(k, max(0, round(_LEVELS_PER_OCTAVE * math.log2(self.density / density))))
+        if k == 0:
+            return self.finest
+        found = self._made.get(k)
+        if found is None:
+            found = self._made[k] = self._shrunk(k)
+        return found
+
+    @cached_property
+    def _coarsest(self) -> int:
+        """The number of the last level that has any pixels to speak of."""
+        k = 0
+        while max(self._size(k + 1)) >= _SMALLEST_PX:
+            k += 1
+        return k
+
+    def _size(self, k: int) -> tuple[int, int]:
+        """Pixels (along, down) of a level."""
+        height, width = self.finest.image.shape[:2]
+        shrink = 2 ** (-k / _LEVELS_PER_OCTAVE)
+        return round(width * shrink), round(height * shrink)
+
+    def _shrunk(self, k: int) -> Level:
+        w, h = (max(side, 1) for side in self._size(k))
+        image = cv2.resize(self.finest.image, (w, h), interpolation=cv2.INTER_AREA)
+        return Level(np.asarray(image, np.uint8), w / self.extent[0], h / self.extent[1])
 
 
 def paint(material: Material, extent: tuple[float, float]) -> Texture:
@@ -108,16 +138,6 @@ def paint(material: Material, extent: tuple[float, float]) -> Texture:
     rng = np.random.default_rng(
         np.random.SeedSequence([material.seed, zlib.crc32(material.kind.encode())])
     )
-    base = painter(Canvas(width, height, density, rng, material))
-    levels = [Level(base, width / extent[0], height / extent[1])]
-    k = 1
-    while True:
-        shrink = 2 ** (-k / _LEVELS_PER_OCTAVE)
-        w, h = round(width * shrink), round(height * shrink)
-        if max(w, h) < _SMALLEST_PX:
-            break
-        w, h = max(w, 1), max(h, 1)
-        image = np.asarray(cv2.resize(base, (w, h), interpolation=cv2.INTER_AREA), np.uint8)
-        levels.append(Level(image, w / extent[0], h / extent[1]))
-        k += 1
-    return Texture(tuple(levels), density, round(material.number("samples", 1)))
+    image = painter(Canvas(width, height, density, rng, material))
+    finest = Level(image, width / extent[0], height / extent[1])
+    return Texture(finest, extent, density, round(material.number("samples", 1)))

@@ -175,11 +175,11 @@ def test_painting_depends_on_the_seed_alone() -> None:
         facets += [f for body in world.bodies for part in body.parts for f in part.facets[:1]]
         for facet in facets:
             one, again = (paint(facet.material, facet.extent) for _ in range(2))
-            assert np.array_equal(one.levels[0].image, again.levels[0].image)
+            assert np.array_equal(one.finest.image, again.finest.image)
         floor = world.room.facets[5]
         other = paint(replace(floor.material, seed=77), floor.extent)
         assert not np.array_equal(
-            other.levels[0].image, paint(floor.material, floor.extent).levels[0].image
+            other.finest.image, paint(floor.material, floor.extent).finest.image
         )
 
 
