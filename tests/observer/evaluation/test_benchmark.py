@@ -104,11 +104,12 @@ def test_opencv_is_timed_on_frames_of_their_own() -> None:
             assert 0 < sum(calls.values()) < whole
 
 
-def test_several_processes_find_the_same_and_leave_cost_out() -> None:
-    sources = simulated_sources(["lateral", "miscalibrated_vergence"], [3])
+def test_several_processes_find_the_same_and_leave_cost_out(
+    lab: tuple[Benchmark, list[Progress]],
+) -> None:
+    alone, sources = lab[0], simulated_sources(["lab"], [0, 5])
     steps: list[Progress] = []
-    alone = run_benchmark(sources, PRESETS, max_frames=13)
-    spread = run_benchmark(sources, PRESETS, max_frames=13, jobs=2, progress=steps.append)
+    spread = run_benchmark(sources, PRESETS, max_frames=FRAMES, jobs=2, progress=steps.append)
     assert spread.sources == alone.sources
     for one, other in zip(alone.presets, spread.presets, strict=True):
         assert (one.evaluation, one.breakdown) == (other.evaluation, other.breakdown)
@@ -117,7 +118,7 @@ def test_several_processes_find_the_same_and_leave_cost_out() -> None:
         accuracy = [t for t in one.targets if not t.figure.startswith("observe ")]
         assert list(other.targets) == accuracy
     assert [s.done for s in steps] == sorted(s.done for s in steps)
-    assert steps[-1].done == steps[-1].total == 2 * 13
+    assert steps[-1].done == steps[-1].total == 2 * FRAMES
     assert "Not measured: 2 processes" in benchmark_markdown(spread)
 
 
