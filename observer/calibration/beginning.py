@@ -137,7 +137,7 @@ def _pose(on_board: Float64Array, look: Float64Array) -> tuple[Float64Array, Flo
         )  # fmt: skip
     except cv2.error:
         return None  # corners on one line, for example
-    # Of corners in one place there is no pose, but an error all the same.
+    # Where it finds no pose, OpenCV may tell an error all the same.
     for k in np.argsort(np.asarray(errors).ravel()[: len(rvecs)]):
         R = np.asarray(cv2.Rodrigues(rvecs[k])[0], dtype=np.float64)
         t = np.asarray(tvecs[k], dtype=np.float64).reshape(3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import replace
 
 import cv2
@@ -344,11 +343,3 @@ def test_no_views_make_it_fail_otherwise_than_by_a_sentence(
         return
     assert len(fit.views) == len(views)
     assert np.isfinite([fit.rms_left, fit.rms_right, fit.rms_stereo]).all()
-
-
-def test_a_board_whose_corners_are_all_in_one_place_is_no_pose() -> None:
-    nowhere = sighting(np.zeros((54, 2)))
-    views = [BoardView("one place", nowhere, None), *views_of(TRUE, 8, 3)[:6]]
-    for model in ("radtan", "equidistant"):
-        with contextlib.suppress(CalibrationError):
-            fitted(views, distortion_model=model)
