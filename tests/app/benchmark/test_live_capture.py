@@ -59,6 +59,7 @@ def test_streams_that_cannot_be_served_are_told(tmp_path: Path) -> None:
         pytest.fail("a folder without pictures serves nothing")
 
 
+@pytest.mark.patient
 def test_the_loop_is_measured_by_cameras_and_from_memory() -> None:
     said: list[str] = []
     figures = capture_figures(seconds=1.2, pictures=6, say=said.append)

@@ -43,6 +43,7 @@ def server(_nothing_left_behind: None) -> Iterator[RunningServer]:
         yield server
 
 
+@pytest.mark.patient
 def test_a_source_that_cannot_be_opened_is_told_with_the_engines_reason() -> None:
     # Before the others, whose server plays as fast as it can for as long as it lives.
     with running_server("simulated:moon") as server:
@@ -99,6 +100,7 @@ def test_the_drive_loops_lateness_is_one_line_of_the_report() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.patient
 def test_the_dense_cloud_is_measured_while_it_is_really_made(
     server: RunningServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,10 +8,13 @@ import signal
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from app.settings import Settings
 from app.web.server import create_app
 
 
+@pytest.mark.patient
 def test_views_outlive_a_killed_engine_and_the_numbering_goes_on(
     serve_app: Any, token: str, tmp_path: Path
 ) -> None:

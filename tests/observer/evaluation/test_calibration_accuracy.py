@@ -134,6 +134,7 @@ def test_the_board_and_the_place_have_the_same_cameras_whatever_the_seed() -> No
     assert not same_cameras(truth(), replace(truth(), T=1.001 * truth().T))
 
 
+@pytest.mark.patient
 def test_few_views_already_calibrate_and_all_figures_are_there() -> None:
     ticks = iter(range(1000))
     run = calibration_accuracy(3, poses=7, scenes=1, clock=lambda: float(next(ticks)))
