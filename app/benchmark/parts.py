@@ -11,6 +11,8 @@ import typer
 
 from app.benchmark.capture_report import capture_markdown
 from app.benchmark.live_capture import CaptureFigures, capture_figures
+from app.benchmark.recording_cost import RecordingFigures, recording_figures
+from app.benchmark.recording_report import recording_markdown
 from app.commands.progress import progress_bar
 from observer.evaluation.calibration_accuracy import (
     CalibrationAccuracy,
@@ -26,13 +28,14 @@ class Parts:
 
     Attributes:
         calibration: one for each seed; empty where it was not asked for.
-        capture: None where it was not asked for.
+        capture, recording: None where it was not asked for.
         load: processes that wanted a processor during the last minute, before and after; None
             where the system does not tell.
     """
 
     calibration: tuple[CalibrationAccuracy, ...]
     capture: CaptureFigures | None
+    recording: RecordingFigures | None
     load: tuple[float, float] | None
 
     def as_dict(self) -> dict[str, Any]:
@@ -48,6 +51,8 @@ class Parts:
             }
         if self.capture is not None:
             result["capture"] = self.capture.as_dict()
+        if self.recording is not None:
+            result["recording"] = self.recording.as_dict()
         return result
 
     def markdown(self) -> str:
@@ -59,14 +64,19 @@ class Parts:
             parts.append(calibration_markdown(self.calibration))
         if self.capture is not None:
             parts.append(capture_markdown(self.capture))
+        if self.recording is not None:
+            parts.append(recording_markdown(self.recording))
         return "\n".join(parts)
 
 
-def measured_parts(calibration_seeds: Sequence[int], *, capture: bool) -> Parts:
+def measured_parts(
+    calibration_seeds: Sequence[int], *, capture: bool, recording_s: float | None
+) -> Parts:
     """Measure what was asked for.
 
     Args:
         calibration_seeds: none where calibration was not asked for.
+        recording_s: length of each measurement of recording; None where it was not asked for.
 
     Raises:
         BenchmarkError: a measurement could not be made.
@@ -79,12 +89,15 @@ def measured_parts(calibration_seeds: Sequence[int], *, capture: bool) -> Parts:
             for done, seed in enumerate(calibration_seeds):
                 progress(done, len(calibration_seeds))
                 runs.append(calibration_accuracy(seed))
-    figures = None
-    if capture:
-        figures = capture_figures(say=lambda what: typer.echo(f"measuring {what}", err=True))
+    captured = capture_figures(say=_say) if capture else None
+    recorded = None if recording_s is None else recording_figures(seconds=recording_s, say=_say)
     after = _load()
     load = None if before is None or after is None else (before, after)
-    return Parts(tuple(runs), figures, load)
+    return Parts(tuple(runs), captured, recorded, load)
+
+
+def _say(what: str) -> None:
+    typer.echo(f"measuring {what}", err=True)
 
 
 def _load() -> float | None:

@@ -147,12 +147,12 @@ def _loop_rates(
     server.request("POST", "/api/playback", {"rate": playback_rate, "loop": True})
     say(f"the loop alone, playing at {playback_rate:g} x")
     # Both halves of "alone" enclose the measurement with viewers, because a noisy machine drifts.
-    before = _observed_rate(server, seconds / 2)
+    before = observed_rate(server, seconds / 2)
     say(f"the loop with {viewer_count} viewers, playing at {playback_rate:g} x")
     with viewers(server, viewer_count) as drained:
-        with_viewers = _observed_rate(server, seconds)
+        with_viewers = observed_rate(server, seconds)
         drive = _drive_lateness(server)
-    after = _observed_rate(server, seconds / 2)
+    after = observed_rate(server, seconds / 2)
     return LoopRates(
         playback_rate,
         (before + after) / 2,
@@ -181,9 +181,9 @@ def _dense_cloud_rates(
     turn_s = max(seconds / _TURNS, _RATE_WINDOW_S)
     without, watched, dense, failures = [], [], [], []
     for _ in range(_TURNS):
-        without.append(_observed_rate(server, turn_s))
+        without.append(observed_rate(server, turn_s))
         with scene_viewer(server) as drained:
-            watched.append(_observed_rate(server, turn_s))
+            watched.append(observed_rate(server, turn_s))
             dense.append(server.request("GET", "/api/status")["dense_stereo"])
         failures += drained.failures
     ages = [each["age_s"] for each in dense if each["age_s"] is not None]
@@ -200,7 +200,7 @@ def _dense_cloud_rates(
     )
 
 
-def _observed_rate(server: RunningServer, seconds: float) -> float:
+def observed_rate(server: RunningServer, seconds: float) -> float:
     """Unique frames per second over ``seconds``, from the engine's own count of observations."""
     time.sleep(1.0)
     first, first_at = _observed(server)

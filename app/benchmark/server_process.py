@@ -33,11 +33,14 @@ class RunningServer:
 
     Attributes:
         port: on 127.0.0.1. token: opens every route. started: monotonic time of its start.
+        pid: of its process. data: its folder.
     """
 
     port: int
     token: str
     started: float
+    pid: int
+    data: Path
 
     @property
     def link(self) -> str:
@@ -111,7 +114,8 @@ def running_server(source: str) -> Iterator[RunningServer]:
             )
             try:
                 _wait_until_ready(process, port, log_path)
-                yield RunningServer(port, token_file.read_text().strip(), started)
+                token = token_file.read_text().strip()
+                yield RunningServer(port, token, started, process.pid, Path(folder))
             finally:
                 process.terminate()
                 try:

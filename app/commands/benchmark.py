@@ -94,20 +94,33 @@ def benchmark(
             "minute.",
         ),
     ] = False,
+    recording: Annotated[
+        bool,
+        typer.Option(
+            "--recording",
+            help="Measure what recording 640x480 pairs takes from the loop, in place of all "
+            "else; --seconds is the time of each pace and mode.",
+        ),
+    ] = False,
 ) -> None:
     """Compare the presets over scenarios and seeds, and time the loop and the server.
 
-    Calibration and live capture are measured only where they are asked for, and then alone.
+    Calibration, live capture and recording are measured only where they are asked for, and then
+    alone.
     """
     drawn = seed or random.SystemRandom().sample(range(1, 10_000), seeds)
-    if calibration or capture:
+    if calibration or capture or recording:
         if source is not None or figure is not None:
             raise InputError(
-                "--calibration and --capture bring their own source and draw no figure; leave "
-                "SOURCE and --figure out"
+                "--calibration, --capture and --recording bring their own source and draw no "
+                "figure; leave SOURCE and --figure out"
             )
         _make_folder(output)
-        parts = measured_parts(drawn if calibration else (), capture=capture)
+        parts = measured_parts(
+            drawn if calibration else (),
+            capture=capture,
+            recording_s=seconds if recording else None,
+        )
         machine: dict[str, Any] = {"machine": _machine()}
         as_text = f"{_machine_line()}\n\n{parts.markdown()}".rstrip()
         as_data = json.dumps(machine | parts.as_dict(), indent=2, allow_nan=False)

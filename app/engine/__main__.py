@@ -15,6 +15,10 @@ def main() -> None:
     # First of all: what follows takes long enough for the parent to die meanwhile.
     die_with_parent(arguments.parent)
 
+    from app.engine.memory import keep_freed_memory
+
+    keep_freed_memory()
+
     import cv2
 
     from app.engine.process import run_engine

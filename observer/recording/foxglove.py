@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
+from observer.recording.images import RAW_DATA, field_head
 from observer.stages.rectification import Rectification
 from observer.types import Image, Odometry
 
@@ -50,15 +51,16 @@ def stamp(wall_ns: int) -> fox.Timestamp:
 def raw_image(image: Image, side: str, wall_ns: int) -> bytes:
     """``RawImage`` of (H, W) grey or (H, W, 3) BGR, every pixel as it is."""
     height, width = image.shape[:2]
-    return fox.RawImage(
+    head = fox.RawImage(
         timestamp=stamp(wall_ns),
         frame_id=f"camera_{side}",
         width=width,
         height=height,
         encoding="mono8" if image.ndim == 2 else "bgr8",
         step=width * (1 if image.ndim == 2 else 3),
-        data=image.tobytes(),
     ).encode()
+    # Fields may stand in any order: with the pixels behind the others they are copied only once.
+    return b"".join((head, field_head(RAW_DATA, image.nbytes), np.ascontiguousarray(image).data))
 
 
 def jpeg_image(jpeg: bytes, side: str, wall_ns: int) -> bytes:

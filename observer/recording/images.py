@@ -17,7 +17,7 @@ from observer.types import Image
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 # Numbers of fields in foxglove/RawImage.proto and foxglove/CompressedImage.proto.
-_RAW_WIDTH, _RAW_HEIGHT, _RAW_ENCODING, _RAW_STEP, _RAW_DATA = 2, 3, 4, 5, 6
+_RAW_WIDTH, _RAW_HEIGHT, _RAW_ENCODING, _RAW_STEP, RAW_DATA = 2, 3, 4, 5, 6
 _JPEG_DATA, _JPEG_FORMAT = 2, 3
 
 
@@ -36,7 +36,7 @@ def raw_pixels(message: memoryview) -> Image:
     """
     fields = {field.number: field.value for field in message_fields(message)}
     width, height, step = (fields.get(n) for n in (_RAW_WIDTH, _RAW_HEIGHT, _RAW_STEP))
-    data, encoding = fields.get(_RAW_DATA), fields.get(_RAW_ENCODING)
+    data, encoding = fields.get(RAW_DATA), fields.get(_RAW_ENCODING)
     channels = {b"mono8": 1, b"bgr8": 3}.get(_bytes(encoding))
     if (
         channels is None
@@ -97,6 +97,20 @@ def message_fields(message: memoryview) -> list[Field]:
     except IndexError:
         raise SourceError("a message of the recording is cut off") from None
     return found
+
+
+def field_head(number: int, size: int) -> bytes:
+    """What stands before the bytes of a field.
+
+    Args:
+        number: of the field in the ``.proto`` file. size: bytes.
+    """
+    head = bytearray([number << 3 | _BYTES])
+    while size > 0x7F:
+        head.append(size & 0x7F | 0x80)
+        size >>= 7
+    head.append(size)
+    return bytes(head)
 
 
 def _varint(message: memoryview, at: int) -> tuple[int, int]:

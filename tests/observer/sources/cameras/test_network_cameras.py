@@ -166,12 +166,15 @@ def test_a_known_delay_shows_in_the_skew_and_a_long_one_in_what_is_dropped() -> 
             # Half a frame as measured, which a busy machine makes a little longer.
             assert 0.0 <= report.skew_median_s <= report.skew_p95_s <= 0.55 / rate
             dropped = report.dropped
-            # More than half a frame later than before: a pair at least has lost its partner.
-            for step in (1, 2, 3):
+            # More than half a frame later than before: a pair has lost its partner, unless the
+            # left image gave way to a newer one before the right one came.
+            step = 0
+            while source.report().dropped == dropped and step < 10:
+                step += 1
                 line.delay_s += 0.7 / rate
                 watch.read_frames(4)
                 tell(f"{step} delays of 0.7 frames: {source.report().dropped - dropped} dropped")
-            assert 1 <= source.report().dropped - dropped <= 12
+            assert 1 <= source.report().dropped - dropped <= 4 * step
             for frame in watch.frames:
                 assert frame.right_time is not None
                 assert abs(frame.right_time - frame.time) <= 0.55 / rate
