@@ -50,7 +50,7 @@ setup-dev: setup $(INSTALLED_DEV)
 run: setup
 	@exec $(BIN)/dynamic-observer serve $(ARGS)
 
-# In two processes, but for the page's: a browser wants both cores to itself. Compiled modules are
+# In three processes, which mostly wait, but for the page's: a browser wants both cores to itself. Compiled modules are
 # kept even where the environment says not to: the tests start hundreds of processes.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: setup-dev
@@ -58,7 +58,7 @@ test: setup-dev
 	@( $(install_ffmpeg) ) || true
 	@( $(install_postgres) ) || true
 ifeq ($(strip $(ARGS)),)
-	$(BIN)/pytest -n 2 --dist loadfile -m "not browser and not alone"
+	$(BIN)/pytest -n 3 --dist loadfile -m "not browser and not alone"
 	$(BIN)/pytest -s -m alone
 	$(BIN)/pytest -m browser
 else

@@ -3,6 +3,7 @@ without."""
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Callable
@@ -10,8 +11,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import mean
 from typing import Any
-
-import psutil
 
 from app.benchmark.camera_streams import to_and_fro
 from app.benchmark.served import observed_rate
@@ -70,8 +69,9 @@ class RecordingFigures:
     """What was measured.
 
     Attributes:
-        memory_mb: of the engine, at the end of each recorded turn, in order.
-        minutes: from the first of these to the last.
+        memory_mb: of the engine, at the end of each recorded turn, in order; empty where the
+            system does not tell.
+        minutes: that all of it took.
     """
 
     image_size: tuple[int, int]
@@ -131,7 +131,8 @@ def recording_figures(
     """
     world = World(load_scenario(SCENARIO))
     turns = max(1, round(seconds / _LONGEST_TURN_S))
-    memory: list[tuple[float, float]] = []
+    memory: list[float] = []
+    began = time.monotonic()
     rates: list[RecordingRates] = []
     with tempfile.TemporaryDirectory(prefix="dynamic-observer-benchmark-") as folder:
         say("what cameras will show: being drawn")
@@ -148,7 +149,8 @@ def recording_figures(
                     notes.without.append(observed_rate(server, seconds / turns))
                     for images in MODES:
                         _recorded_turn(server, images, seconds / turns, notes)
-                        memory.append((time.monotonic(), _engine_memory_mb(server)))
+                        held = _engine_memory_mb(server)
+                        memory += [] if held is None else [held]
                 rates += [
                     RecordingRates(
                         pace,
@@ -163,8 +165,8 @@ def recording_figures(
     return RecordingFigures(
         size,
         tuple(rates),
-        tuple(megabytes for _, megabytes in memory),
-        (memory[-1][0] - memory[0][0]) / 60.0,
+        tuple(memory),
+        (time.monotonic() - began) / 60.0,
     )
 
 
@@ -183,17 +185,15 @@ def _recorded_turn(server: RunningServer, images: str, seconds: float, notes: _N
         file.unlink(missing_ok=True)
 
 
-def _engine_memory_mb(server: RunningServer) -> float:
-    engines = [
-        child
-        for child in psutil.Process(server.pid).children(recursive=True)
-        if "app.engine" in child.cmdline()
-    ]
-    if not engines:
-        raise BenchmarkError("the server has no engine; look into its log")
-    # Without what it maps of files, as of the recording that it plays.
-    memory = engines[0].memory_info()
-    return float(memory.rss - getattr(memory, "shared", 0)) / 1e6
+def _engine_memory_mb(server: RunningServer) -> float | None:
+    """Resident, without what it maps of files, as of the recording that it plays."""
+    pid = server.request("GET", "/api/status")["engine"]["pid"]
+    try:
+        # proc(5): pages in all, resident, of these shared with files.
+        _, resident, shared, *_ = Path(f"/proc/{pid}/statm").read_text().split()
+    except OSError:
+        return None
+    return (int(resident) - int(shared)) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def _record_pictures(world: World, path: Path, count: int, frames: int) -> tuple[int, int]:

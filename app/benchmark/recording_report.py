@@ -10,7 +10,6 @@ from observer.evaluation.targets import targets_table
 def recording_markdown(figures: RecordingFigures) -> str:
     """Tables: what is to be reached, the loop's rates, and the engine's memory."""
     width, height = figures.image_size
-    memory = figures.memory_mb
     return "\n".join(
         [
             f"## Recording {width}x{height} at {RATE:g} pairs a second, to reach\n",
@@ -27,7 +26,16 @@ def recording_markdown(figures: RecordingFigures) -> str:
                     for rate in figures.rates
                 ],
             ),
-            f"The engine's memory over {figures.minutes:.1f} min of it: {memory[0]:.0f} MB first, "
-            f"{min(memory):.0f} to {max(memory):.0f} MB, {memory[-1]:.0f} MB last.\n",
+            _memory_line(figures),
         ]
     )  # fmt: skip
+
+
+def _memory_line(figures: RecordingFigures) -> str:
+    memory = figures.memory_mb
+    if not memory:
+        return "The system does not tell the engine's memory.\n"
+    return (
+        f"The engine's memory over {figures.minutes:.1f} min: {memory[0]:.0f} MB first, "
+        f"{min(memory):.0f} to {max(memory):.0f} MB, {memory[-1]:.0f} MB last.\n"
+    )

@@ -98,7 +98,7 @@ def test_what_is_missed_is_marked() -> None:
     assert "| read in a loop slower than the cameras, ms | <= 3 | 3.200 | **no** |" in text
     assert "| the same where they are tended between stages | <= 3 | 0.400 | yes |" in text
     assert "| - | - | 9 | 1 |" in text
-    parts = Parts((), figures, (0.5, 1.25))
+    parts = Parts((), figures, None, (0.5, 1.25))
     assert parts.markdown().startswith("Load: 0.5 before, 1.2 after.")
     assert parts.as_dict()["capture"]["added_ms"] == pytest.approx(3.5)
     assert "calibration" not in parts.as_dict()

@@ -174,7 +174,7 @@ def test_a_known_delay_shows_in_the_skew_and_a_long_one_in_what_is_dropped() -> 
                 line.delay_s += 0.7 / rate
                 watch.read_frames(4)
                 tell(f"{step} delays of 0.7 frames: {source.report().dropped - dropped} dropped")
-            assert 1 <= source.report().dropped - dropped <= 4 * step
+            assert 1 <= source.report().dropped - dropped <= 12 * step
             for frame in watch.frames:
                 assert frame.right_time is not None
                 assert abs(frame.right_time - frame.time) <= 0.55 / rate
