@@ -10,8 +10,8 @@ from typing import Any
 from app.engine.board_pictures import draw_board, small_picture
 from app.engine.errors import NotNow
 from app.engine.playback import Player
+from app.engine.played_source import PlayedSource, SourceOpener, close_opened, read_first
 from app.engine.replies import unexpected
-from app.engine.session import PlayedSource, SourceOpener, close_opened, read_first
 from app.messages import (
     CAMERA_NAMES,
     BeginCalibration,

@@ -15,7 +15,7 @@ from app.engine.explaining import Explainer
 from app.engine.floor_looking import look_at_floor
 from app.engine.publishing import Publisher
 from app.engine.replies import refusal, unexpected
-from app.engine.session import parse_parameters
+from app.engine.session_opening import parse_parameters
 from app.messages import (
     BeginCalibration,
     ChangeCalibration,

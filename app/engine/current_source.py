@@ -10,17 +10,11 @@ from app.engine.calibrating import BoardPublisher, CalibrationSession, open_cali
 from app.engine.errors import NotNow
 from app.engine.lending import LentRobots, LentSource, lent
 from app.engine.opening import Opening
+from app.engine.played_source import OpeningCommand, PlayedSource, SourceOpener
 from app.engine.recorders import Recorders
 from app.engine.replies import refusal, unexpected
-from app.engine.session import (
-    NotCalibrated,
-    ObserverFactory,
-    OpeningCommand,
-    PlayedSource,
-    Session,
-    SourceOpener,
-    open_session,
-)
+from app.engine.session import Session
+from app.engine.session_opening import NotCalibrated, ObserverFactory, open_session
 from app.messages import (
     BeginCalibration,
     EngineState,

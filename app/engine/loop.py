@@ -19,8 +19,10 @@ from app.engine.current_source import CurrentSource
 from app.engine.explaining import Explainer, ego_motion_facts
 from app.engine.opening import Opening
 from app.engine.playback import PlayedFrame
+from app.engine.played_source import PlayedSource, SourceOpener
 from app.engine.publishing import Publisher
-from app.engine.session import ObserverFactory, PlayedSource, Session, SourceOpener
+from app.engine.session import Session
+from app.engine.session_opening import ObserverFactory
 from app.engine.sight import SightTeller
 from app.engine.watched import Observed
 from app.messages import (

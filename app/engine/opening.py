@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from app.engine.session import OpeningCommand, PlayedSource
+from app.engine.played_source import OpeningCommand, PlayedSource
 from app.messages import Request
 from observer.parameters import Parameters
 

@@ -15,8 +15,9 @@ from app.channel.latest import LatestReader, LatestWriter
 from app.channel.pipe import MessageSender
 from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.engine.loop import Engine, Inbox
+from app.engine.played_source import SourceOpener
 from app.engine.publishing import Publisher
-from app.engine.session import ObserverFactory, SourceOpener
+from app.engine.session_opening import ObserverFactory
 from app.engine.sight import SightTeller
 from app.processes.arguments import ProcessArguments
 from app.processes.lifeline import receive_until_parent_ends

@@ -15,7 +15,8 @@ from app.channel.latest import LatestReader, LatestWriter, create_slot
 from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.engine.lending import LentRobots, lent
 from app.engine.recorders import Recorders
-from app.engine.session import Session, open_session
+from app.engine.session import Session
+from app.engine.session_opening import open_session
 from app.engine.sight import SightTeller
 from app.engine.watched import Observed
 from app.messages import OpenSource

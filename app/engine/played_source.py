@@ -1,0 +1,144 @@
+"""One open source and its player, whatever is done with the frames."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+from app.engine.playback import Player
+from app.messages import BeginCalibration, EngineState, OpenSource
+from observer.opening import OpenedSource
+from observer.robots.contract import RobotWorld
+from observer.sources.contract import LiveSource, SkippedFrame, Source
+
+# How many unreadable frames are passed over while opening to find the first readable one.
+TRIES_FOR_A_PAIR = 20
+# A live source has delivered before it counts as open; the next pair is not far.
+FIRST_PAIR_S = 2.0
+
+# What opens a source.
+OpeningCommand = OpenSource | BeginCalibration
+SourceOpener = Callable[[str], OpenedSource]
+
+
+class PlayedSource:
+    """A source and its player. Used by one thread at a time.
+
+    Attributes:
+        spec: the text it was opened by, passwords included.
+        resting: whether it is not read, because its source is being handed on.
+        skipped: frames that could not be read while opening, before the first one.
+        robots: of the source's own world; reached while it is observed.
+        run_id, segment: of what is kept; None and 0 where nothing is.
+        has_truth: whether truth belongs to the source.
+    """
+
+    def __init__(
+        self,
+        spec: str,
+        source: Source,
+        player: Player,
+        skipped: tuple[SkippedFrame, ...],
+        robots: RobotWorld | None = None,
+    ) -> None:
+        self.spec = spec
+        self.resting = False
+        self.source = source
+        self.robots = robots
+        self._live = source if isinstance(source, LiveSource) else None
+        self.player = player
+        self.skipped = skipped
+        self.run_id: str | None = None
+        self.segment = 0
+        self.has_truth = False
+
+    @property
+    def state(self) -> EngineState:
+        """What the engine does with this source."""
+        return EngineState.PREVIEW
+
+    def camera_facts(self) -> dict[str, Any] | None:
+        """The rectified camera as ``StateEvent.camera`` holds it."""
+        return None
+
+    def mount_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.mount`` holds it."""
+        return None
+
+    def ageing_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.ageing`` holds it."""
+        return None
+
+    def recording_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.recording`` holds it."""
+        return None
+
+    @property
+    def world(self) -> str | None:
+        """As ``StateEvent.world`` holds it."""
+        return None
+
+    def robot_facts(self) -> tuple[dict[str, Any], ...]:
+        """As ``StateEvent.robots`` holds it."""
+        return ()
+
+    def playback_facts(self, now: float) -> dict[str, Any]:
+        """As ``StateEvent.playback`` holds it."""
+        player = self.player
+        achieved = player.achieved_rate(now)
+        return {
+            "paused": player.paused,
+            "rate": player.rate,
+            "loop": player.loop,
+            "frame": player.position,
+            "frame_count": self.source.info.frame_count,
+            "ended": player.ended,
+            "seekable": player.seekable,
+            "achieved_rate": None if achieved is None else round(achieved, 2),
+        }
+
+    def tend(self) -> None:
+        """Let a live source decode ahead; for the thread that reads, between two reads."""
+        if self._live is not None:
+            self._live.tend()
+
+    def live_facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.live`` holds it."""
+        if self._live is None:
+            return None
+        return {**asdict(self._live.report()), "trouble": self.player.trouble}
+
+    def again(self) -> OpeningCommand:
+        """What would open it anew as it is now."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Let go of the source and the robots of its world."""
+        if self.robots is not None:
+            self.robots.close()
+        self.source.close()
+
+
+def close_opened(opened: OpenedSource) -> None:
+    """Let go of what was opened and will not be played."""
+    if opened.robots is not None:
+        opened.robots.close()
+    opened.source.close()
+
+
+def read_first(player: Player) -> tuple[SkippedFrame, ...]:
+    """Have the first frame at hand: some sources do their heavy work at it, which would stop the
+    engine's heart.
+
+    Returns:
+        The frames that could not be read before it.
+    """
+    skipped: list[SkippedFrame] = []
+    until = time.monotonic() + FIRST_PAIR_S
+    while player.wants_reading and len(skipped) < TRIES_FOR_A_PAIR and time.monotonic() < until:
+        frame = player.read_ahead()
+        if frame is not None:
+            skipped.append(frame)
+    return tuple(skipped)

@@ -1,0 +1,151 @@
+"""Opens a source and all that belongs to observing it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any, Protocol
+
+from app.engine.playback import Player
+from app.engine.played_source import (
+    FIRST_PAIR_S,
+    TRIES_FOR_A_PAIR,
+    SourceOpener,
+    close_opened,
+    read_first,
+)
+from app.engine.recorders import Recorders
+from app.engine.session import FrameObserver, Session
+from app.messages import OpenSource
+from observer.calibration.formats.opencv_file import (
+    calibration_id,
+    calibration_text,
+    read_calibration,
+)
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError
+from observer.mount import CameraMount
+from observer.parameters import Parameters
+from observer.rig.applied import mount_for
+from observer.rig.rig_file import read_rig
+from observer.sources.contract import SkippedFrame, Source
+from observer.types import StereoFrame
+
+
+class ObserverFactory(Protocol):
+    """Makes an observer; ``mount`` is the source's own, ``clock`` serves its stage timings."""
+
+    def __call__(
+        self,
+        calibration: StereoCalibration,
+        parameters: Parameters,
+        *,
+        parameters_revision: int,
+        mount: CameraMount | None,
+        clock: Callable[[], float],
+    ) -> FrameObserver: ...
+
+
+class NotCalibrated(CalibrationError):
+    """The source brings no calibration and none was given.
+
+    Attributes:
+        pair: a frame of the source, with which a calibration can be tried out; None where it
+            has no readable one.
+    """
+
+    def __init__(self, message: str, pair: StereoFrame | None) -> None:
+        self.pair = pair
+        super().__init__(message)
+
+
+def open_session(
+    command: OpenSource,
+    open_source: SourceOpener,
+    make_observer: ObserverFactory,
+    clock: Callable[[], float],
+    recorders: Recorders,
+) -> Session:
+    """Open the source and all that belongs to it, its first frame already read; on any refusal
+    nothing stays open.
+
+    Raises:
+        InputError: one sentence of what is wrong with the source, calibration or a parameter.
+        RecordingError: it was to be recorded and cannot be.
+    """
+    parameters = parse_parameters(command.parameters)
+    calibration = (
+        None
+        if command.calibration_yaml is None
+        else read_calibration(command.calibration_yaml, name="the given calibration")
+    )
+    rig = None if command.rig_yaml is None else read_rig(command.rig_yaml, "the rig")
+    opened = open_source(command.source)
+    try:
+        calibration = calibration or opened.source.calibration
+        if calibration is None:
+            raise NotCalibrated(
+                f"{opened.source.info.spec} brings no calibration; calibrate it under "
+                f"Calibration, choose a calibration for it, or put a calibration.yaml into its "
+                f"folder",
+                _first_pair(opened.source),
+            )
+        _check_size(calibration, opened.source)
+        # A given text is handed back as it was given, so that it keeps its content hash.
+        text = command.calibration_yaml or calibration_text(calibration)
+        mount = mount_for(opened.source.info, rig, calibration_id(text))
+        observer = make_observer(
+            calibration,
+            parameters,
+            parameters_revision=command.parameters_revision,
+            mount=mount,
+            clock=clock,
+        )
+        # Before the first frame: it takes a second or two, and again once robots follow it.
+        ports = () if opened.robots is None else opened.robots.serve()
+        player = Player(opened.source, paused=command.paused, rate=command.rate, loop=command.loop)
+        skipped = read_first(player)
+        info = opened.source.info
+        begin = partial(recorders.begin, info=info, calibration_yaml=text, mount=mount)
+        recorder = begin(command)
+        again = partial(begin, replace(command, run_id=None, segment=0, record=None))
+        return Session(
+            command, opened, observer, player, skipped, text, mount, ports, recorder, again
+        )
+    except BaseException:
+        close_opened(opened)
+        raise
+
+
+def parse_parameters(values: Mapping[str, Any]) -> Parameters:
+    """The declared defaults with these values, by dotted name.
+
+    Raises:
+        ParameterError: naming every refused field and its range.
+    """
+    return Parameters().changed(values)
+
+
+def _check_size(calibration: StereoCalibration, source: Source) -> None:
+    info = source.info
+    if (calibration.width, calibration.height) != (info.width, info.height):
+        raise CalibrationError(
+            f"the calibration is for images of {calibration.width}x{calibration.height} pixels, "
+            f"but {info.spec} delivers {info.width}x{info.height}; choose the calibration that "
+            f"was made with these images"
+        )
+
+
+def _first_pair(source: Source) -> StereoFrame | None:
+    until = time.monotonic() + FIRST_PAIR_S
+    skipped = 0
+    while skipped < TRIES_FOR_A_PAIR and time.monotonic() < until:
+        item = source.read()
+        if isinstance(item, StereoFrame):
+            return item
+        if item is None:
+            return None
+        skipped += isinstance(item, SkippedFrame)
+    return None
