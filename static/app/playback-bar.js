@@ -4,6 +4,7 @@ import { request } from "./api.js";
 import { h, icon, setAttribute, setText } from "./dom.js";
 import { notifyError } from "./notice.js";
 import { Part } from "./part.js";
+import { ScrubBar } from "./scrub-bar.js";
 
 const RATE_MIN = 0.1;
 const RATE_MAX = 4;
@@ -17,6 +18,7 @@ class PlaybackBar extends Part {
   #slider = h("input", { type: "range", id: "rate-slider", min: 0, max: SLIDER_STEPS, step: 1, "aria-label": "Playback rate" });
   #number = h("input", { type: "number", id: "rate", min: RATE_MIN, max: RATE_MAX, step: 0.1, "aria-label": "Playback rate, times recorded speed" });
   #loop = h("input", { type: "checkbox", id: "loop" });
+  #scrub = new ScrubBar();
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Position" });
   #position = h("output", { class: "figure position" }, "–");
   #live = h("p", { class: "hint", hidden: true }, "This source is live; it cannot be paused.");
@@ -38,8 +40,9 @@ class PlaybackBar extends Part {
       h("div", { class: "row" }, this.#restart, this.#pause, this.#step),
       h("div", { class: "row rate" }, h("label", { for: "rate" }, "Rate"), this.#slider, this.#number, h("span", { class: "unit" }, "×")),
       h("label", { class: "check" }, this.#loop, "Loop"),
-      h("div", { class: "row where" }, this.#progress, this.#position),
+      h("div", { class: "row where" }, this.#scrub, this.#progress, this.#position),
     );
+    this.#scrub.attach(this.hub);
     this.append(this.#controls, this.#live);
     this.hear("status", () => this.#render());
     this.hear("observation", () => this.#renderPosition());
@@ -66,6 +69,7 @@ class PlaybackBar extends Part {
       this.#loop.checked = playback.loop;
       if (performance.now() > this.#holdRateUntil) this.#showRate(playback.rate);
     }
+    this.toggleAttribute("data-seekable", playback?.seekable ?? false);
     this.#renderPosition();
   }
 
@@ -73,7 +77,8 @@ class PlaybackBar extends Part {
     const playback = this.hub.status?.playback;
     if (!playback) return setText(this.#position, "–");
     const { frame, frame_count: count } = playback;
-    this.#progress.hidden = count === null;
+    // Where any frame can be gone to, the slider shows the place too.
+    this.#progress.hidden = count === null || playback.seekable;
     if (count) this.#progress.value = Math.min(1, ((frame ?? -1) + 1) / count);
     setText(this.#position, `frame ${frame ?? "–"}${count ? ` / ${count}` : ""}${slownessInWords(playback)}`);
   }

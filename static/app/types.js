@@ -82,6 +82,7 @@
  * @property {number | null} frame
  * @property {number | null} frame_count
  * @property {boolean} ended
+ * @property {boolean} seekable whether it can go on from any frame
  * @property {number | null} [achieved_rate] source seconds per second, measured
  *
  * @typedef {object} SourceInfo
