@@ -36,6 +36,7 @@ def build() -> typer.Typer:
     from app.commands.observe import observe
     from app.commands.parameters import parameters
     from app.commands.report import report
+    from app.commands.reproduce import reproduce
     from app.commands.restore import restore
     from app.commands.serve import serve
     from app.commands.simulate import simulate
@@ -54,6 +55,7 @@ def build() -> typer.Typer:
     cli.command("evaluate")(evaluate)
     cli.command("export")(export)
     cli.command("report")(report)
+    cli.command("reproduce")(reproduce)
     cli.command("simulate")(simulate)
     cli.command("calibrate")(calibrate)
     cli.command("coppelia-scene")(coppelia_scene)

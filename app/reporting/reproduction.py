@@ -1,0 +1,168 @@
+"""Both experiments of figure 17 in the simulated lab: driven, recorded and made into a report.
+
+A server of our own and its drive process do all of it as for a person who sits before the page;
+nothing here knows more than the page does.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.benchmark.server_process import RunningServer, running_server
+from app.operating.errors import DrivingFailed
+from app.operating.programme_drive import PlayRequest, ProgrammeDrive
+from app.operating.server_api import ServerApi
+from app.reporting.experiments import Experiment, judged, with_experiments
+from app.reporting.gathering import Gathered
+from app.reporting.report import Report, Step, make_report
+from observer.errors import DynamicObserverError
+from observer.programmes.playing import duration_s
+from observer.programmes.programme import Programme
+
+SOURCE = "simulated:drive"
+ATTEMPTS = 8
+_DOWNLOAD_TIMEOUT_S = 120.0
+# Frames before the first motion, and until a track has ended behind the last.
+_REST_S = 2.0
+
+
+class ReproductionError(DynamicObserverError):
+    """The experiments could not be made."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """What was driven and recorded.
+
+    Attributes:
+        recording: of one run. experiments: in the order in which they were driven.
+        interrupted: why earlier attempts ended before their end, one sentence each.
+    """
+
+    recording: Path
+    experiments: tuple[Experiment, ...]
+    interrupted: tuple[str, ...]
+
+
+def play_experiments(
+    recording: Path,
+    programmes: Sequence[Programme],
+    *,
+    tell: Callable[[str], None],
+    attempts: int = ATTEMPTS,
+) -> Played:
+    """Serve the lab, drive one programme after another in one run, and fetch its recording.
+
+    One run, because the second experiment begins where the first one ends. Where something stopped
+    the robots, as it must on a machine that is too busy to show frames in time, all of it is driven
+    anew in another run, which begins with the world as it was at first.
+
+    Args:
+        programmes: of the server's library, by their names.
+        tell: is given a sentence for people at each step.
+
+    Raises:
+        BenchmarkError: the server did not start, or refused a run.
+        ReproductionError: the programmes were never driven to their end, or the recording could
+            not be fetched.
+    """
+    interrupted: list[str] = []
+    with running_server(SOURCE) as server:
+        server.wait_for_frames()
+        while len(interrupted) < attempts:
+            begun = server.request(
+                "POST", "/api/runs", {"name": "Figure 17, both experiments", "record": "lossless"}
+            )
+            try:
+                experiments = _driven(server, programmes, tell)
+            except DrivingFailed as error:
+                interrupted.append(str(error))
+                tell(f"attempt {len(interrupted)} of {attempts}: {error}")
+                continue
+            finally:
+                server.request("POST", f"/api/runs/{begun['id']}/stop")
+            _fetch(server, str(begun["id"]), recording)
+            return Played(recording, experiments, tuple(interrupted))
+    raise ReproductionError(
+        f"the robots were stopped in each of {attempts} attempts, at last because "
+        f"{interrupted[-1]}; try again when this machine has less else to do"
+    )
+
+
+def reproduction_report(played: Played, published: Gathered, progress: Step) -> Report:
+    """The paper's figures from what was driven, and each experiment by both methods.
+
+    Args:
+        published: the same frames by the method as published, of ``observed_as_published``.
+
+    Raises:
+        SourceError: it is no recording, or holds no images.
+    """
+    report = make_report(played.recording, progress=progress)
+    methods = ((report.gathered, "rigid, as in the run"), (published, "affine, as published"))
+    found = tuple(
+        judged(played.recording, gathered, experiment, method)
+        for experiment in played.experiments
+        for gathered, method in methods
+    )
+    return with_experiments(report, found)
+
+
+def _driven(
+    server: RunningServer, programmes: Sequence[Programme], tell: Callable[[str], None]
+) -> tuple[Experiment, ...]:
+    """Raises:
+    DrivingFailed: something stopped the robots.
+    """
+    server.wait_for_frames()
+    time.sleep(_REST_S)
+    experiments = []
+    for programme in programmes:
+        tell(f"driving {programme.name}, {duration_s(programme):.0f} s")
+        request = PlayRequest(
+            programme.name, programme.roles, duration_s(programme), 1, False, False
+        )
+        api = ServerApi(f"http://127.0.0.1:{server.port}", server.token)
+        try:
+            # The server's processes have the same monotonic clock as this one.
+            began = time.monotonic()
+            ProgrammeDrive(api, request, _unwatched).run()
+            ended = time.monotonic()
+        finally:
+            api.close()
+        experiments.append(Experiment(programme.name, programme.title, began, ended))
+        time.sleep(_REST_S)
+    return tuple(experiments)
+
+
+def _unwatched(playing: dict[str, Any], robots: dict[str, Any]) -> None:
+    del playing, robots
+
+
+def _fetch(server: RunningServer, run_id: str, path: Path) -> None:
+    """Raises:
+    ReproductionError: it could not be read or written.
+    """
+    request = urllib.request.Request(
+        f"http://127.0.0.1:{server.port}/api/runs/{run_id}/recording",
+        headers={"Authorization": f"Bearer {server.token}"},
+    )
+    part = path.with_name(path.name + ".part")
+    try:
+        with (
+            urllib.request.urlopen(request, timeout=_DOWNLOAD_TIMEOUT_S) as answer,
+            part.open("wb") as file,
+        ):
+            shutil.copyfileobj(answer, file)
+        os.replace(part, path)
+    except (urllib.error.URLError, OSError) as error:
+        part.unlink(missing_ok=True)
+        raise ReproductionError(f"the recording could not be fetched: {error}") from None

@@ -1,0 +1,170 @@
+"""Driving the experiments: anew where the robots were stopped, and what is made of them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi import HTTPException
+from fastapi.responses import Response
+
+from app.benchmark.server_process import RunningServer
+from app.reporting import reproduction
+from app.reporting.experiments import Experiment, observed_as_published
+from app.reporting.page import report_html
+from app.reporting.report import write_figures
+from app.reporting.reproduction import (
+    Played,
+    ReproductionError,
+    play_experiments,
+    reproduction_report,
+)
+from observer.programmes.programme import Programme
+from observer.programmes.programme_file import programme_from_text
+from observer.recording.reader import Recording
+
+from ..commands.scripted_server import MINE, TOKEN, ScriptedServer, running
+from ..commands.shell import Shell
+
+RECORDED = b"what was recorded"
+LATE = "no frame came for 200 ms"
+
+
+class Laboratory(ScriptedServer):
+    """Also keeps runs.
+
+    Attributes:
+        runs: their ids, in order; a new one begins when none goes on. going: the one that does.
+        late_in: of how many runs the robots are stopped.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.runs: list[str] = []
+        self.going: str | None = None
+        self.late_in = 0
+        self.act = self._maybe_late
+        self._run_routes()
+
+    def _maybe_late(self, since_s: float) -> None:
+        if len(self.runs) <= self.late_in and since_s > 0.1:
+            self.end(LATE)
+
+    def _run_routes(self) -> None:
+        @self.app.get("/api/status")
+        async def status() -> Any:
+            return {"frames_observed": 7}
+
+        @self.app.post("/api/runs")
+        async def start(body: dict[str, str]) -> Any:
+            if self.going is not None:
+                raise HTTPException(409, "a run is going on")
+            assert body["record"] == "lossless"
+            self.why = dict.fromkeys(self.why)
+            self.going = f"run-{len(self.runs)}"
+            self.runs.append(self.going)
+            return {"id": self.going}
+
+        @self.app.post("/api/runs/{id}/stop")
+        async def stop(id: str) -> Any:
+            assert id == self.going
+            self.going = None
+            return {}
+
+        @self.app.get("/api/runs/{id}/recording")
+        async def recording(id: str) -> Any:
+            assert id == self.runs[-1]
+            assert self.going is None
+            return Response(RECORDED)
+
+
+@pytest.fixture
+def laboratory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Laboratory:
+    """In place of a server of our own, without waiting for what stands still."""
+    script = Laboratory()
+
+    @contextmanager
+    def serving(source: str) -> Iterator[RunningServer]:
+        assert source == "simulated:drive"
+        with running(script):
+            yield RunningServer(script.port, TOKEN, 0.0, 0, tmp_path)
+
+    monkeypatch.setattr(reproduction, "running_server", serving)
+    monkeypatch.setattr(reproduction, "_REST_S", 0.0)
+    return script
+
+
+@pytest.fixture
+def mine() -> Programme:
+    return programme_from_text(MINE)
+
+
+def test_both_are_driven_anew_where_the_robots_were_stopped(
+    laboratory: Laboratory, mine: Programme, tmp_path: Path
+) -> None:
+    laboratory.late_in = 1
+    said: list[str] = []
+    path = tmp_path / "recording.mcap"
+    played = play_experiments(path, (mine, mine), tell=said.append)
+    # Stopped in the first run, driven twice in the second.
+    assert laboratory.runs == ["run-0", "run-1"]
+    assert [call for call in laboratory.calls if call[1] == "/robots/programme"] == [
+        ("POST", "/robots/programme"), ("DELETE", "/robots/programme"),
+    ] * 3  # fmt: skip
+    assert path.read_bytes() == RECORDED
+    first, second = played.experiments
+    assert 0.8 <= first.ended - first.began < 20.0
+    assert first.ended <= second.began
+    (why,) = played.interrupted
+    assert LATE in why
+    assert said == ["driving mine, 1 s", f"attempt 1 of 8: {why}", *["driving mine, 1 s"] * 2]
+    assert laboratory.armed == set()
+
+
+def test_it_ends_after_so_many_attempts(
+    laboratory: Laboratory, mine: Programme, tmp_path: Path
+) -> None:
+    laboratory.late_in = 99
+    with pytest.raises(ReproductionError, match=f"in each of 2 attempts.*{LATE}"):
+        play_experiments(tmp_path / "r.mcap", (mine,), tell=lambda _: None, attempts=2)
+    assert len(laboratory.runs) == 2
+    assert laboratory.going is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_report_has_each_experiment_by_both_methods(recording: Path, tmp_path: Path) -> None:
+    with Recording(recording) as opened:
+        at = [frame.received for frame in opened.frames]
+    experiments = (
+        Experiment("a", "The first", at[0] - 1.0, at[5]),
+        Experiment("b", "The second", at[6], at[-1] + 1.0),
+    )
+    published = observed_as_published(recording, lambda _done, _of: None)
+    steps: list[tuple[int, int | None]] = []
+    played = Played(recording, experiments, (LATE,))
+    report = reproduction_report(played, published, lambda *step: steps.append(step))
+    assert [(each.experiment, each.method) for each in report.judged] == [
+        (experiment, method)
+        for experiment in ("The first", "The second")
+        for method in ("rigid, as in the run", "affine, as published")
+    ]
+    assert steps[-1] == (5, 5)
+    assert "By experiment and method" in report_html(report)
+    names = {path.name for path in write_figures(report, tmp_path)}
+    assert {"figure15.pdf", "figure17_experiments.svg", "experiments_errors.csv"} <= names
+    with (tmp_path / "experiments_errors.csv").open() as file:
+        assert len({(row["experiment"], row["method"]) for row in csv.DictReader(file)}) == 4
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_anything_is_driven(
+    laboratory: Laboratory, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    done = Shell(capsys)("reproduce", "--output", str(tmp_path / "file" / "folder"))
+    assert done.code == 2
+    assert "cannot write" in done.err
+    assert laboratory.calls == []
