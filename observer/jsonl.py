@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer.geometry import Pose
 from observer.types import Observation, Obstacle
 
 
@@ -36,6 +38,18 @@ def observation_line(observation: Observation, *, tentative: bool = False) -> di
         ],
         "timings_ms": {name: round(ms, 3) for name, ms in observation.timings_ms.items()},
     }
+
+
+def line_pose(line: Mapping[str, Any]) -> Pose | None:
+    """``T_world_camera`` of a JSON line; None where the pose was unknown.
+
+    Raises:
+        KeyError, TypeError, ValueError: the line is not as ``observation_line`` makes it.
+    """
+    pose = line["pose"]
+    if pose is None:
+        return None
+    return Pose.from_quaternion(pose["orientation_wxyz"], pose["position"])
 
 
 def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:

@@ -12,6 +12,9 @@ from observer.geometry import Float64Array, Pose
 # From the robot's axes (x forward, y left, z up) to those of a level camera.
 _R_CAMERA_BASE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 
+# A level camera at z = 0, in axes with x forward, y left, z up.
+_T_LEVEL_CAMERA = Pose(_R_CAMERA_BASE.T, np.zeros(3))
+
 
 @dataclass(frozen=True)
 class CameraMount:
@@ -100,3 +103,12 @@ class CameraMount:
         tilt = Pose.from_rotvec([0.0, self.tilt_rad, 0.0], np.zeros(3)).rotation
         roll = Pose.from_rotvec([self.roll_rad, 0.0, 0.0], np.zeros(3)).rotation
         return np.asarray(tilt @ roll @ _R_CAMERA_BASE.T, dtype=np.float64)
+
+
+def level_pose(mount: CameraMount | None) -> Pose:
+    """``T_level_camera``: z up, x to where the camera looks, the floor at z = 0.
+
+    Args:
+        mount: where unknown, the camera is taken to be level and put at z = 0.
+    """
+    return _T_LEVEL_CAMERA if mount is None else mount.T_level_camera

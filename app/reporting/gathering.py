@@ -13,6 +13,7 @@ from app.reporting.pairing import pair_with_truth
 from observer.errors import DynamicObserverError
 from observer.evaluation.speed_errors import AT_REST, MOVING_MPS, SeenMotion, TrueMotion
 from observer.geometry import Float64Array, Pose
+from observer.jsonl import line_pose
 from observer.recording.payloads import MatchedBody, MatchedTruth, RobotRow
 from observer.recording.reader import Recording
 from observer.truth.alignment.aligned import AlignedTruth
@@ -141,7 +142,7 @@ def seen_motions(
 def _true_motions(
     lines: Iterable[Mapping[str, Any]], matched: Iterable[MatchedTruth]
 ) -> tuple[TrueMotion, ...]:
-    poses = {line["frame"]: _pose(line) for line in lines}
+    poses = {line["frame"]: line_pose(line) for line in lines}
     samples = [payload for payload in matched if payload.frame in poses]
     names = {b.name: None for p in samples for b in p.bodies if b.role == _OBSTACLE}
     motions = []
@@ -188,13 +189,6 @@ def _directions(body: MatchedBody | None, pose: Pose | None) -> tuple[str, str]:
     if abs(along) >= np.linalg.norm(velocity) / np.sqrt(2):
         return ("away" if along > 0 else "towards"), way
     return ("right" if velocity @ pose.rotation[:, 0] > 0 else "left"), way
-
-
-def _pose(line: Mapping[str, Any]) -> Pose | None:
-    told = line["pose"]
-    if told is None:
-        return None
-    return Pose.from_quaternion(told["orientation_wxyz"], told["position"])
 
 
 def _robot_curve(

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from app.reporting.gathering import Gathered
 from observer.camera import StereoCamera
 from observer.evaluation.speed_errors import MOVING_MPS
-from observer.geometry import Float64Array, Pose
+from observer.geometry import Float64Array
+from observer.jsonl import line_pose
 from observer.observer import Observer
 from observer.parameters import Parameters, preset
 from observer.recording.payloads import MatchedTruth
@@ -162,8 +163,9 @@ class Moments:
 def _true_boxes(
     payload: MatchedTruth, line: Mapping[str, Any], camera: StereoCamera
 ) -> tuple[Float64Array, ...]:
-    pose = line["pose"]
-    T_camera_world = Pose.from_quaternion(pose["orientation_wxyz"], pose["position"]).inverse()
+    T_world_camera = line_pose(line)
+    assert T_world_camera is not None
+    T_camera_world = T_world_camera.inverse()
     boxes = []
     for body in payload.bodies:
         if body.role == "observer" or body.speed <= MOVING_MPS:

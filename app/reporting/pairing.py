@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from observer.geometry import Pose
+from observer.jsonl import line_pose
 from observer.recording.payloads import MatchedBody, MatchedTruth
 from observer.truth.contract import TrueBody, Truth
 
@@ -27,9 +28,8 @@ def pair_with_truth(
     worlds: dict[int, Pose] = {}
     found = []
     for line in lines:
-        told, segment, time = line["pose"], int(line["segment"]), float(line["time"])
-        if segment not in worlds and told is not None:
-            pose = Pose.from_quaternion(told["orientation_wxyz"], told["position"])
+        pose, segment, time = line_pose(line), int(line["segment"]), float(line["time"])
+        if segment not in worlds and pose is not None:
             true_pose = truth.camera_pose(time)
             if true_pose is not None:
                 worlds[segment] = pose @ true_pose.inverse()

@@ -24,6 +24,7 @@ from app.reporting.drawing import (
 from app.reporting.moments import Moment, is_moving
 from observer.camera import as_gray
 from observer.geometry import Float64Array, Pose
+from observer.jsonl import line_pose
 from observer.stages.stereo import disparity_map, point_cloud
 
 _CLOUD_POINTS = 12_000
@@ -124,8 +125,9 @@ def cloud_figure(moment: Moment, obstacle: Mapping[str, Any]) -> Figure:
 
 def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64Array:
     """(8, 3) metres, camera frame, of an obstacle's box with a place in the world."""
-    pose = line["pose"]
-    T_camera_world = Pose.from_quaternion(pose["orientation_wxyz"], pose["position"]).inverse()
+    T_world_camera = line_pose(line)
+    assert T_world_camera is not None
+    T_camera_world = T_world_camera.inverse()
     turned = obstacle["orientation_wxyz"] or (1.0, 0.0, 0.0, 0.0)
     T_world_box = Pose.from_quaternion(turned, obstacle["position"])
     signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from app.messages import ObservationEvent
-from observer.geometry import Pose
+from observer.jsonl import line_pose
 from observer.mount import CameraMount
 from observer.rig.drive_estimate import estimate_drive
 from observer.rig.drive_stretches import DriveSample
@@ -44,14 +44,11 @@ class DriveSurvey:
         if not self.noting:
             return
         line, wheels = event.line, event.odometry
-        pose = line["pose"]
         self._samples.append(
             DriveSample(
                 line["time"],
                 line["segment"],
-                None
-                if pose is None
-                else Pose.from_quaternion(pose["orientation_wxyz"], pose["position"]),
+                line_pose(line),
                 None if wheels is None else Odometry(**wheels),
             )
         )

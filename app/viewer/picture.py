@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from app.channel.latest import Latest
 from app.messages import EngineState, ObservationEvent, StateEvent
 from app.viewer.robot_marks import RobotMarks, robot_marks
-from app.viewer.shapes import box_edges, display_from_world, rig_edges, upright_rotation
+from app.viewer.shapes import box_edges, rig_edges, upright_rotation
 from observer.geometry import Float64Array, Pose
-from observer.mount import CameraMount
+from observer.mount import CameraMount, level_pose
 
 STALE_AFTER_S = 1.0
 # An arrow shows where the obstacle will be after this time.
@@ -84,7 +84,7 @@ def make_picture(
         driving: as ``app.drive.messages.DriveEvent.facts``.
     """
     mount = None if state.mount is None else CameraMount(**state.mount)
-    T_display_world = display_from_world(mount)
+    T_display_world = level_pose(mount)
     line: Mapping[str, Any] = event.line if event is not None else {"segment": 0, "obstacles": []}
     placed = [o for o in line["obstacles"] if o["position"] is not None]
     pose = line.get("pose")

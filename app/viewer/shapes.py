@@ -19,8 +19,6 @@ from observer.mount import CameraMount
 Float32Array = NDArray[np.float32]
 Colors = NDArray[np.uint8]
 
-# Camera axes (x right, y down, z forward) in display axes (x forward, y left, z up), level.
-_LEVEL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 # A box's corners in units of its half size, and the pairs of them that are its edges.
 _CORNERS = np.array(
     [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)], dtype=np.float64
@@ -36,15 +34,6 @@ _EDGES = np.array(
 EDGES_OF_A_BOX = len(_EDGES)
 # A small robot, about as large as those that such cameras ride on.
 _HALF_AXLE_M, _AHEAD_M = 0.17, 0.3
-
-
-def display_from_world(mount: CameraMount | None) -> Pose:
-    """``T_display_world``: z up, x ahead of the first frame's camera, the floor at z = 0.
-
-    Args:
-        mount: where unknown, the camera is taken to be level and put at z = 0.
-    """
-    return Pose(_LEVEL, np.zeros(3)) if mount is None else mount.T_level_camera
 
 
 def rig_edges(mount: CameraMount | None, T_world_camera: Pose | None) -> Float64Array:

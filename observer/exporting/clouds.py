@@ -13,9 +13,9 @@ from observer.camera import as_gray
 from observer.exporting.errors import ExportError
 from observer.exporting.foxglove_messages import read_cloud
 from observer.geometry import Pose
+from observer.jsonl import line_pose
 from observer.parameters import Parameters, StereoParameters
 from observer.recording import topics
-from observer.recording.foxglove import line_pose
 from observer.recording.reader import Recording
 from observer.stages.rectification import Rectification
 from observer.stages.stereo import disparity_map, point_cloud

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import msgspec
-import numpy as np
 
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.errors import SourceError
@@ -23,10 +22,10 @@ from observer.exporting.errors import ExportError
 from observer.exporting.foxglove_messages import read_cloud, read_jpeg, read_log, read_stamp
 from observer.exporting.ros2_clock import ExposureClock
 from observer.exporting.ros2_messages import RosMessages
-from observer.geometry import Pose
+from observer.jsonl import line_pose
 from observer.recording import topics
+from observer.recording.camera_frames import camera_model, fixed_frames
 from observer.recording.contents import Message
-from observer.recording.foxglove import line_pose
 from observer.recording.images import raw_pixels
 from observer.recording.payloads import MatchedTruth, RecordedFrame
 from observer.recording.reader import Recording
@@ -34,9 +33,10 @@ from observer.recording.replay import recorded_mount
 
 BagStorage = Literal["sqlite3", "mcap"]
 BAG_VERSION: Literal[8] = 8
-_SIDES = {topics.LEFT_RAW.name: "left", topics.RIGHT_RAW.name: "right"}
-# x right, y down, z forward of a level camera, as x forward, y left, z up.
-_LEVEL = Pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.zeros(3))
+_SIDES: dict[str, Literal["left", "right"]] = {
+    topics.LEFT_RAW.name: "left",
+    topics.RIGHT_RAW.name: "right",
+}
 
 _TF, _STATIC = "tf2_msgs/msg/TFMessage", "/tf_static"
 _MARKERS = "visualization_msgs/msg/MarkerArray"
@@ -115,7 +115,8 @@ class _Run:
 
     def messages(self) -> Iterator[_Told]:
         begin = self._clock.begin_ns
-        yield _Told(_STATIC, _TF, begin, self.ros.transforms(self._fixed(), begin))
+        fixed = fixed_frames(self._rectified, recorded_mount(self._recording))
+        yield _Told(_STATIC, _TF, begin, self.ros.transforms(fixed, begin))
         read: dict[str, Callable[[Message, str], Iterator[_Told]]] = {
             **dict.fromkeys(_SIDES, self._image),
             topics.FRAME.name: self._frame,
@@ -131,18 +132,6 @@ class _Run:
                 # One damaged message is no reason to have none of the others.
                 continue
 
-    def _fixed(self) -> list[tuple[str, str, Pose]]:
-        rectified, mount = self._rectified, recorded_mount(self._recording)
-        right = np.array([rectified.camera.baseline, 0.0, 0.0])
-        found = [
-            ("level", "world", _LEVEL if mount is None else mount.T_level_camera),
-            ("camera", "camera_left", Pose(rectified.R_rectified_left, np.zeros(3))),
-            ("camera", "camera_right", Pose(rectified.R_rectified_right, right)),
-        ]
-        if mount is not None:
-            found.append(("camera", "base", mount.T_base_camera.inverse()))
-        return found
-
     def _image(self, message: Message, topic: str) -> Iterator[_Told]:
         side, at = _SIDES[topic], self._clock.of_wall(read_stamp(message.data))
         if self._recording.facts.images == "lossless":
@@ -153,7 +142,9 @@ class _Run:
             name, kind = f"/camera/{side}/image_raw/compressed", "sensor_msgs/msg/CompressedImage"
             yield _Told(name, kind, at, jpeg)
         # With the very stamp of its image, by which ROS pairs them.
-        info = self.ros.camera_info(self._calibration, self._rectified, side, at)
+        given = self._calibration
+        model = camera_model(given, self._rectified, side)
+        info = self.ros.camera_info(model, given.width, given.height, side, at)
         yield _Told(f"/camera/{side}/camera_info", "sensor_msgs/msg/CameraInfo", at, info)
 
     def _frame(self, message: Message, _: str) -> Iterator[_Told]:

@@ -1,6 +1,6 @@
 """A run's messages as those of ROS 2, built by the ``rosbags`` package.
 
-Frames are those of ``observer.recording.foxglove``; times are those of ``ExposureClock``.
+Frames are those of ``observer.recording.camera_frames``; times are those of ``ExposureClock``.
 """
 
 from __future__ import annotations
@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from observer.camera import StereoCalibration
 from observer.exporting.errors import missing_extra
 from observer.exporting.foxglove_messages import RecordedCloud, RecordedLog
 from observer.geometry import Pose
+from observer.recording.camera_frames import CameraModel
 from observer.recording.payloads import MatchedBody, OdometryPayload
-from observer.stages.rectification import Rectification
 from observer.types import Image
 
 # visualization_msgs/msg/Marker.
@@ -106,31 +105,19 @@ class RosMessages:
         )
 
     def camera_info(
-        self, calibration: StereoCalibration, rectified: Rectification, side: str, wall_ns: int
+        self, camera: CameraModel, width: int, height: int, side: str, wall_ns: int
     ) -> Any:
         """``sensor_msgs/CameraInfo`` of the images as taken (REP-104)."""
-        left = side == "left"
-        K, D = (calibration.K1, calibration.D1) if left else (calibration.K2, calibration.D2)
-        R = rectified.R_rectified_left if left else rectified.R_rectified_right
-        camera = rectified.camera
-        P = np.zeros((3, 4))
-        P[:, :3] = camera.K
-        P[0, 3] = 0.0 if left else -camera.fx * camera.baseline
-        if calibration.distortion_model == "equidistant":
-            model = "equidistant"
-        else:
-            model = "plumb_bob" if D.size <= 5 else "rational_polynomial"
-            D = np.concatenate([D, np.zeros(max(0, 5 - D.size))])
         return self._make(
             "sensor_msgs/msg/CameraInfo",
             self._header(wall_ns, f"camera_{side}"),
-            calibration.height,
-            calibration.width,
-            model,
-            np.array(D, dtype=np.float64),
-            np.array(K, dtype=np.float64).ravel(),
-            np.array(R, dtype=np.float64).ravel(),
-            P.ravel(),
+            height,
+            width,
+            camera.model,
+            np.array(camera.D, dtype=np.float64),
+            np.array(camera.K, dtype=np.float64).ravel(),
+            np.array(camera.R, dtype=np.float64).ravel(),
+            camera.P.ravel(),
             0,
             0,
             self._make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.formats.opencv_file import read_calibration
+from observer.jsonl import line_pose
 from observer.mount import CameraMount
 from observer.recording import foxglove, topics
 from observer.recording.payloads import (
@@ -147,7 +148,7 @@ class Encoder:
             received: of its frame.
         """
         wall = self._wall(received)
-        transforms = self._cameras.transforms(foxglove.line_pose(line), wall)
+        transforms = self._cameras.transforms(line_pose(line), wall)
         messages = [
             self._own(topics.OBSERVATION, line, received),
             self._made(topics.TRANSFORMS, transforms, received),

@@ -1,9 +1,6 @@
 """What is seen of a run in Foxglove and Lichtblick: their messages, made of ours.
 
-Frames: ``level`` (z up, the floor at z = 0 where the mount is known) holds ``world`` (as the
-observations have it), that ``camera`` (the rectified left camera), and that ``base`` (the robot)
-and ``camera_left`` and ``camera_right`` (the cameras as taken, before rectification).
-``odom`` is where the robot's wheels began to count.
+Frames are those of ``observer.recording.camera_frames``.
 """
 
 from __future__ import annotations
@@ -19,12 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
+from observer.recording.camera_frames import camera_model, fixed_frames
 from observer.recording.images import RAW_DATA, field_head
 from observer.stages.rectification import Rectification
 from observer.types import Image, Odometry
 
-# x right, y down, z forward of a level camera, as x forward, y left, z up.
-_LEVEL = Pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.zeros(3))
 _MOVING = fox.Color(r=1.0, g=0.85, b=0.0, a=0.45)
 _STOPPED = fox.Color(r=0.3, g=0.6, b=1.0, a=0.45)
 _COASTING = fox.Color(r=0.6, g=0.6, b=0.6, a=0.3)
@@ -79,41 +75,23 @@ class Cameras:
             CalibrationError: the calibration cannot be rectified.
         """
         self._calibration = calibration
-        rectified = Rectification(calibration)
-        self._rotations = (rectified.R_rectified_left, rectified.R_rectified_right)
-        self._camera = rectified.camera
-        # Rectification turns each camera about its own centre.
-        right = np.array([rectified.camera.baseline, 0.0, 0.0])
-        self._fixed = [
-            ("level", "world", _LEVEL if mount is None else mount.T_level_camera),
-            ("camera", "camera_left", Pose(rectified.R_rectified_left, np.zeros(3))),
-            ("camera", "camera_right", Pose(rectified.R_rectified_right, right)),
-        ]
-        if mount is not None:
-            self._fixed.append(("camera", "base", mount.T_base_camera.inverse()))
+        self._rectified = Rectification(calibration)
+        self._fixed = fixed_frames(self._rectified, mount)
 
     def calibration(self, side: Literal["left", "right"], wall_ns: int) -> bytes:
         """``CameraCalibration`` of one camera, for its images as taken."""
-        given, camera = self._calibration, self._camera
-        left = side == "left"
-        K, D = (given.K1, given.D1) if left else (given.K2, given.D2)
-        shift = 0.0 if left else -camera.fx * camera.baseline
-        P = [camera.fx, 0, camera.cx, shift, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0]
-        if given.distortion_model == "equidistant":
-            model = "kannala_brandt"
-        else:
-            model = "plumb_bob" if D.size <= 5 else "rational_polynomial"
-            D = np.concatenate([D, np.zeros(max(0, 5 - D.size))])
+        given = self._calibration
+        camera = camera_model(given, self._rectified, side)
         return fox.CameraCalibration(
             timestamp=stamp(wall_ns),
             frame_id=f"camera_{side}",
             width=given.width,
             height=given.height,
-            distortion_model=model,
-            D=D.tolist(),
-            K=K.ravel().tolist(),
-            R=self._rotations[0 if left else 1].ravel().tolist(),
-            P=[float(value) for value in P],
+            distortion_model="kannala_brandt" if camera.model == "equidistant" else camera.model,
+            D=camera.D.tolist(),
+            K=camera.K.ravel().tolist(),
+            R=camera.R.ravel().tolist(),
+            P=camera.P.ravel().tolist(),
         ).encode()
 
     def transforms(self, T_world_camera: Pose | None, wall_ns: int) -> bytes:
@@ -134,14 +112,6 @@ class Cameras:
                 for parent, child, T in poses
             ]
         ).encode()
-
-
-def line_pose(line: Mapping[str, Any]) -> Pose | None:
-    """``T_world_camera`` of an observation's JSON line."""
-    pose = line["pose"]
-    if pose is None:
-        return None
-    return Pose.from_quaternion(pose["orientation_wxyz"], pose["position"])
 
 
 def obstacle_scene(line: Mapping[str, Any], wall_ns: int) -> bytes:

@@ -23,7 +23,6 @@ from app.viewer.robot_marks import MOST_ZONE_LINES, robot_marks
 from app.viewer.shapes import (
     Follower,
     box_edges,
-    display_from_world,
     floor_lines,
     greyed,
     padded,
@@ -34,7 +33,7 @@ from app.viewer.shapes import (
 )
 from app.viewer.trails import Trails
 from observer.geometry import Pose
-from observer.mount import CameraMount
+from observer.mount import CameraMount, level_pose
 
 ANGLES = st.floats(-1.4, 1.4)
 
@@ -43,7 +42,7 @@ ANGLES = st.floats(-1.4, 1.4)
 
 
 def test_a_level_camera_looks_along_x_at_its_height() -> None:
-    T = display_from_world(CameraMount(0.4, 0.0))
+    T = level_pose(CameraMount(0.4, 0.0))
     np.testing.assert_allclose(T.apply([0, 0, 2]), [2, 0, 0.4], atol=1e-12)
     np.testing.assert_allclose(T.apply([1, 0, 0]), [0, -1, 0.4], atol=1e-12)
     np.testing.assert_allclose(T.apply([0, 0.4, 0]), [0, 0, 0], atol=1e-12)
@@ -54,13 +53,13 @@ def test_a_level_camera_looks_along_x_at_its_height() -> None:
 def test_a_tilted_camera_sees_the_floor_at_zero(height: float, tilt: float) -> None:
     # The optical axis meets the floor at this distance.
     on_axis = height / math.sin(tilt)
-    at = display_from_world(CameraMount(height, tilt)).apply([0, 0, on_axis])
+    at = level_pose(CameraMount(height, tilt)).apply([0, 0, on_axis])
     np.testing.assert_allclose(at, [height / math.tan(tilt), 0, 0], atol=1e-9)
 
 
 def test_the_rig_stands_on_the_floor_below_a_tilted_camera_wherever_it_drives() -> None:
     mount = CameraMount(0.4, 0.3, 0.1, 0.06, roll_rad=0.05)
-    display = display_from_world(mount)
+    display = level_pose(mount)
     # Straight ahead by a metre, in display axes.
     shift = Pose(np.eye(3), display.rotation.T @ np.array([1.0, 0, 0]))
     lines = display.apply(rig_edges(mount, shift).reshape(-1, 3)).reshape(-1, 2, 3)
@@ -83,7 +82,7 @@ def test_the_floor_is_a_square_grid_through_the_origin() -> None:
 
 
 def test_an_unknown_mount_is_level_and_on_no_floor() -> None:
-    np.testing.assert_allclose(display_from_world(None).apply([0, 0, 1]), [1, 0, 0])
+    np.testing.assert_allclose(level_pose(None).apply([0, 0, 1]), [1, 0, 0])
 
 
 def test_a_box_has_twelve_edges_along_its_axes() -> None:
@@ -100,7 +99,7 @@ def test_a_box_has_twelve_edges_along_its_axes() -> None:
 @settings(deadline=None, max_examples=50)
 @given(ANGLES, st.floats(0, 0.5))
 def test_bodies_stand_upright_and_face_their_heading(yaw: float, tilt: float) -> None:
-    T = display_from_world(CameraMount(0.4, tilt))
+    T = level_pose(CameraMount(0.4, tilt))
     up = T.rotation.T @ np.array([0.0, 0.0, 1.0])
     axes = upright_rotation(yaw, up)
     np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-9)

@@ -12,6 +12,7 @@ import numpy as np
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array, Pose
+from observer.jsonl import line_pose
 from observer.truth.alignment.curves import SpeedCurve, turn_rate, window_for
 from observer.truth.alignment.smoothing import velocities
 
@@ -122,10 +123,7 @@ class ObservedRun:
                 time, segment = float(line["time"]), int(line["segment"])
                 if not math.isfinite(time):
                     raise ValueError("time")
-                pose = line["pose"]
-                placed = None if pose is None else Pose.from_quaternion(
-                    pose["orientation_wxyz"], pose["position"]
-                )  # fmt: skip
+                placed = line_pose(line)
                 for entry in line["obstacles"]:
                     if entry["state"] == "confirmed":
                         rows[TrackKey(segment, int(entry["id"]))].append(_row(time, entry))

@@ -20,7 +20,7 @@ from observer.exporting.output import whole_output
 from observer.exporting.overlay import draw_overlay
 from observer.exporting.run_video import write_run_video
 from observer.exporting.video import OverlayVideo
-from observer.recording.foxglove import line_pose
+from observer.jsonl import line_pose
 from observer.recording.reader import Recording
 
 from .conftest import FRAMES

@@ -1,0 +1,74 @@
+"""A run's cameras in the words that Foxglove and ROS share: frames, distortion, projection.
+
+Frames: ``level`` (z up, the floor at z = 0 where the mount is known) holds ``world`` (as the
+observations have it), that ``camera`` (the rectified left camera), and that ``base`` (the robot)
+and ``camera_left`` and ``camera_right`` (the cameras as taken, before rectification).
+``odom`` is where the robot's wheels began to count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from observer.camera import StereoCalibration
+from observer.geometry import Float64Array, Pose
+from observer.mount import CameraMount, level_pose
+from observer.stages.rectification import Rectification
+
+DistortionModel = Literal["plumb_bob", "rational_polynomial", "equidistant"]
+# What REP-104 and Foxglove expect of plumb_bob.
+_LEAST_COEFFICIENTS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class CameraModel:
+    """One camera, for its images as taken, as ROS's ``CameraInfo`` has it (REP-104).
+
+    Attributes:
+        K: (3, 3) pixels. D: (N,) in OpenCV's order, as the model has them.
+        R: (3, 3) rectification. P: (3, 4) projection of the rectified image, in pixels and, for
+            the right camera, pixel metres.
+    """
+
+    model: DistortionModel
+    K: Float64Array
+    D: Float64Array
+    R: Float64Array
+    P: Float64Array
+
+
+def camera_model(
+    calibration: StereoCalibration, rectified: Rectification, side: Literal["left", "right"]
+) -> CameraModel:
+    """The model of one camera."""
+    left = side == "left"
+    K, D = (calibration.K1, calibration.D1) if left else (calibration.K2, calibration.D2)
+    camera = rectified.camera
+    P = np.zeros((3, 4))
+    P[:, :3] = camera.K
+    P[0, 3] = 0.0 if left else -camera.fx * camera.baseline
+    model: DistortionModel = "equidistant"
+    if calibration.distortion_model != "equidistant":
+        model = "plumb_bob" if D.size <= _LEAST_COEFFICIENTS else "rational_polynomial"
+        D = np.concatenate([D, np.zeros(max(0, _LEAST_COEFFICIENTS - D.size))])
+    R = rectified.R_rectified_left if left else rectified.R_rectified_right
+    return CameraModel(model, K, D, R, P)
+
+
+def fixed_frames(
+    rectified: Rectification, mount: CameraMount | None
+) -> list[tuple[str, str, Pose]]:
+    """(parent, child, ``T_parent_child``) of what does not move in a segment."""
+    # Rectification turns each camera about its own centre.
+    right = np.array([rectified.camera.baseline, 0.0, 0.0])
+    frames = [
+        ("level", "world", level_pose(mount)),
+        ("camera", "camera_left", Pose(rectified.R_rectified_left, np.zeros(3))),
+        ("camera", "camera_right", Pose(rectified.R_rectified_right, right)),
+    ]
+    if mount is not None:
+        frames.append(("camera", "base", mount.T_base_camera.inverse()))
+    return frames
