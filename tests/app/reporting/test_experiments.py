@@ -17,6 +17,7 @@ from app.reporting.experiments import (
 )
 from app.reporting.page import report_html
 from app.reporting.report import Report, write_figures
+from app.reporting.reproduction import Played, reproduction_report
 from observer.recording.reader import Recording
 
 
@@ -72,3 +73,33 @@ def test_the_same_frames_are_observed_by_the_method_as_published(
     with speeds.open() as file:
         times = [float(r["time_s"]) for r in csv.DictReader(file) if r["source"] == "truth"]
     assert np.array(times) == pytest.approx(own.gathered.true[0].times)
+
+
+def test_a_reproduction_has_each_experiment_by_both_methods(
+    recording: Path, both: Report, tmp_path: Path
+) -> None:
+    with Recording(recording) as opened:
+        at = [frame.received for frame in opened.frames]
+    experiments = (
+        Experiment("a", "The first", at[0] - 1.0, at[5]),
+        Experiment("b", "The second", at[6], at[-1] + 1.0),
+    )
+    published = both.judged[1].gathered
+    steps: list[tuple[int, int | None]] = []
+    played = Played(recording, experiments, ())
+    made = reproduction_report(played, published, lambda *step: steps.append(step))
+    assert steps[-1] == (5, 5)
+    assert [(each.experiment, each.method) for each in made.judged] == [
+        (experiment, method)
+        for experiment in ("The first", "The second")
+        for method in ("rigid, as in the run", "affine, as published")
+    ]
+    times = [each.gathered.true[0].times.tolist() for each in made.judged]
+    assert times[0] + times[2] == published.true[0].times.tolist()
+    assert times[:3:2] == times[1::2]
+    assert [each.number for each in made.figures] == ["9", "11", "13", "15", "16", "17", "17"]
+    assert {each.missing for each in made.figures} == {""}
+    written = {path.name for path in write_figures(replace(made, figures=()), tmp_path)}
+    assert "speeds_the_second_rigid_as_in_the_run.csv" in written
+    with (tmp_path / "experiments_errors.csv").open() as file:
+        assert len({(row["experiment"], row["method"]) for row in csv.DictReader(file)}) == 4

@@ -1,8 +1,7 @@
-"""Driving the experiments: anew where the robots were stopped, and what is made of them."""
+"""Driving the experiments of figure 17, anew where the robots were stopped."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,18 +13,9 @@ from fastapi.responses import Response
 
 from app.benchmark.server_process import RunningServer
 from app.reporting import reproduction
-from app.reporting.experiments import Experiment, observed_as_published
-from app.reporting.page import report_html
-from app.reporting.report import write_figures
-from app.reporting.reproduction import (
-    Played,
-    ReproductionError,
-    play_experiments,
-    reproduction_report,
-)
+from app.reporting.reproduction import ReproductionError, play_experiments
 from observer.programmes.programme import Programme
 from observer.programmes.programme_file import programme_from_text
-from observer.recording.reader import Recording
 
 from ..commands.scripted_server import MINE, TOKEN, ScriptedServer, running
 from ..commands.shell import Shell
@@ -134,30 +124,6 @@ def test_it_ends_after_so_many_attempts(
     assert len(laboratory.runs) == 2
     assert laboratory.going is None
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_report_has_each_experiment_by_both_methods(recording: Path, tmp_path: Path) -> None:
-    with Recording(recording) as opened:
-        at = [frame.received for frame in opened.frames]
-    experiments = (
-        Experiment("a", "The first", at[0] - 1.0, at[5]),
-        Experiment("b", "The second", at[6], at[-1] + 1.0),
-    )
-    published = observed_as_published(recording, lambda _done, _of: None)
-    steps: list[tuple[int, int | None]] = []
-    played = Played(recording, experiments, (LATE,))
-    report = reproduction_report(played, published, lambda *step: steps.append(step))
-    assert [(each.experiment, each.method) for each in report.judged] == [
-        (experiment, method)
-        for experiment in ("The first", "The second")
-        for method in ("rigid, as in the run", "affine, as published")
-    ]
-    assert steps[-1] == (5, 5)
-    assert "By experiment and method" in report_html(report)
-    names = {path.name for path in write_figures(report, tmp_path)}
-    assert {"figure15.pdf", "figure17_experiments.svg", "experiments_errors.csv"} <= names
-    with (tmp_path / "experiments_errors.csv").open() as file:
-        assert len({(row["experiment"], row["method"]) for row in csv.DictReader(file)}) == 4
 
 
 def test_a_folder_that_cannot_be_written_is_told_before_anything_is_driven(
