@@ -6,6 +6,7 @@ import contextlib
 import socketserver
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -21,6 +22,7 @@ RATE_HZ = 20.0
 # Each with noise of its own, so that a camera that repeats one is told from a room that is still.
 _PICTURES = 12
 _QUALITY = 92
+_REMEMBERED = 400
 _HEAD = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n"
 
 
@@ -63,12 +65,10 @@ class Camera:
     Attributes:
         pictures: JPEG, played over and over at ``RATE_HZ``.
         does: how it misbehaves.
-        good_at: monotonic time at which the last picture that is as it should be was sent.
     """
 
     pictures: list[bytes]
     does: Misbehaviour = field(default_factory=Misbehaviour)
-    good_at: float = 0.0
 
     def __post_init__(self) -> None:
         camera = self
@@ -79,12 +79,23 @@ class Camera:
                     camera._serve(self)
 
         self._ends = False
+        # When pictures were sent that are as they should be.
+        self._good: deque[float] = deque([0.0], maxlen=_REMEMBERED)
         self._server = _Server(("127.0.0.1", 0), Handler)
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,))
 
     @property
     def url(self) -> str:
         return f"http://127.0.0.1:{self._server.server_address[1]}/video"
+
+    @property
+    def good_at(self) -> float:
+        """Monotonic time at which the last picture that is as it should be was sent."""
+        return self._good[-1]
+
+    def good_before(self, time: float) -> float:
+        """The same of the last one until then, of those of the last seconds."""
+        return max(each for each in tuple(self._good) if each <= time)
 
     def __enter__(self) -> Camera:
         self._thread.start()
@@ -118,8 +129,8 @@ class Camera:
                 if not (does.frozen and shown):
                     shown = self.pictures[number % len(self.pictures)]
                 self._send(handler, does.image or shown)
-                if does == Misbehaviour():
-                    self.good_at = time.monotonic()
+                if not does.frozen and does.image is None:
+                    self._good.append(time.monotonic())
             number += 1
 
     def _send(self, handler: socketserver.StreamRequestHandler, picture: bytes) -> None:
