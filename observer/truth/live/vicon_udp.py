@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import socket
-import threading
 from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from observer.truth.live.contract import LiveCaptureReport
+from observer.truth.live.heard import HeardCapture
 from observer.truth.live.intake import Intake
 from observer.truth.live.vicon_stream import ViconObject, ViconStreamError, unpack_frame
-from observer.truth.live.wakeup import Wakeup
-from observer.truth.motion_capture import BodySample
 
-_RETRY_S = 1.0
 _LONGEST_DATAGRAM = 65_536
 _BUFFER = 1 << 20
 _LOOK_EVERY_S = 1.0
 # Two senders at once would be two clocks: another is heard once the first has been silent.
 _SILENT_S = 2.0
-_CLOSE_WITHIN_S = 2.0
 
 
-class ViconUdpCapture:
+class ViconUdpCapture(HeardCapture):
     """Fulfils ``LiveCapture``. The frame's number is the clock: its rate is found from arrivals.
 
     Args:
@@ -32,42 +27,19 @@ class ViconUdpCapture:
     """
 
     def __init__(self, port: int, *, spec: str, clock: Callable[[], float]) -> None:
-        self._port, self._spec, self._clock = port, spec, clock
-        self._intake = Intake(clock, counts=True, millimetres=True)
-        self._wakeup = Wakeup()
+        self._port = port
         self._sender: tuple[str, int] | None = None
         self._heard = 0.0
-        self._thread = threading.Thread(target=self._run, name=f"vicon udp {port}", daemon=True)
-        self._thread.start()
+        intake = Intake(clock, counts=True, millimetres=True)
+        super().__init__(intake, spec=spec, name=f"vicon udp {port}", clock=clock)
 
-    @property
-    def spec(self) -> str:
-        return self._spec
-
-    def drain(self) -> tuple[BodySample, ...]:
-        return self._intake.drain()
-
-    def report(self) -> LiveCaptureReport:
-        return self._intake.report()
-
-    def close(self) -> None:
-        self._wakeup.end()
-        self._thread.join(_CLOSE_WITHIN_S)
-
-    # --- the thread ---------------------------------------------------------------------------
-
-    def _run(self) -> None:
+    def _listened(self) -> str | None:
         try:
-            while not self._wakeup.ended:
-                try:
-                    self._listen()
-                except OSError as error:
-                    why = error.strerror or str(error)
-                    self._intake.lost(f"UDP port {self._port} cannot be listened at: {why}")
-                    self._wakeup.pause(_RETRY_S)
-        finally:
-            self._intake.lost(f"nobody listens at UDP port {self._port} any more")
-            self._wakeup.close()
+            self._listen()
+        except OSError as error:
+            why = error.strerror or str(error)
+            return f"UDP port {self._port} cannot be listened at: {why}"
+        return None
 
     def _listen(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:

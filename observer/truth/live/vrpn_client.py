@@ -11,14 +11,13 @@ import errno
 import math
 import os
 import socket
-import threading
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from observer.geometry import Float64Array
-from observer.truth.live.contract import LiveCaptureReport
+from observer.truth.live.heard import HeardCapture
 from observer.truth.live.intake import Intake
 from observer.truth.live.vrpn import (
     COOKIE,
@@ -32,18 +31,14 @@ from observer.truth.live.vrpn import (
     VrpnError,
     check_cookie,
 )
-from observer.truth.live.wakeup import Wakeup
-from observer.truth.motion_capture import BodySample
 
 _CONNECT_WITHIN_S = 3.0
 _COOKIE_WITHIN_S = 3.0
-_RETRY_S = 1.0
 _CHUNK = 64 * 1024
 # A server of which nothing is heard is asked once a second, and given up when it stays silent.
 _ASK_AFTER_S = 3.0
 _ASK_EVERY_S = 1.0
 _GIVE_UP_AFTER_S = 13.0
-_CLOSE_WITHIN_S = 2.0
 # The system's own questions to a host that is gone: seconds, seconds, times.
 _KEEPALIVE = (("TCP_KEEPIDLE", 5), ("TCP_KEEPINTVL", 2), ("TCP_KEEPCNT", 3))
 
@@ -52,7 +47,7 @@ class _Lost(Exception):
     """The connection is not, or no longer. One sentence."""
 
 
-class VrpnCapture:
+class VrpnCapture(HeardCapture):
     """Fulfils ``LiveCapture``.
 
     A body is a sender's sensor: named as the sender, sensors other than 0 as ``SENDER/SENSOR``.
@@ -72,46 +67,18 @@ class VrpnCapture:
         clock: Callable[[], float],
     ) -> None:
         self._host, self._port, self._names = host, port, frozenset(names)
-        self._spec, self._clock = spec, clock
         self._where = f"{host}:{port}"
-        self._intake = Intake(clock)
-        self._wakeup = Wakeup()
-        self._thread = threading.Thread(target=self._run, name=f"vrpn {self._where}", daemon=True)
-        self._thread.start()
+        super().__init__(Intake(clock), spec=spec, name=f"vrpn {self._where}", clock=clock)
 
-    @property
-    def spec(self) -> str:
-        return self._spec
-
-    def drain(self) -> tuple[BodySample, ...]:
-        return self._intake.drain()
-
-    def report(self) -> LiveCaptureReport:
-        return self._intake.report()
-
-    def close(self) -> None:
-        self._wakeup.end()
-        # Looking a host's name up cannot be ended; nobody waits for that.
-        self._thread.join(_CLOSE_WITHIN_S)
-
-    # --- the thread ---------------------------------------------------------------------------
-
-    def _run(self) -> None:
-        why = "its thread ended"
+    def _listened(self) -> str | None:
         try:
-            while not self._wakeup.ended:
-                try:
-                    with self._connected() as connection:
-                        self._listen(connection)
-                except (_Lost, VrpnError) as error:
-                    if isinstance(error, VrpnError):
-                        self._intake.malformed()
-                    self._intake.lost(f"the VRPN server at {self._where} cannot be used: {error}")
-                self._wakeup.pause(_RETRY_S)
-            why = "it was closed"
-        finally:
-            self._intake.lost(f"the connection to {self._where} is over: {why}")
-            self._wakeup.close()
+            with self._connected() as connection:
+                self._listen(connection)
+        except (_Lost, VrpnError) as error:
+            if isinstance(error, VrpnError):
+                self._intake.malformed()
+            return f"the VRPN server at {self._where} cannot be used: {error}"
+        return None
 
     @contextlib.contextmanager
     def _connected(self) -> Iterator[socket.socket]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from observer.truth.live import intake, stamps, vicon_udp
+from observer.truth.live import heard, intake, stamps
 from observer.truth.live.contract import LiveCapture, LiveCaptureReport
 from observer.truth.live.opening import open_live_truth
 from observer.truth.live.vicon_stream import ViconObject, pack_frame
@@ -141,7 +141,7 @@ def test_tracker_restarted_counts_anew(udp_port: int) -> None:
 def test_a_port_that_is_taken_is_said_and_tried_again(
     udp_port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(vicon_udp, "_RETRY_S", 0.05)
+    monkeypatch.setattr(heard, "_RETRY_S", 0.05)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("", udp_port))
         capture = open_live_truth(f"vicon-udp:{udp_port}")

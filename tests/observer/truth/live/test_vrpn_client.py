@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from observer.geometry import Pose
-from observer.truth.live import intake, stamps, vrpn_client
+from observer.truth.live import heard, intake, stamps, vrpn_client
 from observer.truth.live.contract import LiveCapture, LiveCaptureReport
 from observer.truth.live.opening import open_live_truth
 from observer.truth.live.vrpn import POSE_TYPE, pose_body
@@ -87,7 +87,7 @@ def samples(capture: LiveCapture, count: int, within_s: float = 8.0) -> list[Bod
 
 @pytest.fixture(autouse=True)
 def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(vrpn_client, "_RETRY_S", 0.1)
+    monkeypatch.setattr(heard, "_RETRY_S", 0.1)
     monkeypatch.setattr(stamps, "_SECONDS_SPAN_S", 0.2)
 
 
