@@ -102,7 +102,8 @@ def _bag(
 
 
 def _table(recording: Recording, part: Path, name: str, ending: str) -> str:
-    from observer.exporting.tables import check_parquet, find_table, write_csv, write_parquet
+    from observer.exporting.table_files import check_parquet, write_csv, write_parquet
+    from observer.exporting.tables import find_table
 
     table = find_table(name)
     if ending == ".csv":

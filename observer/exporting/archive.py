@@ -16,7 +16,8 @@ from observer.errors import DynamicObserverError
 from observer.exporting.clouds import Frame, cloud_at, write_ply
 from observer.exporting.errors import ExportError
 from observer.exporting.run_video import write_run_video
-from observer.exporting.tables import TABLES, Table, check_parquet, write_csv, write_parquet
+from observer.exporting.table_files import check_parquet, write_csv, write_parquet
+from observer.exporting.tables import TABLES, Table
 from observer.recording.reader import Recording
 
 TableFormat = Literal["csv", "parquet"]

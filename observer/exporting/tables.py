@@ -7,21 +7,18 @@ one. An empty cell (null in Parquet) is what is not known.
 
 from __future__ import annotations
 
-import csv
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
-from observer.exporting.errors import ExportError, missing_extra
+from observer.exporting.errors import ExportError
 from observer.recording.payloads import MatchedBody
 from observer.recording.reader import Recording
 from observer.truth.contract import TrueBody
 
 Kind = Literal["int", "float", "text"]
 Row = Mapping[str, Any]
-# Rows of a Parquet file that are packed at once.
-_BATCH = 65_536
 
 
 @dataclass(frozen=True)
@@ -102,6 +99,10 @@ _OBSTACLE_COLUMNS = (
 )
 
 
+def _at(frame: int, time: float) -> dict[str, Any]:
+    return {"frame": frame, "time_s": time}
+
+
 def _spread(names: Sequence[str], values: Sequence[Any] | None) -> dict[str, Any]:
     return dict.fromkeys(names) if values is None else dict(zip(names, values, strict=True))
 
@@ -119,8 +120,7 @@ def _obstacle_rows(recording: Recording) -> Iterator[Row]:
 def obstacle_row(line: Mapping[str, Any], entry: Mapping[str, Any]) -> Row:
     """One obstacle of a JSON line as a row of the table ``obstacles``."""
     return {
-        "frame": line["frame"],
-        "time_s": line["time"],
+        **_at(line["frame"], line["time"]),
         "segment": line["segment"],
         "status": line["status"],
         **{name: entry[name] for name in ("id", "state", "motion", "points", "significance")},
@@ -157,8 +157,7 @@ def _frame_rows(recording: Recording) -> Iterator[Row]:
     for line in recording.lines():
         pose = line["pose"]
         yield {
-            "frame": line["frame"],
-            "time_s": line["time"],
+            **_at(line["frame"], line["time"]),
             "segment": line["segment"],
             "status": line["status"],
             "reasons": "; ".join(line["reasons"]),
@@ -208,19 +207,14 @@ def _truth_rows(recording: Recording) -> Iterator[Row]:
     for sample in recording.truth_samples():
         for body in sample.bodies:
             cells = _body_cells(body, float(sum(value * value for value in body.velocity)) ** 0.5)
-            yield {"frame": sample.frame, "time_s": sample.time, **cells}
+            yield {**_at(sample.frame, sample.time), **cells}
 
 
 def _matched_rows(recording: Recording) -> Iterator[Row]:
     for matched in recording.matched_truth():
         for body in matched.bodies:
             cells = _body_cells(body, body.speed)
-            yield {
-                "frame": matched.frame,
-                "time_s": matched.time,
-                **cells,
-                "track_id": body.track_id,
-            }
+            yield {**_at(matched.frame, matched.time), **cells, "track_id": body.track_id}
 
 
 _ODOMETRY_COLUMNS = (
@@ -234,7 +228,7 @@ def _odometry_rows(recording: Recording) -> Iterator[Row]:
     for frame in recording.frames:
         told = frame.odometry
         if told is not None:
-            instant = {"frame": frame.index, "time_s": frame.time}
+            instant = _at(frame.index, frame.time)
             yield {**instant, "x_m": told.x, "y_m": told.y, "yaw_rad": told.yaw}
 
 
@@ -324,75 +318,6 @@ TABLES: Mapping[str, Table] = {
         ),
     )
 }
-
-
-def write_csv(table: Table, recording: Recording, file: IO[str]) -> int:
-    """Write a table with its header; numbers so that every digit is read back.
-
-    Args:
-        file: opened with ``newline=""``.
-
-    Returns:
-        how many rows there were.
-    """
-    writer = csv.DictWriter(file, table.names, lineterminator="\n")
-    writer.writeheader()
-    count = 0
-    for row in table.rows(recording):
-        writer.writerow(row)
-        count += 1
-    return count
-
-
-def write_parquet(table: Table, recording: Recording, file: IO[bytes]) -> int:
-    """The same as Parquet, each column with its help as metadata.
-
-    Raises:
-        ExportError: pyarrow is not installed.
-    """
-    pyarrow, parquet = _pyarrow()
-    kinds = {"int": pyarrow.int64(), "float": pyarrow.float64(), "text": pyarrow.string()}
-    schema = pyarrow.schema(
-        [
-            pyarrow.field(column.name, kinds[column.kind], metadata={"help": column.help})
-            for column in table.columns
-        ]
-    )
-    count = 0
-    with parquet.ParquetWriter(file, schema) as writer:
-        for batch in _batches(table.rows(recording)):
-            writer.write_table(pyarrow.Table.from_pylist(batch, schema=schema))
-            count += len(batch)
-    return count
-
-
-def check_parquet() -> None:
-    """Find out early whether Parquet can be written.
-
-    Raises:
-        ExportError: it cannot.
-    """
-    _pyarrow()
-
-
-def _pyarrow() -> tuple[Any, Any]:
-    try:
-        import pyarrow  # type: ignore[import-untyped]
-        from pyarrow import parquet
-    except ImportError:
-        raise missing_extra("pyarrow", "parquet", "a Parquet file") from None
-    return pyarrow, parquet
-
-
-def _batches(rows: Iterable[Row]) -> Iterator[list[Row]]:
-    batch: list[Row] = []
-    for row in rows:
-        batch.append(row)
-        if len(batch) >= _BATCH:
-            yield batch
-            batch = []
-    if batch:
-        yield batch
 
 
 def find_table(name: str) -> Table:

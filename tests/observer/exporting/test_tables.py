@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from observer.exporting.errors import ExportError
-from observer.exporting.tables import TABLES, find_table, write_csv, write_parquet
+from observer.exporting.table_files import write_csv, write_parquet
+from observer.exporting.tables import TABLES, find_table
 from observer.recording.reader import Recording
 
 _UNITS = re.compile(r"_(m|mps|s|rad|radps|px|m2|m2ps2)$")

@@ -1,0 +1,83 @@
+"""Tables as files: CSV for everybody, Parquet where there is much."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator
+from typing import IO, Any
+
+from observer.exporting.errors import missing_extra
+from observer.exporting.tables import Row, Table
+from observer.recording.reader import Recording
+
+# Rows of a Parquet file that are packed at once.
+_BATCH = 65_536
+
+
+def write_csv(table: Table, recording: Recording, file: IO[str]) -> int:
+    """Write a table with its header; numbers so that every digit is read back.
+
+    Args:
+        file: opened with ``newline=""``.
+
+    Returns:
+        how many rows there were.
+    """
+    writer = csv.DictWriter(file, table.names, lineterminator="\n")
+    writer.writeheader()
+    count = 0
+    for row in table.rows(recording):
+        writer.writerow(row)
+        count += 1
+    return count
+
+
+def write_parquet(table: Table, recording: Recording, file: IO[bytes]) -> int:
+    """The same as Parquet, each column with its help as metadata.
+
+    Raises:
+        ExportError: pyarrow is not installed.
+    """
+    pyarrow, parquet = _pyarrow()
+    kinds = {"int": pyarrow.int64(), "float": pyarrow.float64(), "text": pyarrow.string()}
+    schema = pyarrow.schema(
+        [
+            pyarrow.field(column.name, kinds[column.kind], metadata={"help": column.help})
+            for column in table.columns
+        ]
+    )
+    count = 0
+    with parquet.ParquetWriter(file, schema) as writer:
+        for batch in _batches(table.rows(recording)):
+            writer.write_table(pyarrow.Table.from_pylist(batch, schema=schema))
+            count += len(batch)
+    return count
+
+
+def check_parquet() -> None:
+    """Find out early whether Parquet can be written.
+
+    Raises:
+        ExportError: it cannot.
+    """
+    _pyarrow()
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow  # type: ignore[import-untyped]
+        from pyarrow import parquet
+    except ImportError:
+        raise missing_extra("pyarrow", "parquet", "a Parquet file") from None
+    return pyarrow, parquet
+
+
+def _batches(rows: Iterable[Row]) -> Iterator[list[Row]]:
+    batch: list[Row] = []
+    for row in rows:
+        batch.append(row)
+        if len(batch) >= _BATCH:
+            yield batch
+            batch = []
+    if batch:
+        yield batch
