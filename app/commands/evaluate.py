@@ -11,7 +11,7 @@ import typer
 from observer.errors import InputError
 from observer.evaluation.breakdown import LAB, ROAD, break_down, breakdown_tables
 from observer.evaluation.evaluate import summarise
-from observer.evaluation.lines import checked_lines, read_plain_lines
+from observer.evaluation.lines import read_both
 from observer.evaluation.results import listed
 from observer.evaluation.tally import tally
 from observer.truth.alignment.choices import AlignmentChoices, BodyRole
@@ -57,13 +57,13 @@ def evaluate(
 ) -> None:
     """Compare tracks with truth: recall, false obstacles, errors of position and velocity."""
     scale = ROAD if road else LAB
-    lines = read_plain_lines(tracks)
+    lines, plain = read_both(tracks)
     opened = open_truth(
-        truth, lines, _choices(observer, ignore or []), rate_hz=rate, angles=angles
+        truth, plain, _choices(observer, ignore or []), rate_hz=rate, angles=angles
     )
     for sentence in _sentences(opened):
         typer.echo(sentence, err=True)
-    counted = tally(checked_lines(lines), opened.truth, scale.gate_m)
+    counted = tally(lines, opened.truth, scale.gate_m)
     result, classes = summarise([counted]), break_down([counted], scale)
     if as_json:
         figures: dict[str, Any] = {

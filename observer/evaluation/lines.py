@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -61,7 +61,7 @@ def checked_lines(lines: Iterable[Mapping[str, Any] | Line]) -> tuple[Line, ...]
         InputError: naming the first line and field that is not as it should be, or lines that
             are not in the order of their times.
     """
-    return _ordered([_line(content, number) for number, content in enumerate(lines, 1)])
+    return _checked(enumerate(lines, 1))
 
 
 def read_lines(path: Path | str) -> tuple[Line, ...]:
@@ -70,18 +70,17 @@ def read_lines(path: Path | str) -> tuple[Line, ...]:
     Raises:
         InputError: the file cannot be read, or as for ``checked_lines``.
     """
-    return _ordered([_line(content, number) for number, content in _contents(Path(path))])
+    return _checked(_contents(Path(path)))
 
 
-def read_plain_lines(path: Path | str) -> tuple[dict[str, Any], ...]:
-    """The same file with all that its lines hold, as plain dictionaries.
+def read_both(path: Path | str) -> tuple[tuple[Line, ...], tuple[dict[str, Any], ...]]:
+    """The same, and beside it all that the lines hold, as plain dictionaries.
 
     Raises:
         InputError: as ``read_lines``.
     """
     contents = _contents(Path(path))
-    _ordered([_line(content, number) for number, content in contents])
-    return tuple(content for _, content in contents)
+    return _checked(contents), tuple(content for _, content in contents)
 
 
 def _contents(path: Path) -> list[tuple[int, Any]]:
@@ -113,11 +112,13 @@ def _line(content: Any, number: int) -> Line:
         raise InputError(f"line {number}, {place}: {first['msg']}") from None
 
 
-def _ordered(lines: Sequence[Line]) -> tuple[Line, ...]:
-    for number, (before, after) in enumerate(pairwise(lines), 2):
+def _checked(contents: Iterable[tuple[int, Any]]) -> tuple[Line, ...]:
+    """Lines by their numbers, each as it should be and in the order of their times."""
+    numbered = [(number, _line(content, number)) for number, content in contents]
+    for (_, before), (number, after) in pairwise(numbered):
         if after.segment == before.segment and after.time < before.time:
             raise InputError(
                 f"line {number} has the time {after.time:g} s, which is before the {before.time:g} "
                 f"s of the line above, in the same segment"
             )
-    return tuple(lines)
+    return tuple(line for _, line in numbered)

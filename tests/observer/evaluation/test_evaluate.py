@@ -11,7 +11,7 @@ import pytest
 
 from observer.errors import InputError
 from observer.evaluation.evaluate import FIGURE_TITLES, evaluate, summarise
-from observer.evaluation.lines import checked_lines, read_lines
+from observer.evaluation.lines import checked_lines, read_both, read_lines
 from observer.evaluation.results import FALSE_LISTED, listed
 from observer.evaluation.tally import ROAD_GATE_M, tally
 from observer.geometry import Pose
@@ -397,6 +397,23 @@ def test_lines_come_back_from_a_file(tmp_path: Path) -> None:
     lines = perfect(truth, 20)
     path.write_text("\n".join(json.dumps(each) for each in lines) + "\n\n")
     assert evaluate(read_lines(path), truth) == evaluate(lines, truth)
+
+
+def test_a_line_is_named_by_its_place_in_the_file(tmp_path: Path) -> None:
+    first, second = perfect(StraightTruth(RIGHT), 2)
+    path = tmp_path / "tracks.jsonl"
+    path.write_text(f"{json.dumps(second)}\n\n\n{json.dumps(first)}\n")
+    with pytest.raises(InputError, match="line 4 has the time"):
+        read_lines(path)
+
+
+def test_a_file_is_read_with_all_that_its_lines_hold(tmp_path: Path) -> None:
+    lines = [{**each, "more": k} for k, each in enumerate(perfect(StraightTruth(RIGHT), 3))]
+    path = tmp_path / "tracks.jsonl"
+    path.write_text("".join(f"{json.dumps(each)}\n" for each in lines))
+    checked, plain = read_both(path)
+    assert checked == checked_lines(lines)
+    assert [each["more"] for each in plain] == [0, 1, 2]
 
 
 @pytest.mark.parametrize(
