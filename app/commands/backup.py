@@ -20,8 +20,8 @@ def backup(
     ] = False,
 ) -> None:
     """Write runs, speeds, parameters, presets, calibrations, rig, programmes and truths."""
-    from app.station.current_run import app_version
     from app.storage.backup import write_backup
+    from app.versions import app_version
 
     settings = storage_settings(data, database)
     with progress_bar("Backup") as progress:

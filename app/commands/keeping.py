@@ -156,7 +156,7 @@ def _finished(path: Path, frame_rate: float) -> Iterator[OverlayVideo]:
 def _facts(
     info: SourceInfo, calibration: StereoCalibration, preset: str, images: Images, name: str
 ) -> RunFacts:
-    from app.station.current_run import versions
+    from app.versions import versions
 
     return RunFacts(
         # Not one of the server's runs; unique enough to be told from others.

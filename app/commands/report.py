@@ -9,7 +9,6 @@ import typer
 
 from app.commands.progress import progress_bar
 from app.commands.storage_options import DatabaseOption, DataOption, storage_settings
-from observer.errors import InputError
 
 if TYPE_CHECKING:
     from observer.truth.alignment.result import Alignment
@@ -61,18 +60,12 @@ def _found(
     if "/" in run or run.endswith(".mcap"):
         return Path(run), None
     from app.storage import Storage
-    from app.storage.folder import RECORDING, DataFolder
+    from observer.recording.run_folder import find_recording
     from observer.truth.alignment.result import Alignment
 
     settings = storage_settings(data, database)
-    folder = settings.data.expanduser().absolute()
-    path = DataFolder(folder).run(run) / RECORDING
-    if not path.is_file():
-        raise InputError(
-            f"the run {run[:80]!r} has no recording in {folder}; name another run, its data "
-            f"folder with --data, or a recording.mcap"
-        )
+    path = find_recording(run, settings.data.expanduser().absolute())
     with Storage(settings.database_location, folder=settings.data) as storage:
-        record = storage.get_run(run)
+        record = storage.get_run(path.parent.name)
     kept = None if record is None else record.alignment
     return path, None if kept is None else Alignment.of_dict(kept)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from app.station.errors import Conflict, NotThere
 from app.storage import IncidentRecord, RunRecord, SpeedRow, Storage
-from app.storage.folder import RECORDING
+from observer.recording.run_folder import RECORDING
 
 
 class RunArchive:
@@ -31,13 +31,13 @@ class RunArchive:
         """One run.
 
         Raises:
-            NotThere: there is none of that id.
+            NotThere: there is none of that id, or it is deleted.
         """
         current = self._current()
         if current is not None and current.id == run_id:
             return current
         record = await asyncio.to_thread(self._storage.get_run, run_id)
-        if record is None:
+        if record is None or record.deleted_at is not None:
             raise no_such_run(run_id)
         return record
 

@@ -38,13 +38,14 @@ from app.station.background import Background
 from app.station.binding import calibration_of_cameras
 from app.station.calibration_desk import CalibrationDesk
 from app.station.contracts import Drive, Engine
-from app.station.current_run import CurrentRun, versions
+from app.station.current_run import CurrentRun
 from app.station.drive_survey import DriveSurvey
 from app.station.driving import AbsentDrive, DrivingDesk
 from app.station.driving.circumstances import Circumstances
 from app.station.driving.shelf import ProgrammeShelf
 from app.station.errors import Conflict, FieldError, NotAvailable
 from app.station.followers import Followers
+from app.station.history import HistoryDesk
 from app.station.opening import Opening
 from app.station.parameter_desk import ParameterDesk
 from app.station.rig_desk import RigDesk
@@ -59,6 +60,7 @@ from app.station.telemetry import Telemetry
 from app.station.watching import Watching
 from app.station.writer import Writer
 from app.storage import RunRecord, RunState, Storage, StorageError, StorageFull
+from app.versions import versions
 from observer.opening import shown_spec
 from observer.rig.rig import ROLES
 
@@ -74,7 +76,7 @@ class StationCore:
     """The part of the station that acts by itself; see ``app.station.service`` for the rest.
 
     Attributes:
-        parameters: parameters and presets. runs: those that were kept.
+        parameters: parameters and presets. runs, history: those kept.
         followers: who is told of everything. watching: which views are looked at.
         telemetry: figures of the running loop. writer: the way into the database.
         calibrating: what is being calibrated. rig: how the cameras stand on their robot.
@@ -122,6 +124,7 @@ class StationCore:
         self.programmes = ProgrammeShelf(programme_folder)
         self.parameters.followed = self.driving.guard_changed
         self.runs = RunArchive(storage, lambda: self.run)
+        self.history = HistoryDesk(storage, lambda: self._run, clock)
         self.state = StateEvent(EngineState.IDLE, None)
         self.latest: ObservationEvent | None = None
         self.viewers = 0
@@ -163,6 +166,7 @@ class StationCore:
         self._unsubscribe = self.engine.subscribe(self._on_event)
         self._background.start(self.watching.run())
         self._background.start(keep_telling(self.engine, lambda: self._run))
+        self._background.start(asyncio.to_thread(self.history.purge))
         for run_id in self._interrupted:
             complete = partial(complete_recording, self.storage.folder, run_id)
             self._background.start(asyncio.to_thread(complete))

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import importlib.metadata
-import platform
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -176,22 +173,3 @@ def wheel_rows(run_id: str, sample: WheelSample) -> Iterator[SpeedRow]:
             run_id, sample.time, sample.role, "encoder", None, sample.encoder_mps, None,
             sample.segment,
         )  # fmt: skip
-
-
-@functools.cache
-def app_version() -> str:
-    """The installed version; what runs from a bare source tree says so."""
-    try:
-        return importlib.metadata.version("dynamic-observer")
-    except importlib.metadata.PackageNotFoundError:
-        return "source"
-
-
-def versions() -> dict[str, str]:
-    """What computes a run, by name."""
-    packages = ("numpy", "opencv-python-headless")
-    return {
-        "dynamic-observer": app_version(),
-        "python": platform.python_version(),
-        **{name: importlib.metadata.version(name) for name in packages},
-    }

@@ -18,8 +18,8 @@ from app.station.contracts import Engine
 from app.station.driving.incidents import Incident
 from app.station.errors import Conflict, FieldError, NotAvailable
 from app.storage import DataFolder, RunRecord
-from app.storage.folder import RECORDING
 from observer.errors import DynamicObserverError
+from observer.recording.run_folder import RECORDING
 from observer.rig.rig import ROLES
 
 log = structlog.get_logger(__name__)

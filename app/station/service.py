@@ -17,14 +17,14 @@ from app.calibration_worker.messages import FindBoards
 from app.drive.messages import StartProgramme
 from app.messages import ChangeCalibration, EngineState, SetPlayback
 from app.parameter_store import ParametersInForce
-from app.station.archive import no_such_run
 from app.station.asking import ask
 from app.station.calibrations import find_calibration, keep_made, keep_own_calibration
 from app.station.core import StationCore
-from app.station.current_run import CurrentRun, versions
+from app.station.current_run import CurrentRun
 from app.station.errors import Conflict, FieldError, NotAvailable
 from app.station.opening import Opening, check_spec, make_opening
 from app.storage import CalibrationRecord, RunRecord, RunState, StorageError
+from app.versions import versions
 from observer.calibration.board import Board
 from observer.opening import shown_spec
 from observer.rig.rig import Rig
@@ -150,12 +150,11 @@ class Station(StationCore):
             return await self._close_run(RunState.FINISHED, None)
 
     async def delete_run(self, run_id: str) -> None:
-        """Forget a run that has ended."""
+        """Hide a run that has ended; ``history.recover`` has it back."""
         async with self._lock:
             if self._run is not None and self._run.id == run_id:
                 self._refuse_in_run("stop it before you delete it")
-            if not await asyncio.to_thread(self.storage.delete_run, run_id):
-                raise no_such_run(run_id)
+            await self.history.discard(run_id)
 
     # --- parameters ------------------------------------------------------------------------
 

@@ -6,8 +6,8 @@ from dataclasses import asdict
 from typing import Any
 
 from app.station.binding import binding_warnings
-from app.station.current_run import app_version
 from app.station.service import Station
+from app.versions import app_version
 
 
 def status(station: Station) -> dict[str, Any]:

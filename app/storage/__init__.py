@@ -31,9 +31,11 @@ from app.storage.records import (
     TruthRecord,
     utc_now,
 )
+from app.storage.runs import UNDO
 from app.storage.storage import Storage
 
 __all__ = [
+    "UNDO",
     "CalibrationRecord",
     "DataFolder",
     "DiskUse",

@@ -17,9 +17,10 @@ from app.storage.bundle import BackupError, Manifest, bundle_writer
 from app.storage.copying import copy_tables
 from app.storage.engines import database_url, make_engine
 from app.storage.errors import StorageError, storage_error
-from app.storage.folder import RUNS, TRUTHS
+from app.storage.folder import TRUTHS
 from app.storage.integrity import copy_database, damage
 from app.storage.records import utc_now
+from observer.recording.run_folder import RUNS
 
 DATABASE = "observer.sqlite"
 # Of the data folder, beside the database; the token and the server's log are nobody else's.

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.storage.errors import StorageError, StorageMissing
+from observer.recording.run_folder import RECORDING, RUNS
 
-RUNS = "runs"
 TRUTHS = "truths"
-RECORDING = "recording.mcap"
 # A run's folder on its way out; what a crash leaves of it goes next time.
 _LEAVING = ".deleted-"
 _ID = re.compile(r"[0-9A-Za-z][0-9A-Za-z_-]{0,99}")

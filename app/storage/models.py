@@ -80,6 +80,7 @@ class Run(Base):
     recording_bytes: Mapped[int | None] = mapped_column(BigInteger)
     alignment: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     truth_id: Mapped[str | None] = mapped_column(ForeignKey(Truth.id), index=True)
+    rerun_of: Mapped[str | None] = mapped_column(_ID)
 
     tags: Mapped[list[RunTag]] = relationship(
         lazy="selectin", cascade="all, delete-orphan", passive_deletes=True

@@ -47,6 +47,7 @@ class RunRecord:
         recording_bytes: the size of its recording, None where there is none.
         alignment: how the truth was laid over the run, as ``Alignment.as_dict``.
         truth_id: the truth file it is compared with.
+        rerun_of: the run whose recording it observed again, which may be gone by now.
     """
 
     id: str
@@ -71,6 +72,12 @@ class RunRecord:
     recording_bytes: int | None = None
     alignment: dict[str, Any] | None = None
     truth_id: str | None = None
+    rerun_of: str | None = None
+
+    @property
+    def aligned(self) -> bool:
+        """Whether motion capture was laid over it."""
+        return self.alignment is not None
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,10 @@ from app.storage.bundle import BackupError, Bundle, Manifest, open_bundle
 from app.storage.copying import copy_tables, lock_whole, replace_tables
 from app.storage.engines import APPLICATION, database_url, make_engine
 from app.storage.errors import StorageError, storage_error
-from app.storage.folder import RUNS, DataFolder
+from app.storage.folder import DataFolder
 from app.storage.integrity import damage, is_open_elsewhere, move_with_log, name_beside
 from app.storage.migration import upgrade
+from observer.recording.run_folder import RUNS
 
 _BUSY_S = 5.0
 _TOP = {DATABASE, *FILES, *FOLDERS}

@@ -36,6 +36,7 @@ class RunTables(Database):
         rig: str | None = None,
         record: str | None = None,
         truth_id: str | None = None,
+        rerun_of: str | None = None,
         tags: Iterable[str] = (),
         notes: str = "",
     ) -> RunRecord:
@@ -67,6 +68,7 @@ class RunTables(Database):
             recording_bytes=None,
             alignment=None,
             truth_id=truth_id,
+            rerun_of=rerun_of,
             tags=_tags(tags),
         )
         row.searched = _searched(row)
@@ -253,6 +255,7 @@ class RunTables(Database):
                 row.recording_bytes = self.folder.recording_bytes(row.id)
             return [_run(row) for row in rows]
 
+
 def _run(row: Run) -> RunRecord:
     return RunRecord(
         id=row.id,
@@ -278,6 +281,7 @@ def _run(row: Run) -> RunRecord:
         recording_bytes=row.recording_bytes,
         alignment=row.alignment,
         truth_id=row.truth_id,
+        rerun_of=row.rerun_of,
     )
 
 

@@ -14,10 +14,10 @@ from app.messages import VIEW_NAMES
 from app.settings import Settings
 from app.station import Engine, Station
 from app.station.contracts import Drive
-from app.station.current_run import app_version
 from app.station.driving import check_records, shelf
 from app.station.rig_desk import FILE_NAME
 from app.storage import Storage
+from app.versions import app_version
 from app.viewer import Viewer, start_viewer
 from app.web import drive_socket, metrics, viewer_proxy
 from app.web.api import (
@@ -26,6 +26,7 @@ from app.web.api import (
     calibrations,
     devices,
     guard_checks,
+    history,
     parameters,
     pixels,
     programmes,
@@ -185,6 +186,7 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
         sources,
         devices,
         runs,
+        history,
         parameters,
         calibrations,
         calibrating,

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field, StrictBool, StrictInt
 
 from app.web.api.calibration_models import CalibratingFacts
 from app.web.api.robot_models import ProgrammeStart
-from app.web.api.values import Changes, Finite, Identifier, In, Name, Spec
+from app.web.api.values import Changes, Finite, Identifier, In, Name, Spec, Tag, Text
 
 
 class Problem(BaseModel):
@@ -311,6 +311,35 @@ class Run(BaseModel):
         description="Which images are recorded; None: nothing is."
     )
     recording_bytes: int | None
+    tags: list[str] = Field(description="In the order of their text.")
+    notes: str = Field(description="A person's own words.")
+    truth_id: str | None = Field(description="The truth file that it is compared with.")
+    aligned: bool = Field(description="Whether motion capture was laid over it.")
+    rerun_of: str | None = Field(description="The run whose recording it observed again.")
+    deleted_at: str | None = Field(description="Since when it is hidden.")
+
+
+class RunChange(In):
+    """What is given is changed."""
+
+    name: Name | None = None
+    tags: Annotated[list[Tag], Field(max_length=50)] | None = Field(
+        None, description="All of them, in place of those before."
+    )
+    notes: Text | None = None
+
+
+class DiskUse(BaseModel):
+    used_bytes: int = Field(description="By the data folder.")
+    free_bytes: int
+
+
+class History(BaseModel):
+    runs: list[Run] = Field(description="Newest first.")
+    total: int = Field(description="How many there are in all.")
+    tags: dict[str, int] = Field(description="Every tag, and how many runs bear it.")
+    disk: DiskUse
+    undo_days: float = Field(description="How long a deleted run can be had back.")
 
 
 class SpeedEntry(BaseModel):

@@ -14,7 +14,7 @@ from fastapi.responses import FileResponse
 
 from app.storage import IncidentRecord, RunRecord, SpeedRow
 from app.web.api.common import TheStation, refusals
-from app.web.api.models import Run, RunStart, SpeedEntry
+from app.web.api.models import Run, RunChange, RunStart, SpeedEntry
 from app.web.api.programmes import programme_command
 from app.web.api.robot_models import RobotIncident
 
@@ -61,14 +61,34 @@ async def get_run(id: RunId, station: TheStation) -> RunRecord:
     return await station.runs.find(id)
 
 
+@router.patch(
+    "/{id}",
+    response_model=Run,
+    summary="Name, tags and notes of a run",
+    responses=refusals(404, 415, 422, 503, 507),
+)
+async def change_run(id: RunId, change: RunChange, station: TheStation) -> RunRecord:
+    return await station.history.annotate(
+        id, name=change.name, tags=change.tags, notes=change.notes
+    )
+
+
 @router.delete(
     "/{id}",
     status_code=204,
-    summary="Delete a run and its speeds",
+    summary="Delete a run",
     responses=refusals(404, 409, 503),
 )
 async def delete_run(id: RunId, station: TheStation) -> None:
+    """It is hidden, and deleted for good some days later; see ``undo_days`` of the history."""
     await station.delete_run(id)
+
+
+@router.post(
+    "/{id}/recover", response_model=Run, summary="Undo a deletion", responses=refusals(404, 503)
+)
+async def recover_run(id: RunId, station: TheStation) -> RunRecord:
+    return await station.history.recover(id)
 
 
 @router.post(

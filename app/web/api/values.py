@@ -13,6 +13,11 @@ Value = StrictBool | StrictInt | StrictFloat | StrictStr
 Name = Annotated[
     str, Field(strict=True, min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f]+$")
 ]
+Tag = Annotated[
+    str, Field(strict=True, min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f]+$")
+]
+# Of any number of lines.
+Text = Annotated[str, Field(strict=True, max_length=20_000, pattern=r"^[^\x00]*$")]
 # Generous to callers who send no body at all.
 Identifier = Annotated[str, Field(strict=True, min_length=1, max_length=100)]
 Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]

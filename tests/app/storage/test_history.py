@@ -32,7 +32,7 @@ def test_all_that_belongs_to_a_run_is_found_again(opened: Callable[[], Storage])
     with opened() as storage:
         made = begin(
             storage, "r", rig="mount: {}\n", record="lossless", tags=["b", " a ", "b", ""],
-            notes="floor wet",
+            notes="floor wet", rerun_of="of before",
         )  # fmt: skip
         assert (made.tags, made.notes, made.rig, made.record) == (
             ("a", "b"), "floor wet", "mount: {}\n", "lossless",
@@ -41,6 +41,7 @@ def test_all_that_belongs_to_a_run_is_found_again(opened: Callable[[], Storage])
     with opened() as storage:
         assert storage.get_run(made.id) == made
         assert made.recording_bytes == 5_000_000_000
+        assert (made.rerun_of, made.aligned) == ("of before", False)
 
 
 def test_search_by_words_in_name_notes_and_tags(storage: Storage) -> None:
