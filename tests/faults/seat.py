@@ -6,6 +6,7 @@ import json
 import time
 
 from playwright.sync_api import Browser, Page
+from playwright.sync_api import TimeoutError as PlaywrightTimeout
 
 from ..chromium import hide, without_viewer
 from .system import MOVING_MPS, SPEED_MPS, System
@@ -51,7 +52,10 @@ class Seat:
         page.keyboard.up(_KEY)
         self._system.wait_for_sight()
         if not self._armed():
-            page.get_by_role("button", name="Arm", exact=True).first.click()
+            try:
+                page.get_by_role("button", name="Arm", exact=True).first.click(timeout=2_000)
+            except PlaywrightTimeout:
+                return False
             # Refused where a frame is late at that moment.
             page.wait_for_timeout(100)
             if not self._armed():
