@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import io
 import logging
 import socket
 import sys
 from collections.abc import Iterator
+from typing import TextIO
 
 import structlog
 import uvicorn
@@ -148,6 +150,22 @@ def _announce(link: str) -> None:
     print(f"Dynamic Observer is at {link}\nCtrl-C ends it.", flush=True)  # noqa: T201
 
 
+class _Lasting(io.TextIOBase):
+    """A log that loses what cannot be written, as onto a full disk: nothing fails for its line."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with contextlib.suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with contextlib.suppress(OSError):
+            self._stream.flush()
+
+
 def _configure_logging(level: str) -> None:
     """One line an event on stderr, ours and the libraries' alike."""
     number = logging.getLevelNamesMapping()[level.upper()]
@@ -160,6 +178,6 @@ def _configure_logging(level: str) -> None:
             structlog.processors.KeyValueRenderer(key_order=["timestamp", "level", "event"]),
         ],
         wrapper_class=structlog.make_filtering_bound_logger(number),
-        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
+        logger_factory=structlog.PrintLoggerFactory(_Lasting(sys.stderr)),
         cache_logger_on_first_use=True,
     )

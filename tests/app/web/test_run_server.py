@@ -10,15 +10,16 @@ import sys
 import time
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
 import pytest
+import structlog
 
 from app.settings import Settings
 from app.storage import StorageError
-from app.web.run_server import _bind, _link, run
+from app.web.run_server import _bind, _Lasting, _link, run
 from observer.errors import InputError
 
 START_TIMEOUT_S = 60.0
@@ -123,3 +124,17 @@ def test_links_open_in_a_browser(tmp_path: Path) -> None:
     assert _link(everywhere, 80, "t") == "http://localhost:80/?token=t"
     six = Settings(host="::1", data=tmp_path, tls_cert=Path("c"), tls_key=Path("k"))
     assert _link(six, 443, "t") == "https://[::1]:443/?token=t"
+
+
+def test_what_is_logged_onto_a_full_disk_is_lost_and_disturbs_nothing() -> None:
+    # Linux's full disk; closing it tries to write what is still held.
+    full = Path("/dev/full").open("w", buffering=1)  # noqa: SIM115
+    try:
+        with pytest.raises(OSError, match="No space left"):
+            structlog.PrintLogger(full).error("lost")
+        log = structlog.PrintLogger(_Lasting(full))
+        for _ in range(3):
+            log.error("lost as well")
+    finally:
+        with suppress(OSError):
+            full.close()
