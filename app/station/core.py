@@ -49,6 +49,7 @@ from app.station.history import HistoryDesk
 from app.station.opening import Opening
 from app.station.parameter_desk import ParameterDesk
 from app.station.rig_desk import RigDesk
+from app.station.run_end import write_end
 from app.station.run_recording import (
     RingDesk,
     complete_recording,
@@ -59,7 +60,7 @@ from app.station.run_recording import (
 from app.station.telemetry import Telemetry
 from app.station.watching import Watching
 from app.station.writer import Writer
-from app.storage import RunRecord, RunState, Storage, StorageError, StorageFull
+from app.storage import RunRecord, RunState, Storage, StorageFull
 from app.versions import versions
 from observer.opening import shown_spec
 from observer.rig.rig import ROLES
@@ -425,12 +426,9 @@ class StationCore:
             recording_bytes=recording.get("bytes"),
         )
         try:
-            ended = await self.writer.submit(write, timeout_s=2.0)
-        except (NotAvailable, StorageError) as error:
-            # The run is over whether or not it could be written: stopping always works.
-            log.error("end_of_run_not_written", run=run.id, reason=str(error))
+            written = await write_end(self.writer, write, run.id, self._background.start)
         finally:
             # Only now: until it is written, the database says that the run is going.
             self._run = None
         self.followers.status_changed()
-        return ended
+        return written or ended
