@@ -13,6 +13,7 @@ from app.engine.depth_measuring import measure_depth
 from app.engine.errors import NotNow
 from app.engine.explaining import Explainer
 from app.engine.floor_looking import look_at_floor
+from app.engine.live_truth import LiveTruth
 from app.engine.publishing import Publisher
 from app.engine.replies import refusal, unexpected
 from app.engine.session_opening import parse_parameters
@@ -31,6 +32,7 @@ from app.messages import (
     SaveRing,
     SetParameters,
     SetPlayback,
+    SetTruth,
     Shutdown,
     StopRun,
     TakeScenePairs,
@@ -56,6 +58,7 @@ class CommandDesk:
         current: CurrentSource,
         publisher: Publisher,
         explainer: Explainer,
+        truth: LiveTruth,
         *,
         send: Callable[[Reply], None],
         beat: Callable[[], None],
@@ -70,6 +73,7 @@ class CommandDesk:
         self._current = current
         self._publisher = publisher
         self._explainer = explainer
+        self._truth = truth
         self._send = send
         self._beat = beat
         self._clock = clock
@@ -106,6 +110,9 @@ class CommandDesk:
                 return self._change_calibration(command)
             case SetParameters():
                 return self._set_parameters(command)
+            case SetTruth():
+                self._truth.use(command.truth)
+                return {"truth": self._truth.facts()}
             case SetPlayback():
                 return self._set_playback(command)
             case WatchViews():

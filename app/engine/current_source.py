@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 from app.engine.calibrating import BoardPublisher, CalibrationSession, open_calibration
 from app.engine.errors import NotNow
 from app.engine.lending import LentRobots, LentSource, lent
+from app.engine.live_truth import LiveTruth, ObservedSource
 from app.engine.opening import Opening
 from app.engine.played_source import OpeningCommand, PlayedSource, SourceOpener
 from app.engine.recorders import Recorders
@@ -25,6 +26,7 @@ from app.messages import (
 )
 from observer.errors import DynamicObserverError
 from observer.opening import exclusive_world, live_devices, shown_spec
+from observer.truth.live.opening import check_live
 from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
@@ -51,6 +53,7 @@ class CurrentSource:
         opened: Callable[[Opening], None],
         closed: Callable[[], None],
         boards: BoardPublisher,
+        truth: LiveTruth,
         stage_clock: Callable[[], float],
         clock: Callable[[], float],
     ) -> None:
@@ -59,6 +62,7 @@ class CurrentSource:
             opened: called in another thread when ``opening`` is done; ``finish`` comes next.
             closed: called when a session is closed, before its source is.
             boards: told and shown what is seen of a board while calibrating.
+            truth: told what is observed, and what to listen to.
             stage_clock: serves the observer's timings. clock: the host's monotonic clock.
         """
         self._open_source = open_source
@@ -66,6 +70,7 @@ class CurrentSource:
         self._opened = opened
         self._closed = closed
         self._boards = boards
+        self._truth = truth
         self._stage_clock = stage_clock
         self._clock = clock
         self._recorders = Recorders()
@@ -89,6 +94,7 @@ class CurrentSource:
 
         Raises:
             NotNow: something else is being opened, or a run is going.
+            TruthError: live truth is named wrongly.
         """
         if self.opening is not None:
             raise NotNow(
@@ -97,6 +103,8 @@ class CurrentSource:
             )
         if self.session is not None and self.session.run_id is not None:
             raise NotNow("a run is going; stop it before another source is opened")
+        if isinstance(command, OpenSource) and command.truth is not None:
+            check_live(command.truth.spec)
         opening = self.opening = Opening(request, command)
         open_source = self._open_source
         session = self.session
@@ -108,13 +116,19 @@ class CurrentSource:
                 source, robots = session.source, session.robots
                 open_source = lambda _: lent(source, robots)  # noqa: E731
             else:
-                opening.before = session.again()
+                opening.before = self._again(session)
                 self.close()
         elif session is not None and _share_world(session.spec, command.source):
             # Two that step one simulator would wait for each other.
-            opening.before = session.again()
+            opening.before = self._again(session)
             self.close()
         opening.start(lambda: self._open(command, open_source), self._opened)
+
+    def _again(self, session: PlayedSource) -> OpeningCommand:
+        command = session.again()
+        if isinstance(command, OpenSource):
+            return replace(command, truth=self._truth.order)
+        return command
 
     def _open(self, command: OpeningCommand, open_source: SourceOpener) -> PlayedSource:
         if isinstance(command, BeginCalibration):
@@ -144,6 +158,12 @@ class CurrentSource:
                     assert isinstance(kept, LentSource | LentRobots)
                     kept.keep()
         self.session = session
+        if isinstance(session, Session):
+            assert isinstance(opening.command, OpenSource)
+            self._truth.use(opening.command.truth)
+            self._truth.observing(
+                ObservedSource(session.source.info, session.mount, session.T_body_base)
+            )
         facts = asdict(self.state())
         if isinstance(session, Session):
             if opening.parameters is not None:
@@ -194,6 +214,7 @@ class CurrentSource:
         session, self.session = self.session, None
         self._failed = None
         if session is not None:
+            self._truth.observing(None)
             self._closed()
             session.close()
 
@@ -219,7 +240,8 @@ class CurrentSource:
         """What the engine does, as it is told to others."""
         session = self.session
         if session is None:
-            return self._failed or StateEvent(EngineState.IDLE, None)
+            idle = self._failed or StateEvent(EngineState.IDLE, None)
+            return replace(idle, truth=self._truth.facts())
         return StateEvent(
             state=session.state,
             reason=None,
@@ -228,13 +250,14 @@ class CurrentSource:
             camera=session.camera_facts(),
             run_id=session.run_id,
             segment=session.segment,
-            has_truth=session.has_truth,
+            has_truth=session.has_truth or self._truth.in_place,
             live=session.live_facts(),
             mount=session.mount_facts(),
             ageing=session.ageing_facts(),
             world=session.world,
             robots=session.robot_facts(),
             recording=session.recording_facts(),
+            truth=self._truth.facts(),
         )
 
 

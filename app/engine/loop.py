@@ -17,6 +17,7 @@ from app.engine.calibrating import BoardPublisher, CalibrationSession
 from app.engine.commands import CommandDesk
 from app.engine.current_source import CurrentSource
 from app.engine.explaining import Explainer, ego_motion_facts
+from app.engine.live_truth import LiveTruth
 from app.engine.opening import Opening
 from app.engine.playback import PlayedFrame
 from app.engine.played_source import PlayedSource, SourceOpener
@@ -40,6 +41,8 @@ from observer.types import FullTrace, StereoFrame
 BEAT_INTERVAL_S = 0.05
 # How often the page hears of the playback's position or of a live source's figures alone.
 _POSITION_INTERVAL_S = 0.5
+# Nothing of it must be brought in order; what is left ends with the process.
+_TRUTH_ENDS_S = 1.0
 
 
 # What the loop waits for: requests, an opening that is done, or None to leave.
@@ -59,6 +62,7 @@ class Engine:
         sight: SightTeller | None = None,
         open_source: SourceOpener,
         make_observer: ObserverFactory,
+        truth: LiveTruth | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """
@@ -68,6 +72,7 @@ class Engine:
             observations_lost: how many events ``send`` dropped so far.
             publisher: takes what was observed, for views and the cloud; closed in the end.
             sight: tells the drive process of each frame, where there is one.
+            truth: live motion capture; none is listened to before that is ordered.
             clock: the host's monotonic clock.
         """
         self._inbox = inbox
@@ -78,17 +83,25 @@ class Engine:
         self._clock = clock
         self._thread = threading.get_ident()
         self._explainer = Explainer()
+        self._truth = truth or LiveTruth()
         self._current = CurrentSource(
             open_source=open_source,
             make_observer=make_observer,
             opened=inbox.put,
             closed=self._forget,
             boards=BoardPublisher(send, publisher.show_cameras, self.beat),
+            truth=self._truth,
             stage_clock=self._beating_clock,
             clock=clock,
         )
         self._commands = CommandDesk(
-            self._current, publisher, self._explainer, send=send, beat=self.beat, clock=clock
+            self._current,
+            publisher,
+            self._explainer,
+            self._truth,
+            send=send,
+            beat=self.beat,
+            clock=clock,
         )
         self._sequence = 0
         self._ended = False
@@ -106,8 +119,10 @@ class Engine:
                 self._advance()
                 self._publish_state()
         finally:
+            self._truth.end()
             self._current.end()
             self._publisher.close()
+            self._truth.join(_TRUTH_ENDS_S)
 
     def beat(self) -> None:
         """Send a heartbeat if one is due. Only the loop's own thread beats; others do nothing."""
@@ -238,10 +253,14 @@ class Engine:
         session.segment = session.first_segment + observation.segment
         line["segment"] = session.segment
         truth = session.truth
+        # Motion capture stands in for the truth of what is simulated.
+        entries = self._truth.look(observation, line, frame.received, session.recorder)
+        if truth is not None and not self._truth.in_place:
+            entries = truth.match(observation, played.source_time)
         event = ObservationEvent(
             sequence=self._sequence,
             line=line,
-            truth=[] if truth is None else truth.match(observation, played.source_time),
+            truth=entries,
             received=frame.received,
             published=published,
             frame_skips=session.player.skipped,
@@ -292,6 +311,7 @@ def _without_position(state: StateEvent) -> StateEvent:
         live=_without(state.live, "pairs", "dropped", "skew_median_s", "skew_p95_s"),
         ageing=None,
         recording=_without(state.recording, "bytes", "seconds", "dropped"),
+        truth=_without(state.truth, "bodies", "clock", "sentence", "alignment"),
     )
 
 

@@ -25,6 +25,7 @@ from observer.recording.ring import Ring
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame
 from observer.truth.csv_file import TruthSample
+from observer.truth.motion_capture import BodySample
 from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
@@ -45,7 +46,7 @@ def free_bytes(path: Path) -> int:
 
 
 class RunRecorder:
-    """Records one run. Its methods belong to the loop's thread and return at once.
+    """Records one run. Its methods return at once; all but ``capture`` are the loop's.
 
     Args:
         writer: what to write with; None records nothing. trouble: why, then.
@@ -164,6 +165,10 @@ class RunRecorder:
                 writer.incident(incident)
 
         self._give(write)
+
+    def capture(self, samples: Sequence[BodySample]) -> None:
+        """What motion capture told since the last call; any thread may call."""
+        self._give(lambda w: w.capture(samples))
 
     def skipped(self, skipped: SkippedFrame) -> None:
         """A frame that the source could not read."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from typing import Any, Protocol
 
@@ -13,6 +13,7 @@ from app.engine.recording import RunRecorder
 from app.engine.truth_matching import TruthMatcher
 from app.messages import EngineState, OpenSource
 from observer.camera import StereoCamera
+from observer.geometry import Pose
 from observer.guard.sight import REAL_WORLD
 from observer.mount import CameraMount
 from observer.opening import OpenedSource
@@ -50,6 +51,7 @@ class Session(PlayedSource):
         skipped: tuple[SkippedFrame, ...],
         calibration_yaml: str,
         mount: CameraMount | None,
+        T_body_base: Mapping[str, Pose],
         ports: tuple[RobotPort, ...],
         recorder: RunRecorder | None = None,
         record_again: Callable[[], RunRecorder | None] = lambda: None,
@@ -57,6 +59,7 @@ class Session(PlayedSource):
         """
         Args:
             calibration_yaml, mount: what the observer was made with.
+            T_body_base: by body of motion capture, as the rig tells.
             ports: where the robots of the source's world are reached.
             recorder: records the run, where it is to be recorded. record_again: makes the one
                 behind the run.
@@ -65,6 +68,7 @@ class Session(PlayedSource):
         self._command = command
         self.calibration_yaml = calibration_yaml
         self.mount = mount
+        self.T_body_base = T_body_base
         self._ports = ports
         self.ageing = CalibrationAgeing(observer.camera, mount)
         self.observer = observer

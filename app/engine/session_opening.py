@@ -95,6 +95,7 @@ def open_session(
         _check_size(calibration, opened.source)
         # A given text is handed back as it was given, so that it keeps its content hash.
         text = command.calibration_yaml or calibration_text(calibration)
+        bodies = {} if rig is None else rig.T_body_base
         mount = mount_for(opened.source.info, rig, calibration_id(text))
         observer = make_observer(
             calibration,
@@ -112,7 +113,7 @@ def open_session(
         recorder = begin(command)
         again = partial(begin, replace(command, run_id=None, segment=0, record=None))
         return Session(
-            command, opened, observer, player, skipped, text, mount, ports, recorder, again
+            command, opened, observer, player, skipped, text, mount, bodies, ports, recorder, again
         )
     except BaseException:
         close_opened(opened)

@@ -44,8 +44,8 @@ class TruthMatcher:
         T_world_truth = self._T_world_truth
         bodies = self._bodies(source_time)
         obstacles = [body for body in bodies if body.role == "obstacle"]
-        tracks = _assign(obstacles, T_world_truth, observation.reported)
-        return [_entry(body, T_world_truth, tracks.get(body.id)) for body in bodies]
+        tracks = assign(obstacles, T_world_truth, observation.reported)
+        return [entry(body, T_world_truth, tracks.get(body.id)) for body in bodies]
 
     def sample(self, frame: int, time: float, source_time: float) -> TruthSample:
         """All that is truly known at ``source_time``, in the truth's own world, for a recording.
@@ -72,10 +72,14 @@ class TruthMatcher:
         return observation.T_world_camera @ T_truth_camera.inverse()
 
 
-def _assign(
+def assign(
     bodies: list[TrueBody], T_world_truth: Pose, obstacles: tuple[Obstacle, ...]
 ) -> dict[int, int]:
-    """Body id -> track id, the pairs nearest as a whole within the gate."""
+    """Body id -> track id, the pairs nearest as a whole within the gate.
+
+    Args:
+        T_world_truth: from the bodies' world to that of the obstacles.
+    """
     placed = [o for o in obstacles if o.position is not None]
     if not bodies or not placed:
         return {}
@@ -92,7 +96,8 @@ def _assign(
     }
 
 
-def _entry(body: TrueBody, T_world_truth: Pose, track_id: int | None) -> dict[str, Any]:
+def entry(body: TrueBody, T_world_truth: Pose, track_id: int | None) -> dict[str, Any]:
+    """As in ``ObservationEvent.truth``."""
     ahead = T_world_truth.rotate([np.sin(body.yaw), 0.0, np.cos(body.yaw)])
     return {
         "id": body.id,

@@ -29,6 +29,21 @@ class RecordOrder:
 
 
 @dataclass(frozen=True)
+class LiveTruthOrder:
+    """Live motion capture that what is observed is compared with.
+
+    Attributes:
+        spec: as for ``observer.truth.live.opening.open_live_truth``.
+        observer: the body that carries the camera, None where it is to be found out.
+        ignore: bodies that are neither observer nor obstacle.
+    """
+
+    spec: str
+    observer: str | None = None
+    ignore: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class OpenSource:
     """Open a source and observe it without keeping anything; ends in ``preview``.
 
@@ -36,6 +51,7 @@ class OpenSource:
     ``segment`` is the number of the first segment, above 0 when a run goes on after a restart.
     ``calibration_yaml`` (OpenCV FileStorage text) replaces the source's own calibration.
     ``rig_yaml`` tells how the cameras are mounted where the source does not.
+    ``truth`` is listened to from now on; what was listened to already goes on.
     With ``record`` the run is recorded; where that cannot begin, the source is refused, except
     where the run goes on: then it goes on without.
     The reply's value has the fields of the ``StateEvent`` that goes before it, and
@@ -54,6 +70,7 @@ class OpenSource:
     segment: int = 0
     rig_yaml: str | None = None
     record: RecordOrder | None = None
+    truth: LiveTruthOrder | None = None
 
 
 @dataclass(frozen=True)
@@ -133,6 +150,16 @@ class SetParameters:
 
     parameters: dict[str, Any]
     revision: int
+
+
+@dataclass(frozen=True)
+class SetTruth:
+    """Listen to this live motion capture from now on, None to none; the source stays open.
+
+    The reply's value is ``{"truth": facts}``, as in ``StateEvent.truth``.
+    """
+
+    truth: LiveTruthOrder | None
 
 
 @dataclass(frozen=True)
@@ -227,6 +254,7 @@ Command = (
     | RecordRobots
     | CloseSource
     | SetParameters
+    | SetTruth
     | SetPlayback
     | WatchViews
     | PreviewCalibration

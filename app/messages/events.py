@@ -29,6 +29,9 @@ class ObservationEvent:
             obstacles, each with ``why`` added: one sentence of why it counts as dynamic.
         truth: one entry per true body: id, name, role, position, velocity, speed, size, yaw,
             visible, commanded_speed, track_id (the reported obstacle it was matched to or None).
+            By live motion capture also ``time``, the instant on the source's clock at which it was
+            measured, up to 0.1 s before the frame; what was not measured is left out, and all of
+            it as long as nothing is aligned.
         received, published: the host's monotonic clock at reception and after observing.
         frame_skips: frames the source could not read so far.
         run_id: the run it belongs to, or None in preview.
@@ -72,6 +75,13 @@ class StateEvent:
     bytes, seconds, dropped, trouble``: what is kept of images, the file's size, how long it has
     been recording, how many messages were lost because the disk did not keep up, and one sentence
     of why nothing is recorded any more; None where nothing was to be recorded.
+    ``truth`` tells of live motion capture, None where none is listened to: ``spec``, ``observer``
+    and ``ignore`` as ordered; ``state`` (``connecting, receiving, waiting``), ``trouble`` and
+    ``notes`` of the connection; ``bodies``: each ``name``, ``role`` (``observer``, ``obstacle`` or
+    None) and ``rate_hz``; ``clock``: ``offset_s, drift_ppm, sigma_s, samples`` of the server's
+    against the host's, or None; ``aligned`` and ``sentence``: whether it is aligned with what is
+    observed, and how or why not; ``alignment``: ``offset_s, sigma_s, drift_ppm, correlation,
+    overlap_s, residual_mps, samples, observer, frame_residual_m, matches, notes``, or None.
     """
 
     state: EngineState
@@ -88,6 +98,7 @@ class StateEvent:
     world: str | None = None
     robots: tuple[dict[str, Any], ...] = ()
     recording: dict[str, Any] | None = None
+    truth: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)

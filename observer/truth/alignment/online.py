@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.errors import TruthError
+from observer.geometry import Float64Array
 from observer.truth.alignment.aligned import AlignedTruth
 from observer.truth.alignment.alignment import align
 from observer.truth.alignment.choices import AlignmentChoices
@@ -19,8 +21,8 @@ from observer.truth.motion_capture import BodySample, Capture, Trajectory
 WINDOW_S = 180.0
 # Between two solutions, seconds of the source's clock.
 SOLVE_EVERY_S = 2.0
-# A source is as fast as 60 frames a second, motion capture as 500 samples.
-_MOST_LINES, _MOST_SAMPLES = 60 * 180, 500 * 180
+# A source is as fast as 60 frames a second.
+_MOST_LINES = 60 * 180
 _NONE_YET = "not yet aligned: nothing has been recorded on both sides yet"
 
 
@@ -29,62 +31,74 @@ class OnlineAlignment:
 
     Args:
         choices: as for ``align``; ``search`` should be given where a server's clock is fitted.
-        to_host: from a sample to the time it is aligned by, seconds; its own stamp by default.
 
     Attributes:
+        choices: may be others from one solution to the next.
         state: the alignment, or one sentence that begins with "not yet aligned".
         truth: the last minutes as truth; None as long as nothing is aligned.
     """
 
-    def __init__(
-        self,
-        choices: AlignmentChoices | None = None,
-        to_host: Callable[[BodySample], float] | None = None,
-    ) -> None:
+    def __init__(self, choices: AlignmentChoices | None = None) -> None:
         self.choices = choices or AlignmentChoices()
-        self._to_host = to_host or _own_stamp
         self._lines: deque[Mapping[str, Any]] = deque(maxlen=_MOST_LINES)
-        self._samples: dict[str, deque[tuple[float, BodySample]]] = {}
+        # By body, in pieces as they came, on the server's own clock.
+        self._pieces: dict[str, deque[Trajectory]] = {}
         self._solved: float | None = None
         self.state: Alignment | str = _NONE_YET
         self.truth: AlignedTruth | None = None
 
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Of which samples were added."""
+        return tuple(self._pieces)
+
     def add_observation(self, line: Mapping[str, Any]) -> None:
         """One line as ``observer.jsonl.observation_line`` makes it."""
         if self._lines and float(line["time"]) < float(self._lines[-1]["time"]):
-            # The source began again: its clock and world are others.
-            self._lines.clear()
-            self._solved = None
-            self.state, self.truth = _NONE_YET, None
+            self.begin_anew()
         self._lines.append(line)
         oldest = float(line["time"]) - WINDOW_S
         while float(self._lines[0]["time"]) < oldest:
             self._lines.popleft()
 
+    def begin_anew(self) -> None:
+        """The source is another, or began again: its clock and world are others."""
+        self._lines.clear()
+        self._solved = None
+        self.state, self.truth = _NONE_YET, None
+
     def add_samples(self, samples: Iterable[BodySample]) -> None:
-        """Samples of a live server, by rising time for each body; older ones are dropped."""
-        for sample in samples:
-            kept = self._samples.setdefault(sample.name, deque(maxlen=_MOST_SAMPLES))
-            time = self._to_host(sample)
-            if kept and time <= kept[-1][0]:
+        """Samples of a live server, by rising time for each body; others are dropped."""
+        self.add_pieces(pieces(samples))
+
+    def add_pieces(self, pieces: Iterable[Trajectory]) -> None:
+        """The same, already put together."""
+        for piece in pieces:
+            kept = self._pieces.setdefault(piece.name, deque())
+            if kept:
+                piece = _part(piece, piece.times > kept[-1].times[-1])
+            if not len(piece.times):
                 continue
-            kept.append((time, sample))
-            while kept[0][0] < time - WINDOW_S:
+            kept.append(piece)
+            while kept[0].times[-1] < piece.times[-1] - WINDOW_S:
                 kept.popleft()
 
-    def solve(self) -> bool:
+    def solve(self, to_source: Callable[[Float64Array], Float64Array] | None = None) -> bool:
         """Align anew if two seconds have passed since the last time; whether it was tried.
 
         It takes from tenths of a second to seconds, so the caller does it beside the frames. What
         is refused for a moment, as when the robot stands for minutes, leaves what was found.
+
+        Args:
+            to_source: from stamps (N,) to the times they are aligned by; none by default.
         """
-        if not self._lines or not self._samples:
+        if not self._lines or not self._pieces:
             return False
         now = float(self._lines[-1]["time"])
         if self._solved is not None and now - self._solved < SOLVE_EVERY_S:
             return False
         self._solved = now
-        capture = self.capture()
+        capture = self.capture(to_source)
         try:
             found = align(ObservedRun.of_lines(self._lines), capture, self.choices)
         except TruthError as error:
@@ -96,24 +110,54 @@ class OnlineAlignment:
         self.truth = AlignedTruth(capture, found, self.choices.sizes)
         return True
 
-    def capture(self) -> Capture:
+    def capture(
+        self, to_source: Callable[[Float64Array], Float64Array] | None = None
+    ) -> Capture:
         """The last minutes of all bodies."""
-        return Capture(
-            "live",
-            None,
-            {name: _trajectory(name, list(kept)) for name, kept in self._samples.items()},
-        )
+        bodies = {name: _joined(list(kept)) for name, kept in self._pieces.items()}
+        if to_source is not None:
+            bodies = {
+                name: Trajectory(name, to_source(body.times), body.positions, body.rotations)
+                for name, body in bodies.items()
+            }
+        return Capture("live", None, bodies)
 
 
-def _own_stamp(sample: BodySample) -> float:
-    return sample.time
+def pieces(samples: Iterable[BodySample]) -> list[Trajectory]:
+    """Samples in order of arrival by body, each on the server's own clock."""
+    by_body: dict[str, list[BodySample]] = {}
+    for sample in samples:
+        kept = by_body.setdefault(sample.name, [])
+        if not kept or sample.time > kept[-1].time:
+            kept.append(sample)
+    return [_trajectory(name, kept) for name, kept in by_body.items()]
 
 
-def _trajectory(name: str, kept: list[tuple[float, BodySample]]) -> Trajectory:
+def _trajectory(name: str, kept: list[BodySample]) -> Trajectory:
     unknown = np.full(3, np.nan)
-    positions = [unknown if s.position is None else s.position for _, s in kept]
+    positions = [unknown if s.position is None else s.position for s in kept]
     rotations = None
-    if any(s.rotation is not None for _, s in kept):
+    if any(s.rotation is not None for s in kept):
         lost = np.full((3, 3), np.nan)
-        rotations = np.array([lost if s.rotation is None else s.rotation for _, s in kept])
-    return Trajectory(name, np.array([t for t, _ in kept]), np.array(positions), rotations)
+        rotations = np.array([lost if s.rotation is None else s.rotation for s in kept])
+    return Trajectory(name, np.array([s.time for s in kept]), np.array(positions), rotations)
+
+
+def _part(body: Trajectory, chosen: NDArray[np.bool_]) -> Trajectory:
+    rotations = None if body.rotations is None else body.rotations[chosen]
+    return Trajectory(body.name, body.times[chosen], body.positions[chosen], rotations)
+
+
+def _joined(parts: list[Trajectory]) -> Trajectory:
+    rotations = None
+    if any(part.rotations is not None for part in parts):
+        rotations = np.concatenate([
+            np.full((len(part.times), 3, 3), np.nan) if part.rotations is None else part.rotations
+            for part in parts
+        ])
+    return Trajectory(
+        parts[0].name,
+        np.concatenate([part.times for part in parts]),
+        np.concatenate([part.positions for part in parts]),
+        rotations,
+    )

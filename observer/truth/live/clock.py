@@ -56,6 +56,12 @@ class ClockFit:
         drift = (self.drift_ppm or 0.0) * 1e-6
         return server_time + self.offset_s + drift * (server_time - self.reference_s)
 
+    def to_server(self, host_time: float) -> float:
+        """The other way round."""
+        drift = (self.drift_ppm or 0.0) * 1e-6
+        since = host_time - self.offset_s - self.reference_s
+        return self.reference_s + since / (1 + drift)
+
 
 class ClockFitter:
     """Fits a server's clock from samples as they come; no thread, no clock of its own.

@@ -1,0 +1,227 @@
+"""Has what is seen and what motion capture tells aligned, again and again, beside the loop."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from app.alignment_worker.messages import Choices, Solve, Solved
+from app.alignment_worker.process import AlignmentWorker
+from app.engine.replies import unexpected
+from observer.truth.alignment.live_clocks import LiveClocks, SourceClock
+from observer.truth.alignment.online import pieces
+from observer.truth.alignment.result import Alignment
+from observer.truth.live.clock import ClockFit
+from observer.truth.motion_capture import BodySample
+
+_log = logging.getLogger(__name__)
+
+_LOOK_EVERY_S = 0.1
+# The worker rests for at least so long, and three times as long as it worked.
+_REST_S, _REST_SHARE = 2.0, 3.0
+# A minute of 60 frames a second; the worker is given up before.
+_MOST_WAITING = 3600
+# Of motion capture while nothing is observed.
+_MOST_KEPT = 30_000
+NOTHING_SEEN = "not yet aligned: no frame has been observed yet"
+_NO_CLOCK = "not yet aligned: motion capture has not told anything for a second yet"
+# What is needed of an observation to align it.
+_OF_LINE = ("time", "segment", "pose")
+_OF_OBSTACLE = ("id", "state", "position", "velocity_time", "speed", "speed_std")
+
+
+class Aligns(Protocol):
+    """What is needed of ``app.alignment_worker.process.AlignmentWorker``."""
+
+    def solve(self, job: Solve) -> Solved | None: ...
+
+    def end(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """An alignment in force.
+
+    Attributes:
+        session: it holds for, as it was begun with.
+        clocks: it was found with. carried: it was found before the source was opened anew.
+    """
+
+    session: int
+    alignment: Alignment
+    clocks: LiveClocks
+    carried: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Beginning:
+    session: int
+    choices: Choices
+    carry: bool
+
+
+class AlignmentThread:
+    """The thread and its worker. Its other methods return at once.
+
+    Attributes:
+        aligned: what holds now. sentence: why nothing does, begins with "not yet aligned".
+    """
+
+    def __init__(
+        self,
+        samples: Callable[[], list[BodySample]],
+        server_clock: Callable[[], ClockFit | None],
+        make_worker: Callable[[], Aligns] = AlignmentWorker,
+    ) -> None:
+        """
+        Args:
+            samples: that came since the last call. server_clock: motion capture's, as known.
+        """
+        self.aligned: Aligned | None = None
+        self.sentence = NOTHING_SEEN
+        self._samples = samples
+        self._server_clock = server_clock
+        self._worker = make_worker()
+        # Lines with the arrivals of their frames, and beginnings between them.
+        self._waiting: deque[_Beginning | tuple[Mapping[str, Any], float]] = deque(
+            maxlen=_MOST_WAITING
+        )
+        self._ending = threading.Event()
+        # Of the thread alone.
+        self._beginning: _Beginning | None = None
+        self._carried: Alignment | None = None
+        self._source_clock = SourceClock()
+        self._lines: list[dict[str, Any]] = []
+        self._kept: deque[BodySample] = deque(maxlen=_MOST_KEPT)
+        self._anew = False
+        self._not_before = 0.0
+        self._thread = threading.Thread(target=self._run, name="alignment", daemon=True)
+        self._thread.start()
+
+    def begin(self, session: int, choices: Choices, *, carry: bool) -> None:
+        """What is observed from now on is another source, or the same once more.
+
+        Args:
+            carry: the clocks' relation and the camera's place on the robot are as before.
+        """
+        self._waiting.append(_Beginning(session, choices, carry))
+
+    def observed(self, line: Mapping[str, Any], received: float) -> None:
+        """One frame's line, and when the frame was received."""
+        self._waiting.append((line, received))
+
+    def end(self) -> None:
+        """Align no more."""
+        self._ending.set()
+        self._worker.end()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the end of what ``end`` began."""
+        self._thread.join(timeout_s)
+
+    # --- the thread --------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            while not self._ending.wait(_LOOK_EVERY_S):
+                self._look()
+        except Exception as error:  # noqa: BLE001
+            # Whatever becomes of truth, frames are observed and robots driven.
+            _log.exception("aligning failed")
+            self.aligned = None
+            self.sentence = f"not yet aligned: aligning failed: {unexpected(error)}"
+        finally:
+            self._worker.close()
+
+    def _look(self) -> None:
+        for _ in range(len(self._waiting)):
+            item = self._waiting.popleft()
+            if isinstance(item, _Beginning):
+                self._begin(item)
+            else:
+                self._take(*item)
+        self._kept.extend(self._samples())
+        clocks = self._clocks()
+        if clocks is None:
+            if self.aligned is None and self._lines:
+                self.sentence = _NO_CLOCK
+            return
+        if self.aligned is None and self._carried is not None and self._beginning is not None:
+            self.aligned = Aligned(self._beginning.session, self._carried, clocks, carried=True)
+        if self._lines and time.monotonic() >= self._not_before:
+            self._solve(clocks)
+
+    def _begin(self, beginning: _Beginning) -> None:
+        before = self.aligned.alignment if self.aligned is not None else self._carried
+        self._beginning = beginning
+        self._carried = _carried(before) if beginning.carry and before is not None else None
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        self._source_clock = SourceClock()
+        self._lines.clear()
+        self._anew = True
+        self.aligned, self.sentence = None, NOTHING_SEEN
+
+    def _take(self, line: Mapping[str, Any], received: float) -> None:
+        seen = float(line["time"])
+        if self._source_clock.add(seen, received):
+            # It stood still or began again: what was found holds no more.
+            self._carried = None
+            self._begin_anew()
+            self._source_clock.add(seen, received)
+        self._lines.append(_needed(line))
+
+    def _clocks(self) -> LiveClocks | None:
+        server, source = self._server_clock(), self._source_clock.fit()
+        return None if server is None or source is None else LiveClocks(server, source)
+
+    def _solve(self, clocks: LiveClocks) -> None:
+        beginning = self._beginning
+        if beginning is None:
+            return
+        samples = tuple(pieces(self._kept))
+        job = Solve(self._anew, tuple(self._lines), samples, clocks, beginning.choices)
+        self._lines.clear()
+        self._kept.clear()
+        self._anew = False
+        solved = self._worker.solve(job)
+        now = time.monotonic()
+        if solved is None:
+            self._not_before = now + _REST_S
+            return
+        self._not_before = now + max(_REST_S, _REST_SHARE * solved.seconds)
+        if solved.alignment is not None:
+            found = Alignment.of_dict(solved.alignment)
+            self.aligned = Aligned(beginning.session, found, clocks, carried=False)
+            self._carried = None
+        elif solved.sentence is not None:
+            self.sentence = solved.sentence
+
+
+def _needed(line: Mapping[str, Any]) -> dict[str, Any]:
+    obstacles = [
+        {name: obstacle.get(name) for name in _OF_OBSTACLE} for obstacle in line["obstacles"]
+    ]
+    return {**{name: line[name] for name in _OF_LINE}, "obstacles": obstacles}
+
+
+def _carried(before: Alignment) -> Alignment | None:
+    """What still holds when the same source is opened anew: delays, roles, the camera's place."""
+    if before.observer is None or before.T_body_camera is None:
+        # Nothing would tell where the new world lies.
+        return None
+    return replace(
+        before,
+        time=replace(before.time, drift_ppm=0.0, reference_s=0.0),
+        segments=(),
+        T_world_room={},
+        matches={},
+    )

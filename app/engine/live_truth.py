@@ -1,0 +1,283 @@
+"""Live motion capture beside what is observed: for display and recording, never for the method.
+
+The loop only looks at what its threads have put there: whatever becomes of motion capture, frames
+are observed and robots driven as without.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from app.alignment_worker.messages import Choices
+from app.engine.aligning import Aligned, AlignmentThread
+from app.engine.motion_listening import MotionListener
+from app.engine.recording import RunRecorder
+from app.engine.truth_facts import truth_facts
+from app.engine.truth_matching import assign, entry
+from app.messages import LiveTruthOrder
+from observer.geometry import Pose
+from observer.mount import CameraMount
+from observer.sources.contract import SourceInfo
+from observer.truth.alignment.newest import NewestTruth
+from observer.truth.live.contract import LiveCaptureReport
+from observer.truth.live.opening import check_live
+from observer.types import Observation
+
+_log = logging.getLogger(__name__)
+
+# What is simulated goes on as the wall clock does; everything else that is not live was recorded.
+_NOW = ("simulated", "coppeliasim")
+# A new segment's first frames, by which its world is placed in the room.
+_FIRST_FRAMES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedSource:
+    """What is observed.
+
+    Attributes:
+        info: of the source. mount: of its camera. T_body_base: by body, as the rig tells.
+    """
+
+    info: SourceInfo
+    mount: CameraMount | None
+    T_body_base: Mapping[str, Pose] = field(default_factory=dict)
+
+    @property
+    def now(self) -> bool:
+        """Whether it happens now, as motion capture does."""
+        return self.info.live or self.info.kind in _NOW
+
+
+class _Listening:
+    """What belongs to one connection."""
+
+    def __init__(
+        self,
+        spec: str,
+        make_listener: Callable[[str], MotionListener],
+        make_aligner: Callable[[MotionListener], AlignmentThread],
+    ) -> None:
+        self.listener = make_listener(spec)
+        self.aligner = make_aligner(self.listener)
+        self.newest = NewestTruth()
+
+    def end(self) -> None:
+        self.listener.end()
+        self.aligner.end()
+
+    def join(self, timeout_s: float) -> None:
+        self.listener.join(timeout_s)
+        self.aligner.join(timeout_s)
+
+
+class LiveTruth:
+    """Belongs to the loop's thread; no call waits for anything.
+
+    Attributes:
+        order: what is listened to, None where nothing is.
+    """
+
+    def __init__(
+        self,
+        make_listener: Callable[[str], MotionListener] = MotionListener,
+        make_aligner: Callable[[MotionListener], AlignmentThread] | None = None,
+    ) -> None:
+        self.order: LiveTruthOrder | None = None
+        self._make_listener = make_listener
+        self._make_aligner = make_aligner or _aligner
+        self._listening: _Listening | None = None
+        self._ended: list[_Listening] = []
+        self._source: ObservedSource | None = None
+        self._last: SourceInfo | None = None
+        self._session = 0
+        # By segment: placed by the observer's own pose, before the alignment knows of it.
+        self._placed: dict[int, Pose] = {}
+        self._first: deque[tuple[int, float, Pose]] = deque(maxlen=_FIRST_FRAMES)
+        self._broken: str | None = None
+        self._told: tuple[object, ...] = ()
+        self._facts: dict[str, Any] | None = None
+
+    def use(self, order: LiveTruthOrder | None) -> None:
+        """Listen to this from now on; what is listened to already goes on.
+
+        Raises:
+            TruthError: the text names no live motion capture; nothing is changed then.
+        """
+        if order == self.order:
+            return
+        if order is not None:
+            check_live(order.spec)
+        if self._listening is not None and (order is None or order.spec != self.order_spec):
+            self._listening.end()
+            self._ended.append(self._listening)
+            self._listening = None
+        if order is not None and self._listening is None:
+            self._listening = _Listening(order.spec, self._make_listener, self._make_aligner)
+        self.order = order
+        self._begin(carry=False)
+
+    @property
+    def order_spec(self) -> str | None:
+        """What is listened to."""
+        return None if self.order is None else self.order.spec
+
+    @property
+    def in_place(self) -> bool:
+        """Whether it stands in for the source's own truth."""
+        return self.order is not None and self._source is not None and self._source.now
+
+    def observing(self, source: ObservedSource | None) -> None:
+        """What is observed from now on begins a world of its own; None observes nothing."""
+        self._source = source
+        self._begin(carry=source is not None and source.info == self._last)
+        if source is not None:
+            self._last = source.info
+
+    def look(
+        self,
+        observation: Observation,
+        line: Mapping[str, Any],
+        received: float,
+        recorder: RunRecorder | None,
+    ) -> list[dict[str, Any]]:
+        """The entries of ``ObservationEvent.truth`` for a frame that was observed.
+
+        Args:
+            line: of the frame. received: on the host's monotonic clock.
+            recorder: of the run; gets all that motion capture tells from now on.
+        """
+        listening = self._listening
+        if listening is None:
+            return []
+        listening.listener.recorder = recorder
+        try:
+            return self._look(listening, observation, line, received)
+        except Exception as error:  # noqa: BLE001
+            # Truth is only looked at: it must never end what robots are driven by.
+            if self._broken is None:
+                _log.exception("looking at live truth failed")
+            self._broken = f"comparing with motion capture failed: {type(error).__name__}: {error}"
+            return []
+
+    def facts(self) -> dict[str, Any] | None:
+        """As ``StateEvent.truth`` holds it."""
+        order, listening = self.order, self._listening
+        if order is None or listening is None:
+            return None
+        report, trouble = listening.listener.report, listening.listener.trouble
+        aligned, sentence = self._aligned(listening), listening.aligner.sentence
+        told = (order, report, trouble, aligned, sentence, self._source, self._broken)
+        # Asked for with every frame and beat, and made anew only where something is another.
+        if len(told) != len(self._told) or any(
+            a is not b for a, b in zip(told, self._told, strict=True)
+        ):
+            self._told = told
+            self._facts = truth_facts(
+                order,
+                report,
+                trouble or self._broken,
+                aligned,
+                self._why_not(report, trouble) or sentence,
+            )
+        return self._facts
+
+    def end(self) -> None:
+        """Listen no more; returns at once."""
+        self.use(None)
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the threads of all that has ended."""
+        for listening in self._ended:
+            listening.join(timeout_s)
+
+    # -----------------------------------------------------------------------------------------
+
+    def _begin(self, *, carry: bool) -> None:
+        self._session += 1
+        self._placed.clear()
+        self._first.clear()
+        self._broken = None
+        listening, source, order = self._listening, self._source, self.order
+        if listening is None or order is None:
+            return
+        listening.listener.recorder = None
+        T_body_base, mount = None, None
+        if source is not None:
+            mount = source.mount
+            T_body_base = source.T_body_base.get(order.observer or "")
+        choices = Choices(order.observer, order.ignore, mount, T_body_base)
+        listening.aligner.begin(self._session, choices, carry=carry)
+
+    def _look(
+        self,
+        listening: _Listening,
+        observation: Observation,
+        line: Mapping[str, Any],
+        received: float,
+    ) -> list[dict[str, Any]]:
+        newest = listening.newest
+        newest.add(listening.listener.for_frames())
+        if not self.in_place:
+            return []
+        listening.aligner.observed(line, received)
+        segment, time = int(line["segment"]), observation.time
+        if observation.T_world_camera is not None:
+            self._first.append((segment, time, observation.T_world_camera))
+        aligned = self._aligned(listening)
+        if aligned is None:
+            return []
+        T_world_room = self._room(aligned, newest, segment)
+        if T_world_room is None:
+            return []
+        found = newest.bodies(aligned.alignment, aligned.clocks, T_world_room, time)
+        obstacles = [each.body for each in found if each.body.role == "obstacle"]
+        tracks = assign(obstacles, Pose.identity(), observation.reported)
+        return [
+            {**entry(each.body, Pose.identity(), tracks.get(each.body.id)), "time": each.time}
+            for each in found
+        ]
+
+    def _aligned(self, listening: _Listening) -> Aligned | None:
+        aligned = listening.aligner.aligned
+        return aligned if aligned is not None and aligned.session == self._session else None
+
+    def _room(self, aligned: Aligned, newest: NewestTruth, segment: int) -> Pose | None:
+        """``T_world_room``: as it was aligned, or by where motion capture sees the observer."""
+        known = aligned.alignment.T_world_room.get(segment, self._placed.get(segment))
+        if known is not None:
+            return known
+        for of, time, T_world_camera in self._first:
+            if of != segment:
+                continue
+            T_room_camera = newest.room_camera(aligned.alignment, aligned.clocks, time)
+            if T_room_camera is not None:
+                self._placed[segment] = T_world_camera @ T_room_camera.inverse()
+                return self._placed[segment]
+        return None
+
+    def _why_not(self, report: LiveCaptureReport | None, trouble: str | None) -> str | None:
+        """Why nothing can be aligned at the moment, where that is not for the alignment to say."""
+        source = self._source
+        if source is None:
+            return "not yet aligned: no source is observed"
+        if not source.now:
+            return (
+                f"not yet aligned: {source.info.spec} was recorded, and live motion capture tells "
+                f"of what happens now; align its run with a truth file instead"
+            )
+        if report is None or report.state != "receiving":
+            what = trouble or (report and report.trouble) or "motion capture is being connected"
+            return f"not yet aligned: {what}"
+        return None
+
+
+def _aligner(listener: MotionListener) -> AlignmentThread:
+    return AlignmentThread(
+        listener.for_alignment,
+        lambda: None if listener.report is None else listener.report.clock,
+    )

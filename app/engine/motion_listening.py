@@ -1,0 +1,103 @@
+"""Listens to motion capture beside the loop, and hands its samples to whoever takes part."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+from app.engine.recording import RunRecorder
+from app.engine.replies import unexpected
+from observer.errors import DynamicObserverError
+from observer.truth.live.contract import LiveCapture, LiveCaptureReport
+from observer.truth.live.opening import open_live_truth
+from observer.truth.motion_capture import BodySample
+
+_log = logging.getLogger(__name__)
+
+_DRAIN_EVERY_S = 0.02
+_REPORT_EVERY_S = 0.5
+# Of a loop that takes none: half a minute of two bodies at 300 Hz.
+_MOST_WAITING = 20_000
+
+# What opens live motion capture that a text names.
+CaptureOpener = Callable[[str], LiveCapture]
+
+
+class MotionListener:
+    """One connection and a thread that empties it. Its other methods return at once.
+
+    Attributes:
+        spec: what is listened to. recorder: gets all samples, where there is one.
+        report: the newest, None before the first. trouble: why nothing is listened to any more.
+    """
+
+    def __init__(self, spec: str, open_capture: CaptureOpener = open_live_truth) -> None:
+        self.spec = spec
+        self.recorder: RunRecorder | None = None
+        self.report: LiveCaptureReport | None = None
+        self.trouble: str | None = None
+        self._open = open_capture
+        self._for_frames: deque[BodySample] = deque(maxlen=_MOST_WAITING)
+        self._for_alignment: deque[BodySample] = deque(maxlen=_MOST_WAITING)
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="motion capture", daemon=True)
+        self._thread.start()
+
+    def for_frames(self) -> list[BodySample]:
+        """What came since the last call; for the loop's thread."""
+        return _taken(self._for_frames)
+
+    def for_alignment(self) -> list[BodySample]:
+        """The same for the thread that aligns."""
+        return _taken(self._for_alignment)
+
+    def end(self) -> None:
+        """Listen no more; the connection is closed in the thread."""
+        self._ending.set()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the end of what ``end`` began."""
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        try:
+            capture = self._open(self.spec)
+        except Exception as error:  # noqa: BLE001
+            self._give_up(error)
+            return
+        try:
+            self._listen(capture)
+        except Exception as error:  # noqa: BLE001
+            # Whatever becomes of truth, frames are observed and robots driven.
+            self._give_up(error)
+        finally:
+            capture.close()
+
+    def _listen(self, capture: LiveCapture) -> None:
+        next_report = 0.0
+        while not self._ending.wait(_DRAIN_EVERY_S):
+            samples = capture.drain()
+            if samples:
+                self._for_frames.extend(samples)
+                self._for_alignment.extend(samples)
+                recorder = self.recorder
+                if recorder is not None:
+                    recorder.capture(samples)
+            now = time.monotonic()
+            if now >= next_report:
+                self.report, next_report = capture.report(), now + _REPORT_EVERY_S
+
+    def _give_up(self, error: Exception) -> None:
+        if isinstance(error, DynamicObserverError):
+            self.trouble = str(error)
+            return
+        _log.error("listening to motion capture failed", exc_info=error)
+        self.trouble = f"listening to motion capture failed: {unexpected(error)}"
+
+
+def _taken(waiting: deque[BodySample]) -> list[BodySample]:
+    # One thread appends and one takes, so what is counted is there.
+    return [waiting.popleft() for _ in range(len(waiting))]

@@ -1,0 +1,204 @@
+"""Motion capture as truth of what has only just been seen, as far as its samples are there.
+
+What is not measured is not told: neither a gap nor the time before a sample arrives is bridged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+from observer.truth.alignment.aligned import DEFAULT_SIZE
+from observer.truth.alignment.live_clocks import LiveClocks
+from observer.truth.alignment.result import Alignment
+from observer.truth.alignment.rooms import body_poses, centre_positions
+from observer.truth.contract import TrueBody
+from observer.truth.motion_capture import BodySample, Trajectory
+
+# A frame is looked at within this of its exposure, seconds.
+_KEPT_S = 2.0
+_MOST_KEPT = 1000
+# Of each body, around one instant.
+_MOST_LOOKED_AT = 160
+# The velocity is that of a parabola over so long, as in ``aligned``, or so many samples.
+_SMOOTHING_S, _FEWEST = 0.11, 5
+# It is told of an instant with this many samples behind it: at its end a parabola is uncertain.
+_BEHIND = 3
+# Further back than this it would not be told of the same moment any more.
+_OLDEST_S = 0.1
+# As in ``curves.between``: what lies further apart is the edge of a gap.
+_GAP_INTERVALS = 3.5
+
+
+@dataclass(frozen=True, eq=False)
+class TimedBody:
+    """A body at the instant it was measured.
+
+    Attributes:
+        time: seconds on the source's clock.
+    """
+
+    time: float
+    body: TrueBody
+
+
+class NewestTruth:
+    """Keeps the last two seconds of each body; no thread and no clock of its own."""
+
+    def __init__(self) -> None:
+        self._samples: dict[str, deque[BodySample]] = {}
+        # By body, on the server's clock: no instant is told twice.
+        self._told: dict[str, float] = {}
+
+    def add(self, samples: Iterable[BodySample]) -> None:
+        """As ``LiveCapture.drain`` gives them."""
+        for sample in samples:
+            kept = self._samples.setdefault(sample.name, deque(maxlen=_MOST_KEPT))
+            kept.append(sample)
+            while kept[0].time < sample.time - _KEPT_S:
+                kept.popleft()
+
+    def bodies(
+        self,
+        alignment: Alignment,
+        clocks: LiveClocks,
+        T_world_room: Pose,
+        time: float,
+        sizes: Mapping[str, Float64Array] | None = None,
+    ) -> tuple[TimedBody, ...]:
+        """Every body that was measured at ``time`` (source clock), or at most 0.1 s before it
+        where samples up to then are not there yet; the observer first, as everywhere. No instant
+        is told a second time.
+
+        Args:
+            T_world_room: of the segment that is observed. sizes: by name, (3,) metres.
+        """
+        found = []
+        order = sorted(alignment.roles, key=lambda n: alignment.roles[n] != "observer")
+        number = 0
+        for name in order:
+            role = alignment.roles[name]
+            number += role != "observer"
+            measured = self._measured(name, alignment, clocks, time)
+            if measured is None:
+                continue
+            at, place, velocity, heading = measured
+            forward = T_world_room.rotate(heading)
+            found.append(
+                TimedBody(
+                    at,
+                    TrueBody(
+                        id=0 if role == "observer" else number,
+                        name=name,
+                        role=role,
+                        position=T_world_room.apply(place),
+                        velocity=T_world_room.rotate(velocity),
+                        size=np.asarray((sizes or {}).get(name, DEFAULT_SIZE), np.float64),
+                        yaw=math.atan2(float(forward[0]), float(forward[2])),
+                        visible=None,
+                        commanded_speed=None,
+                    ),
+                )
+            )
+        return tuple(found)
+
+    def room_camera(self, alignment: Alignment, clocks: LiveClocks, time: float) -> Pose | None:
+        """``T_room_camera`` at ``time`` (source clock); None where the observer was not measured
+        right then."""
+        name, T_body_camera = alignment.observer, alignment.T_body_camera
+        if name is None or T_body_camera is None:
+            return None
+        stamp = _stamps(alignment, clocks, time)
+        body = self._around(name, stamp)
+        if body is None:
+            return None
+        pose = body_poses(body, np.array([stamp]))[0]
+        return Pose.from_matrix(pose) @ T_body_camera if np.isfinite(pose).all() else None
+
+    def _measured(
+        self, name: str, alignment: Alignment, clocks: LiveClocks, time: float
+    ) -> tuple[float, Float64Array, Float64Array, Float64Array] | None:
+        """Instant on the source's clock; place, velocity and heading in the room."""
+        wanted = _stamps(alignment, clocks, time)
+        body = self._around(name, wanted)
+        if body is None:
+            return None
+        stamp = min(wanted, float(body.times[-1 - _BEHIND]))
+        if wanted - stamp > _OLDEST_S or stamp <= self._told.get(name, -math.inf):
+            return None
+        centre = alignment.centres.get(name)
+        offset = None if centre is None else np.array(centre)
+        at = np.array([stamp])
+        place = centre_positions(body, at, offset)[0]
+        velocity = _velocity(body, offset, stamp)
+        if velocity is None or not np.isfinite(place).all():
+            return None
+        self._told[name] = stamp
+        velocity = velocity / (1 + 1e-6 * alignment.time.drift_ppm)
+        heading = velocity if body.rotations is None else body_poses(body, at)[0, :3, 0]
+        told = time if stamp == wanted else time - (wanted - stamp)
+        return told, place, velocity, heading
+
+    def _around(self, name: str, stamp: float) -> Trajectory | None:
+        """The samples about one instant, on the server's clock."""
+        kept = self._samples.get(name)
+        if not kept:
+            return None
+        chosen: list[BodySample] = []
+        for sample in reversed(kept):
+            if sample.time < stamp - _OLDEST_S - _SMOOTHING_S or len(chosen) >= _MOST_LOOKED_AT:
+                break
+            if sample.time < stamp + _OLDEST_S + _SMOOTHING_S:
+                chosen.append(sample)
+        chosen.reverse()
+        if len(chosen) < _FEWEST:
+            return None
+        unknown, lost = np.full(3, np.nan), np.full((3, 3), np.nan)
+        positions = [unknown if s.position is None else s.position for s in chosen]
+        rotations = None
+        if any(s.rotation is not None for s in chosen):
+            rotations = np.array([lost if s.rotation is None else s.rotation for s in chosen])
+        times = np.array([s.time for s in chosen])
+        return Trajectory(name, times, np.array(positions), rotations)
+
+
+def _stamps(alignment: Alignment, clocks: LiveClocks, time: float) -> float:
+    """The server's clock when the source's shows ``time``."""
+    return float(clocks.to_server(alignment.time.to_truth(np.array([time])))[0])
+
+
+def _velocity(body: Trajectory, centre: Float64Array | None, stamp: float) -> Float64Array | None:
+    """(3,) m/s, room; None where too little was measured about the instant without a gap."""
+    places = body.positions
+    if centre is not None and body.rotations is not None:
+        places = places + body.rotations @ centre
+    times = body.times
+    interval = float(np.median(np.diff(times)))
+    half = max(_SMOOTHING_S / 2, interval * _FEWEST / 2)
+    index = int(np.searchsorted(times, stamp))
+    if index >= len(times):
+        return None
+    first = last = index
+    known = np.atleast_1d(np.isfinite(places).all(axis=1))
+    widest = _GAP_INTERVALS * interval
+    while first > 0 and known[first - 1] and times[first] - times[first - 1] <= widest:
+        if stamp - times[first - 1] > half:
+            break
+        first -= 1
+    while last < len(times) and known[last]:
+        if times[last] - stamp > half or (
+            last > index and times[last] - times[last - 1] > widest
+        ):
+            break
+        last += 1
+    if last - first < _FEWEST:
+        return None
+    since = times[first:last] - stamp
+    terms = np.stack([np.ones_like(since), since, since**2], axis=1)
+    fitted, *_ = np.linalg.lstsq(terms, places[first:last], rcond=None)
+    return np.asarray(fitted[1])
