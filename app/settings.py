@@ -13,6 +13,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from observer.errors import TruthError
+
 ENVIRONMENT_PREFIX = "DYNAMIC_OBSERVER_"
 
 _MEGABYTE = 1024 * 1024
@@ -31,6 +33,7 @@ class Settings(BaseSettings):
 
     Attributes:
         source: what is opened first.
+        truth: live motion capture to listen to; without it what was chosen last.
         host, port: where to listen; port 0 takes a free one.
         data: folder of database, recordings and truths. database: the URL of another database,
             a PostgreSQL server's for example; recordings and truths stay in the folder.
@@ -49,6 +52,7 @@ class Settings(BaseSettings):
     )
 
     source: str = Field("simulated:lab", min_length=1)
+    truth: str | None = None
     host: str = Field("127.0.0.1", min_length=1)
     port: int = Field(8080, ge=0, le=65535)
     data: Path = Field(default_factory=default_data_folder)
@@ -64,6 +68,19 @@ class Settings(BaseSettings):
     body_max_bytes: int = Field(256 * 1024, ge=1024, le=64 * _MEGABYTE)
     ring_at_guard_stops: bool = True
     log_level: Literal["debug", "info", "warning", "error"] = "warning"
+
+    @field_validator("truth")
+    @classmethod
+    def _live_truth(cls, value: str | None) -> str | None:
+        if value is not None:
+            # It brings numpy, which the command line does without as long as it can.
+            from observer.truth.live.opening import check_live
+
+            try:
+                check_live(value)
+            except TruthError as error:
+                raise ValueError(str(error)) from error
+        return value
 
     @field_validator("allowed_hosts", mode="before")
     @classmethod

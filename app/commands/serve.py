@@ -23,6 +23,10 @@ def serve(
     port: Annotated[int | None, typer.Option(help="Port to listen on; 8080 if left out.")] = None,
     data: DataOption = None,
     database: DatabaseOption = None,
+    truth: Annotated[
+        str | None,
+        typer.Option(help="Live motion capture, as vrpn:HOST or vicon-udp:PORT; kept."),
+    ] = None,
     token_file: Annotated[
         Path | None, typer.Option(help="Keeps the sign-in token over restarts.")
     ] = None,
@@ -42,6 +46,7 @@ def serve(
         "port": port,
         "data": data,
         "database": database,
+        "truth": truth,
         "token_file": token_file,
         "allowed_hosts": tuple(allowed_host) if allowed_host else None,
         "tls_cert": tls_cert,

@@ -58,6 +58,7 @@ from app.station.run_recording import (
     tell_robots,
 )
 from app.station.telemetry import Telemetry
+from app.station.truth_desk import TruthDesk
 from app.station.watching import Watching
 from app.station.writer import Writer
 from app.storage import RunRecord, RunState, Storage, StorageFull
@@ -98,6 +99,7 @@ class StationCore:
         check_folder: Path | None = None,
         drive: Drive | None = None,
         ring_at_guard_stops: bool = True,
+        live_truth: str | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.engine = engine
@@ -110,6 +112,7 @@ class StationCore:
         self.calibrating = CalibrationDesk(engine, self.followers.status_changed)
         self.parameters = ParameterDesk(engine, storage, self.writer)
         self.rig = RigDesk(rig_file)
+        self.live_truth = TruthDesk(engine, storage, self.followers.status_changed, live_truth)
         self.drive = DriveSurvey()
         drive = drive or AbsentDrive()
         self.driving = DrivingDesk(
@@ -203,6 +206,7 @@ class StationCore:
         warning = self.rig.load()
         if warning is not None:
             self.warnings.append(warning)
+        self.live_truth.load()
         calibration = calibration_of_cameras(self.storage, self._wanted.source)
         self._wanted = replace(
             self._wanted, calibration=calibration or self.storage.active_calibration()
@@ -318,6 +322,7 @@ class StationCore:
             segment=segment,
             rig_yaml=self.rig.observed_text,
             record=None if run is None else record_order(self.storage.folder, run.record),
+            truth=self.live_truth.order,
         )
         reply = await ask(self.engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
         self.telemetry.new_source()

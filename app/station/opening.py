@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from app.messages import OpenSource, RecordOrder
+from app.messages import LiveTruthOrder, OpenSource, RecordOrder
 from app.parameter_store import ParametersInForce
 from app.station.binding import calibration_of_cameras
 from app.station.calibrations import find_calibration
@@ -36,12 +36,13 @@ class Opening:
         segment: int = 0,
         rig_yaml: str | None = None,
         record: RecordOrder | None = None,
+        truth: LiveTruthOrder | None = None,
     ) -> OpenSource:
         """Open it from its beginning.
 
         Args:
             playback: as it is now, whose rate is kept; None where something else was open.
-            record: how the run is recorded.
+            record: how the run is recorded. truth: live motion capture beside it.
         """
         return OpenSource(
             source=self.source,
@@ -54,6 +55,7 @@ class Opening:
             segment=segment,
             rig_yaml=rig_yaml,
             record=record,
+            truth=truth,
         )
 
 

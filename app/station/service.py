@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from app.calibration_worker.messages import FindBoards
 from app.drive.messages import StartProgramme
-from app.messages import ChangeCalibration, EngineState, SetPlayback
+from app.messages import ChangeCalibration, EngineState, LiveTruthOrder, SetPlayback
 from app.parameter_store import ParametersInForce
 from app.station.asking import ask
 from app.station.calibrations import find_calibration, keep_made, keep_own_calibration
@@ -51,6 +51,11 @@ class Station(StationCore):
     async def play(self, change: SetPlayback) -> dict[str, Any]:
         """Change the playback and return it as it is then."""
         return await ask(self.engine, change)
+
+    async def choose_live_truth(self, order: LiveTruthOrder | None) -> dict[str, Any] | None:
+        """Listen to this from now on; see ``TruthDesk.choose``."""
+        async with self._lock:
+            return await self.live_truth.choose(order)
 
     # --- runs ------------------------------------------------------------------------------
 

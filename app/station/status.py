@@ -34,6 +34,7 @@ def status(station: Station) -> dict[str, Any]:
         if run is None
         else {"id": run.id, "name": run.name, "started_at": run.started_at},
         "recording": state.recording,
+        "truth": state.truth,
         "live": state.live,
         "mount": state.mount,
         "ageing": state.ageing,

@@ -27,6 +27,7 @@ from app.web.api import (
     devices,
     guard_checks,
     history,
+    live_truth,
     parameters,
     pixels,
     programmes,
@@ -77,6 +78,7 @@ _TAGS = [
     {"name": "calibrations", "description": "Calibrations of stereo cameras."},
     {"name": "calibrating", "description": "Making a calibration with a printed board."},
     {"name": "rig", "description": "How the cameras stand on their robot."},
+    {"name": "truth", "description": "Motion capture, live."},
     {"name": "robots", "description": "Driving. The stop is a software stop."},
     {"name": "programmes", "description": "Timed velocities for robots."},
     {"name": "views", "description": "Live images."},
@@ -113,6 +115,7 @@ def create_app(
         check_folder=settings.data / check_records.FOLDER_NAME,
         drive=drive,
         ring_at_guard_stops=settings.ring_at_guard_stops,
+        live_truth=settings.truth,
     )
     folder = static_folder()
     policy = Policy(
@@ -192,6 +195,7 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
         calibrating,
         boards,
         rig,
+        live_truth,
         robots,
         guard_checks,
         programmes,

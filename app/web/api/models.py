@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, StrictBool, StrictInt
 
 from app.web.api.calibration_models import CalibratingFacts
+from app.web.api.live_truth_models import LiveTruthStatus
 from app.web.api.robot_models import ProgrammeStart
 from app.web.api.values import Changes, Finite, Identifier, In, Name, Spec, Tag, Text
 
@@ -228,6 +229,7 @@ class Status(BaseModel):
     mount: MountStatus | None = Field(description="None: it is not known.")
     ageing: AgeingStatus | None = Field(description="How the calibration in use holds.")
     recording: RecordingStatus | None = Field(description="None: nothing is recorded.")
+    truth: LiveTruthStatus | None = Field(description="None: no motion capture is listened to.")
     live: LiveStatus | None = Field(description="None for what is not live.")
     calibrating: CalibratingFacts | None = Field(description="None: nothing is calibrated.")
     calibration: CalibrationReference | None = Field(description="None: the source's own.")
