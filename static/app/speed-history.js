@@ -1,78 +1,102 @@
-/** The last minute of speeds, as aligned columns for the chart. No drawing here. */
+/** The last minute of speeds as curves, and where identities change. No drawing here. */
 
-import { isArmed, ROLES } from "./driving/types.js";
+import { ROLES } from "./driving/types.js";
 import { trackColour } from "./words.js";
 
-/** @typedef {"estimate" | "truth" | "commanded" | "sent" | "encoder"} Kind */
-
-/**
- * @typedef {object} Column
- * @property {string} key
- * @property {Kind} kind
- * @property {string} label
- * @property {number} colour which track colour; for sent and encoder 0 the observer, 1 the obstacle
- * @property {(number | null)[]} values m/s; null where there is none, which is drawn as a gap
- * @property {(number | null)[]} stds m/s
- */
+/** @typedef {import("./speed-curves.js").Curve} Curve */
+/** @typedef {import("./speed-curves.js").Kind} Kind */
+/** @typedef {import("./driving/types.js").WheelSpeed} WheelSpeed */
 
 // Where nothing came for longer than this there is a gap in the curves.
 const JUMP_S = 1;
 // Between the end of one playing and the start of the next.
 const GAP_S = 0.5;
+// A curve breaks right behind its last sample: the next may belong to before the newest frame.
+const BROKEN_AFTER_S = 1e-4;
+// Curves are shortened at once by so many samples: moving a thousand numbers is dearer than keeping a few too many.
+const FORGET_FROM = 50;
+// Of the observer and of the obstacle, in the order of ROLES.
+const ROBOT_COLOURS = ["--accent", "--warn"];
 
 export class SpeedHistory {
-  /** @type {number[]} seconds, rising also where the source was restarted */
-  times = [];
-  /** @type {Map<string, Column>} */
-  columns = new Map();
+  /** Seconds of the newest observation, rising also where the source was restarted. */
+  newest = 0;
+  /** @type {Map<string, Curve>} */
+  curves = new Map();
+  /** Where another track took a body's place. @type {{time: number, words: string, colour: string}[]} */
+  changes = [];
+  /** Where each track was measured first. @type {{time: number, speed: number, words: string, colour: string}[]} */
+  starts = [];
 
+  #began = false;
+  #playedFrom = 0;
   #offset = 0;
   #epoch = 0;
   #lastTime = 0;
   #lastSegment = 0;
   #lastSequence = -1;
+  /** The track that a body was last taken for. @type {Map<number, number>} */
+  #identity = new Map();
 
   /** @param {number} span_s how much is kept */
   constructor(span_s) {
     this.span_s = span_s;
   }
 
-  /**
-   * @param {import("./types.js").ObservationMessage} message
-   * @param {import("./driving/types.js").DrivingFacts | null} driving as newest told
-   */
-  add({ sequence, line, truth }, driving) {
+  /** What is kept of the source that plays now, on its own clock. @returns {{begin: number, end: number} | null} */
+  get playing() {
+    if (!this.#began) return null;
+    const begin = Math.max(this.newest - this.span_s, this.#playedFrom) - this.#offset;
+    return { begin, end: this.newest - this.#offset };
+  }
+
+  /** @param {import("./types.js").ObservationMessage} message */
+  add({ sequence, line, truth }) {
     this.#continue(line.time, line.segment, sequence);
-    this.#row(line.time + this.#offset);
+    const now = this.newest;
+    /** @type {Set<string>} */
+    const told = new Set();
     for (const obstacle of line.obstacles) {
       // While a track coasts nothing is measured: a gap, not a guess.
       if (obstacle.state === "coasting") continue;
       const key = `${this.#epoch}/${line.segment}/${obstacle.id}`;
-      this.#put(key, "estimate", `Obstacle ${obstacle.id}`, trackColour(obstacle.id), obstacle.speed, obstacle.speed_std);
+      const colour = `--track-${trackColour(obstacle.id)}`;
+      // A speed belongs to the middle of its displacement; at the frame's time it would come late.
+      const time = Math.min(now, obstacle.velocity_time + this.#offset);
+      if (!this.curves.has(key)) this.starts.push({ time, speed: obstacle.speed, words: String(obstacle.id), colour });
+      this.#put(key, "estimate", `Obstacle ${obstacle.id}`, colour, time, obstacle.speed, obstacle.speed_std);
+      told.add(key);
     }
     for (const body of truth) {
+      this.#identify(body, now);
       if (body.role === "observer") continue;
-      this.#put(`truth/${body.id}`, "truth", `Truth ${body.name}`, 0, body.speed, null);
-      if (body.commanded_speed !== null && body.commanded_speed !== undefined) {
-        this.#put(`commanded/${body.id}`, "commanded", `Commanded ${body.name}`, 0, body.commanded_speed, null);
-      }
+      this.#put(`truth/${body.id}`, "truth", `Truth ${body.name}`, "--text", now, body.speed, null);
+      told.add(`truth/${body.id}`);
+      if (body.commanded_speed === null || body.commanded_speed === undefined) continue;
+      this.#put(`commanded/${body.id}`, "commanded", `Commanded ${body.name}`, "--muted", now, Math.abs(body.commanded_speed), null);
+      told.add(`commanded/${body.id}`);
     }
-    for (const [index, role] of ROLES.entries()) this.#putRobot(role, index, driving?.robots?.[role] ?? null);
+    for (const [key, curve] of this.curves) {
+      if (!told.has(key) && !isOfRobot(curve)) breakOff(curve);
+    }
     this.#forget();
   }
 
   /**
-   * What a robot is told and what its wheels do, while it is armed; size only, as of obstacles.
+   * What robots were told and what their wheels did; sizes only, as of obstacles.
    *
-   * @param {import("./driving/types.js").Role} role
-   * @param {number} colour
-   * @param {import("./driving/types.js").RobotFacts | null} robot
+   * @param {WheelSpeed[]} wheels since the last time
    */
-  #putRobot(role, colour, robot) {
-    if (!robot || !isArmed(robot)) return;
-    this.#put(`sent/${role}`, "sent", `Sent to ${role}`, colour, Math.abs(robot.sent.speed_mps), null);
-    const { speed_mps } = robot.report;
-    if (speed_mps !== null) this.#put(`encoder/${role}`, "encoder", `Wheels of ${role}`, colour, Math.abs(speed_mps), null);
+  addWheels(wheels) {
+    if (!this.#began) return;
+    for (const { role, time, sent_mps, encoder_mps } of wheels) {
+      const at = time + this.#offset;
+      // Of another source's clock, or of before it was restarted.
+      if (Math.abs(at - this.newest) > JUMP_S) continue;
+      const colour = ROBOT_COLOURS[ROLES.indexOf(role)] ?? "--muted";
+      this.#put(`sent/${role}`, "sent", `Sent to ${role}`, colour, at, Math.abs(sent_mps), null);
+      if (encoder_mps !== null) this.#put(`encoder/${role}`, "encoder", `Wheels of ${role}`, colour, at, Math.abs(encoder_mps), null);
+    }
   }
 
   /**
@@ -81,57 +105,94 @@ export class SpeedHistory {
    * @param {number} sequence
    */
   #continue(time, segment, sequence) {
-    const newest = this.times.at(-1);
     const ahead = time - this.#lastTime;
     const anew = segment !== this.#lastSegment || sequence <= this.#lastSequence || ahead <= 0;
-    if (newest !== undefined && (anew || ahead > JUMP_S)) this.#row(newest + GAP_S / 2);
-    if (newest !== undefined && anew) {
+    if (!this.#began) {
+      this.#playedFrom = time;
+    } else if (anew) {
+      for (const curve of this.curves.values()) breakOff(curve);
+      this.#identity.clear();
       this.#epoch += 1;
-      this.#offset = newest + GAP_S - time;
+      this.#offset = this.newest + GAP_S - time;
+      this.#playedFrom = this.newest + GAP_S;
     }
+    this.#began = true;
+    this.newest = time + this.#offset;
     this.#lastTime = time;
     this.#lastSegment = segment;
     this.#lastSequence = sequence;
   }
 
-  /** @param {number} time a row without values yet */
-  #row(time) {
-    this.times.push(time);
-    for (const column of this.columns.values()) {
-      column.values.push(null);
-      column.stds.push(null);
+  /**
+   * @param {import("./types.js").TrueBody} body
+   * @param {number} now
+   */
+  #identify({ id, track_id }, now) {
+    if (track_id === null) return;
+    const before = this.#identity.get(id);
+    if (before !== undefined && before !== track_id) {
+      this.changes.push({ time: now, words: `${before} → ${track_id}`, colour: "--muted" });
     }
+    this.#identity.set(id, track_id);
   }
 
   /**
    * @param {string} key
    * @param {Kind} kind
    * @param {string} label
-   * @param {number} colour
-   * @param {number} value
+   * @param {string} colour
+   * @param {number} time
+   * @param {number} speed
    * @param {number | null} std
    */
-  #put(key, kind, label, colour, value, std) {
-    let column = this.columns.get(key);
-    if (!column) {
-      const blank = () => this.times.map(() => null);
-      column = { key, kind, label, colour, values: blank(), stds: blank() };
-      this.columns.set(key, column);
+  #put(key, kind, label, colour, time, speed, std) {
+    let curve = this.curves.get(key);
+    if (!curve) {
+      curve = { key, kind, label, colour, banded: kind === "estimate", times: [], speeds: [], stds: [] };
+      this.curves.set(key, curve);
     }
-    column.values[this.times.length - 1] = value;
-    column.stds[this.times.length - 1] = std;
+    const last = curve.times.at(-1);
+    if (last !== undefined) {
+      if (time <= last) return;
+      if (time - last > JUMP_S) append(curve, (last + time) / 2, null, null);
+    }
+    append(curve, time, speed, std);
   }
 
   #forget() {
-    const oldest = (this.times.at(-1) ?? 0) - this.span_s;
-    const keepFrom = this.times.findIndex((time) => time >= oldest);
-    // Not for every row: moving a thousand numbers is dearer than keeping a few too many.
-    if (keepFrom < 50) return;
-    this.times.splice(0, keepFrom);
-    for (const [key, column] of this.columns) {
-      column.values.splice(0, keepFrom);
-      column.stds.splice(0, keepFrom);
-      if (column.values.every((value) => value === null)) this.columns.delete(key);
+    const oldest = this.newest - this.span_s;
+    for (const [key, curve] of this.curves) {
+      const last = curve.times.at(-1);
+      if (last === undefined || last < oldest) {
+        this.curves.delete(key);
+      } else if (Number(curve.times[FORGET_FROM]) < oldest) {
+        for (const list of [curve.times, curve.speeds, curve.stds]) list.splice(0, FORGET_FROM);
+      }
     }
+    while (this.changes[0] && this.changes[0].time < oldest) this.changes.shift();
+    while (this.starts[0] && this.starts[0].time < oldest) this.starts.shift();
   }
+}
+
+/** Their samples come by themselves. @param {Curve} curve */
+function isOfRobot({ kind }) {
+  return kind === "sent" || kind === "encoder";
+}
+
+/** Nothing was measured: a gap from the last sample to the next. @param {Curve} curve */
+function breakOff(curve) {
+  const last = curve.times.at(-1);
+  if (last !== undefined && curve.speeds.at(-1) !== null) append(curve, last + BROKEN_AFTER_S, null, null);
+}
+
+/**
+ * @param {Curve} curve
+ * @param {number} time
+ * @param {number | null} speed
+ * @param {number | null} std
+ */
+function append(curve, time, speed, std) {
+  curve.times.push(time);
+  curve.speeds.push(speed);
+  curve.stds.push(std);
 }

@@ -40,6 +40,7 @@
  * @property {number[] | null} velocity world, m/s
  * @property {number} speed m/s
  * @property {number | null} speed_std m/s, one standard deviation
+ * @property {number} velocity_time seconds, source clock: the instant to which the speed belongs
  * @property {number} range metres
  * @property {number} bearing radians, positive to the right
  * @property {number | null} closing_speed m/s, positive while the range shrinks
@@ -172,6 +173,16 @@
  * @property {string[]} hints
  * @property {string | null} trouble
  *
+ * @typedef {object} LiveTruth motion capture as it comes in
+ * @property {string} spec
+ * @property {"connecting" | "receiving" | "waiting"} state
+ * @property {string | null} trouble
+ * @property {{name: string, role: string | null, rate_hz: number | null}[]} bodies
+ * @property {{offset_s: number, drift_ppm: number, sigma_s: number, samples: number} | null} clock
+ * @property {boolean} aligned
+ * @property {string} sentence why it is not yet, or how
+ * @property {Record<string, any> | null} alignment
+ *
  * @typedef {object} Status
  * @property {{state: string, reason: string | null, pid: number | null, generation: number,
  *   restarts: number, heartbeat_age_s: number | null}} engine
@@ -196,6 +207,7 @@
  * @property {{index: number, reason: string}[]} skipped
  * @property {number} viewers
  * @property {boolean} has_truth
+ * @property {LiveTruth | null} [truth]
  * @property {string[]} warnings one sentence each
  * @property {string} version
  *
@@ -214,6 +226,18 @@
  * @property {number} frames
  * @property {number} segments
  * @property {string | null} reason
+ * @property {string | null} preset
+ * @property {Record<string, ParameterValue>} parameters at its start
+ * @property {string | null} calibration_id
+ * @property {Record<string, string>} versions of what computed it
+ * @property {"none" | "jpeg" | "lossless" | null} record which images its recording keeps
+ * @property {number | null} recording_bytes
+ * @property {string[]} tags
+ * @property {string} notes
+ * @property {string | null} truth_id the truth file it is compared with
+ * @property {boolean} aligned
+ * @property {string | null} rerun_of the run whose recording was observed again
+ * @property {string | null} deleted_at since when it is hidden
  *
  * @typedef {object} Calibration
  * @property {string} id content hash

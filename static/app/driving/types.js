@@ -74,6 +74,12 @@
  * @property {boolean} reverse
  * @property {"gesture" | "driving"} phase
  *
+ * @typedef {object} WheelSpeed of an armed robot
+ * @property {Role} role
+ * @property {number} time seconds, source clock
+ * @property {number} sent_mps
+ * @property {number | null} encoder_mps
+ *
  * @typedef {object} DrivingFacts the live message `robots`
  * @property {{by: string, since: number} | null} stopped the latch
  * @property {{age_s: number | null, status: string | null, world: string | null} | null} [sight]
@@ -83,6 +89,7 @@
  * @property {string | null} [world] of the open source; null: it is only replayed
  * @property {Record<Role, string | null>} [trouble] why a role's robot could not be connected
  * @property {Incident[]} [incidents] oldest first
+ * @property {WheelSpeed[]} [wheels] since the last message, oldest first
  * @property {Check | null} [check]
  * @property {Record<Role, {port: string, model: string | null} | null>} [ports] as kept
  *

@@ -1,0 +1,266 @@
+/** The curves of stored runs, prepared for one chart or several. Pure functions. */
+
+import { gapsIn, speedAt } from "../speed-curves.js";
+import { trackColour } from "../words.js";
+
+/** @typedef {import("../speed-curves.js").Curve} Curve */
+
+/** @typedef {import("./types.js").Curve} StoredCurve */
+/** @typedef {import("./types.js").Chart} StoredChart */
+
+/** @typedef {"matched" | "band" | "truth" | "commanded" | "encoder" | "stray" | "own"} Choice what can be shown or hidden */
+
+/**
+ * @typedef {Curve & {choice: Choice, words: string, parts: {begin: number, end: number, label: string}[]}} ChosenCurve
+ * words: a track's number. parts: tracks that follow each other in one curve
+ */
+
+/**
+ * @typedef {object} Panel one chart
+ * @property {string} title
+ * @property {StoredChart[]} charts
+ * @property {ChosenCurve[]} curves
+ * @property {{time: number, speed: number, words: string, colour: string, choice: Choice}[]} starts
+ * @property {{time: number, words: string, colour: string, body: string, run: string}[]} changes
+ * @property {{begin: number, end: number, label: string}[]} gaps in truth
+ */
+
+// As in the figures of reports: no line over a stretch so many times a curve's usual step.
+const GAP_STEPS = 3;
+// Tracks of fewer samples are drawn without their number.
+const NAMED_FROM = 5;
+/** @type {Choice[]} what stands in front of what */
+const ORDER = ["truth", "commanded", "encoder", "matched", "stray", "own"];
+
+/**
+ * @param {StoredChart[]} charts
+ * @param {boolean} overlaid all in one, coloured by run; else a chart for each, coloured by track
+ * @returns {Panel[]}
+ */
+export function panelsOf(charts, overlaid) {
+  const origins = originsOf(charts);
+  if (!overlaid) {
+    return charts.map((chart, run) => {
+      const curves = curvesOf(chart, run, Number(origins[run]), null);
+      return {
+        title: chart.run.name,
+        charts: [chart],
+        curves: inOrder(inLanes(curves)),
+        starts: startsOf(curves),
+        changes: changesOf(chart, Number(origins[run]), "--muted"),
+        gaps: gapsOf(curves),
+      };
+    });
+  }
+  // What a run and its re-run have in common is drawn once.
+  const shared = sameRecording(charts);
+  const curves = charts.flatMap((chart, run) =>
+    curvesOf(chart, run, Number(origins[run]), runColour(run)).filter(
+      (curve) => !shared || run === 0 || isTrack(curve)));
+  return [{
+    title: charts.map(({ run }) => run.name).join(" and "),
+    charts,
+    curves: inOrder(inLanes(curves)),
+    starts: [],
+    changes: charts.flatMap((chart, run) => changesOf(chart, Number(origins[run]), runColour(run))),
+    gaps: gapsOf(curves),
+  }];
+}
+
+/** @param {number} run its place @returns {string} a colour's name in tokens.css */
+export function runColour(run) {
+  return `--track-${trackColour(run)}`;
+}
+
+/**
+ * What zero of each chart is on its source's clock: that clock itself, unless runs of several
+ * recordings stand beside each other; their clocks have nothing to do with each other.
+ *
+ * @param {StoredChart[]} charts
+ * @returns {number[]}
+ */
+export function originsOf(charts) {
+  if (sameRecording(charts)) return charts.map(() => 0);
+  return charts.map(({ curves }) => least(curves.map(({ times }) => times[0])) ?? 0);
+}
+
+/** Whether all are of one recording: a run and what was made from it. @param {StoredChart[]} charts */
+export function sameRecording(charts) {
+  const origin = new Map(charts.map(({ run }) => [run.id, run.rerun_of ?? null]));
+  const roots = charts.map(({ run }) => {
+    let id = run.id;
+    for (let hops = 0; hops < charts.length; hops += 1) id = origin.get(id) ?? id;
+    return id;
+  });
+  return new Set(roots).size <= 1;
+}
+
+/** @param {Panel[]} panels @returns {[number, number]} seconds of all curves */
+export function extentOf(panels) {
+  const times = panels.flatMap(({ curves }) => curves.map((curve) => curve.times));
+  const begin = least(times.map((own) => own[0])) ?? 0;
+  const end = -(least(times.map((own) => -Number(own.at(-1)))) ?? 0);
+  return [begin, end > begin ? end : begin + 1];
+}
+
+/**
+ * What every curve says at a time, in the order of the curves.
+ *
+ * @param {ChosenCurve[]} curves
+ * @param {number} time
+ * @param {number} reach seconds
+ */
+export function readingsAt(curves, time, reach) {
+  return curves.flatMap((curve) => {
+    const measured = speedAt(curve, time, reach);
+    if (!measured) return [];
+    const part = curve.parts.find(({ begin, end }) => time >= begin - reach && time <= end + reach);
+    return [{ ...measured, label: part?.label ?? curve.label, colour: curve.colour, kind: curve.kind }];
+  });
+}
+
+/** @param {string | number} track as in "0:3" @returns {string} without its segment */
+export function trackInWords(track) {
+  return String(track).split(":").at(-1) ?? "";
+}
+
+/**
+ * @param {StoredChart} chart
+ * @param {number} run its place
+ * @param {number} origin
+ * @param {string | null} colour of all that is its own; null: each its own
+ * @returns {ChosenCurve[]}
+ */
+function curvesOf(chart, run, origin, colour) {
+  const known = chart.curves.some(({ kind, body }) => kind === "estimate" && body !== null && body !== "");
+  return chart.curves.filter(({ times }) => times.length > 0).map((stored, at) => {
+    const choice = choiceOf(stored, known);
+    const kind = choice === "stray" ? "stray" : stored.kind;
+    const broken = withGaps(stored);
+    const times = broken.times.map((time) => time - origin);
+    /** @type {ChosenCurve} */
+    const curve = {
+      key: `${run}/${at}`,
+      kind,
+      label: stored.label,
+      colour: colour && stored.kind === "estimate" ? colour : colourOf(stored, choice),
+      banded: choice === "matched",
+      times,
+      speeds: broken.speeds,
+      stds: broken.stds,
+      choice,
+      words: String(stored.track_id ?? ""),
+      parts: [{ begin: Number(times[0]), end: Number(times.at(-1)), label: stored.label }],
+    };
+    return curve;
+  });
+}
+
+/** @param {StoredCurve} curve @param {boolean} known whether any track has a body @returns {Choice} */
+function choiceOf({ kind, role, body }, known) {
+  if (kind === "estimate") return known && !body ? "stray" : "matched";
+  return role === "observer" ? "own" : kind;
+}
+
+/** @param {StoredCurve} curve @param {Choice} choice */
+function colourOf({ kind, track_id }, choice) {
+  if (choice === "matched") return `--track-${trackColour(track_id ?? 0)}`;
+  if (choice === "own") return "--accent";
+  if (kind === "truth") return "--text";
+  return kind === "encoder" ? "--warn" : "--muted";
+}
+
+/**
+ * Tracks of one colour that follow each other, as one curve: a long run has hundreds of them.
+ *
+ * @param {ChosenCurve[]} curves
+ * @returns {ChosenCurve[]}
+ */
+function inLanes(curves) {
+  /** @type {Map<string, ChosenCurve[]>} */
+  const lanes = new Map();
+  const tracks = curves.filter(isTrack).sort((a, b) => Number(a.times[0]) - Number(b.times[0]));
+  for (const track of tracks) {
+    const group = `${track.choice} ${track.colour}`;
+    const own = lanes.get(group) ?? [];
+    lanes.set(group, own);
+    const begin = Number(track.times[0]);
+    const lane = own.find(({ times }) => Number(times.at(-1)) < begin);
+    if (!lane) {
+      own.push({ ...track });
+      continue;
+    }
+    const between = (Number(lane.times.at(-1)) + begin) / 2;
+    lane.times = [...lane.times, between, ...track.times];
+    lane.speeds = [...lane.speeds, null, ...track.speeds];
+    lane.stds = [...lane.stds, null, ...track.stds];
+    lane.parts = [...lane.parts, ...track.parts];
+  }
+  return [...[...lanes.values()].flat(), ...curves.filter((curve) => !isTrack(curve))];
+}
+
+/** @param {ChosenCurve} curve */
+function isTrack({ choice }) {
+  return choice === "matched" || choice === "stray";
+}
+
+/**
+ * With a null in every stretch that is too long, so that no line is drawn over it.
+ *
+ * @param {StoredCurve} curve
+ */
+function withGaps({ times, speeds, stds }) {
+  const steps = times.slice(1).map((time, i) => time - Number(times[i]));
+  const usual = [...steps].sort((a, b) => a - b)[steps.length >> 1] ?? 0;
+  const longest = steps.length < 2 ? Infinity : GAP_STEPS * usual;
+  /** @type {{times: number[], speeds: (number | null)[], stds: (number | null)[]}} */
+  const found = { times: [], speeds: [], stds: [] };
+  times.forEach((time, i) => {
+    const before = times[i - 1];
+    if (before !== undefined && time <= before) return;
+    if (before !== undefined && time - before > longest) {
+      found.times.push((before + time) / 2);
+      found.speeds.push(null);
+      found.stds.push(null);
+    }
+    found.times.push(time);
+    found.speeds.push(speeds[i] ?? null);
+    found.stds.push(stds?.[i] ?? null);
+  });
+  return found;
+}
+
+/** Where tracks begin, so that changes of identity are seen. @param {ChosenCurve[]} curves not yet in lanes */
+function startsOf(curves) {
+  return curves.filter((curve) => isTrack(curve) && curve.times.length >= NAMED_FROM).flatMap(({ times, speeds, colour, choice, words }) => {
+    const first = speeds.findIndex((speed) => speed !== null);
+    const speed = speeds[first];
+    return typeof speed === "number" ? [{ time: Number(times[first]), speed, words, colour, choice }] : [];
+  }).sort((a, b) => a.time - b.time);
+}
+
+/** @param {StoredChart} chart @param {number} origin @param {string} colour */
+function changesOf({ run, changes }, origin, colour) {
+  return changes.map(({ time, body, before, after }) => ({
+    time: time - origin,
+    words: `${trackInWords(before)} → ${trackInWords(after)}`,
+    colour,
+    body,
+    run: run.name,
+  }));
+}
+
+/** @param {ChosenCurve[]} curves */
+function gapsOf(curves) {
+  return curves.filter(({ choice }) => choice === "truth").flatMap((curve) => gapsIn(curve).map((gap) => ({ ...gap, label: curve.label })));
+}
+
+/** @param {ChosenCurve[]} curves the last is drawn on top */
+function inOrder(curves) {
+  return [...curves].sort((a, b) => ORDER.indexOf(b.choice) - ORDER.indexOf(a.choice));
+}
+
+/** @param {(number | undefined)[]} values */
+function least(values) {
+  return values.reduce((best, value) => (value !== undefined && (best === undefined || value < best) ? value : best), undefined);
+}

@@ -1,0 +1,115 @@
+/** CSV, PNG, SVG and PDF of what is seen of a chart: one click opens, the second takes. */
+
+import { requestImage } from "../api.js";
+import { h, icon } from "../dom.js";
+import { notifyError } from "../notice.js";
+import { fixed } from "../words.js";
+
+/**
+ * @typedef {object} Offer
+ * @property {string} id of the run
+ * @property {string} name
+ * @property {{begin: number, end: number} | null} range seconds on the source's clock; null: all
+ */
+
+const FORMATS = ["csv", "png", "svg", "pdf"];
+const TITLES = { csv: "Curves as a table", png: "Figure as an image", svg: "Figure to edit or embed", pdf: "Figure for a paper" };
+
+export class ChartExport extends HTMLElement {
+  #open = h("button", { type: "button", class: "button", "aria-expanded": "false", "aria-haspopup": "true" }, icon("download"), "Export");
+  #box = h("div", { class: "menu-box", role: "group", "aria-label": "Export what is seen of the chart", hidden: true });
+  #offers;
+  #busy = false;
+
+  /** @param {() => Offer[]} offers asked when the menu opens */
+  constructor(offers = () => []) {
+    super();
+    this.#offers = offers;
+    this.#open.addEventListener("click", () => this.#toggle(this.#box.hidden && !this.#busy));
+    this.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape" || this.#box.hidden) return;
+      event.stopPropagation();
+      this.#toggle(false);
+      this.#open.focus();
+    });
+    this.addEventListener("focusout", (event) => {
+      if (event.relatedTarget instanceof Node && !this.contains(event.relatedTarget)) this.#toggle(false);
+    });
+  }
+
+  connectedCallback() {
+    this.classList.add("menu");
+    if (!this.childElementCount) this.append(this.#open, this.#box);
+    document.addEventListener("pointerdown", this.#elsewhere);
+  }
+
+  disconnectedCallback() {
+    document.removeEventListener("pointerdown", this.#elsewhere);
+  }
+
+  #elsewhere = (/** @type {PointerEvent} */ event) => {
+    if (event.target instanceof Node && !this.contains(event.target)) this.#toggle(false);
+  };
+
+  /** @param {boolean} open */
+  #toggle(open) {
+    this.#box.hidden = !open;
+    this.#open.setAttribute("aria-expanded", String(open));
+    if (open) this.#box.replaceChildren(...this.#offers().map((offer) => this.#entry(offer)));
+  }
+
+  /** @param {Offer} offer */
+  #entry({ id, name, range }) {
+    const words = range ? `${fixed(range.begin, 1)} to ${fixed(range.end, 1)} s` : "all of it";
+    const buttons = FORMATS.map((format) => {
+      const button = h("button", { type: "button", class: "button", title: TITLES[/** @type {keyof typeof TITLES} */ (format)], "aria-label": `${format.toUpperCase()} of run ${name}, ${words}` }, format.toUpperCase());
+      button.addEventListener("click", () => void this.#save(id, name, range, format));
+      return button;
+    });
+    return h("div", { class: "stack" }, h("p", { class: "hint" }, `Run ${name}: ${words}`), h("div", { class: "row" }, ...buttons));
+  }
+
+  /**
+   * @param {string} id
+   * @param {string} name
+   * @param {Offer["range"]} range
+   * @param {string} format
+   */
+  async #save(id, name, range, format) {
+    this.#toggle(false);
+    this.#open.focus();
+    const query = range ? `?begin=${range.begin.toFixed(4)}&end=${range.end.toFixed(4)}` : "";
+    this.#work(true);
+    try {
+      // Figures take seconds to draw: meanwhile the page says so, and tells what went wrong.
+      const { blob, headers } = await requestImage(`/runs/${encodeURIComponent(id)}/chart.${format}${query}`);
+      save(blob, fileName(headers) ?? `${name}.${format}`);
+    } catch (error) {
+      notifyError(error);
+    } finally {
+      this.#work(false);
+    }
+  }
+
+  /** @param {boolean} busy */
+  #work(busy) {
+    this.#busy = busy;
+    // Not disabled: it has the focus.
+    this.#open.setAttribute("aria-disabled", String(busy));
+    this.#open.lastChild?.replaceWith(busy ? "Drawing…" : "Export");
+  }
+}
+
+/** @param {Headers} headers */
+function fileName(headers) {
+  return /filename="([^"]+)"/.exec(headers.get("content-disposition") ?? "")?.[1] ?? null;
+}
+
+/** @param {Blob} blob @param {string} name */
+function save(blob, name) {
+  const href = URL.createObjectURL(blob);
+  h("a", { href, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(href), 60_000);
+}
+
+customElements.define("observer-chart-export", ChartExport);

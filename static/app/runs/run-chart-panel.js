@@ -1,0 +1,178 @@
+/** One chart of stored runs: its curves, what the pointer or the keys read of them, and in words. */
+
+import { h, setAttribute, setText } from "../dom.js";
+import { withBand } from "../speed-curves.js";
+import { SpeedPlot } from "../speed-plot.js";
+import { fixed, sentence } from "../words.js";
+import { readingsAt } from "./run-chart-data.js";
+
+/** @typedef {import("./run-chart-data.js").Panel} Panel */
+/** @typedef {import("./run-chart-data.js").Choice} Choice */
+/** @typedef {import("./run-chart-data.js").StoredChart} StoredChart */
+
+/**
+ * What all panels of a comparison have in common; seconds as in their curves.
+ *
+ * @typedef {object} Shared
+ * @property {() => [number, number]} range that is seen
+ * @property {() => [number, number]} extent of all curves
+ * @property {(begin: number, end: number) => void} zoom
+ * @property {(time: number | null) => void} read values of all panels there
+ * @property {() => number} top m/s
+ */
+
+const HEIGHT_PX = 280;
+const TOP_AT_LEAST_MPS = 0.2;
+// Shares of what is seen: one press of a key, and how near the pointer must be to a curve's end.
+const STEP = 0.02;
+const PAN = 0.2;
+const ZOOM = 2;
+const REACH = 0.005;
+const LISTED_AT_MOST = 6;
+const READING = "Point at the chart to read values, or use the arrow keys.";
+const KEYS_IN_WORDS = "Arrow keys read values, with Shift they move what is seen; plus and minus zoom; 0 shows all.";
+
+export class ChartPanel {
+  #host = h("div", { class: "chart", tabindex: 0, role: "application", "aria-roledescription": "chart" });
+  #reading = h("p", { class: "chart-reading figure" }, READING);
+  // Said after a key only: the pointer reads faster than anybody can listen.
+  #said = h("p", { class: "visually-hidden", role: "status" });
+  /** @type {number | null} */
+  #time = null;
+  /** @type {import("./run-chart-data.js").ChosenCurve[]} */
+  #shown = [];
+  #plot;
+
+  /**
+   * @param {Panel} panel
+   * @param {Shared} shared
+   * @param {boolean} several whether runs are compared, here or by panels beside this one
+   */
+  constructor(panel, shared, several) {
+    this.panel = panel;
+    this.shared = shared;
+    this.#plot = new SpeedPlot(this.#host, {
+      height: HEIGHT_PX,
+      topAtLeast: TOP_AT_LEAST_MPS,
+      range: shared.range,
+      top: shared.top,
+      xWords: (seconds) => `${seconds} s`,
+      xSpace: 60,
+      read: (time) => shared.read(time),
+      select: (begin, end) => shared.zoom(begin, end),
+      all: () => shared.zoom(...shared.extent()),
+    });
+    this.#host.addEventListener("keydown", (event) => this.#pressed(event));
+    this.#host.addEventListener("blur", () => shared.read(null));
+    this.element = h("section", { class: "chart-panel", "aria-label": `Speeds of ${panel.title}` },
+      several && panel.charts.length === 1 ? h("h3", {}, panel.title) : null,
+      ...panel.charts.map((chart) => noteOf(chart, several)),
+      this.#host, this.#reading, this.#said, factsOf(panel));
+  }
+
+  /** @param {Set<Choice>} choices what is shown */
+  draw(choices) {
+    const { curves, starts, changes, gaps } = this.panel;
+    this.#shown = curves.filter(({ choice }) => choices.has(choice)).map((curve) => ({ ...curve, banded: curve.banded && choices.has("band") }));
+    this.#plot.draw(this.#shown, {
+      starts: starts.filter(({ choice }) => choices.has(choice)),
+      changes: choices.has("matched") ? changes : [],
+      gaps: choices.has("truth") ? gaps : [],
+    });
+    this.renderReading(this.#time);
+  }
+
+  /** What is seen has changed. */
+  rescale() {
+    this.#plot.rescale();
+    const [begin, end] = this.shared.range();
+    setAttribute(this.#host, "aria-label", `Speed over time of ${this.panel.title}, ${fixed(begin, 1)} to ${fixed(end, 1)} seconds. ${KEYS_IN_WORDS}`);
+  }
+
+  /** m/s, of the curves that are seen. */
+  highest() {
+    return this.#plot.highest();
+  }
+
+  /** Put the line at which values are read, where the pointer is not here itself. @param {number | null} time */
+  point(time) {
+    if (!this.#host.matches(":hover")) this.#plot.point(time);
+    this.renderReading(time);
+  }
+
+  /** @param {number | null} time */
+  renderReading(time) {
+    this.#time = time;
+    if (time === null) return this.#reading.replaceChildren(READING);
+    const [begin, end] = this.shared.range();
+    const read = readingsAt(this.#shown, time, Math.max(REACH * (end - begin), 0.05)).reverse();
+    const values = read.map(({ label, colour, kind, speed, std }) => {
+      const swatch = h("span", { class: "swatch line", "data-kind": kind, "aria-hidden": "true" });
+      swatch.style.setProperty("--swatch", `var(${colour})`);
+      return h("span", {}, swatch, ` ${label} ${withBand({ speed, std })}`);
+    });
+    this.#reading.replaceChildren(h("b", {}, `${fixed(time, 2)} s`), ...(values.length ? values : [h("span", {}, "nothing measured")]));
+  }
+
+  remove() {
+    this.#plot.remove();
+    this.element.remove();
+  }
+
+  /** @param {KeyboardEvent} event */
+  #pressed(event) {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const [begin, end] = this.shared.range();
+    const span = end - begin;
+    const at = this.#time !== null && this.#time >= begin && this.#time <= end ? this.#time : (begin + end) / 2;
+    const side = event.key === "ArrowRight" ? 1 : -1;
+    if (event.key === "ArrowLeft" || event.key === "ArrowRight") {
+      if (event.shiftKey) this.shared.zoom(begin + side * PAN * span, end + side * PAN * span);
+      else this.#readAt(Math.min(end, Math.max(begin, at + side * STEP * span)));
+    } else if (event.key === "+" || event.key === "=") {
+      this.shared.zoom(at - (at - begin) / ZOOM, at + (end - at) / ZOOM);
+    } else if (event.key === "-") {
+      this.shared.zoom(at - (at - begin) * ZOOM, at + (end - at) * ZOOM);
+    } else if (event.key === "0" || event.key === "Escape") {
+      this.shared.zoom(...this.shared.extent());
+    } else {
+      return;
+    }
+    event.preventDefault();
+  }
+
+  /** @param {number} time */
+  #readAt(time) {
+    this.shared.read(time);
+    this.#plot.point(time);
+    setText(this.#said, [...this.#reading.children].map(({ textContent }) => textContent?.trim()).join(", "));
+  }
+}
+
+/**
+ * Why truth is not aligned; of runs that are compared, also how it is.
+ *
+ * @param {StoredChart} chart
+ * @param {boolean} several
+ */
+function noteOf({ run, aligned, sentence: told }, several) {
+  if (!told || (aligned && !several)) return null;
+  const words = several ? `${run.name}: ${sentence(told)}` : sentence(told);
+  return h("p", { class: "chart-note", "data-tone": aligned ? "calm" : "open" }, words);
+}
+
+/** Changes of identity and gaps in truth, in words. @param {Panel} panel */
+function factsOf({ charts, changes, gaps }) {
+  const of = (/** @type {string} */ run) => (charts.length > 1 ? ` in ${run}` : "");
+  const changed = changes.map(({ time, body, words, run }) => `${fixed(time, 1)} s (${body}: ${words}${of(run)})`);
+  const missing = gaps.map(({ begin, end }) => `${fixed(begin, 1)} to ${fixed(end, 1)} s`);
+  return h("ul", { class: "chart-facts hint" },
+    changed.length ? h("li", { "data-fact": "changes" }, `Identity changes: ${listed(changed)}.`) : null,
+    missing.length ? h("li", { "data-fact": "gaps" }, `Truth is missing: ${listed(missing)}.`) : null);
+}
+
+/** @param {string[]} words */
+function listed(words) {
+  const shown = words.slice(0, LISTED_AT_MOST).join(", ");
+  return words.length > LISTED_AT_MOST ? `${shown} and ${words.length - LISTED_AT_MOST} more` : shown;
+}

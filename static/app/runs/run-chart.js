@@ -1,0 +1,202 @@
+/**
+ * <observer-run-chart>: speeds of stored runs over time, one or several, with their errors.
+ *
+ * `show(charts)` takes answers of GET /api/runs/{id}/chart. What is zoomed, hidden and how several
+ * stand beside each other is the element's own.
+ */
+
+import { h, setText } from "../dom.js";
+import { fixed } from "../words.js";
+import { extentOf, originsOf, panelsOf, runColour, sameRecording } from "./run-chart-data.js";
+import { errorSection } from "./run-chart-errors.js";
+import { ChartExport } from "./run-chart-export.js";
+import { ChartPanel } from "./run-chart-panel.js";
+
+/** @typedef {import("./run-chart-data.js").StoredChart} StoredChart */
+/** @typedef {import("./run-chart-data.js").Choice} Choice */
+
+// Less than this is not zoomed into.
+const LEAST_SPAN_S = 0.2;
+const ZOOM = 2;
+
+/** @type {{choice: Choice, label: string, kind: string, colour: string | null, shown: boolean}[]} those without a colour have that of the first track */
+const CHOICES = [
+  { choice: "matched", label: "By the observer", kind: "estimate", colour: null, shown: true },
+  { choice: "band", label: "Its band of 95 %", kind: "band", colour: null, shown: true },
+  { choice: "truth", label: "Truth", kind: "truth", colour: "--text", shown: true },
+  { choice: "commanded", label: "As commanded", kind: "commanded", colour: "--muted", shown: true },
+  { choice: "encoder", label: "By its encoders", kind: "encoder", colour: "--warn", shown: true },
+  { choice: "stray", label: "Of no known body", kind: "stray", colour: "--muted", shown: true },
+  { choice: "own", label: "The observer's own", kind: "encoder", colour: "--accent", shown: false },
+];
+
+let made = 0;
+
+export class RunChart extends HTMLElement {
+  #name = `run-chart-${(made += 1)}`;
+  #begin = h("input", { type: "number", step: "any", id: `${this.#name}-begin`, "aria-label": "Seen from, seconds" });
+  #end = h("input", { type: "number", step: "any", id: `${this.#name}-end`, "aria-label": "Seen to, seconds" });
+  #layout = h("fieldset", { class: "chips", hidden: true });
+  #clock = h("span", { class: "hint" });
+  #panelHost = h("div", { class: "chart-panels" });
+  #legend = h("fieldset", { class: "chips chart-legend" });
+  #errors = h("div", {});
+  /** @type {StoredChart[]} */
+  #charts = [];
+  #overlaid = false;
+  /** @type {ChartPanel[]} */
+  #panels = [];
+  /** @type {Set<Choice>} */
+  #choices = new Set(CHOICES.flatMap(({ choice, shown }) => (shown ? [choice] : [])));
+  /** @type {[number, number]} */
+  #extent = [0, 1];
+  /** @type {[number, number]} */
+  #range = [0, 1];
+
+  connectedCallback() {
+    if (!this.childElementCount) this.#build();
+    this.#rebuild();
+  }
+
+  disconnectedCallback() {
+    this.#clear();
+  }
+
+  /** @param {StoredChart[]} charts one, or several to compare; the first is what others are compared with */
+  show(charts) {
+    this.#charts = charts;
+    this.#extent = extentOf(panelsOf(charts, false));
+    this.#range = this.#extent;
+    if (this.isConnected) this.#rebuild();
+  }
+
+  #build() {
+    const zoomOut = h("button", { type: "button", class: "button icon-button", "aria-label": "Zoom out", title: "Zoom out" }, "−");
+    const zoomIn = h("button", { type: "button", class: "button icon-button", "aria-label": "Zoom in", title: "Zoom in" }, "+");
+    const all = h("button", { type: "button", class: "button", title: "Show all (double click)" }, "All");
+    zoomOut.addEventListener("click", () => this.#zoomBy(ZOOM));
+    zoomIn.addEventListener("click", () => this.#zoomBy(1 / ZOOM));
+    all.addEventListener("click", () => this.#zoom(...this.#extent));
+    for (const input of [this.#begin, this.#end]) input.addEventListener("change", () => this.#typed());
+    this.#layout.append(h("legend", { class: "visually-hidden" }, "How runs are compared"),
+      ...["Side by side", "Overlaid"].map((words, at) => {
+        const input = h("input", { type: "radio", name: `${this.#name}-layout`, checked: at === 0 });
+        input.addEventListener("change", () => {
+          this.#overlaid = at === 1;
+          this.#rebuild();
+        });
+        return h("label", {}, input, words);
+      }));
+    this.append(
+      h("div", { class: "chart-tools" }, this.#layout,
+        h("div", { class: "row" }, h("span", { class: "from" }, "From"), this.#begin, h("span", {}, "to"), this.#end, h("span", { class: "unit" }, "s"), zoomOut, zoomIn, all),
+        new ChartExport(() => this.#offers())),
+      this.#panelHost, this.#legend, this.#clock, this.#errors);
+  }
+
+  #clear() {
+    for (const panel of this.#panels) panel.remove();
+    this.#panels = [];
+  }
+
+  #rebuild() {
+    this.#clear();
+    const several = this.#charts.length > 1;
+    this.toggleAttribute("data-empty", this.#charts.length === 0);
+    const panels = panelsOf(this.#charts, several && this.#overlaid);
+    this.#layout.hidden = !several;
+    this.#panels = panels.map((panel) => new ChartPanel(panel, {
+      range: () => this.#range,
+      extent: () => this.#extent,
+      zoom: (begin, end) => this.#zoom(begin, end),
+      read: (time) => this.#read(time),
+      top: () => Math.max(...this.#panels.map((each) => each.highest())),
+    }, several));
+    this.#panelHost.replaceChildren(...this.#panels.map(({ element }) => element));
+    setText(this.#clock, sameRecording(this.#charts) ? "m/s over seconds on the source's clock. Drag over a stretch to zoom in, double click for all." : "m/s over seconds since each run's first speed. Drag over a stretch to zoom in, double click for all.");
+    this.#renderLegend();
+    this.#draw();
+    this.#zoom(...this.#range);
+    this.#errors.replaceChildren(errorSection(this.#charts, several && this.#overlaid));
+  }
+
+  #draw() {
+    for (const panel of this.#panels) panel.draw(this.#choices);
+    // The upper end is common to all: only now every curve that is seen is known.
+    for (const panel of this.#panels) panel.rescale();
+  }
+
+  /** Only what these runs have; pressing one hides or shows it. */
+  #renderLegend() {
+    const has = new Set(this.#panels.flatMap(({ panel }) => panel.curves.map(({ choice }) => choice)));
+    if (has.has("matched")) has.add("band");
+    const several = this.#overlaid && this.#charts.length > 1;
+    const first = this.#panels[0]?.panel.curves.find(({ choice }) => choice === "matched")?.colour;
+    const entries = CHOICES.filter(({ choice }) => has.has(choice)).map(({ choice, label, kind, colour }) => {
+      const input = h("input", { type: "checkbox", checked: this.#choices.has(choice) });
+      input.addEventListener("change", () => {
+        if (input.checked) this.#choices.add(choice);
+        else this.#choices.delete(choice);
+        this.#draw();
+      });
+      return h("label", {}, input, several && (kind === "estimate" || kind === "band") ? null : swatch(kind, colour ?? first ?? "--muted"), label);
+    });
+    const runs = several ? this.#charts.map(({ run }, at) => h("span", { class: "of-run" }, swatch("estimate", runColour(at)), run.name)) : [];
+    this.#legend.replaceChildren(h("legend", { class: "visually-hidden" }, "Curves"), ...runs, ...entries);
+  }
+
+  /** @param {number | null} time */
+  #read(time) {
+    for (const panel of this.#panels) panel.point(time);
+  }
+
+  #typed() {
+    this.#zoom(this.#begin.valueAsNumber, this.#end.valueAsNumber);
+  }
+
+  /** @param {number} factor */
+  #zoomBy(factor) {
+    const [begin, end] = this.#range;
+    const middle = (begin + end) / 2;
+    const half = ((end - begin) / 2) * factor;
+    this.#zoom(middle - half, middle + half);
+  }
+
+  /**
+   * Kept within what there is; what is no range changes nothing.
+   *
+   * @param {number} begin
+   * @param {number} end
+   */
+  #zoom(begin, end) {
+    const [first, last] = this.#extent;
+    if (begin < end) {
+      const span = Math.min(last - first, Math.max(end - begin, LEAST_SPAN_S));
+      const from = Math.min(Math.max(begin, first), last - span);
+      this.#range = [from, from + span];
+    }
+    this.#begin.value = fixed(this.#range[0], 2);
+    this.#end.value = fixed(this.#range[1], 2);
+    for (const panel of this.#panels) panel.rescale();
+  }
+
+  /** What is seen of each run, on its own clock. */
+  #offers() {
+    const origins = originsOf(this.#charts);
+    const [begin, end] = this.#range;
+    const all = begin <= this.#extent[0] && end >= this.#extent[1];
+    return this.#charts.map(({ run }, at) => {
+      const origin = Number(origins[at]);
+      return { id: run.id, name: run.name, range: all ? null : { begin: begin + origin, end: end + origin } };
+    });
+  }
+}
+
+/** @param {string} kind @param {string} colour */
+function swatch(kind, colour) {
+  const line = h("span", { class: "swatch line", "data-kind": kind, "aria-hidden": "true" });
+  line.style.setProperty("--swatch", `var(${colour})`);
+  return line;
+}
+
+customElements.define("observer-run-chart", RunChart);
