@@ -17,6 +17,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from app.settings import Settings
+from app.storage.occupancy import occupied
 from app.web.server import create_app
 from app.web.token import load_token
 from observer.errors import InputError
@@ -32,12 +33,13 @@ def run(settings: Settings) -> int:
     """Serve until SIGINT or SIGTERM; returns the process's exit code.
 
     Raises:
-        InputError: the port, a certificate or the token file cannot be used; one sentence.
+        InputError: the port, a certificate or the token file cannot be used, or another server
+            uses the data folder; one sentence.
         StorageError, EngineUnavailable: the database or the engine cannot be used.
     """
     _configure_logging(settings.log_level)
     listener = _bind(settings)
-    with contextlib.closing(listener):
+    with contextlib.closing(listener), occupied(settings.data):
         token = load_token(settings.token_file)
         app = create_app(settings, token)
         server = _Server(server_config(app, settings))

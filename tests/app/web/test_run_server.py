@@ -19,6 +19,7 @@ import structlog
 
 from app.settings import Settings
 from app.storage import StorageError
+from app.storage.occupancy import occupied
 from app.web.run_server import _bind, _Lasting, _link, run
 from observer.errors import InputError
 
@@ -94,6 +95,26 @@ def test_a_busy_port_is_said_in_one_sentence(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=f"port {port} of 127.0.0.1 is in use .* --port$"):
             run(Settings(port=port, data=tmp_path))
     assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_is_one_servers_and_free_behind_its_end_however_it_ended(tmp_path: Path) -> None:
+    for _ in range(2):
+        # The second one comes behind one that was killed.
+        with (
+            server(tmp_path) as (process, _),
+            pytest.raises(InputError, match=f"process {process.pid}.*--data"),
+        ):
+            run(Settings(port=0, data=tmp_path))
+    with occupied(tmp_path), pytest.raises(InputError, match="another server"), occupied(tmp_path):
+        pytest.fail("held twice")
+    with occupied(tmp_path / "made" / "for it"):
+        pass
+
+
+def test_where_no_lock_can_be_had_nothing_is_held(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with occupied(tmp_path / "file"), occupied(tmp_path / "file"):
+        pass
 
 
 def test_a_database_that_cannot_be_used_is_said(tmp_path: Path) -> None:
