@@ -50,6 +50,7 @@ from app.station.opening import Opening
 from app.station.parameter_desk import ParameterDesk
 from app.station.rig_desk import RigDesk
 from app.station.run_end import write_end
+from app.station.run_files import RunFiles
 from app.station.run_recording import (
     RingDesk,
     complete_recording,
@@ -78,7 +79,7 @@ class StationCore:
     """The part of the station that acts by itself; see ``app.station.service`` for the rest.
 
     Attributes:
-        parameters: parameters and presets. runs, history: those kept.
+        parameters: parameters and presets. runs, history, run_files: those kept.
         followers: who is told of everything. watching: which views are looked at.
         telemetry: figures of the running loop. writer: the way into the database.
         calibrating: what is being calibrated. rig: how the cameras stand on their robot.
@@ -129,6 +130,7 @@ class StationCore:
         self.parameters.followed = self.driving.guard_changed
         self.runs = RunArchive(storage, lambda: self.run)
         self.history = HistoryDesk(storage, lambda: self._run, clock)
+        self.run_files = RunFiles(storage, self.runs)
         self.state = StateEvent(EngineState.IDLE, None)
         self.latest: ObservationEvent | None = None
         self.viewers = 0
@@ -198,6 +200,7 @@ class StationCore:
 
     def _load(self) -> None:
         self.storage.open()
+        self.run_files.quick.tidy()
         self.warnings.extend(self.storage.warnings)
         self._interrupted = [run.id for run in self.storage.mark_interrupted_runs()]
         warning = self.parameters.load()
@@ -429,6 +432,7 @@ class StationCore:
             segments=ended.segments,
             reason=reason,
             recording_bytes=recording.get("bytes"),
+            at=ended.ended_at,
         )
         try:
             written = await write_end(self.writer, write, run.id, self._background.start)

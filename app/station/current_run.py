@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
+from datetime import datetime, timedelta
 from functools import partial
 from typing import Any
 
@@ -19,7 +20,6 @@ from app.storage import (
     SpeedRow,
     StopFigures,
     Storage,
-    utc_now,
 )
 from observer.rig.rig import Role
 
@@ -51,7 +51,7 @@ class CurrentRun:
         self._writer = writer
         self._clock = clock
         self._rows: list[SpeedRow] = []
-        self._flushed = clock()
+        self._began = self._flushed = clock()
         # What the database calls each incident; of the writer's thread alone.
         self._incidents: dict[int, int] = {}
 
@@ -103,23 +103,29 @@ class CurrentRun:
         """Give the rows so far to the writer."""
         rows, self._rows = self._rows, []
         self._flushed = self._clock()
-        self._writer.post(partial(self._write, rows, self.frames, self.segments))
+        self._writer.post(partial(self._write, rows, self.frames, self.segments, self.now()))
+
+    def now(self) -> str:
+        """The time of day by the clock that never jumps, from the run's beginning on."""
+        passed = timedelta(seconds=self._clock() - self._began)
+        began = datetime.fromisoformat(self.record.started_at)
+        return (began + passed).isoformat(timespec="microseconds")
 
     def snapshot(self) -> RunRecord:
         """The record as it stands now."""
         return replace(
-            self.record, frames=self.frames, segments=self.segments, updated_at=utc_now()
+            self.record, frames=self.frames, segments=self.segments, updated_at=self.now()
         )
 
     def ended(self, state: RunState, reason: str | None) -> RunRecord:
         """The record of the run's end."""
-        now = utc_now()
+        now = self.now()
         return replace(self.snapshot(), state=state, reason=reason, updated_at=now, ended_at=now)
 
-    def _write(self, rows: list[SpeedRow], frames: int, segments: int) -> None:
+    def _write(self, rows: list[SpeedRow], frames: int, segments: int, at: str) -> None:
         # Both are tried again where one finds the database locked, so what must not be done twice
         # comes last.
-        self._storage.update_run(self.id, frames=frames, segments=segments)
+        self._storage.update_run(self.id, frames=frames, segments=segments, at=at)
         self._storage.append_speeds(rows)
 
     def _write_incident(self, number: int, record: IncidentRecord) -> None:

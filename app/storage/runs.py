@@ -88,13 +88,17 @@ class RunTables(Database):
         reason: str | None = None,
         calibration_id: str | None = None,
         recording_bytes: int | None = None,
+        at: str | None = None,
     ) -> RunRecord:
         """Change what is given, and note the sign of life; a final state also notes the end.
+
+        Args:
+            at: when it was so, as ``utc_now`` tells it; None now.
 
         Raises:
             StorageMissing: there is no such run.
         """
-        now = utc_now()
+        now = at or utc_now()
         given = {
             "name": name,
             "frames": frames,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from app.station.current_run import CurrentRun
 from app.station.driving.wheels import WheelSample
 from app.station.writer import Writer
-from app.storage import Storage, StorageBusy
+from app.storage import RunState, Storage, StorageBusy
 
 
 def test_rows_are_written_once_although_the_database_was_locked(
@@ -39,3 +40,22 @@ def test_rows_are_written_once_although_the_database_was_locked(
         writer.stop()
     assert [row.speed for row in storage.speeds(record.id)] == [0.3, 0.25]
     assert writer.dropped == 0
+
+
+def test_a_run_lasts_as_long_as_it_does_whatever_the_time_of_day_does(storage: Storage) -> None:
+    storage.open()
+    record = storage.create_run(name="a", source="b", parameters={}, versions={})
+    # As if the wall clock went back an hour at once.
+    record = replace(record, started_at="2031-05-04T03:02:01.000000+00:00")
+    now = [70.0]
+    writer = Writer()
+    run = CurrentRun(record, storage, writer, lambda: now[0])
+    now[0] = 72.5
+    ended = run.ended(RunState.FINISHED, None)
+    assert ended.ended_at == ended.updated_at == "2031-05-04T03:02:03.500000+00:00"
+    run.flush()
+    writer.start()
+    writer.stop()
+    kept = storage.get_run(record.id)
+    assert kept is not None
+    assert kept.updated_at == ended.updated_at

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,8 +70,14 @@ class Server:
 
 
 @contextmanager
-def served(folder: Path, source: str) -> Iterator[Server]:
-    """A server on a free port with its data in ``folder``; gone in the end, however it fared."""
+def served(
+    folder: Path, source: str, environment: Mapping[str, str] | None = None
+) -> Iterator[Server]:
+    """A server on a free port with its data in ``folder``; gone in the end, however it fared.
+
+    Args:
+        environment: of its processes, beside the own one.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "server.log"
     command = [sys.executable, "-m", "app.cli", "serve", source, "--port", "0"]
@@ -78,8 +85,9 @@ def served(folder: Path, source: str) -> Iterator[Server]:
     with log.open("a") as stream:
         stream.truncate(0)
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT
-        )
+            command, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT,
+            env={**os.environ, **(environment or {})},
+        )  # fmt: skip
     children: list[psutil.Process] = []
     try:
         link = _wait_for_link(process, log)

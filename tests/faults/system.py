@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -32,11 +32,14 @@ ports: {{observer: '{port}'}}
 class System:
     """A lab in which things go wrong.
 
+    Args:
+        folder: of the data. environment: of the server's processes, beside the own one.
+
     Attributes:
         left, right: cameras. robot: behind its port. server: restarted by ``restart``.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, environment: Mapping[str, str] | None = None) -> None:
         self.world: World = still_world()
         self.left: Camera
         self.right: Camera
@@ -46,6 +49,7 @@ class System:
         self.server: Server
         self.operator: Operator | None = None
         self._folder = folder
+        self._environment = environment
         self._serving = ExitStack()
         self._calibration_id: str | None = None
         self.random = random.Random(7)
@@ -54,7 +58,9 @@ class System:
 
     def start(self) -> None:
         """Begin to serve, on what was kept before."""
-        self.server = self._serving.enter_context(served(self._folder, self.source))
+        self.server = self._serving.enter_context(
+            served(self._folder, self.source, self._environment)
+        )
         if self._calibration_id is None:
             text = calibration_text(self._calibration).encode()
             kept = self.server.upload("/calibrations", "calibration.yaml", text)
