@@ -27,6 +27,7 @@ def build() -> typer.Typer:
     from app.commands.backup import backup
     from app.commands.benchmark import benchmark
     from app.commands.calibrate import calibrate
+    from app.commands.chart import chart
     from app.commands.coppelia_scene import coppelia_scene
     from app.commands.doctor import doctor
     from app.commands.drive import drive, programmes
@@ -54,6 +55,7 @@ def build() -> typer.Typer:
     cli.command("observe")(observe)
     cli.command("evaluate")(evaluate)
     cli.command("export")(export)
+    cli.command("chart")(chart)
     cli.command("report")(report)
     cli.command("reproduce")(reproduce)
     cli.command("simulate")(simulate)

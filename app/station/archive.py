@@ -21,6 +21,11 @@ class RunArchive:
         self._storage = storage
         self._current = current
 
+    def is_going(self, run_id: str) -> bool:
+        """Whether this run is being kept at this moment."""
+        current = self._current()
+        return current is not None and current.id == run_id
+
     async def newest(self) -> list[RunRecord]:
         """Newest first."""
         current = self._current()
@@ -48,8 +53,7 @@ class RunArchive:
             NotThere: there is no such run, or it has none. Conflict: it is being written.
         """
         record = await self.find(run_id)
-        current = self._current()
-        if current is not None and current.id == run_id:
+        if self.is_going(run_id):
             raise Conflict(f"the run {record.name} is going; stop it to have its recording")
         path = self._storage.folder.run(run_id) / RECORDING
         if not await asyncio.to_thread(path.is_file):

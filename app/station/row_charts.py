@@ -1,0 +1,57 @@
+"""The chart of a run by what the database has of it, without its recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from app.storage import SpeedRow
+
+_OBSTACLE = "obstacle"
+
+
+def chart_of_rows(rows: Iterable[SpeedRow]) -> dict[str, Any]:
+    """As ``app.reporting.run_chart.chart_values``, but tracks are not taken for bodies.
+
+    So there are neither errors nor changes of identity.
+    """
+    curves: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for row in rows:
+        if row.role != _OBSTACLE:
+            continue
+        seen = row.source == "estimate"
+        segment = row.segment if seen else None
+        key = (row.source, segment, row.track_id, row.body)
+        curve = curves.setdefault(key, _curve(row, segment))
+        curve["times"].append(row.time)
+        curve["speeds"].append(row.speed)
+        if seen:
+            curve["stds"].append(row.std)
+    return {
+        "aligned": any(source == "truth" for source, *_ in curves),
+        "sentence": None,
+        "alignment": None,
+        "curves": list(curves.values()),
+        "changes": [],
+        "errors": [],
+    }
+
+
+def _curve(row: SpeedRow, segment: int | None) -> dict[str, Any]:
+    labels = {
+        "estimate": f"track {row.segment}:{row.track_id}",
+        "truth": row.body or f"body {row.track_id}",
+        "commanded": "as commanded",
+        "encoder": "by its encoders",
+    }
+    return {
+        "kind": row.source,
+        "label": labels[row.source],
+        "role": row.role,
+        "track_id": row.track_id if segment is not None else None,
+        "body": row.body,
+        "segment": segment,
+        "times": [],
+        "speeds": [],
+        "stds": None if segment is None else [],
+    }

@@ -1,0 +1,81 @@
+"""What goes in and out of the routes that lay truth over runs and draw them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, Field
+
+from app.web.api.models import Run
+
+
+class ChartCurve(BaseModel):
+    """One curve: arrays of one length."""
+
+    kind: Literal["estimate", "truth", "commanded", "encoder"]
+    label: str
+    role: str
+    track_id: int | None
+    body: str | None = Field(description="Which body it is of, or was taken for.")
+    segment: int | None = Field(description="None where it is of the whole run.")
+    times: list[float] = Field(description="Source time, s.")
+    speeds: list[float | None] = Field(description="m/s; None is a gap.")
+    stds: list[float | None] | None = Field(description="Standard deviations, m/s.")
+
+
+class IdentityChange(BaseModel):
+    """Another track took a body's place; tracks are named SEGMENT:NUMBER."""
+
+    time: float
+    body: str
+    before: str
+    after: str
+
+
+class SpeedErrorsEntry(BaseModel):
+    """Errors of speed of one group of samples; None is what there is nothing to draw from."""
+
+    group: Literal["all", "body", "track", "direction", "way"]
+    label: str
+    body: str | None
+    samples: int
+    bias_mps: float | None
+    rmse_mps: float | None
+    maximum_mps: float | None
+    coverage: float | None = Field(description="Share within the band of 95 %.")
+    covered_of: int
+    seen_share: float | None
+
+
+class AlignmentMatch(BaseModel):
+    body: str | None = Field(description="None: the track belongs to none.")
+    by: str
+    distance_m: float | None
+
+
+class AlignmentFacts(BaseModel):
+    """How truth was laid over a run."""
+
+    offset_s: float = Field(description="To be added to truth's times.")
+    sigma_s: float
+    drift_ppm: float
+    drift_sigma_ppm: float | None
+    correlation: float
+    overlap_s: float
+    residual_mps: float
+    samples: int
+    frame_residual_m: float | None = Field(description="None: only the clocks are aligned.")
+    observer: str | None
+    roles: dict[str, str]
+    matches: dict[str, AlignmentMatch] = Field(description="By track, SEGMENT:NUMBER.")
+    notes: list[str]
+
+
+class RunChart(BaseModel):
+    run: Run
+    aligned: bool = Field(description="Whether there is truth to compare with.")
+    sentence: str | None = Field(description="Where truth comes from, or why there is none.")
+    alignment: AlignmentFacts | None
+    curves: list[ChartCurve]
+    changes: list[IdentityChange]
+    errors: list[SpeedErrorsEntry]
