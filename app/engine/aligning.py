@@ -29,7 +29,12 @@ _MOST_WAITING = 3600
 # Of motion capture while nothing is observed.
 _MOST_KEPT = 30_000
 NOTHING_SEEN = "not yet aligned: no frame has been observed yet"
-_NO_CLOCK = "not yet aligned: motion capture has not told anything for a second yet"
+_NO_SERVER_CLOCK = "not yet aligned: motion capture has only just begun to tell something"
+_ONLY_BEGUN = "not yet aligned: the source has only just begun"
+_ANOTHER_CLOCK = (
+    "not yet aligned: frames did not come at their own pace, because the source stood still or "
+    "could not be observed fast enough; what comes now is aligned anew"
+)
 # What is needed of an observation to align it.
 _OF_LINE = ("time", "segment", "pose")
 _OF_OBSTACLE = ("id", "state", "position", "velocity_time", "speed", "speed_std")
@@ -101,6 +106,7 @@ class AlignmentThread:
         self._lines: list[dict[str, Any]] = []
         self._kept: deque[BodySample] = deque(maxlen=_MOST_KEPT)
         self._anew = False
+        self._slipped = False
         self._not_before = 0.0
         self._thread = threading.Thread(target=self._run, name="alignment", daemon=True)
         self._thread.start()
@@ -148,11 +154,12 @@ class AlignmentThread:
             else:
                 self._take(*item)
         self._kept.extend(self._samples())
-        clocks = self._clocks()
-        if clocks is None:
-            if self.aligned is None and self._lines:
-                self.sentence = _NO_CLOCK
+        server, source = self._server_clock(), self._source_clock.fit()
+        if server is None or source is None:
+            if self._lines and not self._slipped:
+                self.sentence = _NO_SERVER_CLOCK if server is None else _ONLY_BEGUN
             return
+        clocks = LiveClocks(server, source)
         if self.aligned is None and self._carried is not None and self._beginning is not None:
             self.aligned = Aligned(self._beginning.session, self._carried, clocks, carried=True)
         if self._lines and time.monotonic() >= self._not_before:
@@ -167,7 +174,7 @@ class AlignmentThread:
     def _begin_anew(self) -> None:
         self._source_clock = SourceClock()
         self._lines.clear()
-        self._anew = True
+        self._anew, self._slipped = True, False
         self.aligned, self.sentence = None, NOTHING_SEEN
 
     def _take(self, line: Mapping[str, Any], received: float) -> None:
@@ -177,11 +184,8 @@ class AlignmentThread:
             self._carried = None
             self._begin_anew()
             self._source_clock.add(seen, received)
+            self._slipped, self.sentence = True, _ANOTHER_CLOCK
         self._lines.append(_needed(line))
-
-    def _clocks(self) -> LiveClocks | None:
-        server, source = self._server_clock(), self._source_clock.fit()
-        return None if server is None or source is None else LiveClocks(server, source)
 
     def _solve(self, clocks: LiveClocks) -> None:
         beginning = self._beginning

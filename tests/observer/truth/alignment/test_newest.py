@@ -1,0 +1,143 @@
+"""Clocks by arrivals, and what is told of motion capture right after it was measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from observer.geometry import Pose
+from observer.truth.alignment.alignment import align
+from observer.truth.alignment.choices import AlignmentChoices
+from observer.truth.alignment.live_clocks import LiveClocks, SourceClock
+from observer.truth.alignment.newest import NewestTruth, TimedBody
+from observer.truth.alignment.observed import ObservedRun
+from observer.truth.alignment.result import Alignment
+from observer.truth.live.clock import ClockFit
+from observer.truth.motion_capture import BodySample
+
+SAME = ClockFit(0.0, 0.0, 0.0, 1, 0.0, 1.0)
+
+
+def samples_of(room: Any) -> list[BodySample]:
+    """In order of arrival, on the room's own clock."""
+    told = [
+        BodySample(name, float(t), float(t), p if np.isfinite(p).all() else None,
+                   R if np.isfinite(R).all() else None)
+        for name, body in room.capture.bodies.items()
+        for t, p, R in zip(body.times, body.positions, body.rotations, strict=True)
+    ]  # fmt: skip
+    return sorted(told, key=lambda sample: sample.time)
+
+
+@pytest.fixture(scope="module")
+def found(room: Any, mount: Any) -> Alignment:
+    return align(ObservedRun.of_lines(room.lines), room.capture, AlignmentChoices(mount=mount))
+
+
+def told_at(
+    room: Any, found: Alignment, time: float, *, until: float | None = None, at_least: float = -9.0
+) -> dict[str, TimedBody]:
+    """What is told of ``time`` where samples have come up to ``until``, both the source's clock."""
+    newest = NewestTruth()
+    limit = (time if until is None else until) - room.offset
+    newest.add(s for s in samples_of(room) if at_least - room.offset <= s.time <= limit)
+    told = newest.bodies(found, LiveClocks(SAME, SAME), found.T_world_room[0], time)
+    return {each.body.name: each for each in told}
+
+
+def test_clocks_are_chained_both_ways() -> None:
+    # The server began a thousand seconds before the host and is slow, the source ten behind.
+    server = ClockFit(-1000.0, 50.0, 0.0, 100, 1500.0, 60.0)
+    source = ClockFit(10.0, -20.0, 0.0, 100, 480.0, 60.0)
+    clocks = LiveClocks(server, source)
+    stamps = np.array([1500.0, 1510.0, 1600.0])
+    expected = [source.to_server(server.to_host(s)) for s in stamps]
+    np.testing.assert_allclose(clocks.to_source(stamps), expected, atol=1e-7)
+    np.testing.assert_allclose(clocks.to_server(clocks.to_source(stamps)), stamps, atol=1e-7)
+    assert server.to_server(server.to_host(1534.5)) == pytest.approx(1534.5)
+
+
+def test_a_source_that_stands_still_has_another_clock() -> None:
+    clock = SourceClock()
+    rng = np.random.default_rng(1)
+    times = np.arange(0, 8, 1 / 15)
+    assert not any(clock.add(t, 500.0 + t + rng.exponential(0.005)) for t in times)
+    fit = clock.fit()
+    assert fit is not None
+    assert fit.to_host(4.0) == pytest.approx(504.0, abs=0.003)
+    # A hesitation that it makes up for is none.
+    assert not any(clock.add(8 + k / 15, 508.0 + max(k / 15, 0.8)) for k in range(40))
+    # A pause of two seconds is.
+    later = [clock.add(11 + k / 15, 513.0 + k / 15) for k in range(45)]
+    assert sum(later) == 1
+    fit = clock.fit()
+    # Begun anew at the earliest when it can be told from a hesitation.
+    assert fit is None or fit.to_host(12.0) == pytest.approx(514.0, abs=0.01)
+    assert clock.add(3.0, 520.0)
+
+
+def test_bodies_are_told_as_they_are_measured(room: Any, found: Alignment) -> None:
+    places, speeds = [], []
+    for time in np.arange(2.5, 24, 0.37):
+        told = told_at(room, found, time, until=time + 0.1)
+        if "P3DX" in told:
+            body = told["P3DX"].body
+            assert told["P3DX"].time == time
+            assert (body.id, body.role, body.visible, body.commanded_speed) == (
+                1, "obstacle", None, None,
+            )  # fmt: skip
+            places.append(np.linalg.norm(body.position - room.centre(time)))
+            speeds.append(abs(body.speed - room.speed(time)))
+    assert len(places) > 45
+    assert np.median(places) < 0.05
+    assert np.median(speeds) < 0.015
+
+
+def test_samples_that_are_still_on_their_way_are_not_made_up(room: Any, found: Alignment) -> None:
+    told = told_at(room, found, 10.0, until=9.97)["P3DX"]
+    # Three samples behind it, at 100 Hz.
+    assert 9.90 < told.time < 9.95
+    assert told.body.speed == pytest.approx(room.speed(told.time), abs=0.06)
+    assert told_at(room, found, 10.0, until=9.85) == {}
+    newest = NewestTruth()
+    newest.add(s for s in samples_of(room) if s.time <= 9.9 - room.offset)
+    clocks, T = LiveClocks(SAME, SAME), found.T_world_room[0]
+    assert len(newest.bodies(found, clocks, T, 9.9)) == 2
+    # The next frame comes before anything new: no instant is told a second time.
+    assert newest.bodies(found, clocks, T, 9.92) == ()
+
+
+def test_a_gap_stays_a_gap(room: Any, found: Alignment) -> None:
+    body = room.capture.bodies["P3DX"]
+    lost = body.times[~body.seen]
+    middle = float(found.time.to_source(lost[12:13])[0])
+    assert "P3DX" not in told_at(room, found, middle, until=middle + 0.2)
+    # The very same where the server falls silent, and speaks again.
+    for time, there in ((10.0, True), (10.2, False), (10.5, False), (10.7, True)):
+        newest = NewestTruth()
+        for sample in samples_of(room):
+            at = sample.time + room.offset
+            if at <= time + 0.1 and not 10.05 < at < 10.55:
+                newest.add([sample])
+        told = newest.bodies(found, LiveClocks(SAME, SAME), found.T_world_room[0], time)
+        assert ("P3DX" in {each.body.name for each in told}) == there, time
+
+
+def test_the_camera_is_where_its_body_is(room: Any, found: Alignment) -> None:
+    newest = NewestTruth()
+    newest.add(s for s in samples_of(room) if s.time <= 10.1 - room.offset)
+    clocks = LiveClocks(SAME, SAME)
+    camera = newest.room_camera(found, clocks, 10.0)
+    assert camera is not None
+    line = room.lines[150]
+    assert line["time"] == pytest.approx(10.0)
+    seen = Pose.from_quaternion(line["pose"]["orientation_wxyz"], line["pose"]["position"])
+    T_world_room = seen @ camera.inverse()
+    apart = T_world_room.inverse() @ found.T_world_room[0]
+    assert np.linalg.norm(apart.translation) < 0.1
+    assert np.degrees(np.linalg.norm(apart.rotvec)) < 1.5
+    assert newest.room_camera(found, clocks, 11.0) is None
+    assert newest.room_camera(replace(found, T_body_camera=None), clocks, 10.0) is None
