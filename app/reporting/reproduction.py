@@ -6,6 +6,7 @@ nothing here knows more than the page does.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import time
@@ -18,20 +19,31 @@ from typing import Any
 
 from app.benchmark.server_process import RunningServer, running_server
 from app.operating.errors import DrivingFailed
+from app.operating.operator_socket import OperatorSocket
 from app.operating.programme_drive import PlayRequest, ProgrammeDrive
 from app.operating.server_api import ServerApi
 from app.reporting.experiments import Experiment, judged, with_experiments
 from app.reporting.gathering import Gathered
 from app.reporting.report import Report, Step, make_report
 from observer.errors import DynamicObserverError
+from observer.guard.sight import SIGHT_FRESH_S
 from observer.programmes.playing import duration_s
 from observer.programmes.programme import Programme
 
 SOURCE = "simulated:drive"
-ATTEMPTS = 8
+ATTEMPTS = 12
 _DOWNLOAD_TIMEOUT_S = 120.0
-# Frames before the first motion, and until a track has ended behind the last.
+# The obstacle's course leads it across the view until its motors are on for the first time: by then
+# there is as much of its way to the one side as to the other.
+_CROSSES_S = 2.4
+# Until a track has ended.
 _REST_S = 2.0
+# A drive begins when frames came in time for so long, or when that was waited for long enough.
+_CALM_S = 3.0
+_CALM_WITHIN_S = 30.0
+# Of what stops a robot, SIGHT_FRESH_S.
+_CALM_SHARE = 0.7
+_LOOK_S = 0.05
 
 
 class ReproductionError(DynamicObserverError):
@@ -123,24 +135,44 @@ def _driven(
     DrivingFailed: something stopped the robots.
     """
     server.wait_for_frames()
-    time.sleep(_REST_S)
+    time.sleep(_CROSSES_S)
     experiments = []
-    for programme in programmes:
-        tell(f"driving {programme.name}, {duration_s(programme):.0f} s")
-        request = PlayRequest(
-            programme.name, programme.roles, duration_s(programme), 1, False, False
-        )
-        api = ServerApi(f"http://127.0.0.1:{server.port}", server.token)
-        try:
+    with contextlib.closing(
+        ServerApi(f"http://127.0.0.1:{server.port}", server.token)
+    ) as api:
+        _halt_obstacle(api)
+        for programme in programmes:
+            _wait_for_calm(api)
+            tell(f"driving {programme.name}, {duration_s(programme):.0f} s")
+            request = PlayRequest(
+                programme.name, programme.roles, duration_s(programme), 1, False, False
+            )
             # The server's processes have the same monotonic clock as this one.
             began = time.monotonic()
             ProgrammeDrive(api, request, _unwatched).run()
-            ended = time.monotonic()
-        finally:
-            api.close()
-        experiments.append(Experiment(programme.name, programme.title, began, ended))
-        time.sleep(_REST_S)
+            experiments.append(
+                Experiment(programme.name, programme.title, began, time.monotonic())
+            )
+            time.sleep(_REST_S)
     return tuple(experiments)
+
+
+def _halt_obstacle(api: ServerApi) -> None:
+    """End its own course by arming it once; it stands from then on until it is driven."""
+    with OperatorSocket(api) as socket:
+        lease = socket.take("obstacle", takeover=False)
+        api.post("robots", "obstacle", "arm", body={"lease": lease})
+        socket.release()
+
+
+def _wait_for_calm(api: ServerApi) -> None:
+    """Until frames come in time, so that a short load alone does not end a drive."""
+    began = calm_since = time.monotonic()
+    while (now := time.monotonic()) - began < _CALM_WITHIN_S and now - calm_since < _CALM_S:
+        age = api.get("robots")["sight"]["age_s"]
+        if age is None or age > _CALM_SHARE * SIGHT_FRESH_S:
+            calm_since = now
+        time.sleep(_LOOK_S)
 
 
 def _unwatched(playing: dict[str, Any], robots: dict[str, Any]) -> None:

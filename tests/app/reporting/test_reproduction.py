@@ -30,6 +30,7 @@ class Laboratory(ScriptedServer):
     Attributes:
         runs: their ids, in order; a new one begins when none goes on. going: the one that does.
         late_in: of how many runs the robots are stopped.
+        looks: how often the facts were asked for.
     """
 
     def __init__(self) -> None:
@@ -37,8 +38,14 @@ class Laboratory(ScriptedServer):
         self.runs: list[str] = []
         self.going: str | None = None
         self.late_in = 0
+        self.looks = 0
         self.act = self._maybe_late
         self._run_routes()
+
+    def facts(self) -> dict[str, Any]:
+        self.looks += 1
+        # As if the machine had been busy at first.
+        return {**super().facts(), "sight": {"age_s": 0.3 if self.looks < 5 else 0.04}}
 
     def _maybe_late(self, since_s: float) -> None:
         if len(self.runs) <= self.late_in and since_s > 0.1:
@@ -84,7 +91,8 @@ def laboratory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Laboratory:
             yield RunningServer(script.port, TOKEN, 0.0, 0, tmp_path)
 
     monkeypatch.setattr(reproduction, "running_server", serving)
-    monkeypatch.setattr(reproduction, "_REST_S", 0.0)
+    for name in ("_REST_S", "_CROSSES_S", "_CALM_S"):
+        monkeypatch.setattr(reproduction, name, 0.01)
     return script
 
 
@@ -111,8 +119,12 @@ def test_both_are_driven_anew_where_the_robots_were_stopped(
     assert first.ended <= second.began
     (why,) = played.interrupted
     assert LATE in why
-    assert said == ["driving mine, 1 s", f"attempt 1 of 8: {why}", *["driving mine, 1 s"] * 2]
+    assert said == ["driving mine, 1 s", f"attempt 1 of 12: {why}", *["driving mine, 1 s"] * 2]
     assert laboratory.armed == set()
+    # The obstacle is armed by itself before each run's drives.
+    arms = [call[1] for call in laboratory.calls if call[1].endswith("/arm")]
+    both = ["/robots/observer/arm", "/robots/obstacle/arm"]
+    assert arms == ["/robots/obstacle/arm", *both, "/robots/obstacle/arm", *both, *both]
 
 
 def test_it_ends_after_so_many_attempts(
