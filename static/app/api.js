@@ -31,18 +31,21 @@ export class ApiError extends Error {
 export async function request(method, path, body) {
   const response = await send(method, path, body);
   const type = response.headers.get("content-type") ?? "";
-  return type.includes("json") ? await response.json() : /** @type {T} */ (null);
+  // An answer without content may still be called JSON.
+  const empty = response.status === 204;
+  return type.includes("json") && !empty ? await response.json() : /** @type {T} */ (null);
 }
 
 /**
  * An image, or another file, and the headers that came with it.
  *
  * @param {string} path below /api
+ * @param {AbortSignal} [signal] ends it; the server then ends what it makes
  * @returns {Promise<{blob: Blob, headers: Headers}>}
  * @throws {ApiError}
  */
-export async function requestImage(path) {
-  const response = await send("GET", path);
+export async function requestImage(path, signal) {
+  const response = await send("GET", path, undefined, signal);
   return { blob: await response.blob(), headers: response.headers };
 }
 
@@ -50,11 +53,13 @@ export async function requestImage(path) {
  * @param {string} method
  * @param {string} path
  * @param {unknown} [body]
+ * @param {AbortSignal} [signal]
  */
-async function send(method, path, body) {
+async function send(method, path, body, signal) {
   const form = body instanceof FormData;
   /** @type {RequestInit} */
   const options = { method, credentials: "same-origin", cache: "no-store" };
+  if (signal) options.signal = signal;
   if (body !== undefined) {
     options.body = form ? body : JSON.stringify(body);
     if (!form) options.headers = { "content-type": "application/json" };

@@ -3,23 +3,29 @@
 import { h, icon } from "./dom.js";
 import { showModal } from "./driving/modal.js";
 
-const SHOWN_MS = { done: 5000, error: 12000 };
+const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
 
 /**
  * Show one sentence in the page's corner; errors are spoken at once.
  *
  * @param {string} text
  * @param {"done" | "error"} [kind]
+ * @param {{words: string, act: () => void}} [offer] a button beside it, as in Undo
  */
-export function notify(text, kind = "done") {
+export function notify(text, kind = "done", offer) {
   const host = document.querySelector("#notices");
   if (!host) return;
   const notice = h("p", { class: "notice", "data-kind": kind, role: kind === "error" ? "alert" : "status" });
   const close = h("button", { class: "quiet", type: "button", "aria-label": "Close this message" }, icon("close"));
   close.addEventListener("click", () => notice.remove());
-  notice.append(h("span", {}, text), close);
+  const button = offer ? h("button", { class: "quiet offer", type: "button" }, offer.words) : null;
+  button?.addEventListener("click", () => {
+    notice.remove();
+    offer?.act();
+  });
+  notice.append(h("span", {}, text), ...(button ? [button] : []), close);
   host.append(notice);
-  setTimeout(() => notice.remove(), SHOWN_MS[kind]);
+  setTimeout(() => notice.remove(), offer ? SHOWN_MS.offer : SHOWN_MS[kind]);
 }
 
 /** @param {unknown} error */

@@ -4,7 +4,11 @@ import { h, icon, setText } from "./dom.js";
 
 /** @typedef {import("./types.js").ParameterEntry} ParameterEntry */
 /** @typedef {import("./types.js").ParameterValue} ParameterValue */
-/** @typedef {import("./parameter-store.js").ParameterStore} ParameterStore */
+/**
+ * Where values come from and go to: the server's, or a draft.
+ *
+ * @typedef {Pick<import("./parameter-store.js").ParameterStore, "defaults" | "change" | "changeUndoably">} ValueStore
+ */
 
 const SLIDER_STEPS = 1000;
 // From this ratio of largest to smallest on, a slider's scale is logarithmic.
@@ -25,12 +29,13 @@ export class ParameterField extends HTMLElement {
 
   /**
    * @param {ParameterEntry} entry
-   * @param {ParameterStore} store
+   * @param {ValueStore} store
+   * @param {string} [prefix] of the controls' ids, where a form stands beside another
    */
-  build(entry, store) {
+  build(entry, store, prefix = "parameter") {
     this.entry = entry;
     this.store = store;
-    const id = `parameter-${entry.name.replace(".", "-")}`;
+    const id = `${prefix}-${entry.name.replace(".", "-")}`;
     this.dataset.name = entry.name;
     this.#error.id = `${id}-error`;
     const reset = `Reset ${entry.title}`;

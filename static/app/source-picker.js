@@ -27,7 +27,7 @@ class SourcePicker extends Part {
       { class: "stack", novalidate: true },
       h("div", { class: "field" }, h("label", { for: "source-spec" }, "Source"), this.#spec, this.#error,
         h("p", { class: "hint", id: "source-help" },
-          "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path of a folder with stereo images on the server.")),
+          "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path of a recording or of a folder with stereo images on the server.")),
       h("div", { class: "field" }, h("label", { for: "source-calibration" }, "Calibration"), this.#calibration),
       h("div", { class: "row" }, this.#open, this.#calibrate, this.#inRun),
     );

@@ -175,10 +175,12 @@
  *
  * @typedef {object} LiveTruth motion capture as it comes in
  * @property {string} spec
+ * @property {string | null} observer the body that was said to carry the camera
+ * @property {string[]} ignore bodies that are not compared
  * @property {"connecting" | "receiving" | "waiting"} state
  * @property {string | null} trouble
  * @property {{name: string, role: string | null, rate_hz: number | null}[]} bodies
- * @property {{offset_s: number, drift_ppm: number, sigma_s: number, samples: number} | null} clock
+ * @property {{offset_s: number, drift_ppm: number | null, sigma_s: number, samples: number} | null} clock
  * @property {boolean} aligned
  * @property {string} sentence why it is not yet, or how
  * @property {Record<string, any> | null} alignment

@@ -35,12 +35,12 @@ def test_a_run_is_started_stopped_listed_and_deleted(server, open_panel, eventua
     assert len(rows) > 3
 
     entry.get_by_role("button", name="Delete run crossing").click()
-    page.get_by_role("button", name="Keep").click()
-    assert len(server.get("/runs")) == 1
-    entry.get_by_role("button", name="Delete run crossing").click()
-    page.get_by_role("dialog").get_by_role("button", name="Delete run").click()
     expect(entry).to_have_count(0)
-    assert server.get("/runs") == []
+    page.get_by_role("button", name="Undo").click()
+    expect(entry).to_have_count(1)
+    entry.get_by_role("button", name="Delete run crossing").click()
+    expect(entry).to_have_count(0)
+    assert server.get("/history")["total"] == 0
 
 
 def _calibration_of(camera) -> bytes:

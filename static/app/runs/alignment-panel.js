@@ -1,0 +1,190 @@
+/** Laying truth over a run: with which file, how well, and which track is which body. */
+
+import { ApiError, request } from "../api.js";
+import { field, fillList, h, setAttribute, setText } from "../dom.js";
+import { Part } from "../part.js";
+import { fixed, trackColour } from "../words.js";
+import { TruthPicker } from "./truth-picker.js";
+
+/** @typedef {import("./types.js").Alignment} Alignment */
+/** @typedef {import("./types.js").Chart} Chart */
+/** @typedef {import("./types.js").TruthFile} TruthFile */
+
+/** How it was found which body a track is. @type {Record<string, string>} */
+const BY = { position: "by position", speed: "by speed", person: "as you said" };
+
+export class AlignmentPanel extends Part {
+  /** Called once a run is aligned anew. @type {() => void} */
+  aligned = () => {};
+
+  #sentence = h("p", {});
+  #figures = h("dl", { class: "figures" });
+  #notes = h("ul", { class: "plain-list" });
+  #matches = h("div", { class: "stack" });
+  #picker = new TruthPicker();
+  #observer = h("select", { id: "align-observer" });
+  #compared = h("div", { class: "chips", role: "group", "aria-label": "Bodies that are compared" });
+  #bodies = h("div", { class: "stack" });
+  #align = h("button", { type: "button", class: "button primary" }, "Align");
+  #state = h("p", { class: "hint", role: "status" });
+  #error = h("p", { class: "field-error", role: "alert" });
+  #another = h("details", {}, h("summary", {}, "Align with a truth file"));
+  /** @type {Chart | null} */
+  #chart = null;
+  #busy = false;
+
+  build() {
+    this.#bodies.append(field("The observer is", this.#observer), h("div", { class: "field" }, h("span", { class: "field-name" }, "Compared bodies"), this.#compared));
+    const file = h("div", { class: "stack" }, this.#picker, this.#bodies, h("div", { class: "row" }, this.#align));
+    this.#another.append(file);
+    this.append(h("h3", {}, "Truth"), this.#sentence, this.#figures, this.#notes, this.#matches, this.#error, this.#state, this.#another);
+    this.#picker.chosen = (chosen) => this.#renderBodies(chosen);
+    this.#picker.attach(this.hub);
+    this.#align.addEventListener("click", () => void this.#alignAnew());
+  }
+
+  /** @param {Chart} chart */
+  show(chart) {
+    const other = chart.run.id !== this.#chart?.run.id;
+    this.#chart = chart;
+    if (other) {
+      setText(this.#error, "");
+      setText(this.#state, "");
+      this.#another.open = !chart.aligned;
+      void this.#picker.load(chart.run.truth_id);
+    }
+    setText(this.#sentence, chart.sentence ?? (chart.aligned ? "Aligned." : "Without truth."));
+    setAttribute(this.#sentence, "class", chart.aligned ? "" : "hint");
+    const { alignment } = chart;
+    this.#figures.replaceChildren(...(alignment ? figuresOf(alignment) : []));
+    fillList(this.#notes, alignment?.notes ?? []);
+    this.#renderMatches();
+  }
+
+  /** @param {TruthFile | null} file */
+  #renderBodies(file) {
+    const names = file?.info.bodies.map(({ name }) => name) ?? [];
+    const roles = file && file.id === this.#chart?.run.truth_id ? this.#chart.alignment?.roles ?? {} : {};
+    const aligned = Object.keys(roles).length > 0;
+    this.#bodies.hidden = names.length === 0;
+    setAttribute(this.#align, "aria-disabled", file ? null : "true");
+    this.#observer.replaceChildren(h("option", { value: "" }, "found out by its motion"), ...names.map((name) => h("option", { value: name }, name)));
+    this.#observer.value = names.find((name) => roles[name] === "observer") ?? "";
+    this.#compared.replaceChildren(...names.map((name) => {
+      const box = h("input", { type: "checkbox", value: name });
+      box.checked = !aligned || name in roles;
+      return h("label", {}, box, name);
+    }));
+  }
+
+  #renderMatches() {
+    const { alignment, curves } = /** @type {Chart} */ (this.#chart);
+    const keys = Object.keys(alignment?.matches ?? {});
+    if (!alignment || keys.length === 0) return this.#matches.replaceChildren();
+    const bodies = Object.entries(alignment.roles).flatMap(([name, role]) => role === "observer" ? [] : [name]);
+    const focused = this.#focusedChoice();
+    this.#matches.replaceChildren(
+      h("div", { class: "scroll-x" },
+        h("table", { class: "matches" },
+          h("caption", {}, "Which body each track is; click another to correct it."),
+          h("thead", {}, h("tr", {}, ...["Track", "Seen", "Body", "Found"].map((text) => h("th", { scope: "col" }, text)))),
+          h("tbody", {}, ...keys.map((key) => this.#matchRow(key, alignment, bodies, curves))))));
+    if (focused) /** @type {HTMLElement | null} */ (this.#matches.querySelector(`[data-choice="${CSS.escape(focused)}"]`))?.focus();
+  }
+
+  #focusedChoice() {
+    const { activeElement } = document;
+    return this.#matches.contains(activeElement) ? activeElement?.getAttribute("data-choice") : null;
+  }
+
+  /**
+   * @param {string} key of the track, its segment first
+   * @param {Alignment} alignment
+   * @param {string[]} bodies
+   * @param {Chart["curves"]} curves
+   */
+  #matchRow(key, alignment, bodies, curves) {
+    const [segment = 0, track = 0] = key.split(/\D/).map(Number);
+    const match = alignment.matches[key];
+    const curve = curves.find((each) => each.kind === "estimate" && each.segment === segment && each.track_id === track);
+    const first = curve?.times[0];
+    const seen = curve && first !== undefined ? `${fixed(first, 1)}–${fixed(curve.times.at(-1), 1)} s` : "–";
+    const name = segment > 0 ? `${track} of segment ${segment}` : String(track);
+    const choices = [...bodies, null].map((body) => {
+      const chosen = (match?.body ?? null) === body;
+      const button = h("button", { type: "button", "aria-pressed": String(chosen), "data-choice": `${key} ${body}` }, body ?? "none of them");
+      button.addEventListener("click", () => {
+        if (!chosen) void this.#correct(key, body);
+      });
+      return button;
+    });
+    const distance = match?.distance_m;
+    const how = match ? `${BY[match.by] ?? match.by}${distance === null || distance === undefined ? "" : `, ${fixed(distance, 2)} m apart`}` : "–";
+    return h("tr", {},
+      h("th", { scope: "row", "data-track": trackColour(track) }, h("span", { class: "swatch" }), name),
+      h("td", {}, seen),
+      h("td", {}, h("div", { class: "choices", role: "group", "aria-label": `Body of track ${name}` }, ...choices)),
+      h("td", {}, how));
+  }
+
+  /** With all else as it was, and with what a person said of other tracks before. */
+  async #correct(/** @type {string} */ key, /** @type {string | null} */ body) {
+    const { run, alignment } = /** @type {Chart} */ (this.#chart);
+    const said = Object.entries(alignment?.matches ?? {}).flatMap(([each, match]) => match.by === "person" ? [[each, match.body]] : []);
+    const roles = alignment?.roles ?? {};
+    await this.#ask({
+      truth_id: run.truth_id,
+      observer: Object.keys(roles).find((name) => roles[name] === "observer") ?? null,
+      ignore: (this.#picker.find(run.truth_id)?.info.bodies ?? []).flatMap(({ name }) => name in roles ? [] : [name]),
+      matches: { ...Object.fromEntries(said), [key]: body },
+    });
+  }
+
+  async #alignAnew() {
+    const { file } = this.#picker;
+    if (!file) return setText(this.#error, "Choose a truth file first.");
+    const left = /** @type {NodeListOf<HTMLInputElement>} */ (this.#compared.querySelectorAll("input:not(:checked)"));
+    await this.#ask({ truth_id: file.id, observer: this.#observer.value || null, ignore: [...left].map(({ value }) => value), matches: {} });
+  }
+
+  /** @param {object} wanted of POST /api/runs/{id}/align */
+  async #ask(wanted) {
+    const run = this.#chart?.run;
+    if (!run || this.#busy) return;
+    setText(this.#error, "");
+    this.#busy = true;
+    setAttribute(this.#align, "aria-disabled", "true");
+    setText(this.#state, "Aligning: the speeds of the whole run are compared…");
+    try {
+      /** @type {{sentence: string}} */
+      const { sentence } = await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
+      setText(this.#state, sentence);
+      this.hub.tell("runs");
+      this.aligned();
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      setText(this.#state, "");
+      setText(this.#error, `${error.message} ${this.#chart?.aligned ? "The alignment stays as it was." : ""}`.trim());
+    } finally {
+      this.#busy = false;
+      setAttribute(this.#align, "aria-disabled", this.#picker.file ? null : "true");
+    }
+  }
+}
+
+/** @param {Alignment} alignment how well it fits, in figures */
+function figuresOf({ time, frame_residual_m: apart }) {
+  const drift = time.drift_sigma_ppm === null ? "not told apart" : `${fixed(time.drift_ppm, 0)} ± ${fixed(time.drift_sigma_ppm, 0)} ppm`;
+  /** @type {[string, string][]} */
+  const figures = [
+    ["Time offset", `${fixed(1000 * time.offset_s, 1)} ± ${fixed(1000 * time.sigma_s, 1)} ms`],
+    ["Clock drift", drift],
+    ["Correlation", fixed(time.correlation, 3)],
+    ["Overlap", `${fixed(time.overlap_s, 1)} s`],
+    ["Left over", `${fixed(time.residual_mps, 3)} m/s`],
+    ["Positions apart", apart === null ? "not compared" : `${fixed(apart, 2)} m`],
+  ];
+  return figures.map(([words, value]) => h("div", {}, h("dt", {}, words), h("dd", {}, value)));
+}
+
+customElements.define("observer-alignment", AlignmentPanel);

@@ -1,0 +1,78 @@
+/** Several runs side by side: their speeds, their errors, and what was set otherwise. */
+
+import { ApiError, request } from "../api.js";
+import { h, setText } from "../dom.js";
+import { Part } from "../part.js";
+import { duration, when } from "../words.js";
+import { RunChart } from "./run-chart.js";
+import { runHref } from "./run-words.js";
+
+/** @typedef {import("./types.js").Run} Run */
+/** @typedef {import("./types.js").Chart} Chart */
+
+export class CompareView extends Part {
+  /** Called with what the view is to be called. @type {(words: string) => void} */
+  named = () => {};
+
+  #chart = new RunChart();
+  #table = h("div", { class: "scroll-x" });
+  #error = h("p", { class: "field-error", role: "alert" });
+  /** @type {string[]} */
+  #ids = [];
+  #asked = 0;
+
+  build() {
+    this.append(this.#error, this.#chart, this.#table);
+    this.hear("reconnected", () => void this.#load());
+  }
+
+  /** @param {string[]} ids none: another view is shown */
+  show(ids) {
+    this.hidden = ids.length === 0;
+    this.#ids = ids;
+    this.#chart.show([]);
+    this.#table.replaceChildren();
+    setText(this.#error, "");
+    void this.#load();
+  }
+
+  async #load() {
+    const ids = this.#ids;
+    if (ids.length === 0) return;
+    const asked = ++this.#asked;
+    try {
+      /** @type {Chart[]} */
+      const charts = await Promise.all(ids.map((id) => /** @type {Promise<Chart>} */ (request("GET", `/runs/${encodeURIComponent(id)}/chart`))));
+      if (asked !== this.#asked) return;
+      this.named(`${charts.map(({ run }) => run.name).join(" and ")} compared`);
+      this.#chart.show(charts);
+      this.#table.replaceChildren(settingsTable(charts));
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      if (asked === this.#asked) setText(this.#error, error.message);
+    }
+  }
+}
+
+/** @param {Chart[]} charts what is not the same in all of them */
+function settingsTable(charts) {
+  const runs = charts.map(({ run }) => run);
+  const names = [...new Set(runs.flatMap(({ parameters }) => Object.keys(parameters)))].sort();
+  const differing = names.filter((name) => new Set(runs.map(({ parameters }) => parameters[name])).size > 1);
+  /** @type {[string, (chart: Chart) => string][]} */
+  const rows = [
+    ["Source", ({ run }) => run.source],
+    ["Started", ({ run }) => when(run.started_at)],
+    ["Lasted", ({ run }) => duration(run.started_at, run.ended_at)],
+    ["Frames", ({ run }) => String(run.frames)],
+    ["Segments", ({ run }) => String(run.segments)],
+    ["Truth", ({ aligned, sentence }) => sentence ?? (aligned ? "aligned" : "none")],
+    ...differing.map((name) => /** @type {[string, (chart: Chart) => string]} */ ([name, ({ run }) => String(run.parameters[name] ?? "–")])),
+  ];
+  return h("table", { class: "compared" },
+    h("caption", {}, differing.length === 0 ? "All parameters are the same." : "Parameters that differ, and what is known of each run."),
+    h("thead", {}, h("tr", {}, h("td", {}), ...runs.map((run) => h("th", { scope: "col" }, h("a", { href: runHref(run.id) }, run.name))))),
+    h("tbody", {}, ...rows.map(([name, text]) => h("tr", {}, h("th", { scope: "row" }, name), ...charts.map((chart) => h("td", {}, text(chart)))))));
+}
+
+customElements.define("observer-run-compare", CompareView);

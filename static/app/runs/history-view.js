@@ -1,0 +1,76 @@
+/** The history: runs found again, looked at, compared. It takes the place of the live parts. */
+
+import { h, setAttribute } from "../dom.js";
+import { Part } from "../part.js";
+import { CompareView } from "./compare-view.js";
+import { RunSearch } from "./run-search.js";
+import { RunView } from "./run-view.js";
+import { placeOf } from "./run-words.js";
+
+/** What is shown stands in the page's address, so that it is kept, linked to and gone back from. */
+class HistoryView extends Part {
+  #search = new RunSearch();
+  #run = new RunView();
+  #compare = new CompareView();
+  #leave = h("button", { class: "button", type: "button" }, "Back to live");
+  #title = h("h2", { id: "history-title", tabindex: "-1" }, "Runs");
+  #all = h("a", { class: "button", href: "#history" }, "All runs");
+  #shown = "";
+  /** What had the focus when the history was called. @type {Element | null} */
+  #caller = null;
+
+  build() {
+    setAttribute(this, "role", "region");
+    setAttribute(this, "aria-labelledby", "history-title");
+    this.append(h("header", { class: "history-head" }, this.#title, this.#all, this.#leave), this.#search, this.#run, this.#compare);
+    this.#leave.addEventListener("click", () => this.#close());
+    for (const part of [this.#search, this.#run, this.#compare]) part.attach(this.hub);
+    this.#run.named = this.#compare.named = (words) => this.#name(words);
+    this.hear("hashchange", () => this.#follow(true), window);
+    // The calibration wizard wants the same place.
+    this.hear("calibrate", () => this.#close());
+    this.#follow(false);
+  }
+
+  #close() {
+    history.pushState(null, "", location.pathname + location.search);
+    this.#follow(true);
+  }
+
+  /** @param {boolean} moved by somebody at this page */
+  #follow(moved) {
+    const { view, ids } = placeOf(location.hash);
+    const shown = [view, ...ids].join("/");
+    const before = this.#shown;
+    if (shown === before) return;
+    if (before === "" || before === "none") this.#caller = document.activeElement;
+    this.#shown = shown;
+    this.hidden = view === "none";
+    document.body.toggleAttribute("data-history", view !== "none");
+    this.#all.hidden = view === "list";
+    this.#search.show(view === "list");
+    this.#run.show(view === "run" ? ids[0] ?? "" : null);
+    this.#compare.show(view === "compare" ? ids : []);
+    this.#name(view === "compare" ? "Runs compared" : view === "run" ? "Run" : "Runs");
+    if (!moved) return;
+    this.closest("main")?.scrollTo({ top: 0 });
+    // The keyboard goes on where the eye does.
+    if (view !== "none") this.#title.focus();
+    else this.#giveBack();
+  }
+
+  #giveBack() {
+    const caller = this.#caller;
+    this.#caller = null;
+    const there = caller instanceof HTMLElement && caller !== document.body && caller.isConnected && caller.checkVisibility();
+    const next = there ? caller : document.querySelector('[role="tab"][aria-selected="true"]');
+    if (next instanceof HTMLElement) next.focus();
+  }
+
+  /** @param {string} words */
+  #name(words) {
+    if (this.#title.textContent !== words) this.#title.textContent = words;
+  }
+}
+
+customElements.define("observer-history", HistoryView);

@@ -1,0 +1,163 @@
+/** Observing a run's recording once more with other parameters. */
+
+import { ApiError, request } from "../api.js";
+import { field, fillList, h, setAttribute, setText } from "../dom.js";
+import { ParameterGroups } from "../parameter-groups.js";
+import { Part } from "../part.js";
+import { compareHref, counted, runHref } from "./run-words.js";
+
+/** @typedef {import("./types.js").Run} Run */
+/** @typedef {import("../types.js").ParameterEntry} ParameterEntry */
+/** @typedef {import("../types.js").Preset} Preset */
+/** @typedef {Record<string, import("../types.js").ParameterValue>} Values */
+
+/** Values that are not in force yet. Event: `values`. */
+class Draft extends EventTarget {
+  /** @type {Values} */
+  values = {};
+  /** What reset goes to. @type {Values} */
+  defaults = {};
+
+  /** @param {Values} changes */
+  async change(changes) {
+    this.values = { ...this.values, ...changes };
+    this.dispatchEvent(new Event("values"));
+    return true;
+  }
+
+  /** @param {Values} changes */
+  async changeUndoably(changes) {
+    await this.change(changes);
+  }
+
+  /** What differs from where it began. @returns {Values} */
+  get differing() {
+    return Object.fromEntries(Object.entries(this.values).filter(([name, value]) => this.defaults[name] !== value));
+  }
+}
+
+export class RerunForm extends Part {
+  #draft = new Draft();
+  #groups = new ParameterGroups("rerun");
+  #name = h("input", { type: "text", id: "rerun-name", maxlength: 100, autocomplete: "off", placeholder: "optional" });
+  #preset = h("select", { id: "rerun-preset" });
+  #search = h("input", { type: "search", id: "rerun-search", placeholder: "Find a parameter", autocomplete: "off" });
+  #differing = h("ul", { class: "plain-list" });
+  #differs = h("p", { class: "hint", role: "status" });
+  #start = h("button", { type: "submit", class: "button primary" }, "Observe again");
+  #error = h("p", { class: "field-error", role: "alert" });
+  #progress = h("p", { role: "status" });
+  #form = h("form", { class: "stack", novalidate: true });
+  #without = h("p", { class: "hint" });
+  /** @type {ParameterEntry[]} */
+  #schema = [];
+  /** @type {Preset[]} */
+  #presets = [];
+  /** @type {Run | null} */
+  #run = null;
+  /** The newest re-run that was begun here. @type {Run | null} */
+  #begun = null;
+  #busy = false;
+
+  build() {
+    this.#form.append(
+      h("p", { class: "hint" }, "The recording is observed once through, as fast as it goes. What is open now is closed for it, and the robots stand meanwhile."),
+      h("div", { class: "rerun-fields" }, field("Name", this.#name), field("Begin with", this.#preset)),
+      h("details", {}, h("summary", {}, "Other parameters"),
+        h("div", { class: "stack" }, h("label", { for: "rerun-search", class: "visually-hidden" }, "Find a parameter"), this.#search, this.#groups)),
+      this.#differs, this.#differing, this.#error, h("div", { class: "row" }, this.#start));
+    this.append(h("h3", {}, "Run again"), this.#without, this.#form, this.#progress);
+    this.#form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#begin();
+    });
+    this.#preset.addEventListener("change", () => void this.#draft.change(this.#startingValues()));
+    this.#search.addEventListener("input", () => this.#groups.filter(this.#search.value.trim().toLowerCase()));
+    this.#draft.addEventListener("values", () => this.#render());
+    this.hear("status", () => this.#renderProgress());
+  }
+
+  /** @param {Run} run */
+  show(run) {
+    const other = run.id !== this.#run?.id;
+    this.#run = run;
+    const possible = run.state !== "running" && run.recording_bytes !== null && run.record !== "none" && run.record !== null;
+    this.#form.hidden = !possible;
+    this.#without.hidden = possible;
+    setText(this.#without, run.state === "running" ? "Possible once the run has ended." : "Its recording holds no images, so it cannot be observed again.");
+    if (!other) return;
+    this.#begun = null;
+    this.#name.value = "";
+    setText(this.#error, "");
+    setText(this.#progress, "");
+    void this.#load();
+  }
+
+  async #load() {
+    if (this.#schema.length === 0) {
+      this.#schema = await request("GET", "/parameters/schema").catch(() => []);
+    }
+    this.#presets = await request("GET", "/presets").catch(() => []);
+    this.#groups.make(this.#schema, this.#draft);
+    this.#preset.replaceChildren(h("option", { value: "" }, "the values of this run"), ...this.#presets.map(({ name }) => h("option", { value: name }, `preset ${name}`)));
+    const declared = Object.fromEntries(this.#schema.map((entry) => [entry.name, entry.default]));
+    this.#draft.values = {};
+    this.#draft.defaults = { ...declared, ...this.#run?.parameters };
+    void this.#draft.change(this.#startingValues());
+  }
+
+  /** @returns {Values} */
+  #startingValues() {
+    const preset = this.#presets.find(({ name }) => name === this.#preset.value);
+    if (!preset) return this.#draft.defaults;
+    return { ...Object.fromEntries(this.#schema.map((entry) => [entry.name, entry.default])), ...preset.values };
+  }
+
+  #render() {
+    const { values, defaults, differing } = this.#draft;
+    this.#groups.show(values);
+    const lines = Object.entries(differing).map(([name, value]) => `${name}: ${defaults[name]} → ${value}`);
+    setText(this.#differs, lines.length === 0 ? "The same values as in this run." : `${counted(lines.length, "value")} will differ from this run:`);
+    fillList(this.#differing, lines);
+  }
+
+  async #begin() {
+    const run = this.#run;
+    if (!run || this.#busy) return;
+    this.#busy = true;
+    setAttribute(this.#start, "aria-disabled", "true");
+    setText(this.#error, "");
+    const name = this.#name.value.trim();
+    try {
+      this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, { ...(name ? { name } : {}), parameters: this.#draft.differing });
+      this.hub.tell("runs");
+      this.#renderProgress();
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      setText(this.#error, error.message);
+    } finally {
+      this.#busy = false;
+      setAttribute(this.#start, "aria-disabled", null);
+    }
+  }
+
+  #renderProgress() {
+    const begun = this.#begun;
+    const { status } = this.hub;
+    if (!begun || !this.#run || !status) return;
+    if (status.run?.id === begun.id) {
+      const { frame, frame_count: count } = status.playback ?? {};
+      // Told in tenths, or nobody could listen to it.
+      const share = frame !== null && frame !== undefined && count ? `, ${Math.floor((10 * (frame + 1)) / count) * 10} % of it done` : "";
+      return setText(this.#progress, `${begun.name} is being observed${share}.`);
+    }
+    // The status may be older than the beginning of the run.
+    if (Date.now() - Date.parse(begun.started_at) < 1500) return;
+    this.#begun = null;
+    this.#progress.replaceChildren(
+      h("a", { href: runHref(begun.id) }, begun.name), " has ended. ",
+      h("a", { href: compareHref([this.#run.id, begun.id]) }, "Compare both side by side"));
+  }
+}
+
+customElements.define("observer-rerun", RerunForm);

@@ -1,0 +1,109 @@
+/** A run as files: the report, and what other tools read. */
+
+import { ApiError, requestImage } from "../api.js";
+import { h, icon, setAttribute, setText } from "../dom.js";
+import { Part } from "../part.js";
+import { size } from "./run-words.js";
+
+/** @typedef {import("./types.js").Run} Run */
+
+/** Path below the run's, ending of the file, words, help. @type {[string, string, string, string][]} */
+const FILES = [
+  ["report", "html", "Report", "One page with the paper's figures redone from this run, its errors, parameters and calibration."],
+  ["export?format=zip", "zip", "Everything, ZIP", "Tables, video and cloud with a README of the columns."],
+  ["export?format=csv", "csv", "Tracks, CSV", "A row for every obstacle in every frame."],
+  ["export?format=parquet", "parquet", "Tracks, Parquet", "The same for pandas and Polars."],
+  ["export?format=mp4", "mp4", "Video, MP4", "The left image with what was found."],
+  ["export?format=ply", "ply", "Point cloud, PLY", "Of the first recorded frame."],
+  ["export?format=ros2", "ros2.zip", "ROS 2 bag, ZIP", "For ros2 bag play."],
+];
+
+export class RunFiles extends Part {
+  #list = h("ul", { class: "file-list" });
+  #state = h("p", { role: "status" });
+  #cancel = h("button", { type: "button", class: "button", hidden: true }, "Cancel");
+  #error = h("p", { class: "field-error", role: "alert" });
+  #without = h("p", { class: "hint" });
+  #recording = h("a", { class: "button", download: true }, icon("download"), "Recording, MCAP");
+  #speeds = h("a", { class: "button", download: true }, icon("download"), "Speeds, CSV");
+  /** @type {Run | null} */
+  #run = null;
+  /** What is being made. @type {AbortController | null} */
+  #making = null;
+
+  build() {
+    for (const [path, ending, words, help] of FILES) {
+      const button = h("button", { type: "button", class: "button", "aria-describedby": `file-${ending}` }, icon("download"), words);
+      button.addEventListener("click", () => void this.#make(path, ending, words));
+      this.#list.append(h("li", {}, button, h("span", { class: "hint", id: `file-${ending}` }, help)));
+    }
+    this.#cancel.addEventListener("click", () => this.#making?.abort());
+    this.append(h("h3", {}, "Report and files"), this.#without, this.#list,
+      h("div", { class: "row" }, this.#speeds, this.#recording),
+      this.#error, h("div", { class: "row" }, this.#state, this.#cancel));
+  }
+
+  /** @param {Run} run */
+  show(run) {
+    if (run.id !== this.#run?.id) {
+      this.#making?.abort();
+      setText(this.#error, "");
+      setText(this.#state, "");
+    }
+    this.#run = run;
+    const path = `/api/runs/${encodeURIComponent(run.id)}`;
+    const recorded = run.recording_bytes !== null && run.state !== "running";
+    this.#list.hidden = !recorded;
+    this.#without.hidden = recorded;
+    setText(this.#without, run.state === "running" ? "Made from the recording once the run has ended." : "It has no recording to make them from.");
+    this.#recording.hidden = !recorded;
+    setAttribute(this.#recording, "href", `${path}/recording`);
+    setAttribute(this.#recording, "title", `${size(run.recording_bytes)}; opens in Foxglove and Lichtblick, and as a source`);
+    setAttribute(this.#speeds, "href", `${path}/speeds?format=csv`);
+  }
+
+  /**
+   * One at a time: each keeps a core of the server busy.
+   *
+   * @param {string} path
+   * @param {string} ending
+   * @param {string} words
+   */
+  async #make(path, ending, words) {
+    const run = this.#run;
+    if (!run) return;
+    if (this.#making) return setText(this.#error, "Something is being made already; wait for it or cancel it.");
+    const making = new AbortController();
+    this.#making = making;
+    this.#cancel.hidden = false;
+    setText(this.#error, "");
+    setText(this.#state, `${words} is being made…`);
+    let end = "";
+    try {
+      const { blob } = await requestImage(`/runs/${encodeURIComponent(run.id)}/${path}`, making.signal);
+      save(blob, `${run.name}.${ending}`);
+      end = `${words} is made: ${size(blob.size)}.`;
+    } catch (error) {
+      if (making.signal.aborted) end = `${words} was cancelled.`;
+      else if (error instanceof ApiError) setText(this.#error, error.message);
+      else throw error;
+    } finally {
+      this.#making = null;
+      if (document.activeElement === this.#cancel) this.querySelector("button")?.focus();
+      this.#cancel.hidden = true;
+      if (run.id === this.#run?.id) setText(this.#state, end);
+    }
+  }
+}
+
+/**
+ * @param {Blob} blob
+ * @param {string} name
+ */
+function save(blob, name) {
+  const href = URL.createObjectURL(blob);
+  h("a", { href, download: name.replace(/[\\/:]/g, "_") }).click();
+  setTimeout(() => URL.revokeObjectURL(href), 60_000);
+}
+
+customElements.define("observer-run-files", RunFiles);

@@ -1,0 +1,106 @@
+/** A run's name, tags and notes, by which it is found again; kept as they are changed. */
+
+import { ApiError, request } from "../api.js";
+import { field, h, icon, setText } from "../dom.js";
+import { KeptList } from "../focus-place.js";
+import { Part } from "../part.js";
+
+/** @typedef {import("./types.js").Run} Run */
+
+export class RunLabels extends Part {
+  /** Called with the run as it is kept now. @type {(run: Run) => void} */
+  changed = () => {};
+
+  #name = h("input", { type: "text", id: "run-label-name", maxlength: 100, autocomplete: "off" });
+  #notes = h("textarea", { id: "run-label-notes", rows: 4, maxlength: 20000 });
+  #list = h("ul", { class: "tag-list", "aria-label": "Tags" });
+  #tags = new KeptList(this.#list, (/** @type {string} */ tag) => this.#tag(tag), () => this.#add);
+  #add = h("input", { type: "text", id: "run-label-tag", list: "run-label-tags", maxlength: 300, autocomplete: "off", placeholder: "Add a tag" });
+  #known = h("datalist", { id: "run-label-tags" });
+  #state = h("p", { class: "hint", role: "status" });
+  #error = h("p", { class: "field-error", role: "alert" });
+  /** @type {Run | null} */
+  #run = null;
+
+  build() {
+    const form = h("form", { class: "row tag-form" }, h("label", { for: "run-label-tag", class: "visually-hidden" }, "Add a tag"), this.#add, this.#known,
+      h("button", { type: "submit", class: "button" }, "Add"));
+    this.append(field("Name", this.#name),
+      h("div", { class: "field" }, h("label", { for: "run-label-tag" }, "Tags"), this.#list, form),
+      field("Notes", this.#notes), this.#error, this.#state);
+    this.#name.addEventListener("change", () => {
+      const name = this.#name.value.trim();
+      if (name) void this.#keep({ name });
+      else if (this.#run) this.#name.value = this.#run.name;
+    });
+    this.#notes.addEventListener("change", () => void this.#keep({ notes: this.#notes.value }));
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#addTags();
+    });
+    this.#add.addEventListener("focus", () => void this.#suggest());
+  }
+
+  /** @param {Run} run */
+  show(run) {
+    const other = run.id !== this.#run?.id;
+    this.#run = run;
+    if (other) {
+      setText(this.#state, "");
+      setText(this.#error, "");
+      this.#add.value = "";
+    }
+    // What is being typed is not overwritten by what was kept before.
+    for (const [input, text] of /** @type {const} */ ([[this.#name, run.name], [this.#notes, run.notes]])) {
+      if (other || document.activeElement !== input) input.value = text;
+    }
+    this.#tags.show(run.tags, (tag) => tag);
+  }
+
+  /** @param {string} tag */
+  #tag(tag) {
+    const remove = h("button", { type: "button", class: "quiet", "aria-label": `Remove tag ${tag}` }, icon("close"));
+    remove.addEventListener("click", () => void this.#keep({ tags: (this.#run?.tags ?? []).filter((each) => each !== tag) }));
+    return h("li", { class: "tag-chip plain" }, tag, remove);
+  }
+
+  /** Several at once stand with commas between them. */
+  async #addTags() {
+    const added = this.#add.value.split(",").map((tag) => tag.trim()).filter(Boolean);
+    if (added.length === 0) return;
+    const taken = await this.#keep({ tags: [...new Set([...(this.#run?.tags ?? []), ...added])] });
+    if (taken) this.#add.value = "";
+  }
+
+  async #suggest() {
+    /** @type {import("./types.js").History | null} */
+    const found = await request("GET", "/history?limit=1&offset=0").catch(() => null);
+    this.#known.replaceChildren(...Object.keys(found?.tags ?? {}).map((tag) => h("option", { value: tag })));
+  }
+
+  /** @param {{name?: string, tags?: string[], notes?: string}} change */
+  async #keep(change) {
+    const run = this.#run;
+    if (!run) return false;
+    setText(this.#error, "");
+    setText(this.#state, "Saving…");
+    try {
+      /** @type {Run} */
+      const kept = await request("PATCH", `/runs/${encodeURIComponent(run.id)}`, change);
+      setText(this.#state, "Saved.");
+      if (this.#run?.id === kept.id) {
+        this.show(kept);
+        this.changed(kept);
+      }
+      this.hub.tell("runs");
+      return true;
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      setText(this.#state, "");
+      setText(this.#error, error.message);
+      return false;
+    }
+  }
+}
+
+customElements.define("observer-run-labels", RunLabels);

@@ -1,0 +1,227 @@
+/** Finding runs: by words, by tags; choosing some to compare; deleting and bringing back. */
+
+import { ApiError, request } from "../api.js";
+import { h, icon, setAttribute, setText } from "../dom.js";
+import { KeptList } from "../focus-place.js";
+import { notify, notifyError } from "../notice.js";
+import { Part } from "../part.js";
+import { when } from "../words.js";
+import { compareHref, counted, facts, runHref, size } from "./run-words.js";
+
+/** @typedef {import("./types.js").Run} Run */
+/** @typedef {import("./types.js").History} History */
+
+const PAGE = 50;
+const ASK_AFTER_MS = 200;
+// More curves than that nobody tells apart.
+const MOST_COMPARED = 4;
+
+export class RunSearch extends Part {
+  #words = h("input", { type: "search", id: "history-words", placeholder: "Name, note or tag", autocomplete: "off" });
+  #tags = h("div", { class: "chips", role: "group", "aria-label": "Only runs with these tags" });
+  #chips = new KeptList(this.#tags, (/** @type {[string, number]} */ tag) => this.#tag(...tag), () => this.#words);
+  #deleted = h("input", { type: "checkbox", id: "history-deleted" });
+  #found = h("p", { class: "hint", role: "status" });
+  #disk = h("p", { class: "hint" });
+  #compare = h("button", { type: "button", class: "button" }, "Compare");
+  #list = h("ul", { class: "run-rows" });
+  #rows = new KeptList(this.#list, (/** @type {Run} */ run) => this.#row(run), () => this.#words);
+  #more = h("button", { type: "button", class: "button" }, "Show more");
+  #empty = h("p", { class: "empty" });
+  #shown = false;
+  /** Only runs with all of these are shown. @type {Set<string>} */
+  #wantedTags = new Set();
+  #limit = PAGE;
+  #timer = 0;
+  #asked = 0;
+  /** Names of the runs chosen to be compared, by id. @type {Map<string, string>} */
+  #chosen = new Map();
+  #undoDays = 0;
+  /** @type {string | null} */
+  #running = null;
+
+  build() {
+    this.append(
+      h("div", { class: "history-tools" },
+        h("label", { for: "history-words", class: "visually-hidden" }, "Find runs"), this.#words,
+        h("label", { class: "check" }, this.#deleted, "Deleted"), this.#compare),
+      this.#tags, h("div", { class: "history-counts" }, this.#found, this.#disk), this.#empty, this.#list, h("div", { class: "row" }, this.#more));
+    this.#words.addEventListener("input", () => this.#soon());
+    this.#deleted.addEventListener("change", () => void this.#load());
+    this.#more.addEventListener("click", () => {
+      this.#limit += PAGE;
+      void this.#load();
+    });
+    this.#compare.addEventListener("click", () => this.#goCompare());
+    this.hear("runs", () => void this.#load());
+    this.hear("reconnected", () => void this.#load());
+    this.hear("status", () => {
+      const id = this.hub.status?.run?.id ?? null;
+      if (id === this.#running) return;
+      this.#running = id;
+      void this.#load();
+    });
+    this.#renderChosen();
+  }
+
+  /** @param {boolean} shown */
+  show(shown) {
+    this.hidden = !shown;
+    this.#shown = shown;
+    if (shown) void this.#load();
+  }
+
+  #soon() {
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => {
+      this.#limit = PAGE;
+      void this.#load();
+    }, ASK_AFTER_MS);
+  }
+
+  async #load() {
+    if (!this.#shown) return;
+    const asked = ++this.#asked;
+    const query = new URLSearchParams({ limit: String(this.#limit), offset: "0" });
+    if (this.#words.value.trim()) query.set("text", this.#words.value.trim());
+    for (const tag of this.#wantedTags) query.append("tag", tag);
+    if (this.#deleted.checked) query.set("deleted", "true");
+    try {
+      /** @type {History} */
+      const found = await request("GET", `/history?${query}`);
+      // An answer that was overtaken by the next question is of no use.
+      if (asked === this.#asked) this.#take(found);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      setText(this.#found, error.message);
+    }
+  }
+
+  /** @param {History} found */
+  #take({ runs, total, tags, disk, undo_days: days }) {
+    this.#undoDays = days;
+    const searched = this.#words.value.trim() !== "" || this.#wantedTags.size > 0;
+    const there = this.#deleted.checked ? "deleted run" : "run";
+    setText(this.#found, searched ? `${counted(total, there)} found` : counted(total, there));
+    setText(this.#disk, `The data folder takes ${size(disk.used_bytes)}; ${size(disk.free_bytes)} are free.`);
+    this.#empty.hidden = total > 0;
+    setText(this.#empty, searched ? "No run is like that."
+      : this.#deleted.checked ? `Nothing was deleted within the last ${counted(Math.round(days), "day")}.`
+        : "No run yet. Start one at the top of the page; it is recorded and listed here.");
+    // A tag that no run bears any more can still be taken out of the question.
+    const known = { ...Object.fromEntries([...this.#wantedTags].map((tag) => [tag, 0])), ...tags };
+    this.#chips.show(Object.entries(known), ([tag]) => tag, ([tag, count]) => `${tag} ${count} ${this.#wantedTags.has(tag)}`);
+    this.#rows.show(runs, ({ id }) => id);
+    this.#more.hidden = runs.length >= total;
+    this.#compare.hidden = this.#deleted.checked;
+  }
+
+  /**
+   * @param {string} tag
+   * @param {number} count
+   */
+  #tag(tag, count) {
+    const button = h("button", { type: "button", class: "tag-chip", "aria-pressed": String(this.#wantedTags.has(tag)) }, tag, " ", h("span", { class: "figure" }, count));
+    button.addEventListener("click", () => {
+      if (!this.#wantedTags.delete(tag)) this.#wantedTags.add(tag);
+      this.#limit = PAGE;
+      void this.#load();
+    });
+    return button;
+  }
+
+  /** @param {Run} run */
+  #row(run) {
+    const choose = h("input", { type: "checkbox", "aria-label": `Choose run ${run.name} to compare`, "data-run": run.id });
+    choose.checked = this.#chosen.has(run.id);
+    choose.addEventListener("change", () => {
+      if (choose.checked) this.#chosen.set(run.id, run.name);
+      else this.#chosen.delete(run.id);
+      this.#renderChosen();
+    });
+    return h("li", {},
+      run.deleted_at ? null : choose,
+      h("div", { class: "item-words" },
+        h("p", { class: "run-line" }, run.deleted_at ? h("b", {}, run.name) : h("a", { href: runHref(run.id) }, run.name),
+          h("span", { class: "state-chip", "data-state": run.state }, run.state),
+          run.aligned ? h("span", { class: "mark-chip" }, "aligned with truth") : null,
+          run.rerun_of ? h("span", { class: "mark-chip" }, "re-run") : null,
+          ...run.tags.map((tag) => h("span", { class: "tag-chip plain" }, tag))),
+        h("p", { class: "hint" }, facts(run)),
+        run.reason ? h("p", { class: "hint" }, run.reason) : null,
+        run.notes ? h("p", { class: "run-notes" }, run.notes) : null,
+        run.deleted_at ? h("p", { class: "hint" }, `Deleted ${when(run.deleted_at)}; gone for good ${counted(Math.round(this.#undoDays), "day")} later.`) : null),
+      run.deleted_at ? this.#bringBack(run) : this.#remover(run));
+  }
+
+  /** @param {Run} run */
+  #remover(run) {
+    const button = h("button", { type: "button", class: "button icon-button", disabled: run.state === "running", "aria-label": `Delete run ${run.name}`, title: "Delete" }, icon("trash"));
+    button.addEventListener("click", () => void this.#remove(run));
+    return button;
+  }
+
+  /** @param {Run} run */
+  #bringBack(run) {
+    const button = h("button", { type: "button", class: "button", "aria-label": `Bring back run ${run.name}` }, icon("undo"), "Bring back");
+    button.addEventListener("click", () => void recover(this.hub, run));
+    return button;
+  }
+
+  /** @param {Run} run */
+  async #remove(run) {
+    if (!(await removeRun(this.hub, run))) return;
+    this.#chosen.delete(run.id);
+    this.#renderChosen();
+  }
+
+  #renderChosen() {
+    const count = this.#chosen.size;
+    const possible = count >= 2 && count <= MOST_COMPARED;
+    setText(this.#compare, count > 0 ? `Compare ${counted(count, "run")}` : "Compare");
+    // Not disabled: it tells what it waits for.
+    setAttribute(this.#compare, "aria-disabled", possible ? null : "true");
+    setAttribute(this.#compare, "title", possible ? [...this.#chosen.values()].join(", ") : `Choose two to ${MOST_COMPARED} runs.`);
+  }
+
+  #goCompare() {
+    const count = this.#chosen.size;
+    if (count < 2 || count > MOST_COMPARED) return notify(`Choose two to ${MOST_COMPARED} runs by the boxes before their names.`);
+    location.hash = compareHref([...this.#chosen.keys()]);
+  }
+}
+
+/**
+ * Hide a run, with the way back.
+ *
+ * @param {import("../hub.js").Hub} hub
+ * @param {Run} run
+ * @returns {Promise<boolean>} whether it was
+ */
+export async function removeRun(hub, run) {
+  try {
+    await request("DELETE", `/runs/${encodeURIComponent(run.id)}`);
+  } catch (error) {
+    notifyError(error);
+    return false;
+  }
+  notify(`Run ${run.name} deleted.`, "done", { words: "Undo", act: () => void recover(hub, run) });
+  hub.tell("runs");
+  return true;
+}
+
+/**
+ * @param {import("../hub.js").Hub} hub
+ * @param {Run} run
+ */
+async function recover(hub, run) {
+  try {
+    await request("POST", `/runs/${encodeURIComponent(run.id)}/recover`);
+    notify(`Run ${run.name} is back.`);
+  } catch (error) {
+    notifyError(error);
+  }
+  hub.tell("runs");
+}
+
+customElements.define("observer-run-search", RunSearch);

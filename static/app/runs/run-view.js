@@ -1,0 +1,142 @@
+/** One run: its speeds against truth, what is known of it, and what can be made of it. */
+
+import { ApiError, request } from "../api.js";
+import { h, icon, setText } from "../dom.js";
+import { Part } from "../part.js";
+import { AlignmentPanel } from "./alignment-panel.js";
+import { RerunForm } from "./rerun-form.js";
+import { RunChart } from "./run-chart.js";
+import { RunFiles } from "./run-files.js";
+import { RunLabels } from "./run-labels.js";
+import { removeRun } from "./run-search.js";
+import { compareHref, facts } from "./run-words.js";
+
+/** @typedef {import("./types.js").Run} Run */
+/** @typedef {import("./types.js").Chart} Chart */
+
+const AGAIN_MS = 5000;
+
+export class RunView extends Part {
+  /** Called with what the view is to be called. @type {(words: string) => void} */
+  named = () => {};
+
+  #facts = h("p", { class: "hint" });
+  #state = h("span", { class: "state-chip" });
+  #reason = h("p", { class: "hint" });
+  #original = h("a", {}, "Compare with the run it was made from");
+  #remove = h("button", { type: "button", class: "button" }, icon("trash"), "Delete run");
+  #error = h("p", { class: "field-error", role: "alert" });
+  #chart = new RunChart();
+  #labels = new RunLabels();
+  #truth = new AlignmentPanel();
+  #rerun = new RerunForm();
+  #files = new RunFiles();
+  #settings = h("div", { class: "stack" });
+  #body = h("div", { class: "run-view", hidden: true });
+  /** @type {string | null} */
+  #id = null;
+  /** @type {Run | null} */
+  #run = null;
+  #asked = 0;
+  #timer = 0;
+  /** @type {string | null} */
+  #running = null;
+
+  build() {
+    const head = h("div", { class: "run-head" }, this.#state, this.#facts, this.#original, this.#remove);
+    this.#body.append(head, this.#reason, this.#chart,
+      h("div", { class: "run-columns" },
+        h("div", { class: "stack" }, this.#truth, this.#files),
+        h("div", { class: "stack" }, h("section", { class: "stack", "aria-label": "Name, tags and notes" }, this.#labels), this.#rerun, this.#settings)));
+    this.append(this.#error, this.#body);
+    for (const part of [this.#labels, this.#truth, this.#rerun, this.#files]) part.attach(this.hub);
+    this.#labels.changed = (run) => this.#takeRun(run);
+    this.#truth.aligned = () => void this.#load();
+    this.#remove.addEventListener("click", () => void this.#delete());
+    this.hear("reconnected", () => void this.#load());
+    this.hear("status", () => {
+      const id = this.hub.status?.run?.id ?? null;
+      const ended = this.#running === this.#id && id !== this.#id;
+      this.#running = id;
+      if (ended) void this.#load();
+    });
+  }
+
+  /** @param {string | null} id null: another view is shown */
+  show(id) {
+    this.hidden = id === null;
+    clearTimeout(this.#timer);
+    this.#id = id;
+    if (id === null) return;
+    if (id !== this.#run?.id) this.#body.hidden = true;
+    setText(this.#error, "");
+    void this.#load();
+  }
+
+  async #load() {
+    const id = this.#id;
+    if (id === null) return;
+    const asked = ++this.#asked;
+    clearTimeout(this.#timer);
+    const path = `/runs/${encodeURIComponent(id)}`;
+    try {
+      /** @type {Run} */
+      const run = await request("GET", path);
+      if (asked !== this.#asked) return;
+      this.#takeRun(run);
+      /** @type {Chart} */
+      const chart = await request("GET", `${path}/chart`);
+      if (asked !== this.#asked) return;
+      this.#takeRun(chart.run);
+      this.#chart.show([chart]);
+      this.#truth.show(chart);
+      if (chart.run.state === "running") this.#timer = setTimeout(() => void this.#load(), AGAIN_MS);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      if (asked === this.#asked) setText(this.#error, error.message);
+    }
+  }
+
+  /** @param {Run} run */
+  #takeRun(run) {
+    const other = run.id !== this.#run?.id;
+    this.#run = run;
+    if (other) this.#chart.show([]);
+    this.#body.hidden = false;
+    this.named(`Run ${run.name}`);
+    setText(this.#state, run.state);
+    this.#state.dataset.state = run.state;
+    setText(this.#facts, facts(run));
+    setText(this.#reason, run.reason ?? "");
+    this.#reason.hidden = !run.reason;
+    this.#original.hidden = run.rerun_of === null;
+    if (run.rerun_of) this.#original.setAttribute("href", compareHref([run.rerun_of, run.id]));
+    this.#remove.disabled = run.state === "running";
+    this.#labels.show(run);
+    this.#rerun.show(run);
+    this.#files.show(run);
+    if (other) this.#settings.replaceChildren(settingsOf(run));
+  }
+
+  async #delete() {
+    if (this.#run && (await removeRun(this.hub, this.#run))) location.hash = "#history";
+  }
+}
+
+/** @param {Run} run with what it was observed */
+function settingsOf(run) {
+  const { preset, calibration_id: calibration, record, versions, parameters } = run;
+  /** @type {[string, string][]} */
+  const lines = [
+    ["Preset", preset ?? "own values"],
+    ["Calibration", calibration ? calibration.slice(0, 12) : "the source's own"],
+    ["Recorded images", record ?? "no recording"],
+    ...Object.entries(versions),
+  ];
+  const table = (/** @type {[string, string][]} */ rows) => h("table", { class: "settings" }, h("tbody", {}, ...rows.map(([name, value]) => h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, value)))));
+  return h("details", {}, h("summary", {}, "Settings of this run"),
+    h("div", { class: "scroll-x" }, table(lines)),
+    h("div", { class: "scroll-x" }, table(Object.entries(parameters).map(([name, value]) => [name, String(value)]))));
+}
+
+customElements.define("observer-run", RunView);

@@ -1,0 +1,71 @@
+/** Runs in words. Pure functions. */
+
+import { duration, when } from "../words.js";
+
+/** @typedef {import("./types.js").Run} Run */
+
+const UNITS = ["B", "kB", "MB", "GB", "TB"];
+
+/** @param {number | null | undefined} bytes @returns {string} as in "1.4 GB" */
+export function size(bytes) {
+  if (bytes === null || bytes === undefined) return "–";
+  let value = bytes;
+  let unit = 0;
+  while (value >= 999.5 && unit < UNITS.length - 1) {
+    value /= 1000;
+    unit += 1;
+  }
+  return `${unit === 0 || value >= 99.5 ? value.toFixed(0) : value.toPrecision(2)} ${UNITS[unit]}`;
+}
+
+/**
+ * @param {number} count
+ * @param {string} one as in "run"
+ */
+export function counted(count, one) {
+  return `${count} ${one}${count === 1 ? "" : "s"}`;
+}
+
+/** What a list says of a run below its name. @param {Run} run */
+export function facts(run) {
+  return [
+    run.source,
+    when(run.started_at),
+    duration(run.started_at, run.ended_at ?? (run.state === "running" ? null : run.started_at)),
+    counted(run.frames, "frame"),
+    run.segments > 1 ? counted(run.segments, "segment") : null,
+    run.recording_bytes ? size(run.recording_bytes) : null,
+  ].filter(Boolean).join(" · ");
+}
+
+/** Where a run is shown: the page's own address. @param {string} id */
+export function runHref(id) {
+  return `#history/${encodeURIComponent(id)}`;
+}
+
+/** @param {string[]} ids */
+export function compareHref(ids) {
+  return `#history/compare/${ids.map(encodeURIComponent).join(",")}`;
+}
+
+/**
+ * @param {string} hash of the page's address
+ * @returns {{view: "none" | "list" | "run" | "compare", ids: string[]}}
+ */
+export function placeOf(hash) {
+  const [first, ...rest] = hash.replace(/^#/, "").split("/");
+  if (first !== "history") return { view: "none", ids: [] };
+  const compared = rest[0] === "compare";
+  const ids = (rest[compared ? 1 : 0] ?? "").split(",").filter(Boolean).map(decoded);
+  if (compared) return ids.length > 1 ? { view: "compare", ids } : { view: "list", ids: [] };
+  return ids.length > 0 ? { view: "run", ids: ids.slice(0, 1) } : { view: "list", ids: [] };
+}
+
+/** @param {string} text what somebody typed into the address may be anything */
+function decoded(text) {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    return text;
+  }
+}

@@ -1,0 +1,179 @@
+/** Files of motion capture: send one in, see what was understood of it, choose one. */
+
+import { ApiError, request } from "../api.js";
+import { field, h, icon, setText } from "../dom.js";
+import { confirmed, notifyError } from "../notice.js";
+import { Part } from "../part.js";
+import { fixed, when } from "../words.js";
+import { counted } from "./run-words.js";
+
+/** @typedef {import("./types.js").TruthFile} TruthFile */
+
+export class TruthPicker extends Part {
+  /** Called when another file is chosen; null: none. @type {(file: TruthFile | null) => void} */
+  chosen = () => {};
+
+  #file = h("input", { type: "file", id: "truth-file", accept: ".csv,.c3d,.txt,.tum,.tsv", "aria-describedby": "truth-help truth-error" });
+  #rate = h("input", { type: "number", id: "truth-rate", min: 1, max: 10000, step: "any", placeholder: "as the file says" });
+  #drop = h("div", { class: "drop" });
+  #select = h("select", { id: "truth-select" });
+  #remove = h("button", { type: "button", class: "button icon-button", "aria-label": "Delete this truth file", title: "Delete this truth file" }, icon("trash"));
+  #choice = h("div", { class: "field" });
+  #sending = h("p", { class: "hint", role: "status" });
+  #error = h("p", { class: "field-error", id: "truth-error", role: "alert" });
+  #angles = h("div", { class: "row", role: "group", "aria-label": "How the angles are meant", hidden: true });
+  #understood = h("div", { class: "stack understood" });
+  /** @type {TruthFile[]} */
+  #all = [];
+  /** What was sent and was not clear. @type {File | null} */
+  #unclear = null;
+  #busy = false;
+
+  build() {
+    this.#choice.append(h("label", { for: "truth-select" }, "Truth file"), h("div", { class: "row" }, this.#select, this.#remove));
+    const helical = h("button", { type: "button", class: "button" }, "Helical, as Tracker writes them");
+    const euler = h("button", { type: "button", class: "button" }, "Euler angles XYZ");
+    helical.addEventListener("click", () => void this.#send(this.#unclear, "helical"));
+    euler.addEventListener("click", () => void this.#send(this.#unclear, "euler_xyz"));
+    this.#angles.append(helical, euler);
+    this.#drop.append(
+      h("label", { for: "truth-file" }, icon("upload"), "Choose a file of motion capture, or drop it here"), this.#file,
+      h("p", { class: "hint", id: "truth-help" }, "Vicon Tracker or Nexus CSV, C3D, CSV with t,x,y,z in seconds and metres, or TUM; recognised by content."),
+      h("details", {}, h("summary", {}, "Where the file tells no rate"), field("Rate, Hz", this.#rate)),
+      this.#error, this.#angles, this.#sending);
+    this.append(this.#choice, this.#understood, this.#drop);
+    this.#file.addEventListener("change", () => void this.#send(this.#file.files?.[0] ?? null));
+    this.#select.addEventListener("change", () => this.#tell());
+    this.#remove.addEventListener("click", () => void this.#delete());
+    this.#listenForDrop();
+  }
+
+  /** @returns {TruthFile | null} */
+  get file() {
+    return this.find(this.#select.value);
+  }
+
+  /** @param {string | null} id @returns {TruthFile | null} */
+  find(id) {
+    return this.#all.find((file) => file.id === id) ?? null;
+  }
+
+  /** Read what there is, and choose this one where it is there. @param {string | null} id */
+  async load(id) {
+    await this.#load(id ?? "");
+  }
+
+  /** @param {string | null} id */
+  #choose(id) {
+    this.#select.value = this.#all.some((file) => file.id === id) ? id ?? "" : "";
+    this.#tell();
+  }
+
+  #listenForDrop() {
+    for (const type of ["dragenter", "dragover"]) {
+      this.#drop.addEventListener(type, (event) => {
+        event.preventDefault();
+        this.#drop.toggleAttribute("data-over", true);
+      });
+    }
+    this.#drop.addEventListener("dragleave", () => this.#drop.removeAttribute("data-over"));
+    this.#drop.addEventListener("drop", (event) => {
+      event.preventDefault();
+      this.#drop.removeAttribute("data-over");
+      void this.#send(event.dataTransfer?.files[0] ?? null);
+    });
+  }
+
+  async #load(chosen = this.#select.value) {
+    /** @type {TruthFile[] | null} */
+    const all = await request("GET", "/truth").catch(() => null);
+    if (!all) return;
+    this.#all = all;
+    this.#select.replaceChildren(
+      h("option", { value: "" }, all.length > 0 ? "Choose one" : "None was sent in yet"),
+      ...all.map((file) => h("option", { value: file.id }, `${file.name} (${when(file.created_at)})`)));
+    this.#choose(chosen);
+  }
+
+  #tell() {
+    const { file } = this;
+    this.#remove.hidden = file === null;
+    this.#understood.replaceChildren(...(file ? understood(file) : []));
+    this.chosen(file);
+  }
+
+  /**
+   * @param {File | null} file
+   * @param {"helical" | "euler_xyz"} [angles] what a person said of them
+   */
+  async #send(file, angles) {
+    if (!file || this.#busy) return;
+    this.#busy = true;
+    this.#unclear = null;
+    this.#angles.hidden = true;
+    setText(this.#error, "");
+    setText(this.#sending, `Reading ${file.name}…`);
+    const form = new FormData();
+    form.append("file", file);
+    if (this.#rate.value) form.append("rate_hz", this.#rate.value);
+    if (angles) form.append("angles", angles);
+    try {
+      /** @type {TruthFile} */
+      const taken = await request("POST", "/truth", form);
+      await this.#load(taken.id);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      setText(this.#error, `${file.name} was not taken: ${error.message}`);
+      // The one thing that only a person can tell.
+      if (/helical/.test(error.message) && /euler/i.test(error.message)) {
+        this.#unclear = file;
+        this.#angles.hidden = false;
+      }
+    } finally {
+      this.#busy = false;
+      setText(this.#sending, "");
+      // The same file, corrected, can be chosen again.
+      this.#file.value = "";
+    }
+  }
+
+  async #delete() {
+    const { file } = this;
+    if (!file || !(await confirmed(`Delete ${file.name}?`, "Runs that were aligned with it keep their results.", "Delete file"))) return;
+    try {
+      await request("DELETE", `/truth/${encodeURIComponent(file.id)}`);
+    } catch (error) {
+      notifyError(error);
+    }
+    this.#select.focus();
+    await this.#load("");
+  }
+}
+
+/**
+ * What the file was taken for, for a person to see whether that is right.
+ *
+ * @param {TruthFile} file
+ */
+function understood({ format, info }) {
+  const { bodies, notes, rate_hz: rate, duration_s: seconds } = info;
+  const facts = [format, rate === null ? "rate not known" : `${Number(rate.toFixed(2))} Hz`, seconds === null ? null : `${fixed(seconds, 1)} s`, counted(bodies.length, "body").replace("bodys", "bodies")];
+  const heads = ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"];
+  return [
+    h("p", {}, "Understood as ", h("b", {}, facts.filter(Boolean).join(", ")), "."),
+    h("div", { class: "scroll-x" },
+      h("table", {},
+        h("caption", { class: "visually-hidden" }, "What the file holds"),
+        h("thead", {}, h("tr", {}, ...heads.map((text) => h("th", { scope: "col" }, text)))),
+        h("tbody", {}, ...bodies.map((body) => h("tr", {},
+          h("th", { scope: "row" }, body.name),
+          h("td", {}, body.has_orientation ? "known" : "not known"),
+          h("td", {}, body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`),
+          h("td", {}, body.gaps),
+          h("td", {}, body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–"),
+          h("td", {}, fixed(body.highest_speed_mps, 2))))))),
+    ...(notes.length > 0 ? [h("ul", { class: "plain-list" }, ...notes.map((note) => h("li", {}, note)))] : []),
+  ];
+}
+
+customElements.define("observer-truth-picker", TruthPicker);
