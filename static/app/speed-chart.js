@@ -2,11 +2,12 @@
 
 import { request } from "./api.js";
 import { h, setAttribute, setText } from "./dom.js";
+import { asPicture, speedsAsCsv } from "./live-speed-files.js";
 import { Part } from "./part.js";
-import { ChartExport } from "./runs/run-chart-export.js";
+import { ChartExport, ofRun } from "./runs/run-chart-export.js";
 import { gapsIn, speedAt, withBand } from "./speed-curves.js";
 import { SpeedHistory } from "./speed-history.js";
-import { SpeedPlot } from "./speed-plot.js";
+import { DASHES, SpeedPlot } from "./speed-plot.js";
 import { sentence } from "./words.js";
 
 /** @typedef {import("./speed-curves.js").Curve} Curve */
@@ -25,7 +26,7 @@ class SpeedChart extends Part {
   #legend = h("ul", { class: "legend" });
   #note = h("p", { class: "chart-note", role: "status", hidden: true });
   #empty = h("p", { class: "empty" }, "No speed yet. Curves appear as soon as an obstacle moves or truth is known.");
-  #export = new ChartExport(() => this.#offer());
+  #export = new ChartExport(() => this.#offers());
   #plot = new SpeedPlot(this.#host, {
     height: HEIGHT_PX,
     topAtLeast: TOP_AT_LEAST_MPS,
@@ -73,6 +74,7 @@ class SpeedChart extends Part {
       .sort((a, b) => ORDER[a.kind] - ORDER[b.kind])
       .map((curve) => ({ ...curve, times: curve.times.map(ago) }));
     this.#empty.hidden = this.#curves.length > 0;
+    this.#renderExport();
     this.#host.hidden = this.#curves.length === 0;
     this.#plot.draw(this.#curves, {
       starts: starts.map((start) => ({ ...start, time: ago(start.time) })),
@@ -105,18 +107,43 @@ class SpeedChart extends Part {
 
   #renderStatus() {
     const truth = this.hub.status?.truth ?? null;
-    const words = truth ? truth.trouble ?? truth.sentence : "";
+    const words = [truth?.sentence, truth?.trouble].flatMap((text) => (text ? [sentence(text)] : [])).join(" ");
     this.#note.hidden = words === "";
     setAttribute(this.#note, "data-tone", truth?.aligned && !truth.trouble ? "calm" : "open");
-    setText(this.#note, words && sentence(words));
-    this.#export.hidden = this.#offer().length === 0;
+    setText(this.#note, words);
+    this.#renderExport();
   }
 
-  /** What can be exported: what is seen of the run that is kept, or else all of the newest. */
-  #offer() {
-    const run = this.hub.status?.run ?? null;
-    if (run) return [{ id: run.id, name: run.name, range: this.#history.playing }];
-    return this.#last ? [{ id: this.#last.id, name: this.#last.name, range: null }] : [];
+  #renderExport() {
+    this.#export.hidden = this.#curves.length === 0 && !this.#last;
+  }
+
+  /** What is seen now, made in the page, and all of the newest run once it has ended. */
+  #offers() {
+    const { status } = this.hub;
+    const last = status?.run || this.#last?.state === "running" ? null : this.#last;
+    const seen = this.#curves.length > 0
+      ? [{
+          words: `What is seen now${status?.run ? "; figures for a paper once the run is stopped" : ""}`,
+          files: [
+            { format: "csv", title: "Curves as a table", make: async () => this.#file("csv", speedsAsCsv(this.#history.curves.values(), this.#history.playing)) },
+            { format: "png", title: "Chart as an image", make: async () => this.#file("png", await this.#picture()) },
+          ],
+        }]
+      : [];
+    return last ? [...seen, ofRun(last, null)] : seen;
+  }
+
+  #picture() {
+    const { canvas } = this.#plot;
+    if (!canvas) throw new Error("Nothing is drawn yet.");
+    const entries = this.#curves.map(({ kind, label, colour }) => ({ label, colour: this.#plot.resolved(colour), dash: DASHES[kind] ?? [] }));
+    return asPicture(canvas, entries, { ground: this.#plot.resolved("--surface"), text: this.#plot.resolved("--text") });
+  }
+
+  /** @param {string} format @param {Blob} blob */
+  #file(format, blob) {
+    return { blob, name: `${this.hub.status?.run?.name ?? "speeds"}.${format}` };
   }
 
   async #findLastRun() {

@@ -43,11 +43,12 @@ export class SpeedHistory {
     this.span_s = span_s;
   }
 
-  /** What is kept of the source that plays now, on its own clock. @returns {{begin: number, end: number} | null} */
+  /**
+   * What is kept of the source as it plays now, in the curves' seconds; offset is what these are
+   * ahead of its own clock.
+   */
   get playing() {
-    if (!this.#began) return null;
-    const begin = Math.max(this.newest - this.span_s, this.#playedFrom) - this.#offset;
-    return { begin, end: this.newest - this.#offset };
+    return { begin: Math.max(this.newest - this.span_s, this.#playedFrom), end: this.newest, offset: this.#offset };
   }
 
   /** @param {import("./types.js").ObservationMessage} message */

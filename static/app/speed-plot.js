@@ -31,6 +31,9 @@ import { joined } from "./speed-curves.js";
 /** @type {Marks} */
 export const NO_MARKS = { starts: [], changes: [], gaps: [] };
 
+/** How curves that are not measured by the observer are told from those that are. @type {Partial<Record<import("./speed-curves.js").Kind, number[]>>} */
+export const DASHES = { truth: [6, 4], commanded: [2, 3], sent: [2, 3] };
+
 const LABEL_PX = 11;
 // Less than this from the one before, a label would stand on it.
 const LABEL_SPACE_PX = 26;
@@ -86,6 +89,11 @@ export class SpeedPlot {
     plot.setCursor({ left, top: time === null ? -10 : 0 }, false);
   }
 
+  /** As it is drawn now, for a file of it; null where nothing is. @returns {HTMLCanvasElement | null} */
+  get canvas() {
+    return this.#plot?.ctx.canvas ?? null;
+  }
+
   /** m/s, the highest that is seen; of the curves alone: a wide band may leave the chart. */
   highest() {
     const [begin, end] = this.options.range();
@@ -118,7 +126,7 @@ export class SpeedPlot {
     this.#plot = null;
     if (this.#curves.length === 0 || this.host.clientWidth === 0) return;
     const { height, range, xWords, xSpace, topAtLeast, top, read, select } = this.options;
-    const colour = (/** @type {string} */ name) => this.#resolved(name);
+    const colour = (/** @type {string} */ name) => this.resolved(name);
     this.#plot = new uPlot(
       {
         width: this.host.clientWidth,
@@ -169,7 +177,7 @@ export class SpeedPlot {
   }
 
   /** A colour of tokens.css as the canvas understands it. @param {string} name */
-  #resolved(name) {
+  resolved(name) {
     this.#probe.style.color = `var(${name})`;
     return getComputedStyle(this.#probe).color;
   }
@@ -217,9 +225,7 @@ function axis(colour, words, space) {
 function seriesOf({ kind, label, colour: name, banded }, colour) {
   const stroke = colour(name);
   const points = { show: false };
-  if (kind === "truth") return [{ label, stroke, width: 1.5, dash: [6, 4], points }];
-  if (kind === "commanded" || kind === "sent") return [{ label, stroke, width: 1.5, dash: [2, 3], points }];
-  if (kind === "encoder") return [{ label, stroke, width: 1.5, points }];
+  if (kind !== "estimate" && kind !== "stray") return [{ label, stroke, width: 1.5, dash: DASHES[kind] ?? [], points }];
   const main = { label, stroke, width: kind === "stray" ? 1 : 2, points: { show: true, size: 3, width: 0, filter: lonely } };
   if (!banded) return [main];
   const side = { stroke: "transparent", width: 0, points };

@@ -142,7 +142,7 @@ function curvesOf(chart, run, origin, colour) {
     const curve = {
       key: `${run}/${at}`,
       kind,
-      label: stored.label,
+      label: labelOf(stored),
       colour: colour && stored.kind === "estimate" ? colour : colourOf(stored, choice),
       banded: choice === "matched",
       times,
@@ -150,7 +150,7 @@ function curvesOf(chart, run, origin, colour) {
       stds: broken.stds,
       choice,
       words: String(stored.track_id ?? ""),
-      parts: [{ begin: Number(times[0]), end: Number(times.at(-1)), label: stored.label }],
+      parts: [{ begin: Number(times[0]), end: Number(times.at(-1)), label: labelOf(stored) }],
     };
     return curve;
   });
@@ -160,6 +160,12 @@ function curvesOf(chart, run, origin, colour) {
 function choiceOf({ kind, role, body }, known) {
   if (kind === "estimate") return known && !body ? "stray" : "matched";
   return role === "observer" ? "own" : kind;
+}
+
+/** As the live chart has it. @param {StoredCurve} curve */
+function labelOf({ kind, label, track_id }) {
+  if (kind === "estimate") return track_id === null ? label : `Obstacle ${track_id}`;
+  return kind === "truth" ? `Truth ${label}` : label;
 }
 
 /** @param {StoredCurve} curve @param {Choice} choice */

@@ -7,13 +7,34 @@ import { fixed } from "../words.js";
 
 /**
  * @typedef {object} Offer
- * @property {string} id of the run
- * @property {string} name
- * @property {{begin: number, end: number} | null} range seconds on the source's clock; null: all
+ * @property {string} words of what
+ * @property {{format: string, title: string, make: () => Promise<{blob: Blob, name: string}>}[]} files
  */
 
-const FORMATS = ["csv", "png", "svg", "pdf"];
-const TITLES = { csv: "Curves as a table", png: "Figure as an image", svg: "Figure to edit or embed", pdf: "Figure for a paper" };
+const FORMATS = { csv: "Curves as a table", png: "Figure as an image", svg: "Figure to edit or embed", pdf: "Figure for a paper" };
+
+/**
+ * What the server makes of a stored run.
+ *
+ * @param {{id: string, name: string}} run
+ * @param {{begin: number, end: number} | null} range seconds on the source's clock; null: all
+ * @returns {Offer}
+ */
+export function ofRun({ id, name }, range) {
+  const query = range ? `?begin=${range.begin.toFixed(4)}&end=${range.end.toFixed(4)}` : "";
+  const words = range ? `${fixed(range.begin, 1)} to ${fixed(range.end, 1)} s` : "all of it";
+  return {
+    words: `Run ${name}: ${words}`,
+    files: Object.entries(FORMATS).map(([format, title]) => ({
+      format,
+      title,
+      make: async () => {
+        const { blob, headers } = await requestImage(`/runs/${encodeURIComponent(id)}/chart.${format}${query}`);
+        return { blob, name: fileName(headers) ?? `${name}.${format}` };
+      },
+    })),
+  };
+}
 
 export class ChartExport extends HTMLElement {
   #open = h("button", { type: "button", class: "button", "aria-expanded": "false", "aria-haspopup": "true" }, icon("download"), "Export");
@@ -59,31 +80,27 @@ export class ChartExport extends HTMLElement {
   }
 
   /** @param {Offer} offer */
-  #entry({ id, name, range }) {
-    const words = range ? `${fixed(range.begin, 1)} to ${fixed(range.end, 1)} s` : "all of it";
-    const buttons = FORMATS.map((format) => {
-      const button = h("button", { type: "button", class: "button", title: TITLES[/** @type {keyof typeof TITLES} */ (format)], "aria-label": `${format.toUpperCase()} of run ${name}, ${words}` }, format.toUpperCase());
-      button.addEventListener("click", () => void this.#save(id, name, range, format));
+  #entry({ words, files }) {
+    const buttons = files.map(({ format, title, make }) => {
+      const name = format.toUpperCase();
+      const button = h("button", { type: "button", class: "button", title, "aria-label": `${name}. ${words}` }, name);
+      button.addEventListener("click", () => void this.#save(make));
       return button;
     });
-    return h("div", { class: "stack" }, h("p", { class: "hint" }, `Run ${name}: ${words}`), h("div", { class: "row" }, ...buttons));
+    return h("div", { class: "stack" }, h("p", { class: "hint" }, words), h("div", { class: "row" }, ...buttons));
   }
 
-  /**
-   * @param {string} id
-   * @param {string} name
-   * @param {Offer["range"]} range
-   * @param {string} format
-   */
-  async #save(id, name, range, format) {
+  /** @param {Offer["files"][number]["make"]} make */
+  async #save(make) {
     this.#toggle(false);
     this.#open.focus();
-    const query = range ? `?begin=${range.begin.toFixed(4)}&end=${range.end.toFixed(4)}` : "";
+    // Figures take seconds to draw: meanwhile the page says so, and tells what went wrong.
     this.#work(true);
     try {
-      // Figures take seconds to draw: meanwhile the page says so, and tells what went wrong.
-      const { blob, headers } = await requestImage(`/runs/${encodeURIComponent(id)}/chart.${format}${query}`);
-      save(blob, fileName(headers) ?? `${name}.${format}`);
+      const { blob, name } = await make();
+      const href = URL.createObjectURL(blob);
+      h("a", { href, download: name }).click();
+      setTimeout(() => URL.revokeObjectURL(href), 60_000);
     } catch (error) {
       notifyError(error);
     } finally {
@@ -103,13 +120,6 @@ export class ChartExport extends HTMLElement {
 /** @param {Headers} headers */
 function fileName(headers) {
   return /filename="([^"]+)"/.exec(headers.get("content-disposition") ?? "")?.[1] ?? null;
-}
-
-/** @param {Blob} blob @param {string} name */
-function save(blob, name) {
-  const href = URL.createObjectURL(blob);
-  h("a", { href, download: name }).click();
-  setTimeout(() => URL.revokeObjectURL(href), 60_000);
 }
 
 customElements.define("observer-chart-export", ChartExport);

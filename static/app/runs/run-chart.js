@@ -9,7 +9,7 @@ import { h, setText } from "../dom.js";
 import { fixed } from "../words.js";
 import { extentOf, originsOf, panelsOf, runColour, sameRecording } from "./run-chart-data.js";
 import { errorSection } from "./run-chart-errors.js";
-import { ChartExport } from "./run-chart-export.js";
+import { ChartExport, ofRun } from "./run-chart-export.js";
 import { ChartPanel } from "./run-chart-panel.js";
 
 /** @typedef {import("./run-chart-data.js").StoredChart} StoredChart */
@@ -187,7 +187,7 @@ export class RunChart extends HTMLElement {
     const all = begin <= this.#extent[0] && end >= this.#extent[1];
     return this.#charts.map(({ run }, at) => {
       const origin = Number(origins[at]);
-      return { id: run.id, name: run.name, range: all ? null : { begin: begin + origin, end: end + origin } };
+      return ofRun(run, all ? null : { begin: begin + origin, end: end + origin });
     });
   }
 }
