@@ -12,7 +12,7 @@ from ..chromium import hide, without_viewer
 from .system import MOVING_MPS, SPEED_MPS, System
 
 _KEY = "w"
-_PATIENCE_S = 30.0
+_PATIENCE_S = 60.0
 _REMEMBERED = "dynamic-observer.driving"
 
 

@@ -22,7 +22,7 @@ from .operator import Operator
 SPEED_MPS = 0.3
 # What a ramp and a slow status packet leave of it.
 MOVING_MPS = 0.27
-_PATIENCE_S = 20.0
+_PATIENCE_S = 60.0
 _RIG = """mount: {{height_m: {height}, tilt_deg: {tilt}, forward_m: {forward}, left_m: {left}}}
 models: {{observer: amigo-sh}}
 ports: {{observer: '{port}'}}
