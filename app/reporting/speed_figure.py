@@ -17,6 +17,8 @@ from observer.geometry import Float64Array
 _GAP_STEPS = 3.0
 # Tracks of fewer samples are drawn without their number.
 _NAMED_FROM = 5
+_LEGEND_COLUMNS = 5
+_LEGEND_ROW_PT = 13.0
 _OTHER_SOURCES = {"true": (ORANGE, "--"), "commanded": (INK, ":"), "encoder": (TEAL, "-.")}
 
 
@@ -31,16 +33,19 @@ def speed_figure(
     figure = Figure(figsize=(9.6, 3.5 * len(runs)), layout="constrained", facecolor="white")
     charts = figure.subplots(len(runs), 1, squeeze=False)
     for axes, (title, gathered) in zip(charts.flat, runs, strict=True):
-        _chart(axes, gathered)
+        legend_rows = _chart(axes, gathered)
         if highest_mps is not None:
             axes.set_ylim(top=highest_mps)
-        axes.set_title(title, fontsize=10, loc="left")
+        axes.set_title(title, fontsize=10, loc="left", pad=6 + _LEGEND_ROW_PT * legend_rows)
         axes.set_ylabel("speed, m/s")
     charts.flat[-1].set_xlabel("time on the source's clock, s")
     return figure
 
 
-def _chart(axes: Axes, gathered: Gathered) -> None:
+def _chart(axes: Axes, gathered: Gathered) -> int:
+    """Returns:
+    How many rows the legend has.
+    """
     stray = "of no known body" if gathered.true else "by the observer"
     groups = ((gathered.seen, BLUE, "by the observer"), (gathered.unmatched, PURPLE, stray))
     for motions, color, label in groups:
@@ -55,12 +60,14 @@ def _chart(axes: Axes, gathered: Gathered) -> None:
     axes.margins(y=0.12)
     axes.set_ylim(bottom=0)
     plain_axes(axes)
-    if axes.get_legend_handles_labels()[0]:
-        # Above the chart, where it hides no curve.
+    entries = len(axes.get_legend_handles_labels()[0])
+    if entries:
+        # Above the chart, where it hides no curve, and below the title, which may be long.
         axes.legend(
-            loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8, ncols=5,
-            borderaxespad=0.2,
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, fontsize=8,
+            ncols=_LEGEND_COLUMNS, borderaxespad=0.2, borderpad=0.2,
         )  # fmt: skip
+    return -(-entries // _LEGEND_COLUMNS)
 
 
 def _seen(axes: Axes, motion: SeenMotion, color: str, label: str | None) -> None:
