@@ -6,6 +6,7 @@ import { KeptList } from "./focus-place.js";
 import { Part } from "./part.js";
 import { removeRun } from "./runs/run-search.js";
 import { facts, runHref } from "./runs/run-words.js";
+import { sentence } from "./words.js";
 
 /** @typedef {import("./types.js").Run} Run */
 
@@ -49,7 +50,7 @@ class RunList extends Part {
       h("div", { class: "item-words" },
         h("p", {}, h("a", { href: runHref(run.id) }, run.name), " ", h("span", { class: "state-chip", "data-state": run.state }, run.state)),
         h("p", { class: "hint" }, facts(run)),
-        run.reason ? h("p", { class: "hint" }, run.reason) : null),
+        run.reason ? h("p", { class: "hint" }, sentence(run.reason)) : null),
       h("div", { class: "row" },
         h("a", { class: "button", href: `/api/runs/${encodeURIComponent(run.id)}/speeds?format=csv`, download: `${run.name}.csv`, "aria-label": `Speeds of run ${run.name} as CSV` }, icon("download"), "CSV"),
         remove));

@@ -224,6 +224,7 @@
  * @property {"running" | "finished" | "interrupted" | "failed"} state
  * @property {string} source
  * @property {string} started_at ISO 8601
+ * @property {string} updated_at ISO 8601, the last sign of life
  * @property {string | null} ended_at ISO 8601
  * @property {number} frames
  * @property {number} segments

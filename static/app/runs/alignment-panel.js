@@ -3,7 +3,7 @@
 import { ApiError, request } from "../api.js";
 import { field, fillList, h, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
-import { fixed, trackColour } from "../words.js";
+import { fixed, sentence, trackColour } from "../words.js";
 import { TruthPicker } from "./truth-picker.js";
 
 /** @typedef {import("./types.js").Alignment} Alignment */
@@ -28,7 +28,7 @@ export class AlignmentPanel extends Part {
   #align = h("button", { type: "button", class: "button primary" }, "Align");
   #state = h("p", { class: "hint", role: "status" });
   #error = h("p", { class: "field-error", role: "alert" });
-  #another = h("details", {}, h("summary", {}, "Align with a truth file"));
+  #another = h("details", {}, h("summary", {}, "Lay truth over this run"));
   /** @type {Chart | null} */
   #chart = null;
   #busy = false;
@@ -43,31 +43,42 @@ export class AlignmentPanel extends Part {
     this.#align.addEventListener("click", () => void this.#alignAnew());
   }
 
+  /** Another run is shown, and nothing is known of it yet. */
+  forget() {
+    this.#chart = null;
+    this.hidden = true;
+  }
+
   /** @param {Chart} chart */
   show(chart) {
     const other = chart.run.id !== this.#chart?.run.id;
     this.#chart = chart;
+    this.hidden = false;
     if (other) {
       setText(this.#error, "");
       setText(this.#state, "");
       this.#another.open = !chart.aligned;
-      void this.#picker.load(chart.run.truth_id);
+      void this.#picker.load(chart.run.truth_id ?? (chart.alignment ? "live" : null));
+    } else {
+      this.#renderBodies(this.#picker.file);
     }
-    setText(this.#sentence, chart.sentence ?? (chart.aligned ? "Aligned." : "Without truth."));
+    setText(this.#sentence, sentence(chart.sentence ?? (chart.aligned ? "aligned" : "there is no truth to compare with")));
     setAttribute(this.#sentence, "class", chart.aligned ? "" : "hint");
     const { alignment } = chart;
     this.#figures.replaceChildren(...(alignment ? figuresOf(alignment) : []));
-    fillList(this.#notes, alignment?.notes ?? []);
+    fillList(this.#notes, (alignment?.notes ?? []).map(sentence));
     this.#renderMatches();
   }
 
   /** @param {TruthFile | null} file */
   #renderBodies(file) {
-    const names = file?.info.bodies.map(({ name }) => name) ?? [];
-    const roles = file && file.id === this.#chart?.run.truth_id ? this.#chart.alignment?.roles ?? {} : {};
+    const { live } = this.#picker;
+    const same = live ? this.#chart?.run.truth_id === null : file !== null && file.id === this.#chart?.run.truth_id;
+    const roles = (same && this.#chart?.alignment?.roles) || {};
     const aligned = Object.keys(roles).length > 0;
+    const names = live ? Object.keys(roles) : file?.info.bodies.map(({ name }) => name) ?? [];
     this.#bodies.hidden = names.length === 0;
-    setAttribute(this.#align, "aria-disabled", file ? null : "true");
+    setAttribute(this.#align, "aria-disabled", file || live ? null : "true");
     this.#observer.replaceChildren(h("option", { value: "" }, "found out by its motion"), ...names.map((name) => h("option", { value: name }, name)));
     this.#observer.value = names.find((name) => roles[name] === "observer") ?? "";
     this.#compared.replaceChildren(...names.map((name) => {
@@ -104,7 +115,7 @@ export class AlignmentPanel extends Part {
    * @param {Chart["curves"]} curves
    */
   #matchRow(key, alignment, bodies, curves) {
-    const [segment = 0, track = 0] = key.split(/\D/).map(Number);
+    const [segment = 0, track = 0] = key.split(":").map(Number);
     const match = alignment.matches[key];
     const curve = curves.find((each) => each.kind === "estimate" && each.segment === segment && each.track_id === track);
     const first = curve?.times[0];
@@ -134,17 +145,17 @@ export class AlignmentPanel extends Part {
     const roles = alignment?.roles ?? {};
     await this.#ask({
       truth_id: run.truth_id,
-      observer: Object.keys(roles).find((name) => roles[name] === "observer") ?? null,
+      observer: alignment?.observer ?? null,
       ignore: (this.#picker.find(run.truth_id)?.info.bodies ?? []).flatMap(({ name }) => name in roles ? [] : [name]),
       matches: { ...Object.fromEntries(said), [key]: body },
     });
   }
 
   async #alignAnew() {
-    const { file } = this.#picker;
-    if (!file) return setText(this.#error, "Choose a truth file first.");
+    const { file, live } = this.#picker;
+    if (!file && !live) return setText(this.#error, "Choose a truth file first.");
     const left = /** @type {NodeListOf<HTMLInputElement>} */ (this.#compared.querySelectorAll("input:not(:checked)"));
-    await this.#ask({ truth_id: file.id, observer: this.#observer.value || null, ignore: [...left].map(({ value }) => value), matches: {} });
+    await this.#ask({ truth_id: file?.id ?? null, observer: this.#observer.value || null, ignore: [...left].map(({ value }) => value), matches: {} });
   }
 
   /** @param {object} wanted of POST /api/runs/{id}/align */
@@ -157,8 +168,8 @@ export class AlignmentPanel extends Part {
     setText(this.#state, "Aligning: the speeds of the whole run are compared…");
     try {
       /** @type {{sentence: string}} */
-      const { sentence } = await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
-      setText(this.#state, sentence);
+      const done = await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
+      setText(this.#state, sentence(done.sentence));
       this.hub.tell("runs");
       this.aligned();
     } catch (error) {
@@ -167,13 +178,13 @@ export class AlignmentPanel extends Part {
       setText(this.#error, `${error.message} ${this.#chart?.aligned ? "The alignment stays as it was." : ""}`.trim());
     } finally {
       this.#busy = false;
-      setAttribute(this.#align, "aria-disabled", this.#picker.file ? null : "true");
+      setAttribute(this.#align, "aria-disabled", this.#picker.file || this.#picker.live ? null : "true");
     }
   }
 }
 
 /** @param {Alignment} alignment how well it fits, in figures */
-function figuresOf({ time, frame_residual_m: apart }) {
+function figuresOf({ frame_residual_m: apart, ...time }) {
   const drift = time.drift_sigma_ppm === null ? "not told apart" : `${fixed(time.drift_ppm, 0)} ± ${fixed(time.drift_sigma_ppm, 0)} ppm`;
   /** @type {[string, string][]} */
   const figures = [

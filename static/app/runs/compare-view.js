@@ -15,6 +15,7 @@ export class CompareView extends Part {
   named = () => {};
 
   #chart = new RunChart();
+  #waiting = h("p", { class: "empty", role: "status" });
   #table = h("div", { class: "scroll-x" });
   #error = h("p", { class: "field-error", role: "alert" });
   /** @type {string[]} */
@@ -22,7 +23,7 @@ export class CompareView extends Part {
   #asked = 0;
 
   build() {
-    this.append(this.#error, this.#chart, this.#table);
+    this.append(this.#error, this.#waiting, this.#chart, this.#table);
     this.hear("reconnected", () => void this.#load());
   }
 
@@ -33,6 +34,7 @@ export class CompareView extends Part {
     this.#chart.show([]);
     this.#table.replaceChildren();
     setText(this.#error, "");
+    setText(this.#waiting, "The speeds are being read from the recordings…");
     void this.#load();
   }
 
@@ -44,12 +46,15 @@ export class CompareView extends Part {
       /** @type {Chart[]} */
       const charts = await Promise.all(ids.map((id) => /** @type {Promise<Chart>} */ (request("GET", `/runs/${encodeURIComponent(id)}/chart`))));
       if (asked !== this.#asked) return;
+      setText(this.#waiting, "");
       this.named(`${charts.map(({ run }) => run.name).join(" and ")} compared`);
       this.#chart.show(charts);
       this.#table.replaceChildren(settingsTable(charts));
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      if (asked === this.#asked) setText(this.#error, error.message);
+      if (asked !== this.#asked) return;
+      setText(this.#waiting, "");
+      setText(this.#error, error.message);
     }
   }
 }

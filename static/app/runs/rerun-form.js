@@ -128,8 +128,11 @@ export class RerunForm extends Part {
     setAttribute(this.#start, "aria-disabled", "true");
     setText(this.#error, "");
     const name = this.#name.value.trim();
+    const preset = this.#preset.value;
+    const begin = this.#startingValues();
+    const parameters = Object.fromEntries(Object.entries(this.#draft.values).filter(([each, value]) => begin[each] !== value));
     try {
-      this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, { ...(name ? { name } : {}), parameters: this.#draft.differing });
+      this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, { ...(name ? { name } : {}), ...(preset ? { preset } : {}), parameters });
       this.hub.tell("runs");
       this.#renderProgress();
     } catch (error) {

@@ -114,6 +114,10 @@ export class ChartPanel {
     this.#reading.replaceChildren(h("b", {}, `${fixed(time, 2)} s`), ...(values.length ? values : [h("span", {}, "nothing measured")]));
   }
 
+  focus() {
+    this.#host.focus({ preventScroll: true });
+  }
+
   remove() {
     this.#plot.remove();
     this.element.remove();

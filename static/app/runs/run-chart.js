@@ -62,12 +62,22 @@ export class RunChart extends HTMLElement {
     this.#clear();
   }
 
-  /** @param {StoredChart[]} charts one, or several to compare; the first is what others are compared with */
+  /**
+   * What is zoomed into stays so where the same runs are shown again, as while one is going.
+   *
+   * @param {StoredChart[]} charts one, or several to compare; the first is what others are compared with
+   */
   show(charts) {
+    const ids = (/** @type {StoredChart[]} */ some) => some.map(({ run }) => run.id).join(" ");
+    const again = ids(charts) === ids(this.#charts) && !this.#seesAll();
     this.#charts = charts;
     this.#extent = extentOf(panelsOf(charts, false));
-    this.#range = this.#extent;
+    if (!again) this.#range = this.#extent;
     if (this.isConnected) this.#rebuild();
+  }
+
+  #seesAll() {
+    return this.#range[0] <= this.#extent[0] && this.#range[1] >= this.#extent[1];
   }
 
   #build() {
@@ -100,6 +110,8 @@ export class RunChart extends HTMLElement {
   }
 
   #rebuild() {
+    const focused = this.#panels.findIndex(({ element }) => element.contains(document.activeElement));
+    const opened = this.#errors.querySelector("details")?.open ?? false;
     this.#clear();
     const several = this.#charts.length > 1;
     this.toggleAttribute("data-empty", this.#charts.length === 0);
@@ -118,6 +130,8 @@ export class RunChart extends HTMLElement {
     this.#draw();
     this.#zoom(...this.#range);
     this.#errors.replaceChildren(errorSection(this.#charts, several && this.#overlaid));
+    this.#errors.querySelector("details")?.toggleAttribute("open", opened);
+    this.#panels[focused]?.focus();
   }
 
   #draw() {
@@ -184,7 +198,7 @@ export class RunChart extends HTMLElement {
   #offers() {
     const origins = originsOf(this.#charts);
     const [begin, end] = this.#range;
-    const all = begin <= this.#extent[0] && end >= this.#extent[1];
+    const all = this.#seesAll();
     return this.#charts.map(({ run }, at) => {
       const origin = Number(origins[at]);
       return ofRun(run, all ? null : { begin: begin + origin, end: end + origin });

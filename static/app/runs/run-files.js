@@ -1,7 +1,7 @@
 /** A run as files: the report, and what other tools read. */
 
 import { ApiError, requestImage } from "../api.js";
-import { h, icon, setAttribute, setText } from "../dom.js";
+import { field, h, icon, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
 import { size } from "./run-words.js";
 
@@ -11,21 +11,35 @@ import { size } from "./run-words.js";
 const FILES = [
   ["report", "html", "Report", "One page with the paper's figures redone from this run, its errors, parameters and calibration."],
   ["export?format=zip", "zip", "Everything, ZIP", "Tables, video and cloud with a README of the columns."],
-  ["export?format=csv", "csv", "Tracks, CSV", "A row for every obstacle in every frame."],
-  ["export?format=parquet", "parquet", "Tracks, Parquet", "The same for pandas and Polars."],
+  ["export?format=csv", "csv", "Table, CSV", "The table that is chosen below."],
+  ["export?format=parquet", "parquet", "Table, Parquet", "The same for pandas and Polars."],
   ["export?format=mp4", "mp4", "Video, MP4", "The left image with what was found."],
   ["export?format=ply", "ply", "Point cloud, PLY", "Of the first recorded frame."],
   ["export?format=ros2", "ros2.zip", "ROS 2 bag, ZIP", "For ros2 bag play."],
 ];
 
+/** @type {[string, string][]} */
+const TABLES = [
+  ["obstacles", "every obstacle in every frame"],
+  ["frames", "frames and the camera's motion"],
+  ["truth", "true motion"],
+  ["matched_truth", "truth beside what was seen of it"],
+  ["odometry", "the robots' odometry"],
+  ["robots", "what the robots were told and did"],
+  ["parameters", "parameters and their changes"],
+];
+
 export class RunFiles extends Part {
   #list = h("ul", { class: "file-list" });
+  #table = h("select", { id: "file-table" }, ...TABLES.map(([value, words]) => h("option", { value }, words)));
+  #open = h("a", { target: "_blank", rel: "noopener" }, "Open the report in a new tab");
   #state = h("p", { role: "status" });
   #cancel = h("button", { type: "button", class: "button", hidden: true }, "Cancel");
   #error = h("p", { class: "field-error", role: "alert" });
   #without = h("p", { class: "hint" });
   #recording = h("a", { class: "button", download: true }, icon("download"), "Recording, MCAP");
   #speeds = h("a", { class: "button", download: true }, icon("download"), "Speeds, CSV");
+  #more = h("div", { class: "stack" });
   /** @type {Run | null} */
   #run = null;
   /** What is being made. @type {AbortController | null} */
@@ -37,8 +51,9 @@ export class RunFiles extends Part {
       button.addEventListener("click", () => void this.#make(path, ending, words));
       this.#list.append(h("li", {}, button, h("span", { class: "hint", id: `file-${ending}` }, help)));
     }
+    this.#more.append(field("Table of CSV and Parquet", this.#table), h("p", {}, this.#open, h("span", { class: "hint" }, " (up to a minute)")));
     this.#cancel.addEventListener("click", () => this.#making?.abort());
-    this.append(h("h3", {}, "Report and files"), this.#without, this.#list,
+    this.append(h("h3", {}, "Report and files"), this.#without, this.#list, this.#more,
       h("div", { class: "row" }, this.#speeds, this.#recording),
       this.#error, h("div", { class: "row" }, this.#state, this.#cancel));
   }
@@ -53,7 +68,8 @@ export class RunFiles extends Part {
     this.#run = run;
     const path = `/api/runs/${encodeURIComponent(run.id)}`;
     const recorded = run.recording_bytes !== null && run.state !== "running";
-    this.#list.hidden = !recorded;
+    this.#list.hidden = this.#more.hidden = !recorded;
+    setAttribute(this.#open, "href", `${path}/report`);
     this.#without.hidden = recorded;
     setText(this.#without, run.state === "running" ? "Made from the recording once the run has ended." : "It has no recording to make them from.");
     this.#recording.hidden = !recorded;
@@ -73,6 +89,7 @@ export class RunFiles extends Part {
     const run = this.#run;
     if (!run) return;
     if (this.#making) return setText(this.#error, "Something is being made already; wait for it or cancel it.");
+    const table = ["csv", "parquet"].includes(ending) ? this.#table.value : "";
     const making = new AbortController();
     this.#making = making;
     this.#cancel.hidden = false;
@@ -80,8 +97,8 @@ export class RunFiles extends Part {
     setText(this.#state, `${words} is being made…`);
     let end = "";
     try {
-      const { blob } = await requestImage(`/runs/${encodeURIComponent(run.id)}/${path}`, making.signal);
-      save(blob, `${run.name}.${ending}`);
+      const { blob } = await requestImage(`/runs/${encodeURIComponent(run.id)}/${path}${table ? `&table=${table}` : ""}`, making.signal);
+      save(blob, `${run.name}${table ? ` ${table}` : ""}.${ending}`);
       end = `${words} is made: ${size(blob.size)}.`;
     } catch (error) {
       if (making.signal.aborted) end = `${words} was cancelled.`;

@@ -5,7 +5,7 @@ import { h, icon, setAttribute, setText } from "../dom.js";
 import { KeptList } from "../focus-place.js";
 import { notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
-import { when } from "../words.js";
+import { sentence, when } from "../words.js";
 import { compareHref, counted, facts, runHref, size } from "./run-words.js";
 
 /** @typedef {import("./types.js").Run} Run */
@@ -148,7 +148,7 @@ export class RunSearch extends Part {
           run.rerun_of ? h("span", { class: "mark-chip" }, "re-run") : null,
           ...run.tags.map((tag) => h("span", { class: "tag-chip plain" }, tag))),
         h("p", { class: "hint" }, facts(run)),
-        run.reason ? h("p", { class: "hint" }, run.reason) : null,
+        run.reason ? h("p", { class: "hint" }, sentence(run.reason)) : null,
         run.notes ? h("p", { class: "run-notes" }, run.notes) : null,
         run.deleted_at ? h("p", { class: "hint" }, `Deleted ${when(run.deleted_at)}; gone for good ${counted(Math.round(this.#undoDays), "day")} later.`) : null),
       run.deleted_at ? this.#bringBack(run) : this.#remover(run));

@@ -3,6 +3,7 @@
 import { ApiError, request } from "../api.js";
 import { h, icon, setText } from "../dom.js";
 import { Part } from "../part.js";
+import { sentence } from "../words.js";
 import { AlignmentPanel } from "./alignment-panel.js";
 import { RerunForm } from "./rerun-form.js";
 import { RunChart } from "./run-chart.js";
@@ -26,6 +27,7 @@ export class RunView extends Part {
   #original = h("a", {}, "Compare with the run it was made from");
   #remove = h("button", { type: "button", class: "button" }, icon("trash"), "Delete run");
   #error = h("p", { class: "field-error", role: "alert" });
+  #waiting = h("p", { class: "empty", role: "status" });
   #chart = new RunChart();
   #labels = new RunLabels();
   #truth = new AlignmentPanel();
@@ -37,6 +39,8 @@ export class RunView extends Part {
   #id = null;
   /** @type {Run | null} */
   #run = null;
+  /** Whose curves are shown. @type {string | null} */
+  #shown = null;
   #asked = 0;
   #timer = 0;
   /** @type {string | null} */
@@ -44,7 +48,7 @@ export class RunView extends Part {
 
   build() {
     const head = h("div", { class: "run-head" }, this.#state, this.#facts, this.#original, this.#remove);
-    this.#body.append(head, this.#reason, this.#chart,
+    this.#body.append(head, this.#reason, this.#waiting, this.#chart,
       h("div", { class: "run-columns" },
         h("div", { class: "stack" }, this.#truth, this.#files),
         h("div", { class: "stack" }, h("section", { class: "stack", "aria-label": "Name, tags and notes" }, this.#labels), this.#rerun, this.#settings)));
@@ -84,16 +88,21 @@ export class RunView extends Part {
       const run = await request("GET", path);
       if (asked !== this.#asked) return;
       this.#takeRun(run);
+      if (this.#shown !== id) setText(this.#waiting, "The speeds are being read from the recording…");
       /** @type {Chart} */
       const chart = await request("GET", `${path}/chart`);
       if (asked !== this.#asked) return;
+      this.#shown = id;
+      setText(this.#waiting, "");
       this.#takeRun(chart.run);
       this.#chart.show([chart]);
       this.#truth.show(chart);
       if (chart.run.state === "running") this.#timer = setTimeout(() => void this.#load(), AGAIN_MS);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      if (asked === this.#asked) setText(this.#error, error.message);
+      if (asked !== this.#asked) return;
+      setText(this.#waiting, "");
+      setText(this.#error, error.message);
     }
   }
 
@@ -101,13 +110,17 @@ export class RunView extends Part {
   #takeRun(run) {
     const other = run.id !== this.#run?.id;
     this.#run = run;
-    if (other) this.#chart.show([]);
+    if (other) {
+      this.#shown = null;
+      this.#chart.show([]);
+      this.#truth.forget();
+    }
     this.#body.hidden = false;
     this.named(`Run ${run.name}`);
     setText(this.#state, run.state);
     this.#state.dataset.state = run.state;
     setText(this.#facts, facts(run));
-    setText(this.#reason, run.reason ?? "");
+    setText(this.#reason, run.reason ? sentence(run.reason) : "");
     this.#reason.hidden = !run.reason;
     this.#original.hidden = run.rerun_of === null;
     if (run.rerun_of) this.#original.setAttribute("href", compareHref([run.rerun_of, run.id]));

@@ -31,7 +31,7 @@ export function facts(run) {
   return [
     run.source,
     when(run.started_at),
-    duration(run.started_at, run.ended_at ?? (run.state === "running" ? null : run.started_at)),
+    duration(run.started_at, run.ended_at ?? (run.state === "running" ? null : run.updated_at)),
     counted(run.frames, "frame"),
     run.segments > 1 ? counted(run.segments, "segment") : null,
     run.recording_bytes ? size(run.recording_bytes) : null,

@@ -9,8 +9,11 @@ import { counted } from "./run-words.js";
 
 /** @typedef {import("./types.js").TruthFile} TruthFile */
 
+// No file's id.
+const LIVE = "live";
+
 export class TruthPicker extends Part {
-  /** Called when another file is chosen; null: none. @type {(file: TruthFile | null) => void} */
+  /** Called when something else is chosen; null: no file. @type {(file: TruthFile | null) => void} */
   chosen = () => {};
 
   #file = h("input", { type: "file", id: "truth-file", accept: ".csv,.c3d,.txt,.tum,.tsv", "aria-describedby": "truth-help truth-error" });
@@ -30,7 +33,7 @@ export class TruthPicker extends Part {
   #busy = false;
 
   build() {
-    this.#choice.append(h("label", { for: "truth-select" }, "Truth file"), h("div", { class: "row" }, this.#select, this.#remove));
+    this.#choice.append(h("label", { for: "truth-select" }, "Truth"), h("div", { class: "row" }, this.#select, this.#remove));
     const helical = h("button", { type: "button", class: "button" }, "Helical, as Tracker writes them");
     const euler = h("button", { type: "button", class: "button" }, "Euler angles XYZ");
     helical.addEventListener("click", () => void this.#send(this.#unclear, "helical"));
@@ -53,6 +56,11 @@ export class TruthPicker extends Part {
     return this.find(this.#select.value);
   }
 
+  /** Whether the motion capture that the run's own recording holds is chosen. */
+  get live() {
+    return this.#select.value === LIVE;
+  }
+
   /** @param {string | null} id @returns {TruthFile | null} */
   find(id) {
     return this.#all.find((file) => file.id === id) ?? null;
@@ -65,7 +73,7 @@ export class TruthPicker extends Part {
 
   /** @param {string | null} id */
   #choose(id) {
-    this.#select.value = this.#all.some((file) => file.id === id) ? id ?? "" : "";
+    this.#select.value = id === LIVE || this.find(id) ? id ?? "" : "";
     this.#tell();
   }
 
@@ -90,7 +98,8 @@ export class TruthPicker extends Part {
     if (!all) return;
     this.#all = all;
     this.#select.replaceChildren(
-      h("option", { value: "" }, all.length > 0 ? "Choose one" : "None was sent in yet"),
+      h("option", { value: "" }, "Choose one, or send one in below"),
+      h("option", { value: LIVE }, "What was received live with the run"),
       ...all.map((file) => h("option", { value: file.id }, `${file.name} (${when(file.created_at)})`)));
     this.#choose(chosen);
   }
@@ -123,12 +132,10 @@ export class TruthPicker extends Part {
       await this.#load(taken.id);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, `${file.name} was not taken: ${error.message}`);
       // The one thing that only a person can tell.
-      if (/helical/.test(error.message) && /euler/i.test(error.message)) {
-        this.#unclear = file;
-        this.#angles.hidden = false;
-      }
+      this.#unclear = "angles" in error.fields ? file : null;
+      this.#angles.hidden = this.#unclear === null;
+      setText(this.#error, naming(error.message, file.name));
     } finally {
       this.#busy = false;
       setText(this.#sending, "");
@@ -148,6 +155,15 @@ export class TruthPicker extends Part {
     this.#select.focus();
     await this.#load("");
   }
+}
+
+/**
+ * @param {string} message a sentence, which may begin with the file's name
+ * @param {string} name
+ */
+function naming(message, name) {
+  const named = message.toLowerCase().startsWith(name.toLowerCase());
+  return named ? `${name}${message.slice(name.length)}` : `${name} was not taken: ${message}`;
 }
 
 /**

@@ -35,12 +35,18 @@
  * @property {number | null} distance_m
  *
  * @typedef {object} Alignment how truth was laid over a run
- * @property {{offset_s: number, sigma_s: number, drift_ppm: number,
- *   drift_sigma_ppm: number | null, correlation: number, overlap_s: number,
- *   residual_mps: number, samples: number}} time
+ * @property {number} offset_s to be added to truth's times
+ * @property {number} sigma_s
+ * @property {number} drift_ppm
+ * @property {number | null} drift_sigma_ppm
+ * @property {number} correlation
+ * @property {number} overlap_s
+ * @property {number} residual_mps
+ * @property {number} samples
+ * @property {string | null} observer the body that carries the camera
  * @property {Record<string, string>} roles observer or obstacle, by the body's name
- * @property {number | null} frame_residual_m
- * @property {Record<string, Match>} matches by "segment/track"
+ * @property {number | null} frame_residual_m null: only the clocks are aligned
+ * @property {Record<string, Match>} matches by "segment:track"
  * @property {string[]} notes
  *
  * @typedef {object} Curve of GET /api/runs/{id}/chart
@@ -49,7 +55,7 @@
  * @property {string} role
  * @property {number | null} track_id
  * @property {string | null} body
- * @property {number} segment
+ * @property {number | null} segment null: of the whole run
  * @property {number[]} times seconds
  * @property {(number | null)[]} speeds m/s
  * @property {(number | null)[] | null} stds m/s
