@@ -19,6 +19,8 @@ _POLL_S = 0.1
 # The facts are up to a tenth of a second behind, more on a busy machine.
 _APPEARS_WITHIN_S = 2.0
 _CLOSE_TO_END_S = 1.0
+# A robot's stop and others' come with the end of a programme.
+_NEWEST_INCIDENTS = 5
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,11 @@ class ProgrammeDrive:
         ]
         if facts["stopped"] is not None:
             reasons.insert(0, f"stopped by {facts['stopped']['by']}")
+        if not reasons:
+            # What hindered it may be over by now.
+            newest = facts.get("incidents", ())[-_NEWEST_INCIDENTS:]
+            told = [each["sentence"] for each in newest if each["kind"] == "programme"]
+            reasons = [each for each in told[-1:] if self._request.name in each]
         raise DrivingFailed(
             f"{self._request.name} ended after {self._elapsed_s:.1f} of {whole:.1f} s: "
             f"{'; '.join(reasons) or 'the server does not say why'}"

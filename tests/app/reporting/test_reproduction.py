@@ -30,7 +30,7 @@ class Laboratory(ScriptedServer):
     Attributes:
         runs: their ids, in order; a new one begins when none goes on. going: the one that does.
         late_in: of how many runs the robots are stopped.
-        looks: how often the facts were asked for.
+        looks: how often the facts were asked for. incidents: what stopped robots.
     """
 
     def __init__(self) -> None:
@@ -39,17 +39,26 @@ class Laboratory(ScriptedServer):
         self.going: str | None = None
         self.late_in = 0
         self.looks = 0
+        self.incidents: list[dict[str, Any]] = []
         self.act = self._maybe_late
         self._run_routes()
 
     def facts(self) -> dict[str, Any]:
         self.looks += 1
-        # As if the machine had been busy at first.
-        return {**super().facts(), "sight": {"age_s": 0.3 if self.looks < 5 else 0.04}}
+        # As if the machine had been busy at first, but not by the time somebody looks why.
+        return {
+            **super().facts(),
+            "sight": {"age_s": 0.3 if self.looks < 5 else 0.04},
+            "incidents": self.incidents,
+        }
 
     def _maybe_late(self, since_s: float) -> None:
         if len(self.runs) <= self.late_in and since_s > 0.1:
-            self.end(LATE)
+            self.incidents = [
+                {"kind": "programme", "sentence": f"the programme mine was ended: {LATE}"},
+                {"kind": "sight", "sentence": LATE},
+            ]
+            self.end(None)
 
     def _run_routes(self) -> None:
         @self.app.get("/api/status")
