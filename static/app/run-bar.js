@@ -4,7 +4,8 @@ import { ApiError, request } from "./api.js";
 import { h, icon, setAttribute, setText } from "./dom.js";
 import { notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
-import { duration } from "./words.js";
+import { size } from "./runs/run-words.js";
+import { duration, sentence } from "./words.js";
 
 /** @type {Record<string, string>} */
 const STATES = {
@@ -15,9 +16,19 @@ const STATES = {
   failed: "Failed",
 };
 
+/** Which images a run's recording keeps. @type {[string, string][]} */
+const RECORDS = [
+  ["jpeg", "Record JPEG"],
+  ["lossless", "Record lossless"],
+  ["none", "Record no images"],
+];
+
 class RunBar extends Part {
   #state = h("span", { class: "state-chip" });
   #name = h("input", { type: "text", id: "run-name", maxlength: 80, placeholder: "Run name (optional)", autocomplete: "off" });
+  #record = h("select", { id: "run-record", "aria-label": "Images in the recording", title: "All else is recorded in any case" },
+    ...RECORDS.map(([value, words]) => h("option", { value }, words)));
+  #recording = h("span", { class: "record-chip figure", hidden: true });
   #start = h("button", { class: "button primary", type: "submit" }, icon("record"), "Start run");
   #stop = h("button", { class: "button danger", type: "button", hidden: true }, icon("stop"), "Stop run");
   #running = h("span", { class: "run-clock figure", hidden: true });
@@ -31,6 +42,8 @@ class RunBar extends Part {
       { class: "row" },
       h("label", { for: "run-name", class: "visually-hidden" }, "Name of the run"),
       this.#name,
+      this.#record,
+      this.#recording,
       this.#running,
       this.#start,
       this.#stop,
@@ -55,7 +68,8 @@ class RunBar extends Part {
     setAttribute(this.#state, "title", status?.engine.reason ?? null);
     if (status) this.#tellRestart(status.engine.restarts);
     const run = status?.run ?? null;
-    this.#name.hidden = run !== null;
+    this.#name.hidden = this.#record.hidden = run !== null;
+    this.#renderRecording(status?.recording ?? null);
     this.#start.hidden = run !== null;
     this.#stop.hidden = run === null;
     this.#running.hidden = run === null;
@@ -63,6 +77,17 @@ class RunBar extends Part {
     const ready = connection === "open" && !this.#busy;
     this.#start.disabled = !ready || !status?.source || status.engine.state === "calibrating";
     this.#stop.disabled = !ready;
+  }
+
+  /** @param {import("./types.js").Recording | null} recording */
+  #renderRecording(recording) {
+    this.#recording.hidden = recording === null;
+    if (!recording) return;
+    const { images, bytes, dropped, trouble } = recording;
+    const lost = dropped > 0 ? `, ${dropped} lost` : "";
+    setText(this.#recording, trouble ? "Not recording" : `Recording ${size(bytes)}${images === "none" ? ", no images" : ""}${lost}`);
+    setAttribute(this.#recording, "data-trouble", trouble || dropped > 0 ? "" : null);
+    setAttribute(this.#recording, "title", trouble ? sentence(trouble) : dropped > 0 ? "The disk did not keep up." : null);
   }
 
   /** @param {number} restarts since the server was started */
@@ -76,7 +101,7 @@ class RunBar extends Part {
   async #begin() {
     const name = this.#name.value.trim();
     /** @type {import("./types.js").Run} */
-    const run = await request("POST", "/runs", name ? { name } : {});
+    const run = await request("POST", "/runs", { ...(name ? { name } : {}), record: this.#record.value });
     this.#name.value = "";
     notify(`Run ${run.name} started.`);
     this.hub.tell("runs");

@@ -3,10 +3,11 @@
 import { request } from "./api.js";
 import { h, icon } from "./dom.js";
 import { KeptList } from "./focus-place.js";
+import { notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
 import { removeRun } from "./runs/run-search.js";
-import { facts, runHref } from "./runs/run-words.js";
-import { sentence } from "./words.js";
+import { facts, runHref, size } from "./runs/run-words.js";
+import { fixed, sentence } from "./words.js";
 
 /** @typedef {import("./types.js").Run} Run */
 
@@ -18,11 +19,15 @@ class RunList extends Part {
   #items = new KeptList(this.#list, (/** @type {Run} */ run) => this.#item(run), () => this.#history);
   #empty = h("p", { class: "empty" }, "No run yet. Start one at the top of the page; it is recorded and listed here.");
   #history = h("a", { class: "button primary", href: "#history" }, "Find, compare and look at runs");
+  #ring = h("button", { type: "button", class: "button", "aria-describedby": "ring-help" }, "Save the last half minute");
   /** @type {string | null} */
   #runId = null;
 
   build() {
-    this.append(h("h2", {}, "Runs"), h("div", { class: "row" }, this.#history), h("h3", {}, "Newest"), this.#empty, this.#list);
+    this.append(h("h2", {}, "Runs"), h("div", { class: "row" }, this.#history, this.#ring),
+      h("p", { class: "hint", id: "ring-help" }, "Half a minute back is at hand of live cameras and of every run; it is also saved when the guard stops a robot."),
+      h("h3", {}, "Newest"), this.#empty, this.#list);
+    this.#ring.addEventListener("click", () => void this.#saveRing());
     this.hear("runs", () => void this.#load());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => {
@@ -40,6 +45,16 @@ class RunList extends Part {
     if (!found) return;
     this.#empty.hidden = found.runs.length > 0;
     this.#items.show(found.runs, ({ id }) => id);
+  }
+
+  async #saveRing() {
+    try {
+      /** @type {{file: string, bytes: number, seconds: number}} */
+      const { file, bytes, seconds } = await request("POST", "/recording/ring");
+      notify(`The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}).`);
+    } catch (error) {
+      notifyError(error);
+    }
   }
 
   /** @param {Run} run */

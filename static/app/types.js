@@ -185,6 +185,13 @@
  * @property {string} sentence why it is not yet, or how
  * @property {Record<string, any> | null} alignment
  *
+ * @typedef {object} Recording the run's, which is on
+ * @property {"none" | "jpeg" | "lossless"} images
+ * @property {number} bytes of the file
+ * @property {number} seconds
+ * @property {number} dropped messages lost because the disk did not keep up
+ * @property {string | null} trouble why nothing is recorded any more
+ *
  * @typedef {object} Status
  * @property {{state: string, reason: string | null, pid: number | null, generation: number,
  *   restarts: number, heartbeat_age_s: number | null}} engine
@@ -210,6 +217,7 @@
  * @property {number} viewers
  * @property {boolean} has_truth
  * @property {LiveTruth | null} [truth]
+ * @property {Recording | null} recording
  * @property {string[]} warnings one sentence each
  * @property {string} version
  *
