@@ -24,6 +24,7 @@ EXIT_INTERRUPTED = 130
 def build() -> typer.Typer:
     """The command line with all its commands."""
     # Imported here, because they bring numpy and OpenCV, which read the environment when imported.
+    from app.commands.align import align
     from app.commands.backup import backup
     from app.commands.benchmark import benchmark
     from app.commands.calibrate import calibrate
@@ -36,12 +37,14 @@ def build() -> typer.Typer:
     from app.commands.export import export
     from app.commands.observe import observe
     from app.commands.parameters import parameters
+    from app.commands.purge import purge
     from app.commands.report import report
     from app.commands.reproduce import reproduce
     from app.commands.restore import restore
     from app.commands.serve import serve
     from app.commands.simulate import simulate
     from app.commands.sweep import sweep
+    from app.commands.truth import truth
 
     cli = typer.Typer(
         name="dynamic-observer",
@@ -56,6 +59,9 @@ def build() -> typer.Typer:
     cli.command("evaluate")(evaluate)
     cli.command("export")(export)
     cli.command("chart")(chart)
+    cli.command("align")(align)
+    cli.command("truth")(truth)
+    cli.command("purge")(purge)
     cli.command("report")(report)
     cli.command("reproduce")(reproduce)
     cli.command("simulate")(simulate)

@@ -44,7 +44,8 @@ class Settings(BaseSettings):
         viewer_points, viewer_rate_hz: the 3D scene's cloud: points drawn, updates per second.
         ring_at_guard_stops: whether the last half minute is saved when the guard stops a robot.
         calibration_max_bytes: largest calibration file. images_max_bytes: largest archive of
-            images to calibrate with. body_max_bytes: largest other request.
+            images to calibrate with. truth_max_bytes: largest truth file.
+        body_max_bytes: largest other request.
     """
 
     model_config = SettingsConfigDict(
@@ -65,6 +66,7 @@ class Settings(BaseSettings):
     viewer_rate_hz: float = Field(10.0, ge=0.5, le=30.0, allow_inf_nan=False)
     calibration_max_bytes: int = Field(_MEGABYTE, ge=1024, le=64 * _MEGABYTE)
     images_max_bytes: int = Field(256 * _MEGABYTE, ge=1024, le=2048 * _MEGABYTE)
+    truth_max_bytes: int = Field(512 * _MEGABYTE, ge=1024, le=4096 * _MEGABYTE)
     body_max_bytes: int = Field(256 * 1024, ge=1024, le=64 * _MEGABYTE)
     ring_at_guard_stops: bool = True
     log_level: Literal["debug", "info", "warning", "error"] = "warning"

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from app.commands.run_choice import ComparedOption, chosen_run
+from app.commands.run_choice import ComparedOption, RunArgument, chosen_run
 from app.commands.storage_options import DatabaseOption, DataOption
 from observer.errors import InputError
 
@@ -18,10 +18,7 @@ _ENDINGS = (".csv", ".json", *_FIGURES)
 
 
 def chart(
-    run: Annotated[
-        str,
-        typer.Argument(help="Id of a run or its beginning, its folder, or a recording's file."),
-    ],
+    run: RunArgument,
     output: Annotated[
         Path, typer.Option(help=f"What to write; its ending decides: {', '.join(_ENDINGS)}.")
     ],

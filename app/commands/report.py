@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from app.commands.progress import progress_bar
-from app.commands.storage_options import DatabaseOption, DataOption, storage_settings
-
-if TYPE_CHECKING:
-    from observer.truth.alignment.result import Alignment
+from app.commands.run_choice import ComparedOption, RunArgument, chosen_run
+from app.commands.storage_options import DatabaseOption, DataOption
 
 
 def report(
-    run: Annotated[str, typer.Argument(help="A run's id, or a recording.mcap.")],
+    run: RunArgument,
     output: Annotated[Path, typer.Option(help="The page to write, F.html.")],
     figures: Annotated[
         Path | None,
@@ -29,6 +27,7 @@ def report(
             "each other.",
         ),
     ] = False,
+    compared: ComparedOption = None,
     data: DataOption = None,
     database: DatabaseOption = None,
 ) -> None:
@@ -38,12 +37,12 @@ def report(
     from app.reporting.page import report_html
     from app.reporting.report import make_report, write_figures
 
-    path, alignment = _found(run, data, database)
+    path, comparison = chosen_run(run, compared, data, database)
     with progress_bar("report") as progress:
-        made = make_report(path, alignment=alignment, progress=progress)
+        made = make_report(path, comparison=comparison, progress=progress)
     with progress_bar("observing as published") as progress:
         if published:
-            made = beside_published(made, path, progress)
+            made = beside_published(made, path, progress, comparison)
     write_file(output, report_html(made).encode())
     if figures is not None:
         written = write_figures(made, figures)
@@ -51,21 +50,3 @@ def report(
     missing = [f"figure {each.number}" for each in made.figures if each.figure is None]
     without = f", without {', '.join(missing)}: the page says why" if missing else ""
     typer.echo(f"{output} is written{without}", err=True)
-
-
-def _found(
-    run: str, data: Path | None, database: str | None
-) -> tuple[Path, Alignment | None]:
-    """The recording, and the alignment that was kept with the run."""
-    if "/" in run or run.endswith(".mcap"):
-        return Path(run), None
-    from app.storage import Storage
-    from observer.recording.run_folder import find_recording
-    from observer.truth.alignment.result import Alignment
-
-    settings = storage_settings(data, database)
-    path = find_recording(run, settings.data.expanduser().absolute())
-    with Storage(settings.database_location, folder=settings.data) as storage:
-        record = storage.get_run(path.parent.name)
-    kept = None if record is None else record.alignment
-    return path, None if kept is None else Alignment.of_dict(kept)

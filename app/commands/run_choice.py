@@ -13,6 +13,10 @@ from observer.recording.run_folder import find_recording
 if TYPE_CHECKING:
     from app.reporting.comparison import Comparison
 
+RunArgument = Annotated[
+    str,
+    typer.Argument(help="Id of a run or its beginning, its folder, or a recording's file."),
+]
 ComparedOption = Annotated[
     Path | None,
     typer.Option(help="Truth laid over the run, as align writes it; else what is kept with it."),

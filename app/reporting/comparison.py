@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from app.reporting.gathering import Gathered, gather
+from app.reporting.pairing import pair_with_truth
 from observer.errors import InputError, TruthError
 from observer.evaluation.speed_errors import TrueMotion
 from observer.recording.payloads import MatchedBody, MatchedTruth
@@ -181,6 +182,29 @@ def gather_compared(
         gathered = gather(compared, comparison.alignment, lines)
     true = tuple(_without_directions(each, compared.unplaced) for each in gathered.true)
     return replace(gathered, true=true, truth_words=comparison.words)
+
+
+def true_speeds(recording: Recording) -> list[dict[str, Any]]:
+    """Each body's true speed at each frame, as the database keeps them."""
+    lines = list(recording.lines())
+    matched = tuple(recording.matched_truth())
+    truth = recording.truth()
+    if not matched and truth is not None:
+        matched = pair_with_truth(lines, truth)
+    segments = {float(line["time"]): int(line["segment"]) for line in lines}
+    return [
+        {
+            "time": payload.time,
+            "role": body.role,
+            "track_id": body.id,
+            "speed": body.speed,
+            "segment": segments[payload.time],
+            "body": body.name,
+        }
+        for payload in matched
+        for body in payload.bodies
+        if payload.time in segments
+    ]
 
 
 class ComparedRecording(Recording):

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from app.reporting.gathering import Curve, Gathered, gather
+from app.reporting.comparison import Comparison, gather_compared
+from app.reporting.gathering import Curve, Gathered
 from app.reporting.report import Judged, Report, ReportFigure
 from app.reporting.speed_figure import speed_figure
 from observer.evaluation.speed_errors import SeenMotion, TrueMotion, speed_errors
@@ -33,8 +34,15 @@ class Experiment:
     ended: float
 
 
-def observed_as_published(path: Path, progress: Callable[[int, int | None], None]) -> Gathered:
+def observed_as_published(
+    path: Path,
+    progress: Callable[[int, int | None], None],
+    comparison: Comparison | None = None,
+) -> Gathered:
     """The run's frames observed once more by the method as published.
+
+    Args:
+        comparison: with truth that was laid over the run.
 
     Raises:
         SourceError: the recording holds no images.
@@ -46,20 +54,26 @@ def observed_as_published(path: Path, progress: Callable[[int, int | None], None
         for observation in replay(source, revisions):
             lines.append(observation_line(observation))
             progress(len(lines), source.info.frame_count)
-        return gather(source.recording, lines=lines)
     finally:
         source.close()
+    return gather_compared(path, comparison, lines)
 
 
 def beside_published(
-    report: Report, path: Path, progress: Callable[[int, int | None], None]
+    report: Report,
+    path: Path,
+    progress: Callable[[int, int | None], None],
+    comparison: Comparison | None = None,
 ) -> Report:
     """The whole run as one experiment, by its own method and by the one as published.
+
+    Args:
+        comparison: as the report was made with.
 
     Raises:
         SourceError: the recording holds no images.
     """
-    published = observed_as_published(path, progress)
+    published = observed_as_published(path, progress, comparison)
     name = report.facts.name or report.facts.id
     errors = speed_errors(published.seen, published.true) if published.true else ()
     return with_experiments(

@@ -13,8 +13,9 @@ from typing import Any, Literal
 
 from matplotlib.figure import Figure
 
+from app.reporting.comparison import Comparison, gather_compared
 from app.reporting.drawing import FORMATS, figure_bytes, write_file
-from app.reporting.gathering import Gathered, gather
+from app.reporting.gathering import Gathered
 from app.reporting.moments import CANDIDATES, Moment, Moments, most_significant
 from app.reporting.picture_figures import (
     cloud_figure,
@@ -29,7 +30,6 @@ from observer.evaluation.speed_errors import SpeedErrors, identity_changes, spee
 from observer.recording.payloads import Incident, ParameterRevision, RunFacts
 from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
-from observer.truth.alignment.result import Alignment
 
 # Sources of a computed world, as the paper's left-hand figures; others are real cameras.
 _SIMULATED = ("simulated", "coppeliasim")
@@ -91,18 +91,19 @@ class Report:
 
 
 def make_report(
-    path: Path, *, alignment: Alignment | None = None, progress: Step | None = None
+    path: Path, *, comparison: Comparison | None = None, progress: Step | None = None
 ) -> Report:
     """Read a recording and redo the paper's figures from it.
 
     Args:
-        alignment: kept with the run; None to align anew where motion capture was recorded.
+        comparison: with truth that was laid over the run; None for what was recorded with it.
 
     Raises:
         SourceError: it is no recording. CalibrationError: its calibration cannot be used.
+        TruthError: the truth file cannot be read.
     """
+    gathered = gather_compared(path, comparison)
     with Recording(path) as recording:
-        gathered = gather(recording, alignment)
         facts, unfinished = recording.facts, recording.unfinished
         frames = recording.frames
         revisions, incidents = recording.parameter_revisions(), tuple(recording.incidents())

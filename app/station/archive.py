@@ -52,13 +52,35 @@ class RunArchive:
         Raises:
             NotThere: there is no such run, or it has none. Conflict: it is being written.
         """
-        record = await self.find(run_id)
-        if self.is_going(run_id):
+        return await self._recording_of(await self.find(run_id))
+
+    async def _recording_of(self, record: RunRecord) -> Path:
+        if self.is_going(record.id):
             raise Conflict(f"the run {record.name} is going; stop it to have its recording")
-        path = self._storage.folder.run(run_id) / RECORDING
+        path = self._storage.folder.run(record.id) / RECORDING
         if not await asyncio.to_thread(path.is_file):
             raise NotThere(f"the run {record.name} has no recording")
         return path
+
+    async def images(self, run_id: str) -> Path:
+        """The recording with a run's images: its own, or that of the run it observed again.
+
+        Raises:
+            NotThere: there is no such run, or no such recording. Conflict: it is being written.
+        """
+        record = asked = await self.find(run_id)
+        while record.record == "none" and record.rerun_of is not None:
+            before = await asyncio.to_thread(self._storage.get_run, record.rerun_of)
+            if before is None:
+                raise NotThere(
+                    f"the run whose images {asked.name} was made of is deleted for good"
+                )
+            record = before
+        if record.record == "none":
+            raise NotThere(
+                f"the run {asked.name} was recorded without images, so it cannot be observed again"
+            )
+        return await self._recording_of(record)
 
     async def speeds(self, run_id: str) -> list[SpeedRow]:
         """All speeds of a run, those of the last half second excepted while it is going."""

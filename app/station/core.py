@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import structlog
 
@@ -26,10 +25,8 @@ from app.messages import (
     EngineState,
     Event,
     ObservationEvent,
-    SetPlayback,
     SkippedFrameEvent,
     StateEvent,
-    StopRun,
 )
 from app.parameter_store import ParametersInForce
 from app.station.archive import RunArchive
@@ -49,7 +46,7 @@ from app.station.history import HistoryDesk
 from app.station.opening import Opening
 from app.station.parameter_desk import ParameterDesk
 from app.station.rig_desk import RigDesk
-from app.station.run_end import write_end
+from app.station.run_end import end_recording, write_end
 from app.station.run_files import RunFiles
 from app.station.run_recording import (
     RingDesk,
@@ -58,11 +55,12 @@ from app.station.run_recording import (
     record_order,
     tell_robots,
 )
+from app.station.run_truths import TruthFiles
 from app.station.telemetry import Telemetry
 from app.station.truth_desk import TruthDesk
 from app.station.watching import Watching
 from app.station.writer import Writer
-from app.storage import RunRecord, RunState, Storage, StorageFull
+from app.storage import RunRecord, RunState, Storage
 from app.versions import versions
 from observer.opening import shown_spec
 from observer.rig.rig import ROLES
@@ -79,7 +77,7 @@ class StationCore:
     """The part of the station that acts by itself; see ``app.station.service`` for the rest.
 
     Attributes:
-        parameters: parameters and presets. runs, history, run_files: those kept.
+        parameters: parameters and presets. runs, history, run_files: those kept. truths: of them.
         followers: who is told of everything. watching: which views are looked at.
         telemetry: figures of the running loop. writer: the way into the database.
         calibrating: what is being calibrated. rig: how the cameras stand on their robot.
@@ -131,6 +129,7 @@ class StationCore:
         self.runs = RunArchive(storage, lambda: self.run)
         self.history = HistoryDesk(storage, lambda: self._run, clock)
         self.run_files = RunFiles(storage, self.runs)
+        self.truths = TruthFiles(storage, self.runs, self.run_files.quick)
         self.state = StateEvent(EngineState.IDLE, None)
         self.latest: ObservationEvent | None = None
         self.viewers = 0
@@ -414,26 +413,10 @@ class StationCore:
             with contextlib.suppress(NotAvailable, Conflict, FieldError):
                 await self.driving.stop_programme()
         await tell_robots(self.engine, run)
-        recording: dict[str, Any] = {}
-        with contextlib.suppress(NotAvailable, Conflict, FieldError, StorageFull):
-            recording = (await ask(self.engine, StopRun())).get("recording") or {}
-            if not self._wanted.endless:
-                # Its run ended with the recording; the preview goes round.
-                await ask(self.engine, SetPlayback(loop=True))
-        run.flush()
+        recording = await end_recording(self.engine, self._wanted)
         # A finished run tells why its recording is not whole.
-        reason = reason or recording.get("trouble")
-        ended = run.ended(state, reason)
-        write = partial(
-            self.storage.update_run,
-            run.id,
-            state=state,
-            frames=ended.frames,
-            segments=ended.segments,
-            reason=reason,
-            recording_bytes=recording.get("bytes"),
-            at=ended.ended_at,
-        )
+        ended = run.ended(state, reason or recording.get("trouble"))
+        write = partial(run.write_end, ended, recording.get("bytes"))
         try:
             written = await write_end(self.writer, write, run.id, self._background.start)
         finally:

@@ -11,6 +11,7 @@ from typing import Any
 from app.messages import ObservationEvent
 from app.station.driving.incidents import Incident
 from app.station.driving.wheels import WheelSample
+from app.station.pending_rows import PendingRows
 from app.station.run_recording import RobotFeed
 from app.station.writer import Writer
 from app.storage import (
@@ -20,6 +21,7 @@ from app.storage import (
     SpeedRow,
     StopFigures,
     Storage,
+    StorageMissing,
 )
 from observer.rig.rig import Role
 
@@ -50,7 +52,9 @@ class CurrentRun:
         self._storage = storage
         self._writer = writer
         self._clock = clock
-        self._rows: list[SpeedRow] = []
+        self._rows = PendingRows()
+        # Whether a write is queued, or tried again: it takes what comes meanwhile as well.
+        self._asked = False
         self._began = self._flushed = clock()
         # What the database calls each incident; of the writer's thread alone.
         self._incidents: dict[int, int] = {}
@@ -79,7 +83,7 @@ class CurrentRun:
             self.robots.heard(robots, newest)
 
     def _collect(self, rows: Iterable[SpeedRow]) -> None:
-        self._rows.extend(rows)
+        self._rows.add(rows)
         if self._clock() - self._flushed >= _FLUSH_S:
             self.flush()
 
@@ -100,10 +104,10 @@ class CurrentRun:
         )
 
     def flush(self) -> None:
-        """Give the rows so far to the writer."""
-        rows, self._rows = self._rows, []
+        """Have the rows so far written; where that is not possible now, with the next ones."""
         self._flushed = self._clock()
-        self._writer.post(partial(self._write, rows, self.frames, self.segments, self.now()))
+        if not self._asked:
+            self._asked = self._writer.post(self._write, self._wrote)
 
     def now(self) -> str:
         """The time of day by the clock that never jumps, from the run's beginning on."""
@@ -120,13 +124,53 @@ class CurrentRun:
     def ended(self, state: RunState, reason: str | None) -> RunRecord:
         """The record of the run's end."""
         now = self.now()
+        if reason is None and self._rows.lost:
+            reason = (
+                f"the database did not take what was observed for so long that "
+                f"{self._rows.lost} speeds were lost"
+            )
         return replace(self.snapshot(), state=state, reason=reason, updated_at=now, ended_at=now)
 
-    def _write(self, rows: list[SpeedRow], frames: int, segments: int, at: str) -> None:
+    def write_end(self, ended: RunRecord, recording_bytes: int | None) -> RunRecord:
+        """Write the run's last rows and its end; in the writer's thread.
+
+        Args:
+            ended: as ``ended`` made it.
+
+        Raises:
+            StorageError: what could not be written stays for the next time.
+        """
+        self._write()
+        return self._storage.update_run(
+            self.id,
+            state=ended.state,
+            frames=ended.frames,
+            segments=ended.segments,
+            reason=ended.reason,
+            recording_bytes=recording_bytes,
+            at=ended.ended_at,
+        )
+
+    def _write(self) -> None:
         # Both are tried again where one finds the database locked, so what must not be done twice
         # comes last.
-        self._storage.update_run(self.id, frames=frames, segments=segments, at=at)
-        self._storage.append_speeds(rows)
+        rows = self._rows.take()
+        try:
+            self._storage.update_run(
+                self.id, frames=self.frames, segments=self.segments, at=self.now()
+            )
+            self._storage.append_speeds(rows)
+        except StorageMissing:
+            # Of a run that is no more nothing is kept.
+            raise
+        except BaseException:
+            self._rows.give_back(rows)
+            raise
+
+    def _wrote(self, value: object, error: BaseException | None) -> None:
+        """Its rows are written, or wait again."""
+        del value, error
+        self._asked = False
 
     def _write_incident(self, number: int, record: IncidentRecord) -> None:
         self._incidents[number] = self._storage.append_incident(record)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from app.messages import LiveTruthOrder, OpenSource, RecordOrder
+from app.messages import LiveTruthOrder, OpenSource, RecordOrder, SetPlayback
 from app.parameter_store import ParametersInForce
 from app.station.binding import calibration_of_cameras
 from app.station.calibrations import find_calibration
@@ -17,15 +17,25 @@ _LONGEST_SPEC = 1000
 
 @dataclass(frozen=True)
 class Opening:
-    """A source, and the calibration that replaces its own."""
+    """A source, and the calibration that replaces its own.
+
+    Attributes:
+        run_rate: how fast a run of it is played; None: as it is played already.
+    """
 
     source: str
     calibration: CalibrationRecord | None
+    run_rate: float | None = None
 
     @property
     def endless(self) -> bool:
         """Whether a run of it goes on until somebody ends it; a recording ends by itself."""
         return self.source.lower().startswith("simulated:")
+
+    @property
+    def preview_playback(self) -> SetPlayback:
+        """What follows a run that has ended."""
+        return SetPlayback(loop=True, rate=None if self.run_rate is None else 1.0)
 
     def command(
         self,
@@ -44,13 +54,16 @@ class Opening:
             playback: as it is now, whose rate is kept; None where something else was open.
             record: how the run is recorded. truth: live motion capture beside it.
         """
+        rate = float((playback or {}).get("rate", 1.0))
+        if run_id is not None and self.run_rate is not None:
+            rate = self.run_rate
         return OpenSource(
             source=self.source,
             calibration_yaml=None if self.calibration is None else self.calibration.text,
             parameters=dict(parameters.values.flat()),
             parameters_revision=parameters.revision,
             loop=run_id is None or self.endless,
-            rate=float((playback or {}).get("rate", 1.0)),
+            rate=rate,
             run_id=run_id,
             segment=segment,
             rig_yaml=rig_yaml,

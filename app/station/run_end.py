@@ -1,13 +1,19 @@
-"""Writing that a run has ended: at once, or as soon as the disk has room for it."""
+"""Ending a run: in the engine, and in the database as soon as the disk has room for it."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Awaitable, Callable
+from typing import Any
 
 import structlog
 
-from app.station.errors import NotAvailable
+from app.messages import StopRun
+from app.station.asking import ask
+from app.station.contracts import Engine
+from app.station.errors import Conflict, FieldError, NotAvailable
+from app.station.opening import Opening
 from app.station.writer import Writer
 from app.storage import RunRecord, StorageError, StorageFull
 
@@ -15,6 +21,17 @@ log = structlog.get_logger(__name__)
 
 _PATIENCE_S = 2.0
 _AGAIN_S = 2.0
+
+
+async def end_recording(engine: Engine, opening: Opening) -> dict[str, Any]:
+    """Have the engine end the run; what became of its recording, empty where it cannot tell."""
+    recording: dict[str, Any] = {}
+    with contextlib.suppress(NotAvailable, Conflict, FieldError, StorageFull):
+        recording = (await ask(engine, StopRun())).get("recording") or {}
+        if not opening.endless:
+            # Its run ended with the recording; the preview goes round.
+            await ask(engine, opening.preview_playback)
+    return recording
 
 
 async def write_end(

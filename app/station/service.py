@@ -13,8 +13,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
+import structlog
+
 from app.calibration_worker.messages import FindBoards
 from app.drive.messages import StartProgramme
+from app.engine.playback import MAX_RATE
 from app.messages import ChangeCalibration, EngineState, LiveTruthOrder, SetPlayback
 from app.parameter_store import ParametersInForce
 from app.station.asking import ask
@@ -26,8 +29,14 @@ from app.station.opening import Opening, check_spec, make_opening
 from app.storage import CalibrationRecord, RunRecord, RunState, StorageError
 from app.versions import versions
 from observer.calibration.board import Board
+from observer.errors import DynamicObserverError
 from observer.opening import shown_spec
 from observer.rig.rig import Rig
+
+log = structlog.get_logger(__name__)
+
+# How often it is looked whether a run has ended.
+_LOOK_S = 0.5
 
 
 class Station(StationCore):
@@ -69,6 +78,7 @@ class Station(StationCore):
         parameters: dict[str, Any],
         programme: StartProgramme | None = None,
         record: Literal["none", "jpeg", "lossless"] = "jpeg",
+        rerun_of: str | None = None,
     ) -> RunRecord:
         """Keep what is observed from now on, from the source's beginning.
 
@@ -77,6 +87,7 @@ class Station(StationCore):
             source: what is open if left out. calibration_id: the source's own if left out
                 together with a source, otherwise the one in use.
             programme: started once the run has begun, and ended with it.
+            rerun_of: the run whose recording ``source`` is, played as fast as it goes.
 
         Raises:
             Conflict: a run is going, or the programme cannot be driven. FieldError,
@@ -95,6 +106,7 @@ class Station(StationCore):
                 opening = await asyncio.to_thread(
                     make_opening, self.storage, source or self._wanted.source, calibration_id
                 )
+            opening = replace(opening, run_rate=None if rerun_of is None else MAX_RATE)
             created = await asyncio.to_thread(
                 partial(
                     self.storage.create_run,
@@ -106,6 +118,7 @@ class Station(StationCore):
                     preset=revision.after.preset,
                     rig=self.rig.observed_text,
                     record=record,
+                    rerun_of=rerun_of,
                 )
             )
             run = self._run = CurrentRun(created, self.storage, self.writer, self.clock)
@@ -153,6 +166,51 @@ class Station(StationCore):
                 record = await self.runs.find(run_id)
                 raise Conflict(f"the run {record.name} has ended already ({record.state.value})")
             return await self._close_run(RunState.FINISHED, None)
+
+    async def rerun(
+        self, run_id: str, *, name: str | None, preset: str | None, parameters: dict[str, Any]
+    ) -> RunRecord:
+        """Observe a run's recording again, once through, without keeping its images twice.
+
+        Where truth was laid over the run, it is laid over the new one when that has ended.
+
+        Args:
+            preset: None for the parameters that the run began with; those of the guard stay as
+                they are. parameters: made to these.
+
+        Raises:
+            NotThere: there is no such run, or none of its images. As ``start_run``.
+        """
+        original = await self.runs.find(run_id)
+        recording = await self.runs.images(run_id)
+        if preset is None:
+            known = self.parameters.current.values.flat()
+            own = {
+                key: value
+                for key, value in original.parameters.items()
+                if key in known and not key.startswith("guard.")
+            }
+            parameters = {**own, **parameters}
+        begun = await self.start_run(
+            name=name or f"{original.name}, observed again"[:100],
+            source=str(recording),
+            calibration_id=None,
+            preset=preset,
+            parameters=parameters,
+            record="none",
+            rerun_of=run_id,
+        )
+        if original.aligned:
+            self._background.start(self._align_when_ended(begun.id, original))
+        return begun
+
+    async def _align_when_ended(self, run_id: str, original: RunRecord) -> None:
+        while self._run is not None and self._run.id == run_id:
+            await asyncio.sleep(_LOOK_S)
+        try:
+            await self.truths.align_again(run_id, original)
+        except DynamicObserverError as error:
+            log.warning("rerun_not_aligned", run=run_id, reason=str(error))
 
     async def delete_run(self, run_id: str) -> None:
         """Hide a run that has ended; ``history.recover`` has it back."""

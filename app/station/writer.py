@@ -63,12 +63,21 @@ class Writer:
             log.error("storage_writer_stuck", queued=self._jobs.qsize())
         self._thread.join(_STOP_TIMEOUT_S)
 
-    def post(self, work: Callable[[], Any]) -> bool:
-        """Write when possible; False where the queue is full and the write was dropped."""
+    def post(
+        self,
+        work: Callable[[], Any],
+        done: Callable[[Any, BaseException | None], None] | None = None,
+    ) -> bool:
+        """Write when possible; False where the queue is full and the write was not taken.
+
+        Args:
+            done: told of its end in the writer's thread; it answers for what was not written,
+                which counts as dropped otherwise.
+        """
         try:
-            self._jobs.put_nowait(_Job(work, None))
+            self._jobs.put_nowait(_Job(work, done))
         except queue.Full:
-            self.dropped += 1
+            self.dropped += done is None
             return False
         return True
 

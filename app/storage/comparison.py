@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+from app.storage.errors import StorageMissing
 from app.storage.records import RunRecord
 from app.storage.truths import TruthTables
+from observer.recording.run_folder import RECORDING
+
+_FOUND = "time"
 
 
 def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
@@ -16,12 +21,49 @@ def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
     Raises:
         StorageMissing: the truth's file is gone.
     """
-    truth = None
-    if record.truth_id is not None:
-        kept = storage.get_truth(record.truth_id)
-        path = storage.truth_file(record.truth_id)
-        assert kept is not None
-        reading = kept.info.get("reading", {})
-        truth = {"path": str(path.absolute()), "name": kept.name, **reading}
-    # What is on the run's own clock is kept with an empty alignment.
-    return {"alignment": record.alignment or None, "truth": truth}
+    kept = record.alignment
+    assert kept is not None
+    return {
+        # Of what is on the run's own clock nothing had to be found.
+        "alignment": kept if _FOUND in kept else None,
+        "truth": comparison_truth(storage, record.truth_id, kept),
+    }
+
+
+def comparison_truth(
+    storage: TruthTables, truth_id: str | None, kept: Mapping[str, Any]
+) -> dict[str, Any] | None:
+    """A truth file and how it is read; None for what the run itself received live.
+
+    Args:
+        kept: with the run: ``reading`` as it was then (else as it was uploaded), and ``heard_by``,
+            another run that received the motion capture live.
+
+    Raises:
+        StorageMissing: there is no such truth, or its file is gone.
+    """
+    if truth_id is not None:
+        record = storage.get_truth(truth_id)
+        path = storage.truth_file(truth_id)
+        reading = kept.get("reading") or (record.info.get("reading") if record else None) or {}
+        name = path.name if record is None else record.name
+        return _file(str(path.absolute()), name, reading)
+    other = kept.get("heard_by")
+    if other is None:
+        return None
+    path = storage.folder.run(str(other)) / RECORDING
+    if not path.is_file():
+        raise StorageMissing(
+            f"the run {other} is gone, which received the motion capture that this one is "
+            f"compared with; upload a truth file"
+        )
+    return _file(str(path.absolute()), "motion capture as it was received live", {})
+
+
+def _file(path: str, name: str, reading: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "path": path,
+        "name": name,
+        "rate_hz": reading.get("rate_hz"),
+        "angles": reading.get("angles"),
+    }

@@ -14,6 +14,7 @@ _FURTHER_KINDS = {
     "/sign-in": FORM_KIND,
     "/api/calibrations": UPLOAD_KIND,
     "/api/calibrating/images": UPLOAD_KIND,
+    "/api/truth": UPLOAD_KIND,
 }
 
 

@@ -35,9 +35,11 @@ from app.web.api import (
     rig,
     robots,
     run_files,
+    run_truths,
     runs,
     sources,
     status,
+    truths,
     views,
 )
 from app.web.api.common import GATE_RESPONSES
@@ -127,6 +129,7 @@ def create_app(
         uploads={
             "/api/calibrations": settings.calibration_max_bytes,
             "/api/calibrating/images": settings.images_max_bytes,
+            "/api/truth": settings.truth_max_bytes,
         },
         sign_in_page=sign_in_page(folder),
     )
@@ -191,6 +194,8 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
         devices,
         runs,
         run_files,
+        run_truths,
+        truths,
         history,
         parameters,
         calibrations,

@@ -28,7 +28,7 @@ from app.web.api.calibration_models import (
     PlaceDepth,
     TapeCheckStart,
 )
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation, plain_name, refusals
 from app.web.api.models import Status
 from app.web.api.previews import PREVIEW_RESPONSES, preview_response
 from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
@@ -36,7 +36,6 @@ from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
 CalibrationId = Annotated[str, Path(max_length=100)]
-_LONGEST_NAME = 100
 # More than any calibration has; what more there is, is refused by its number.
 _MOST = 10
 
@@ -82,7 +81,10 @@ async def post_calibration(
     """Every usual format is recognised by content: OpenCV, ROS, Kalibr, KITTI, MATLAB,
     Middlebury, ZED, EuRoC. It is kept, not used yet; the same content is the same calibration.
     """
-    files = [NamedFile(_plain_name(each.filename), await each.read()) for each in file[:_MOST]]
+    files = [
+        NamedFile(plain_name(each.filename, "calibration.yaml"), await each.read())
+        for each in file[:_MOST]
+    ]
     keep = partial(
         keep_upload, station.storage, files, size=_size(size), unit=unit, cameras=cameras
     )
@@ -230,10 +232,3 @@ def _size(text: str | None) -> tuple[int, int] | None:
     if found is None:
         raise FieldError(("body", "size"), "a size is given as WIDTHxHEIGHT, as in 1280x720")
     return int(found.group(1)), int(found.group(2))
-
-
-def _plain_name(name: str | None) -> str:
-    """A file's name without its folders and without what is no text."""
-    last = (name or "").replace("\\", "/").rpartition("/")[2]
-    plain = "".join(c for c in last if c.isprintable())[:_LONGEST_NAME]
-    return plain or "calibration.yaml"

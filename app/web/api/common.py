@@ -11,6 +11,7 @@ from app.station import Station
 from app.web.api.models import Problems, Refused
 from app.web.view_feed import ViewFeed
 
+_LONGEST_NAME = 100
 _MEANINGS: dict[int, str] = {
     404: "There is no such thing.",
     409: "Not possible in the present state.",
@@ -56,6 +57,17 @@ def who(request: Request, name: str | None = None) -> str:
     if name is not None:
         return f"{name} ({where})"
     return where if request.client is None else f"somebody at {where}"
+
+
+def plain_name(name: str | None, otherwise: str) -> str:
+    """An uploaded file's name without its folders and without what is no text.
+
+    Args:
+        otherwise: where nothing of it is left.
+    """
+    last = (name or "").replace("\\", "/").rpartition("/")[2]
+    plain = "".join(c for c in last if c.isprintable())[:_LONGEST_NAME]
+    return plain or otherwise
 
 
 def refusals(*codes: int) -> dict[int | str, dict[str, Any]]:

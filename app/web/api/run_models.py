@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
 
 from app.web.api.models import Run
+from app.web.api.values import Changes, In, Name
+
+Track = Annotated[str, Field(pattern=r"^\d{1,9}[/:]\d{1,9}$")]
+Body = Annotated[
+    str, Field(strict=True, min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")
+]
 
 
 class ChartCurve(BaseModel):
@@ -69,6 +75,37 @@ class AlignmentFacts(BaseModel):
     roles: dict[str, str]
     matches: dict[str, AlignmentMatch] = Field(description="By track, SEGMENT:NUMBER.")
     notes: list[str]
+
+
+class AlignedRunEntry(Run):
+    """A run with the truth that was just laid over it."""
+
+    alignment: AlignmentFacts | None = Field(description="None: truth was on the run's clock.")
+    sentence: str
+
+
+class AlignStart(In):
+    truth_id: Name | None = Field(
+        None, description="None: the motion capture that was received live with the run."
+    )
+    observer: Body | None = Field(
+        None, description="The body that carries the cameras; none: it is found out."
+    )
+    ignore: Annotated[list[Body], Field(max_length=200)] = Field(
+        default_factory=list, description="Bodies that are neither observer nor obstacle."
+    )
+    matches: Annotated[dict[Track, Body | None], Field(max_length=500)] = Field(
+        default_factory=dict,
+        description="Which body a track (SEGMENT/NUMBER) is, null: none of them.",
+    )
+
+
+class RerunStart(In):
+    name: Name | None = None
+    preset: Name | None = None
+    parameters: Changes = Field(
+        default_factory=dict, description="Made to the preset, or to the run's own."
+    )
 
 
 class RunChart(BaseModel):

@@ -1,0 +1,58 @@
+"""Truth laid over a run, and a run observed again."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Request
+
+from app.station.run_truths import AlignChoices
+from app.storage import RunRecord
+from app.web.api.common import TheStation, refusals
+from app.web.api.models import Run
+from app.web.api.run_models import AlignedRunEntry, AlignStart, RerunStart
+from app.web.leaving import while_there
+
+router = APIRouter(prefix="/runs", tags=["runs"])
+
+RunId = Annotated[str, Path(max_length=100)]
+
+
+@router.post(
+    "/{id}/align",
+    response_model=AlignedRunEntry,
+    summary="Lay truth over a run",
+    responses=refusals(404, 409, 415, 422, 503, 507),
+)
+async def align_run(
+    id: RunId, wanted: AlignStart, station: TheStation, request: Request
+) -> dict[str, Any]:
+    """Clocks, room and which track is which body are found. Where that is not possible one
+    sentence says why, and what was laid over the run before stays.
+    """
+    choices = AlignChoices(
+        wanted.observer,
+        wanted.ignore,
+        {track.replace("/", ":"): body for track, body in wanted.matches.items()},
+    )
+    work = station.truths.align(id, wanted.truth_id, choices)
+    found = await while_there(request, work)
+    about = Run.model_validate(found.run, from_attributes=True).model_dump()
+    return {**about, "alignment": found.alignment, "sentence": found.sentence}
+
+
+@router.post(
+    "/{id}/rerun",
+    status_code=201,
+    response_model=Run,
+    summary="Observe a run's recording again",
+    responses=refusals(404, 409, 415, 422, 503, 507),
+)
+async def rerun(id: RunId, wanted: RerunStart, station: TheStation) -> RunRecord:
+    """Once through, as fast as it goes, with the run's own parameters where none are given.
+
+    Where truth was laid over the run, it is laid over the new one when it has ended.
+    """
+    return await station.rerun(
+        id, name=wanted.name, preset=wanted.preset, parameters=wanted.parameters
+    )

@@ -1,0 +1,95 @@
+"""A run and the motion capture of it, both computed: what is known of them is exact."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.recording.payloads import Anchor, ParameterRevision, RobotRow, RunFacts
+from observer.recording.writer import RecordingWriter
+from observer.types import StereoFrame
+
+from .peer_engine import rectified_calibration
+
+# To be added to the times of motion capture.
+OFFSET_S = 0.12
+DURATION_S = 26.0
+_RATE_HZ = 15.0
+_INFO = {
+    "spec": "camera:0,1", "kind": "camera", "width": 512, "height": 256, "frame_rate": _RATE_HZ,
+    "frame_count": None, "live": True, "mount": None, "devices": [],
+}  # fmt: skip
+
+
+def way(t: Float64Array) -> Float64Array:
+    """Metres: waits, drives, waits, comes back, with rounded starts and stops."""
+    fine = np.arange(-2, DURATION_S + 2, 1e-3)
+    driven = 0.35 * (np.clip(fine - 3, 0, 5) - np.clip(fine - 12, 0, 6.3))
+    kernel = np.ones(400) / 400
+    rounded = np.convolve(np.pad(driven, 200, mode="edge"), kernel, "same")[200:-200]
+    return np.asarray(np.interp(t, fine, rounded))
+
+
+def speed(t: Float64Array) -> Float64Array:
+    """m/s, truly."""
+    return np.asarray(np.abs(way(t + 0.005) - way(t - 0.005)) / 0.01)
+
+
+def plant_run(folder: Path, run_id: str = "20260101-120000-abcdef") -> Path:
+    """A recording without images of a still camera before which one body drives to and fro."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "recording.mcap"
+    rng = np.random.default_rng(4)
+    facts = RunFacts(
+        id=run_id, name="planted", source="camera:0,1", info=_INFO, images="none",
+        calibration_yaml=rectified_calibration(), versions={"dynamic-observer": "0.1.0"},
+        anchor=Anchor(1_700_000_000_000_000_000, 100.0),
+    )  # fmt: skip
+    writer = RecordingWriter(path, facts)
+    writer.parameters(ParameterRevision(revision=1, values={}), 100.0)
+    image = np.zeros((256, 512), np.uint8)
+    times = np.arange(0, DURATION_S, 1 / _RATE_HZ)
+    ways, speeds = way(times), speed(times)
+    for number, time in enumerate(times.tolist()):
+        received = 100.0 + time
+        writer.frame(StereoFrame(number, time, image, image, received))
+        line = _line(number, time, float(ways[number]), float(speeds[number]), rng)
+        writer.observation(line, received)
+        writer.robot(RobotRow(role="obstacle", received=received, time=time, sent_speed=0.35))
+    writer.finish()
+    return path
+
+
+def truth_csv(path: Path, *, constant: bool = False, body: str = "cart") -> Path:
+    """Motion capture of it as a plain CSV, on a clock of its own; ``constant``: of no use."""
+    own = np.arange(-0.5, DURATION_S + 0.3, 0.01)
+    place = own * 0.2 if constant else way(own + OFFSET_S)
+    rows = [f"{body},{t:.4f},{1 + x:.5f},2.0,0.1" for t, x in zip(own, place, strict=True)]
+    path.write_text("\n".join(["body,t,x,y,z", *rows]) + "\n")
+    return path
+
+
+def _line(
+    number: int, time: float, driven: float, true: float, rng: np.random.Generator
+) -> dict[str, Any]:
+    # One track until 14 s, then another one of the same body, and nothing is seen in between.
+    track = 1 if time < 14 else 2
+    seen = true + rng.normal(0, 0.005)
+    x = driven + rng.normal(0, 0.002)
+    obstacle = {
+        "id": track, "state": "confirmed", "motion": "moving", "position": [x, 0.0, 3.0],
+        "velocity": [seen, 0.0, 0.0], "speed": abs(seen), "speed_std": 0.01,
+        "position_cov": None, "velocity_cov": None, "velocity_time": time,
+        "size": [0.4, 0.3, 0.4], "orientation_wxyz": None, "range": 3.0, "bearing": 0.0,
+        "closing_speed": 0.0, "points": 20, "significance": 9.0, "box_px": [200, 90, 260, 150],
+        "why": "It moves.",
+    }  # fmt: skip
+    return {
+        "frame": number, "time": time, "segment": 0, "status": "ok", "reasons": [],
+        "parameters_revision": 1,
+        "pose": {"position": [0.0, 0.0, 0.0], "orientation_wxyz": [1.0, 0.0, 0.0, 0.0]},
+        "obstacles": [] if 13.5 < time < 14.5 else [obstacle], "timings_ms": {},
+    }  # fmt: skip

@@ -1,0 +1,222 @@
+"""Truth uploaded, laid over a run, and what is then made of the run; by real commands."""
+
+from __future__ import annotations
+
+import asyncio
+import csv
+import io
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.messages import EngineState, OpenSource, SetPlayback
+
+from ..planted_runs import OFFSET_S, plant_run, truth_csv
+from .scenarios import run
+
+
+async def planted(served: Any, **body: Any) -> str:
+    """A finished run of the peer engine with a recording that is known exactly."""
+    started = await served.http.post("/api/runs", json={"name": "planted", **body})
+    id = str(started.json()["id"])
+    assert (await served.http.post(f"/api/runs/{id}/stop")).is_success
+    await asyncio.to_thread(plant_run, served.station.storage.folder.run(id), id)
+    return id
+
+
+async def upload(served: Any, file: Path, **form: str) -> Any:
+    content = {"file": (file.name, file.read_bytes(), "text/csv")}
+    return await served.http.post("/api/truth", files=content, data=form)
+
+
+def work_folders(tmp_path: Path) -> list[str]:
+    return [each.name for each in tmp_path.iterdir() if each.name.startswith(".work-")]
+
+
+def test_truth_is_laid_over_a_run_and_shown_in_its_chart(serve: Any, tmp_path: Path) -> None:
+    async def scenario(served: Any) -> None:
+        http = served.http
+        id = await planted(served)
+        sent = await upload(served, truth_csv(tmp_path / "ride.csv"))
+        assert sent.status_code == 201, sent.text
+        truth = sent.json()
+        assert (truth["name"], truth["format"]) == ("ride.csv", "plain CSV")
+        assert [body["name"] for body in truth["info"]["bodies"]] == ["cart"]
+        assert [each["id"] for each in (await http.get("/api/truth")).json()] == [truth["id"]]
+
+        before = (await http.get(f"/api/runs/{id}/chart")).json()
+        assert (before["aligned"], before["errors"]) == (False, [])
+        assert {curve["kind"] for curve in before["curves"]} == {"estimate", "commanded"}
+        body = {"truth_id": truth["id"], "matches": {"0/1": "cart"}}
+        answer = await http.post(f"/api/runs/{id}/align", json=body)
+        assert answer.status_code == 200, answer.text
+        found = answer.json()
+        assert (found["aligned"], found["truth_id"]) == (True, truth["id"])
+        alignment = found["alignment"]
+        assert alignment["offset_s"] == pytest.approx(OFFSET_S, abs=0.01)
+        assert abs(alignment["offset_s"] - OFFSET_S) < 3 * alignment["sigma_s"]
+        assert {key: each["body"] for key, each in alignment["matches"].items()} == {
+            "0:1": "cart", "0:2": "cart",
+        }  # fmt: skip
+        assert alignment["matches"]["0:1"]["by"] == "person"
+        assert "ride.csv" in found["sentence"]
+
+        chart = (await http.get(f"/api/runs/{id}/chart")).json()
+        assert chart["run"]["id"] == id
+        assert (chart["aligned"], chart["sentence"]) == (True, found["sentence"])
+        (change,) = chart["changes"]
+        assert (change["body"], change["before"], change["after"]) == ("cart", "0:1", "0:2")
+        assert change["time"] == pytest.approx(14.5, abs=0.1)
+        (whole,) = (each for each in chart["errors"] if each["group"] == "all")
+        assert whole["samples"] > 300
+        assert whole["rmse_mps"] < 0.02
+        rows = (await http.get(f"/api/runs/{id}/speeds")).json()
+        assert {row["source"] for row in rows} == {"truth"}
+        assert max(row["speed"] for row in rows) == pytest.approx(0.35, abs=0.02)
+        # The second time it is read where it was kept.
+        (kept,) = served.station.storage.folder.run(id).glob(".chart-*.json")
+        kept.write_bytes(kept.read_bytes().replace(b'"changes"', b'"changed"'))
+        assert "changed" in (await http.get(f"/api/runs/{id}/chart")).json()
+
+        text = (await http.get(f"/api/runs/{id}/chart.csv?begin=3&end=4.5")).text
+        table = list(csv.DictReader(io.StringIO(text)))
+        assert {row["source"] for row in table} == {"estimate", "truth", "commanded"}
+        times = [float(row["time_s"]) for row in table]
+        assert min(times) >= 3
+        assert max(times) <= 4.5
+        assert (await http.get(f"/api/runs/{id}/chart.csv?begin=4&end=4")).status_code == 422
+
+        # Nothing can be aligned by a constant speed; what was found before stays.
+        useless = (await upload(served, truth_csv(tmp_path / "b.csv", constant=True))).json()
+        refused = await http.post(f"/api/runs/{id}/align", json={"truth_id": useless["id"]})
+        assert refused.status_code == 422
+        assert "speed" in refused.json()["detail"][0]["msg"]
+        assert (await http.get(f"/api/runs/{id}")).json()["truth_id"] == truth["id"]
+        for wrong in ({"truth_id": "none"}, {"matches": {"1": "cart"}}, {"observer": ""}):
+            assert (await http.post(f"/api/runs/{id}/align", json=wrong)).status_code == 422
+
+        # A run still needs it.
+        assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 204
+        assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 404
+        assert served.station.storage.truth_file(truth["id"]).is_file()
+        assert work_folders(tmp_path) == []
+
+    run(serve, scenario)
+
+
+def test_angles_that_can_be_read_in_two_ways_are_asked_for(serve: Any, tmp_path: Path) -> None:
+    rows = [
+        "Objects", "100", ",,Global Angle A:A,,,,,,",
+        "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ", ",,rad,rad,rad,mm,mm,mm",
+    ]  # fmt: skip
+    rows += [f"{k},0,{0.5 + k / 300:.4f},{k / 250:.4f},{k / 200:.4f},{k},0,0" for k in range(200)]
+    file = tmp_path / "turns.csv"
+    file.write_text("\r\n".join(rows) + "\r\n")
+
+    async def scenario(served: Any) -> None:
+        asked = await upload(served, file)
+        assert asked.status_code == 422, asked.text
+        (problem,) = asked.json()["detail"]
+        assert problem["loc"] == ["body", "angles"]
+        assert "helical" in problem["msg"]
+        assert "Euler" in problem["msg"]
+        told = await upload(served, file, angles="helical", rate_hz="50")
+        assert told.status_code == 201, told.text
+        reading = told.json()["info"]["reading"]
+        assert reading == {"rate_hz": 50.0, "angles": "helical"}
+        file.write_text("nothing of the kind\n")
+        refused = await upload(served, file)
+        assert refused.status_code == 422
+        assert refused.json()["detail"][0]["msg"].startswith("turns.csv")
+        assert (await served.http.post("/api/truth", json={})).status_code in (415, 422)
+        assert work_folders(tmp_path) == []
+
+    run(serve, scenario)
+
+
+def test_files_are_made_and_what_is_not_there_is_said(serve: Any, tmp_path: Path) -> None:
+    async def scenario(served: Any) -> None:
+        http = served.http
+        id = await planted(served)
+        figure = await http.get(f"/api/runs/{id}/chart.svg")
+        assert figure.headers["content-type"].startswith("image/svg")
+        assert b"<svg" in figure.content
+        table = await http.get(f"/api/runs/{id}/export", params={"format": "csv"})
+        assert table.status_code == 200, table.text
+        assert "obstacles.csv" in table.headers["content-disposition"]
+        assert len(table.text.splitlines()) > 300
+        # It was recorded without images.
+        video = await http.get(f"/api/runs/{id}/export", params={"format": "mp4"})
+        assert video.status_code == 409
+        assert "images" in video.json()["detail"]
+        wrong = await http.get(f"/api/runs/{id}/export", params={"format": "zip", "table": "truth"})
+        assert wrong.status_code == 422
+        for path in ("chart", "chart.png", "report", "export"):
+            assert (await http.get(f"/api/runs/none/{path}")).status_code == 404
+        assert work_folders(tmp_path) == []
+
+    run(serve, scenario)
+
+
+def test_a_command_ends_with_the_client_that_wanted_it(
+    serve: Any, tmp_path: Path, eventually: Any
+) -> None:
+    async def scenario(served: Any) -> None:
+        id = await planted(served)
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.4):
+                await served.http.get(f"/api/runs/{id}/report")
+        await eventually(lambda: not children())
+        await eventually(lambda: work_folders(tmp_path) == [])
+        # Others are not held up by it.
+        assert (await served.http.get(f"/api/runs/{id}/chart")).is_success
+
+    def children() -> list[int]:
+        found = []
+        for task in Path(f"/proc/{os.getpid()}/task").iterdir():
+            text = (task / "children").read_text()
+            found += [
+                int(pid) for pid in text.split()
+                if b"niced_command" in Path(f"/proc/{pid}/cmdline").read_bytes()
+            ]  # fmt: skip
+        return found
+
+    run(serve, scenario)
+
+
+def test_a_run_is_observed_again_with_other_parameters(serve: Any, peer: Any) -> None:
+    async def scenario(served: Any) -> None:
+        http = served.http
+        values = {"ego_motion.ransac_threshold_px": 2.0, "guard.stop_margin_m": 0.5}
+        known = (await http.get("/api/parameters")).json()["values"]
+        values = {key: value for key, value in values.items() if key in known}
+        id = await planted(served, parameters=values)
+        await http.patch("/api/parameters", json={"ego_motion.ransac_threshold_px": 5.0})
+        body = {"name": "again", "parameters": {"clustering.min_points": 9}}
+        begun = await http.post(f"/api/runs/{id}/rerun", json=body)
+        assert begun.status_code == 201, begun.text
+        again = begun.json()
+        assert (again["rerun_of"], again["name"], again["record"]) == (id, "again", "none")
+        assert again["parameters"]["ego_motion.ransac_threshold_px"] == 2.0
+        assert again["parameters"]["clustering.min_points"] == 9
+        opened = [each for each in peer.commands if isinstance(each, OpenSource)][-1]
+        assert opened.source.endswith(f"{id}/recording.mcap")
+        assert (opened.loop, opened.rate) == (False, 4.0)
+        assert (await http.post(f"/api/runs/{id}/rerun", json={})).status_code == 409
+        assert (await http.post(f"/api/runs/{again['id']}/stop")).is_success
+        assert peer.commands[-1] == SetPlayback(loop=True, rate=1.0)
+        # What has no images of its own is made of those of the first.
+        third = (await http.post(f"/api/runs/{again['id']}/rerun", json={})).json()
+        assert third["rerun_of"] == again["id"]
+        assert third["source"].endswith(f"{id}/recording.mcap")
+        await http.post(f"/api/runs/{third['id']}/stop")
+        bare = (await http.post("/api/runs", json={"record": "none"})).json()["id"]
+        await http.post(f"/api/runs/{bare}/stop")
+        refused = await http.post(f"/api/runs/{bare}/rerun", json={})
+        assert refused.status_code == 404
+        assert "images" in refused.json()["detail"]
+        assert served.station.state.state is EngineState.PREVIEW
+
+    run(serve, scenario)
