@@ -23,7 +23,7 @@ _log = logging.getLogger(__name__)
 
 _LOOK_EVERY_S = 0.1
 # The worker rests for at least so long, and three times as long as it worked.
-_REST_S, _REST_SHARE = 2.0, 3.0
+REST_S, _REST_SHARE = 2.0, 3.0
 # A minute of 60 frames a second; the worker is given up before.
 _MOST_WAITING = 3600
 # Of motion capture while nothing is observed.
@@ -84,16 +84,19 @@ class AlignmentThread:
         samples: Callable[[], list[BodySample]],
         server_clock: Callable[[], ClockFit | None],
         make_worker: Callable[[], Aligns] = AlignmentWorker,
+        rest_s: float = REST_S,
     ) -> None:
         """
         Args:
             samples: that came since the last call. server_clock: motion capture's, as known.
+            rest_s: between two solutions at least.
         """
         self.aligned: Aligned | None = None
         self.sentence = NOTHING_SEEN
         self._samples = samples
         self._server_clock = server_clock
         self._worker = make_worker()
+        self._rest_s = rest_s
         # Lines with the arrivals of their frames, and beginnings between them.
         self._waiting: deque[_Beginning | tuple[Mapping[str, Any], float]] = deque(
             maxlen=_MOST_WAITING
@@ -199,9 +202,9 @@ class AlignmentThread:
         solved = self._worker.solve(job)
         now = time.monotonic()
         if solved is None:
-            self._not_before = now + _REST_S
+            self._not_before = now + self._rest_s
             return
-        self._not_before = now + max(_REST_S, _REST_SHARE * solved.seconds)
+        self._not_before = now + max(self._rest_s, _REST_SHARE * solved.seconds)
         if solved.alignment is not None:
             found = Alignment.of_dict(solved.alignment)
             self.aligned = Aligned(beginning.session, found, clocks, carried=False)

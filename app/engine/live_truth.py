@@ -134,7 +134,8 @@ class LiveTruth:
     def observing(self, source: ObservedSource | None) -> None:
         """What is observed from now on begins a world of its own; None observes nothing."""
         self._source = source
-        self._begin(carry=source is not None and source.info == self._last)
+        # Between two openings nothing is observed for a moment.
+        self._begin(carry=source is None or source.info == self._last)
         if source is not None:
             self._last = source.info
 
