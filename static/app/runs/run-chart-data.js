@@ -55,7 +55,7 @@ export function panelsOf(charts, overlaid) {
   // What a run and its re-run have in common is drawn once.
   const shared = sameRecording(charts);
   const curves = charts.flatMap((chart, run) =>
-    curvesOf(chart, run, Number(origins[run]), runColour(run)).filter(
+    curvesOf(chart, run, Number(origins[run]), { colour: runColour(run), shared }).filter(
       (curve) => !shared || run === 0 || isTrack(curve)));
   return [{
     title: charts.map(({ run }) => run.name).join(" and "),
@@ -128,29 +128,32 @@ export function trackInWords(track) {
  * @param {StoredChart} chart
  * @param {number} run its place
  * @param {number} origin
- * @param {string | null} colour of all that is its own; null: each its own
+ * @param {{colour: string, shared: boolean} | null} overlay its colour among other runs; shared: they have their recording in common
  * @returns {ChosenCurve[]}
  */
-function curvesOf(chart, run, origin, colour) {
+function curvesOf(chart, run, origin, overlay) {
   const known = chart.curves.some(({ kind, body }) => kind === "estimate" && body !== null && body !== "");
   return chart.curves.filter(({ times }) => times.length > 0).map((stored, at) => {
     const choice = choiceOf(stored, known);
     const kind = choice === "stray" ? "stray" : stored.kind;
+    // Without colours too it is told whose it is.
+    const own = overlay && (stored.kind === "estimate" || !overlay.shared);
+    const label = own ? `${chart.run.name}: ${labelOf(stored)}` : labelOf(stored);
     const broken = withGaps(stored);
     const times = broken.times.map((time) => time - origin);
     /** @type {ChosenCurve} */
     const curve = {
       key: `${run}/${at}`,
       kind,
-      label: labelOf(stored),
-      colour: colour && stored.kind === "estimate" ? colour : colourOf(stored, choice),
+      label,
+      colour: overlay && stored.kind === "estimate" ? overlay.colour : colourOf(stored, choice),
       banded: choice === "matched",
       times,
       speeds: broken.speeds,
       stds: broken.stds,
       choice,
       words: String(stored.track_id ?? ""),
-      parts: [{ begin: Number(times[0]), end: Number(times.at(-1)), label: labelOf(stored) }],
+      parts: [{ begin: Number(times[0]), end: Number(times.at(-1)), label }],
     };
     return curve;
   });

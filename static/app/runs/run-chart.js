@@ -87,7 +87,8 @@ export class RunChart extends HTMLElement {
     zoomOut.addEventListener("click", () => this.#zoomBy(ZOOM));
     zoomIn.addEventListener("click", () => this.#zoomBy(1 / ZOOM));
     all.addEventListener("click", () => this.#zoom(...this.#extent));
-    for (const input of [this.#begin, this.#end]) input.addEventListener("change", () => this.#typed());
+    this.#begin.addEventListener("change", () => this.#typed(this.#begin.valueAsNumber, this.#range[1]));
+    this.#end.addEventListener("change", () => this.#typed(this.#range[0], this.#end.valueAsNumber));
     this.#layout.append(h("legend", { class: "visually-hidden" }, "How runs are compared"),
       ...["Side by side", "Overlaid"].map((words, at) => {
         const input = h("input", { type: "radio", name: `${this.#name}-layout`, checked: at === 0 });
@@ -164,8 +165,17 @@ export class RunChart extends HTMLElement {
     for (const panel of this.#panels) panel.point(time);
   }
 
-  #typed() {
-    this.#zoom(this.#begin.valueAsNumber, this.#end.valueAsNumber);
+  /**
+   * An end beyond the other moves both.
+   *
+   * @param {number} begin
+   * @param {number} end
+   */
+  #typed(begin, end) {
+    const span = this.#range[1] - this.#range[0];
+    if (begin < end || Number.isNaN(begin + end)) this.#zoom(begin, end);
+    else if (end === this.#range[1]) this.#zoom(begin, begin + span);
+    else this.#zoom(end - span, end);
   }
 
   /** @param {number} factor */
