@@ -27,11 +27,12 @@ from app.reporting.gathering import Gathered
 from app.reporting.report import Report, Step, make_report
 from observer.errors import DynamicObserverError
 from observer.guard.sight import SIGHT_FRESH_S
+from observer.programmes.gesture import GESTURE_S
 from observer.programmes.playing import duration_s
 from observer.programmes.programme import Programme
 
 SOURCE = "simulated:drive"
-ATTEMPTS = 12
+ATTEMPTS = 24
 _DOWNLOAD_TIMEOUT_S = 120.0
 # The obstacle's course leads it across the view until its motors are on for the first time: by then
 # there is as much of its way to the one side as to the other.
@@ -40,10 +41,12 @@ _CROSSES_S = 2.4
 _REST_S = 2.0
 # A drive begins when frames came in time for so long, or when that was waited for long enough.
 _CALM_S = 3.0
-_CALM_WITHIN_S = 30.0
+_CALM_WITHIN_S = 60.0
 # Of what stops a robot, SIGHT_FRESH_S.
 _CALM_SHARE = 0.7
 _LOOK_S = 0.05
+# How much further a drive may be than was told last.
+_BEHIND_S = 0.5
 
 
 class ReproductionError(DynamicObserverError):
@@ -73,40 +76,37 @@ def play_experiments(
 ) -> Played:
     """Serve the lab, drive one programme after another in one run, and fetch its recording.
 
-    One run, because the second experiment begins where the first one ends. Where something stopped
-    the robots, as it must on a machine that is too busy to show frames in time, all of it is driven
-    anew in another run, which begins with the world as it was at first.
+    One run, because the second experiment begins where the first one ends. Something stops the
+    robots on a machine that is too busy to show frames in time, as it must. A later experiment that
+    had hardly begun then begins again where it is; otherwise all is driven anew in another run,
+    which begins with the world as it was at first.
 
     Args:
         programmes: of the server's library, by their names.
         tell: is given a sentence for people at each step.
+        attempts: how many drives may be ended before their end, in all.
 
     Raises:
         BenchmarkError: the server did not start, or refused a run.
         ReproductionError: the programmes were never driven to their end, or the recording could
             not be fetched.
     """
-    interrupted: list[str] = []
+    tries = _Attempts(attempts, tell)
     with running_server(SOURCE) as server:
         server.wait_for_frames()
-        while len(interrupted) < attempts:
+        while True:
             begun = server.request(
                 "POST", "/api/runs", {"name": "Figure 17, both experiments", "record": "lossless"}
             )
             try:
-                experiments = _driven(server, programmes, tell)
+                experiments = _driven(server, programmes, tries)
             except DrivingFailed as error:
-                interrupted.append(str(error))
-                tell(f"attempt {len(interrupted)} of {attempts}: {error}")
+                tries.ended(error)
                 continue
             finally:
                 server.request("POST", f"/api/runs/{begun['id']}/stop")
             _fetch(server, str(begun["id"]), recording)
-            return Played(recording, experiments, tuple(interrupted))
-    raise ReproductionError(
-        f"the robots were stopped in each of {attempts} attempts, at last because "
-        f"{interrupted[-1]}; try again when this machine has less else to do"
-    )
+            return Played(recording, experiments, tuple(tries.reasons))
 
 
 def reproduction_report(played: Played, published: Gathered, progress: Step) -> Report:
@@ -128,31 +128,64 @@ def reproduction_report(played: Played, published: Gathered, progress: Step) -> 
     return with_experiments(report, found)
 
 
+class _Attempts:
+    """Counts drives that were ended before their end, and tells of each."""
+
+    def __init__(self, most: int, tell: Callable[[str], None]) -> None:
+        self._most = most
+        self.tell = tell
+        self.reasons: list[str] = []
+
+    def ended(self, error: DrivingFailed) -> None:
+        """Raises:
+        ReproductionError: it was the last that there may be.
+        """
+        self.reasons.append(str(error))
+        self.tell(f"attempt {len(self.reasons)} of {self._most}: {error}")
+        if len(self.reasons) == self._most:
+            raise ReproductionError(
+                f"the robots were stopped in each of {self._most} attempts, at last because "
+                f"{error}; try again when this machine has less else to do"
+            )
+
+
 def _driven(
-    server: RunningServer, programmes: Sequence[Programme], tell: Callable[[str], None]
+    server: RunningServer, programmes: Sequence[Programme], tries: _Attempts
 ) -> tuple[Experiment, ...]:
     """Raises:
-    DrivingFailed: something stopped the robots.
+    DrivingFailed: something stopped the robots where driving cannot go on.
     """
     server.wait_for_frames()
     time.sleep(_CROSSES_S)
-    experiments = []
+    experiments: list[Experiment] = []
     with contextlib.closing(
         ServerApi(f"http://127.0.0.1:{server.port}", server.token)
     ) as api:
         _halt_obstacle(api)
-        for programme in programmes:
+        left = list(programmes)
+        while left:
+            programme = left[0]
             _wait_for_calm(api)
-            tell(f"driving {programme.name}, {duration_s(programme):.0f} s")
+            tries.tell(f"driving {programme.name}, {duration_s(programme):.0f} s")
             request = PlayRequest(
                 programme.name, programme.roles, duration_s(programme), 1, False, False
             )
+            drive = ProgrammeDrive(api, request, _unwatched)
             # The server's processes have the same monotonic clock as this one.
             began = time.monotonic()
-            ProgrammeDrive(api, request, _unwatched).run()
+            try:
+                drive.run()
+            except DrivingFailed as error:
+                # The gesture ends where it begins.
+                gesture_s = GESTURE_S if programme.gesture else 0.0
+                if not experiments or drive.summary()["elapsed_s"] >= gesture_s - _BEHIND_S:
+                    raise
+                tries.ended(error)
+                continue
             experiments.append(
                 Experiment(programme.name, programme.title, began, time.monotonic())
             )
+            left.pop(0)
             time.sleep(_REST_S)
     return tuple(experiments)
 

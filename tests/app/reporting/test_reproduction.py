@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ class Laboratory(ScriptedServer):
 
     Attributes:
         runs: their ids, in order; a new one begins when none goes on. going: the one that does.
-        late_in: of how many runs the robots are stopped.
+        late: which drives are stopped, counted from 0.
         looks: how often the facts were asked for. incidents: what stopped robots.
     """
 
@@ -37,11 +37,16 @@ class Laboratory(ScriptedServer):
         super().__init__()
         self.runs: list[str] = []
         self.going: str | None = None
-        self.late_in = 0
+        self.late: Container[int] = ()
         self.looks = 0
         self.incidents: list[dict[str, Any]] = []
         self.act = self._maybe_late
         self._run_routes()
+
+    @property
+    def drives(self) -> int:
+        """How many were begun."""
+        return self.calls.count(("POST", "/robots/programme"))
 
     def facts(self) -> dict[str, Any]:
         self.looks += 1
@@ -53,7 +58,7 @@ class Laboratory(ScriptedServer):
         }
 
     def _maybe_late(self, since_s: float) -> None:
-        if len(self.runs) <= self.late_in and since_s > 0.1:
+        if self.drives - 1 in self.late and since_s > 0.1:
             self.incidents = [
                 {"kind": "programme", "sentence": f"the programme mine was ended: {LATE}"},
                 {"kind": "sight", "sentence": LATE},
@@ -113,33 +118,49 @@ def mine() -> Programme:
 def test_both_are_driven_anew_where_the_robots_were_stopped(
     laboratory: Laboratory, mine: Programme, tmp_path: Path
 ) -> None:
-    laboratory.late_in = 1
+    laboratory.late = {0, 2}
     said: list[str] = []
     path = tmp_path / "recording.mcap"
     played = play_experiments(path, (mine, mine), tell=said.append)
-    # Stopped in the first run, driven twice in the second.
-    assert laboratory.runs == ["run-0", "run-1"]
-    assert [call for call in laboratory.calls if call[1] == "/robots/programme"] == [
-        ("POST", "/robots/programme"), ("DELETE", "/robots/programme"),
-    ] * 3  # fmt: skip
+    # Stopped in the first run, in the second one behind its first drive, and driven in the third.
+    assert laboratory.runs == ["run-0", "run-1", "run-2"]
+    assert laboratory.drives == 5
     assert path.read_bytes() == RECORDED
     first, second = played.experiments
     assert 0.8 <= first.ended - first.began < 20.0
     assert first.ended <= second.began
-    (why,) = played.interrupted
-    assert LATE in why
-    assert said == ["driving mine, 1 s", f"attempt 1 of 12: {why}", *["driving mine, 1 s"] * 2]
+    assert [LATE in why for why in played.interrupted] == [True, True]
+    driving, (first_why, second_why) = "driving mine, 1 s", played.interrupted
+    assert said == [
+        driving, f"attempt 1 of 24: {first_why}",
+        driving, driving, f"attempt 2 of 24: {second_why}",
+        driving, driving,
+    ]  # fmt: skip
     assert laboratory.armed == set()
     # The obstacle is armed by itself before each run's drives.
     arms = [call[1] for call in laboratory.calls if call[1].endswith("/arm")]
-    both = ["/robots/observer/arm", "/robots/obstacle/arm"]
-    assert arms == ["/robots/obstacle/arm", *both, "/robots/obstacle/arm", *both, *both]
+    alone, both = ["/robots/obstacle/arm"], ["/robots/observer/arm", "/robots/obstacle/arm"]
+    assert arms == [*alone, *both, *alone, *both, *both, *alone, *both, *both]
+
+
+def test_a_later_drive_that_had_hardly_begun_begins_again_where_it_is(
+    laboratory: Laboratory, mine: Programme, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # As if what is driven of it in this test were its gesture.
+    monkeypatch.setattr(reproduction, "_BEHIND_S", -9.0)
+    laboratory.late = {0, 2}
+    played = play_experiments(tmp_path / "r.mcap", (mine, mine), tell=lambda _: None)
+    assert laboratory.runs == ["run-0", "run-1"]
+    assert laboratory.drives == 4
+    assert len(played.interrupted) == 2
+    first, second = played.experiments
+    assert second.began - first.ended > 0.2
 
 
 def test_it_ends_after_so_many_attempts(
     laboratory: Laboratory, mine: Programme, tmp_path: Path
 ) -> None:
-    laboratory.late_in = 99
+    laboratory.late = range(99)
     with pytest.raises(ReproductionError, match=f"in each of 2 attempts.*{LATE}"):
         play_experiments(tmp_path / "r.mcap", (mine,), tell=lambda _: None, attempts=2)
     assert len(laboratory.runs) == 2
