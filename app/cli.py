@@ -6,9 +6,10 @@ Data goes to stdout or to the named file only, progress to stderr.
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import typer
 from typer.exceptions import TyperException
@@ -46,14 +47,7 @@ def build() -> typer.Typer:
     from app.commands.sweep import sweep
     from app.commands.truth import truth
 
-    cli = typer.Typer(
-        name="dynamic-observer",
-        help="Sees moving obstacles from a moving robot with two cheap cameras.",
-        no_args_is_help=True,
-        add_completion=False,
-        pretty_exceptions_enable=False,
-        rich_markup_mode=None,
-    )
+    cli = _empty()
     cli.command("serve")(serve)
     cli.command("observe")(observe)
     cli.command("evaluate")(evaluate)
@@ -79,12 +73,42 @@ def build() -> typer.Typer:
     return cli
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit."""
+def build_one(name: str) -> typer.Typer:
+    """The command line with one command only, for whom the imports of all others take too long.
+
+    Args:
+        name: of the command, and of its module.
+    """
+    cli = _empty()
+    # With a callback it is called by its name, as among others.
+    cli.callback()(lambda: None)
+    cli.command(name)(getattr(importlib.import_module(f"app.commands.{name}"), name))
+    return cli
+
+
+def _empty() -> typer.Typer:
+    return typer.Typer(
+        name="dynamic-observer",
+        help="Sees moving obstacles from a moving robot with two cheap cameras.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+
+
+def main(
+    arguments: Sequence[str] | None = None, made: Callable[[], typer.Typer] = build
+) -> None:
+    """Run the command line and exit.
+
+    Args:
+        made: makes it, once the environment is as native libraries are to find it.
+    """
     for name, value in NATIVE_ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     try:
-        code = build()(args=arguments, standalone_mode=False)
+        code = made()(args=arguments, standalone_mode=False)
     except InputError as error:
         _leave(str(error), EXIT_INPUT)
     except DynamicObserverError as error:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.commands.run_choice import RunArgument
+from app.commands.run_choice import AngleReading, RunArgument
 from app.commands.storage_options import DataOption, storage_settings
 from observer.errors import InputError
-from observer.truth.files.angles import AngleReading
 
 if TYPE_CHECKING:
     from observer.recording.payloads import RunFacts
@@ -69,7 +68,7 @@ def align(
         recorded_capture,
         true_speeds,
     )
-    from app.reporting.drawing import write_file
+    from app.reporting.whole_files import write_file
     from observer.recording.reader import Recording
     from observer.recording.run_folder import find_recording
     from observer.truth.alignment.alignment import align as solve

@@ -24,11 +24,11 @@ def reproduce(
     are observed once more by the method as published. The robots are stopped where frames come too
     late, as on a machine that does much else: then both are driven anew, some times at most.
     """
-    from app.reporting.drawing import write_file
     from app.reporting.experiments import observed_as_published
     from app.reporting.page import report_html
     from app.reporting.report import write_figures
     from app.reporting.reproduction import play_experiments, reproduction_report
+    from app.reporting.whole_files import write_file
     from observer.programmes.library import library_text, load_programme
 
     for name in PROGRAMMES:

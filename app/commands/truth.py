@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from app.commands.run_choice import AngleReading
 from observer.errors import InputError
-from observer.truth.files.angles import AngleReading, AnglesUnclear
 
 
 def truth(
@@ -32,6 +32,8 @@ def truth(
     ] = None,
 ) -> None:
     """Say what a file of motion capture holds: its bodies, rate, units, angles and gaps."""
+    from observer.truth.files.angles import AnglesUnclear
+
     try:
         told = _understood(file, rate, angles)
     except AnglesUnclear as error:

@@ -7,8 +7,6 @@ colour, so that charts can be read on a light and on a dark ground.
 from __future__ import annotations
 
 import io
-import os
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -18,7 +16,6 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
-from observer.errors import InputError
 from observer.types import Image
 
 INK = "#1b1d21"
@@ -95,20 +92,3 @@ def themed_svg(figure: Figure, name: str) -> str:
     figure.patch.set_alpha(1.0)
     text = text[text.index("<svg") :]
     return text.replace(INK, "currentColor").replace(GRID, "var(--grid)")
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Whole or not at all.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    part = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(content)
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError(
-            f"cannot write {path}: {error.strerror}; name a file in a folder that may be written"
-        ) from None

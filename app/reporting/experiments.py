@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from app.reporting.comparison import Comparison, gather_compared
-from app.reporting.gathering import Curve, Gathered
+from app.reporting.gathering import Gathered
 from app.reporting.report import Judged, Report, ReportFigure
 from app.reporting.speed_figure import speed_figure
-from observer.evaluation.speed_errors import SeenMotion, TrueMotion, speed_errors
+from app.reporting.stretches import during
+from observer.evaluation.speed_errors import speed_errors
 from observer.jsonl import observation_line
 from observer.parameters import preset
 from observer.recording.reader import Recording
@@ -96,20 +97,6 @@ def judged(path: Path, gathered: Gathered, experiment: Experiment, method: str) 
     return Judged(experiment.title, method, part, speed_errors(part.seen, part.true))
 
 
-def during(gathered: Gathered, begin: float, end: float) -> Gathered:
-    """What lies between two instants of the source's clock."""
-    return replace(
-        gathered,
-        lines=tuple(line for line in gathered.lines if begin <= line["time"] <= end),
-        matched=tuple(each for each in gathered.matched if begin <= each.time <= end),
-        true=tuple(_true(each, begin, end) for each in gathered.true),
-        seen=tuple(part for each in gathered.seen if (part := _seen(each, begin, end))),
-        unmatched=tuple(part for each in gathered.unmatched if (part := _seen(each, begin, end))),
-        commanded=tuple(_curve(each, begin, end) for each in gathered.commanded),
-        encoder=tuple(_curve(each, begin, end) for each in gathered.encoder),
-    )
-
-
 def with_experiments(report: Report, found: tuple[Judged, ...]) -> Report:
     """The report with figure 17 by experiment and method, and their errors beside each other."""
     charts = [(f"{each.experiment}: {each.method}", each.gathered) for each in found]
@@ -129,28 +116,3 @@ def with_experiments(report: Report, found: tuple[Judged, ...]) -> Report:
 
 def _highest(gathered: Gathered) -> float:
     return max((float(np.nanmax(each.speeds, initial=0.0)) for each in gathered.true), default=0.0)
-
-
-def _true(motion: TrueMotion, begin: float, end: float) -> TrueMotion:
-    some = np.flatnonzero((motion.times >= begin) & (motion.times <= end))
-    return TrueMotion(
-        motion.body,
-        motion.times[some],
-        motion.speeds[some],
-        tuple(motion.directions[k] for k in some),
-        tuple(motion.ways[k] for k in some),
-        motion.in_sight[some],
-    )
-
-
-def _seen(motion: SeenMotion, begin: float, end: float) -> SeenMotion | None:
-    some = (motion.frame_times >= begin) & (motion.frame_times <= end)
-    if not some.any():
-        return None
-    arrays = (motion.frame_times, motion.times, motion.speeds, motion.stds)
-    return SeenMotion(motion.track, motion.body, *(each[some] for each in arrays))
-
-
-def _curve(curve: Curve, begin: float, end: float) -> Curve:
-    some = (curve.times >= begin) & (curve.times <= end)
-    return Curve(curve.label, curve.times[some], curve.speeds[some])

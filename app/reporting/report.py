@@ -14,7 +14,7 @@ from typing import Any, Literal
 from matplotlib.figure import Figure
 
 from app.reporting.comparison import Comparison, gather_compared
-from app.reporting.drawing import FORMATS, figure_bytes, write_file
+from app.reporting.drawing import FORMATS, figure_bytes
 from app.reporting.gathering import Gathered
 from app.reporting.moments import CANDIDATES, Moment, Moments, most_significant
 from app.reporting.picture_figures import (
@@ -25,6 +25,7 @@ from app.reporting.picture_figures import (
     transformation_figure,
 )
 from app.reporting.speed_figure import speed_figure
+from app.reporting.whole_files import write_file
 from observer.errors import DynamicObserverError
 from observer.evaluation.speed_errors import SpeedErrors, identity_changes, speed_errors
 from observer.recording.payloads import Incident, ParameterRevision, RunFacts

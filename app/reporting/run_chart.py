@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from app.reporting.comparison import alignment_facts
+from app.reporting.gaps import broken
 from app.reporting.gathering import Curve, Gathered
-from app.reporting.speed_figure import broken
 from observer.evaluation.speed_errors import SeenMotion, speed_errors
 from observer.geometry import Float64Array
 

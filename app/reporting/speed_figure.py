@@ -9,12 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from app.reporting.drawing import BLUE, INK, ORANGE, PURPLE, TEAL, plain_axes
+from app.reporting.gaps import broken
 from app.reporting.gathering import Curve, Gathered
 from observer.evaluation.speed_errors import BAND_95, SeenMotion
-from observer.geometry import Float64Array
 
-# A curve is not drawn over a stretch this many times its usual step.
-_GAP_STEPS = 3.0
 # Tracks of fewer samples are drawn without their number.
 _NAMED_FROM = 5
 _LEGEND_COLUMNS = 5
@@ -92,16 +90,3 @@ def _line(axes: Axes, curve: Curve, kind: str) -> None:
     color, style = _OTHER_SOURCES[kind]
     times, speeds = broken(curve.times, curve.speeds)
     axes.plot(times, speeds, style, color=color, linewidth=1.4, label=curve.label, zorder=3)
-
-
-def broken(times: Float64Array, *values: Float64Array) -> tuple[Float64Array, ...]:
-    """The same with a NaN in every gap, so that no line is drawn over it."""
-    if len(times) < 3:
-        return (times, *values)
-    steps = np.diff(times)
-    gaps = np.flatnonzero(steps > _GAP_STEPS * np.median(steps)) + 1
-    between = (times[gaps - 1] + times[gaps]) / 2
-    return (
-        np.insert(times, gaps, between),
-        *(np.insert(np.asarray(each, np.float64), gaps, np.nan) for each in values),
-    )

@@ -63,11 +63,11 @@ def plant_run(folder: Path, run_id: str = "20260101-120000-abcdef") -> Path:
     return path
 
 
-def truth_csv(path: Path, *, constant: bool = False, body: str = "cart") -> Path:
-    """Motion capture of it as a plain CSV, on a clock of its own; ``constant``: of no use."""
+def truth_csv(path: Path) -> Path:
+    """Motion capture of it as a plain CSV, on a clock of its own."""
     own = np.arange(-0.5, DURATION_S + 0.3, 0.01)
-    place = own * 0.2 if constant else way(own + OFFSET_S)
-    rows = [f"{body},{t:.4f},{1 + x:.5f},2.0,0.1" for t, x in zip(own, place, strict=True)]
+    place = way(own + OFFSET_S)
+    rows = [f"cart,{t:.4f},{1 + x:.5f},2.0,0.1" for t, x in zip(own, place, strict=True)]
     path.write_text("\n".join(["body,t,x,y,z", *rows]) + "\n")
     return path
 
