@@ -17,7 +17,8 @@ export class AlignmentPanel extends Part {
   /** Called once a run is aligned anew. @type {() => void} */
   aligned = () => {};
 
-  #sentence = h("p", {});
+  // Its change tells that it is aligned anew.
+  #sentence = h("p", { role: "status" });
   #figures = h("dl", { class: "figures" });
   #notes = h("ul", { class: "plain-list" });
   #matches = h("div", { class: "stack" });
@@ -60,6 +61,7 @@ export class AlignmentPanel extends Part {
       this.#another.open = !chart.aligned;
       void this.#picker.load(chart.run.truth_id ?? (chart.alignment ? "live" : null));
     } else {
+      if (!this.#busy) setText(this.#state, "");
       this.#renderBodies(this.#picker.file);
     }
     setText(this.#sentence, sentence(chart.sentence ?? (chart.aligned ? "aligned" : "there is no truth to compare with")));
@@ -158,18 +160,24 @@ export class AlignmentPanel extends Part {
     await this.#ask({ truth_id: file?.id ?? null, observer: this.#observer.value || null, ignore: [...left].map(({ value }) => value), matches: {} });
   }
 
+  /** One alignment at a time; what asks for another is seen to wait. @param {boolean} busy */
+  #setBusy(busy) {
+    this.#busy = busy;
+    const possible = !busy && (this.#picker.file !== null || this.#picker.live);
+    setAttribute(this.#align, "aria-disabled", possible ? null : "true");
+    for (const button of this.#matches.querySelectorAll("button")) setAttribute(button, "aria-disabled", busy ? "true" : null);
+  }
+
   /** @param {object} wanted of POST /api/runs/{id}/align */
   async #ask(wanted) {
     const run = this.#chart?.run;
     if (!run || this.#busy) return;
     setText(this.#error, "");
-    this.#busy = true;
-    setAttribute(this.#align, "aria-disabled", "true");
+    this.#setBusy(true);
     setText(this.#state, "Aligning: the speeds of the whole run are compared…");
     try {
-      /** @type {{sentence: string}} */
-      const done = await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
-      setText(this.#state, sentence(done.sentence));
+      await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
+      setText(this.#state, "Aligned; the errors are computed anew…");
       this.hub.tell("runs");
       this.aligned();
     } catch (error) {
@@ -177,8 +185,7 @@ export class AlignmentPanel extends Part {
       setText(this.#state, "");
       setText(this.#error, `${error.message} ${this.#chart?.aligned ? "The alignment stays as it was." : ""}`.trim());
     } finally {
-      this.#busy = false;
-      setAttribute(this.#align, "aria-disabled", this.#picker.file || this.#picker.live ? null : "true");
+      this.#setBusy(false);
     }
   }
 }

@@ -4,7 +4,7 @@ import { ApiError, request } from "../api.js";
 import { field, h, icon, setText } from "../dom.js";
 import { confirmed, notifyError } from "../notice.js";
 import { Part } from "../part.js";
-import { fixed, when } from "../words.js";
+import { fixed, sentence, when } from "../words.js";
 import { counted } from "./run-words.js";
 
 /** @typedef {import("./types.js").TruthFile} TruthFile */
@@ -173,7 +173,7 @@ function naming(message, name) {
  */
 function understood({ format, info }) {
   const { bodies, notes, rate_hz: rate, duration_s: seconds } = info;
-  const facts = [format, rate === null ? "rate not known" : `${Number(rate.toFixed(2))} Hz`, seconds === null ? null : `${fixed(seconds, 1)} s`, counted(bodies.length, "body").replace("bodys", "bodies")];
+  const facts = [format, rate === null ? null : `${Number(rate.toFixed(2))} Hz`, seconds === null ? null : `${fixed(seconds, 1)} s`, counted(bodies.length, "body").replace("bodys", "bodies")];
   const heads = ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"];
   return [
     h("p", {}, "Understood as ", h("b", {}, facts.filter(Boolean).join(", ")), "."),
@@ -188,7 +188,7 @@ function understood({ format, info }) {
           h("td", {}, body.gaps),
           h("td", {}, body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–"),
           h("td", {}, fixed(body.highest_speed_mps, 2))))))),
-    ...(notes.length > 0 ? [h("ul", { class: "plain-list" }, ...notes.map((note) => h("li", {}, note)))] : []),
+    ...(notes.length > 0 ? [h("ul", { class: "plain-list" }, ...notes.map((note) => h("li", {}, sentence(note))))] : []),
   ];
 }
 
