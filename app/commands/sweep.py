@@ -115,6 +115,13 @@ def sweep(
         result = run.result
         text = _write(result, output, rank_by)
     typer.echo(text.rstrip())
+    if run.use is not None:
+        typer.echo(
+            f"{run.use.tasks} tasks in {run.use.elapsed_s:.1f} s; of it the "
+            f"{cluster.workers} processes worked on them {run.use.at_work:.0%} and had a core "
+            f"{run.use.computing:.0%}",
+            err=True,
+        )
     if result.failed:
         first = result.failed[0]
         assert first.outcome is not None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 from observer.errors import InputError
@@ -36,8 +37,34 @@ class Plan:
         return len(self.combinations) * len(self.sources)
 
 
+@dataclass(frozen=True)
+class CoreUse:
+    """What became of the time of the processes that were started for a sweep.
+
+    Attributes:
+        tasks: that they finished. elapsed_s: from before their start until behind their end.
+        at_work: share of their time that was spent on tasks; the rest is beginning and waiting.
+        computing: share of it that they had a core, which others of the machine may take.
+    """
+
+    tasks: int
+    elapsed_s: float
+    at_work: float
+    computing: float
+
+    @classmethod
+    def of(cls, outcomes: Collection[Outcome], elapsed_s: float, workers: int) -> CoreUse:
+        """From what the tasks themselves measured."""
+        whole = elapsed_s * workers
+        at_work, computing = sum(o.wall_s for o in outcomes), sum(o.cpu_s for o in outcomes)
+        return cls(len(outcomes), elapsed_s, at_work / whole, computing / whole)
+
+
 class SweepRun:
     """A sweep at work; what is finished is in the store and in ``result`` at any time.
+
+    Attributes:
+        use: of the processes started for it; None before, and where others' were used.
 
     Raises:
         InputError: there is nothing to do, or a source is given twice.
@@ -64,6 +91,7 @@ class SweepRun:
             if found is not None:
                 self._outcomes[task.key] = found
         self.kept = sum(task.key in self._outcomes for _, task in self._tasks)
+        self.use: CoreUse | None = None
 
     def run(
         self,
@@ -91,9 +119,12 @@ class SweepRun:
         }
         alike = Counter(task.key for _, task in self._tasks)
         total, done = len(self._tasks), self.kept
+        new: list[Outcome] = []
+        began = time.perf_counter()
 
         def finished(task: Task, outcome: Outcome) -> None:
             nonlocal done
+            new.append(outcome)
             self._outcomes[task.key] = outcome
             self._store.keep(task, outcome)
             done += alike[task.key]
@@ -112,6 +143,8 @@ class SweepRun:
                 cache_bytes=cache_bytes,
                 own_process=cluster.processes,
             )
+        if not elsewhere and cluster.processes:
+            self.use = CoreUse.of(new, time.perf_counter() - began, cluster.workers)
 
     @property
     def result(self) -> Sweep:

@@ -19,8 +19,8 @@ from observer.evaluation.sweep.frames import FrameCache
 from observer.evaluation.sweep.grid import grid_from_text
 from observer.evaluation.sweep.sources import sweep_source
 from observer.evaluation.sweep.store import TaskStore
-from observer.evaluation.sweep.sweep import Plan, SweepRun
-from observer.evaluation.sweep.task import Task, method_version, run_task
+from observer.evaluation.sweep.sweep import CoreUse, Plan, SweepRun
+from observer.evaluation.sweep.task import Outcome, Task, method_version, run_task
 from observer.parameters import preset
 from observer.types import StereoFrame
 
@@ -249,3 +249,8 @@ def test_a_labs_own_cluster(sources: tuple[str, str], tmp_path: Path) -> None:
     assert row.outcome is not None
     assert row.outcome.error is None
     assert row.outcome.frames == row.source.frames
+
+
+def test_the_use_of_cores_is_of_all_processes() -> None:
+    outcomes = [Outcome(cpu_s=2.0, wall_s=3.0), Outcome(cpu_s=4.0, wall_s=5.0), Outcome("broken")]
+    assert CoreUse.of(outcomes, 5.0, 2) == CoreUse(3, 5.0, 0.8, 0.6)
