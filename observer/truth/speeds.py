@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 
 # A step in time longer than this many of the median step is a jump: samples are missing there.
-_JUMP_STEPS = 1.5
+JUMP_STEPS = 1.5
 # Steps that differ by less than this share of the median are equal but for rounding.
 _EQUAL_STEPS = 1e-6
 # Windows fitted at once, which bounds the memory.
@@ -19,7 +19,12 @@ _AT_ONCE = 20_000
 
 
 def smoothed_velocity(
-    times: Float64Array, positions: Float64Array, *, window: int = 11, order: int = 2
+    times: Float64Array,
+    positions: Float64Array,
+    *,
+    window: int = 11,
+    order: int = 2,
+    longest_step: float = JUMP_STEPS,
 ) -> Float64Array:
     """Velocities (N, 3) m/s: the slope, at each sample, of a polynomial fitted around it.
 
@@ -30,10 +35,10 @@ def smoothed_velocity(
     Args:
         times: (N,) seconds, rising. positions: (N, 3) metres, NaN rows are gaps.
         window: samples in a fit, odd. order: the polynomial's, smaller than ``window``.
+        longest_step: what is longer than so many of the median step is a jump in time.
 
     Returns:
-        NaN wherever the window leaves the data or touches a gap or a jump in time, which is a
-        step longer than 1.5 of the median.
+        NaN wherever the window leaves the data or touches a gap or a jump in time.
 
     Raises:
         ValueError: ``window`` is even, or not larger than ``order``, or ``order`` is below 1.
@@ -57,7 +62,7 @@ def smoothed_velocity(
         for k in range(window):
             total += slopes[:, k, None] * positions[first + k : first + k + fits]
         velocity[first + half : first + half + fits] = total
-    jumps = np.concatenate([[0], np.cumsum(_jumps(times))])
+    jumps = np.concatenate([[0], np.cumsum(_jumps(times, longest_step))])
     inside = jumps[window - 1 :] - jumps[: count - window + 1]
     velocity[half : count - half][inside > 0] = np.nan
     return velocity
@@ -77,16 +82,16 @@ def two_point_speeds(
     """
     middles = (times[1:] + times[:-1]) / 2
     moved = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    speeds = np.where(_jumps(times), np.nan, moved / np.diff(times))
+    speeds = np.where(_jumps(times, JUMP_STEPS), np.nan, moved / np.diff(times))
     return np.asarray(middles), np.asarray(speeds)
 
 
-def _jumps(times: Float64Array) -> NDArray[np.bool_]:
+def _jumps(times: Float64Array, longest_step: float) -> NDArray[np.bool_]:
     """(N - 1,) which steps are jumps in time."""
     steps = np.diff(times)
     if not len(steps):
         return np.zeros(0, dtype=np.bool_)
-    return np.asarray(steps > _JUMP_STEPS * np.median(steps))
+    return np.asarray(steps > longest_step * np.median(steps))
 
 
 def _slope_weights(offsets: Float64Array, order: int) -> Float64Array:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
-from observer.truth.alignment.curves import between, window_for
+from observer.truth.alignment.curves import GAP_INTERVALS, between, window_for
 from observer.truth.alignment.result import Alignment
 from observer.truth.alignment.rooms import body_poses, centre_positions
 from observer.truth.alignment.smoothing import velocities
@@ -164,6 +164,7 @@ def _centre_velocities(body: Trajectory, alignment: Alignment) -> Float64Array:
     places = body.positions
     if centre is not None and body.rotations is not None:
         places = places + body.rotations @ np.array(centre)
-    rates = velocities(body.times, places, window_for(body.times, _SMOOTHING_S))
+    window = window_for(body.times, _SMOOTHING_S)
+    rates = velocities(body.times, places, window, GAP_INTERVALS)
     # The instants on truth's clock run by the drift too fast or too slow.
     return rates / (1 + 1e-6 * alignment.time.drift_ppm)

@@ -10,7 +10,14 @@ from observer.geometry import Float64Array
 from observer.truth.alignment.body_camera import BodyCamera
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.correlation import correlation
-from observer.truth.alignment.curves import SpeedCurve, body_speed, steady_speed, turn_rate
+from observer.truth.alignment.curves import (
+    SpeedCurve,
+    body_speed,
+    longest_loss,
+    seen_rotations,
+    steady_speed,
+    turn_rate,
+)
 from observer.truth.alignment.matching import Match, match_tracks
 from observer.truth.alignment.observability import NotObservable
 from observer.truth.alignment.observed import ObservedRun, TrackKey
@@ -143,7 +150,8 @@ class _Aligning:
                 true = body_speed(Trajectory(name, body.times, moved))
             pairs.append((self._speed, true))
         if self._turn is not None and body.rotations is not None:
-            rate = turn_rate(body.times, body.rotations, _TRUE_TURN_SIGMA)
+            times, rotations = seen_rotations(body)
+            rate = turn_rate(times, rotations, _TRUE_TURN_SIGMA, longest_loss(times))
             if rate is not None:
                 pairs.append((self._turn, rate))
         return pairs

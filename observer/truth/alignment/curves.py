@@ -11,11 +11,14 @@ from observer.errors import TruthError
 from observer.geometry import Float64Array
 from observer.truth.alignment.smoothing import angular_velocities, velocities
 from observer.truth.motion_capture import Trajectory
+from observer.truth.speeds import JUMP_STEPS
 
 # Speeds of truth and of what is seen are smoothed over the same time, so that ramps are alike.
 SMOOTHING_S = 0.4
 # Two samples further apart than so many of their median distance are the edges of a gap.
-_GAP_INTERVALS = 3.5
+GAP_INTERVALS = 3.5
+# Nor does a robot's speed change much while so many samples are lost.
+_LOST_S = 0.06
 # With an origin 0.2 m from the centre this makes a false speed of 0.05 m/s.
 _QUICK_TURN_RADPS = 0.25
 
@@ -78,7 +81,7 @@ def between(times: Float64Array, values: Float64Array, wanted: Float64Array) -> 
     found = np.where((weight == 0)[:, None], a, found)
     found = np.where((weight == 1)[:, None], b, found)
     outside = (weight < 0) | (weight > 1)
-    outside |= (step > _GAP_INTERVALS * np.median(intervals)) & (weight > 0) & (weight < 1)
+    outside |= (step > GAP_INTERVALS * np.median(intervals)) & (weight > 0) & (weight < 1)
     found[outside] = np.nan
     return np.asarray(found, np.float64)
 
@@ -92,9 +95,21 @@ def window_for(times: Float64Array, seconds: float = SMOOTHING_S) -> int:
 
 
 def body_speed(body: Trajectory, seconds: float = SMOOTHING_S) -> SpeedCurve:
-    """The speed of a body of motion capture, smoothed over ``seconds``."""
-    velocity = velocities(body.times, body.positions, window_for(body.times, seconds))
-    return SpeedCurve.of(body.times, np.linalg.norm(velocity, axis=1), 0.003)
+    """The speed of a body of motion capture, smoothed over ``seconds``; only where it was seen.
+
+    A few samples that are missing in between, as on a network that loses some, are no gap here.
+    """
+    times = body.times[body.seen]
+    window = window_for(times, seconds)
+    velocity = velocities(times, body.positions[body.seen], window, longest_loss(times))
+    return SpeedCurve.of(times, np.linalg.norm(velocity, axis=1), 0.003)
+
+
+def longest_loss(times: Float64Array) -> float:
+    """What is longer than so many of the median step is a gap of motion capture."""
+    if len(times) < 2:
+        return JUMP_STEPS
+    return max(JUMP_STEPS, _LOST_S / float(np.median(np.diff(times))))
 
 
 def steady_speed(body: Trajectory) -> SpeedCurve:
@@ -106,8 +121,8 @@ def steady_speed(body: Trajectory) -> SpeedCurve:
     speed = body_speed(body)
     if body.rotations is None:
         return speed
-    rate = turn_rate(body.times, body.rotations, 1.0)
-    if rate is None:
+    rate = turn_rate(*seen_rotations(body), 1.0, longest_loss(speed.times))
+    if rate is None or len(rate.times) != len(speed.times):
         return speed
     steady = ~(rate.values > _QUICK_TURN_RADPS)
     if (steady & speed.known).sum() < speed.known.sum() / 2:
@@ -115,13 +130,22 @@ def steady_speed(body: Trajectory) -> SpeedCurve:
     return SpeedCurve(speed.times, np.where(steady, speed.values, np.nan), speed.sigmas)
 
 
-def turn_rate(times: Float64Array, rotations: Float64Array, sigma: float) -> SpeedCurve | None:
+def seen_rotations(body: Trajectory) -> tuple[Float64Array, Float64Array]:
+    """Times (M,) and rotations (M, 3, 3) where the body was seen; it has some."""
+    assert body.rotations is not None
+    return body.times[body.seen], body.rotations[body.seen]
+
+
+def turn_rate(
+    times: Float64Array, rotations: Float64Array, sigma: float, longest_step: float = JUMP_STEPS
+) -> SpeedCurve | None:
     """The length of the angular velocity, rad/s: the same for all that is fixed to one body.
 
     Args:
         rotations: (N, 3, 3), NaN in gaps. sigma: of the result, rad/s.
+        longest_step: what is longer than so many of the median step is a gap.
     """
     if len(times) < 5:
         return None
-    rate = angular_velocities(times, rotations, window_for(times))
+    rate = angular_velocities(times, rotations, window_for(times), longest_step)
     return SpeedCurve.of(times, np.linalg.norm(rate, axis=1), sigma)

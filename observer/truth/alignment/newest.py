@@ -14,6 +14,7 @@ import numpy as np
 
 from observer.geometry import Float64Array, Pose
 from observer.truth.alignment.aligned import DEFAULT_SIZE
+from observer.truth.alignment.curves import GAP_INTERVALS
 from observer.truth.alignment.live_clocks import LiveClocks
 from observer.truth.alignment.result import Alignment
 from observer.truth.alignment.rooms import body_poses, centre_positions
@@ -31,8 +32,6 @@ _SMOOTHING_S, _FEWEST = 0.11, 5
 _BEHIND = 3
 # Further back than this it would not be told of the same moment any more.
 _OLDEST_S = 0.1
-# As in ``curves.between``: what lies further apart is the edge of a gap.
-_GAP_INTERVALS = 3.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +184,7 @@ def _velocity(body: Trajectory, centre: Float64Array | None, stamp: float) -> Fl
         return None
     first = last = index
     known = np.atleast_1d(np.isfinite(places).all(axis=1))
-    widest = _GAP_INTERVALS * interval
+    widest = GAP_INTERVALS * interval
     while first > 0 and known[first - 1] and times[first] - times[first - 1] <= widest:
         if stamp - times[first - 1] > half:
             break

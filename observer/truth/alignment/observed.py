@@ -15,11 +15,14 @@ from observer.geometry import Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.truth.alignment.curves import SpeedCurve, turn_rate, window_for
 from observer.truth.alignment.smoothing import velocities
+from observer.truth.speeds import JUMP_STEPS
 
 # A velocity that stands before its frame by more than this is of two frames, not filtered.
 _MIDPOINT_S = 1e-3
 # The least that a speed may be trusted, m/s, and where nothing is told of it.
 _MIN_SIGMA_MPS, _UNKNOWN_SIGMA_MPS = 0.02, 0.05
+# Where a live source drops frames, what is seen has moved on smoothly within this.
+_DROPPED_S = 0.3
 # Of the camera's own speed and turn rate, smoothed: m/s and rad/s.
 _OWN_SPEED_SIGMA_MPS, _OWN_TURN_SIGMA = 0.005, 0.005
 
@@ -84,7 +87,8 @@ class ObservedTrack:
             times, values = self.velocity_times[known], self.speeds[known]
             rising = np.r_[True, np.diff(times) > 0]
             return SpeedCurve(times[rising], values[rising], sigmas[known][rising])
-        velocity = velocities(self.times, self.positions, window_for(self.times))
+        longest = _longest_step(self.times)
+        velocity = velocities(self.times, self.positions, window_for(self.times), longest)
         speed = np.linalg.norm(velocity, axis=1)
         if np.isfinite(speed).sum() < 5:
             return None
@@ -176,12 +180,13 @@ class ObservedRun:
             if len(t) < 7:
                 continue
             T = T[once]
-            turning = turn_rate(t, T[:, :3, :3], _OWN_TURN_SIGMA)
+            longest = _longest_step(t)
+            turning = turn_rate(t, T[:, :3, :3], _OWN_TURN_SIGMA, longest)
             if turning is None:
                 continue
             window = window_for(t)
             times.append(t)
-            speed.append(np.linalg.norm(velocities(t, T[:, :3, 3], window), axis=1))
+            speed.append(np.linalg.norm(velocities(t, T[:, :3, 3], window, longest), axis=1))
             rate.append(turning.values)
         if not times:
             return None, None
@@ -190,6 +195,11 @@ class ObservedRun:
             SpeedCurve.of(t, np.concatenate(speed), _OWN_SPEED_SIGMA_MPS),
             SpeedCurve.of(t, np.concatenate(rate), _OWN_TURN_SIGMA),
         )
+
+
+def _longest_step(times: Float64Array) -> float:
+    """In medians, as ``velocities`` takes it."""
+    return max(JUMP_STEPS, _DROPPED_S / float(np.median(np.diff(times))))
 
 
 def _row(time: float, entry: Mapping[str, Any]) -> tuple[float, ...]:
