@@ -16,7 +16,8 @@ def backup(
     data: DataOption = None,
     database: DatabaseOption = None,
     recordings: Annotated[
-        bool, typer.Option("--recordings", help="Also the runs' recordings, which may be large.")
+        bool,
+        typer.Option("--recordings", help="Also recordings and saved rings, which may be large."),
     ] = False,
 ) -> None:
     """Write runs, speeds, parameters, presets, calibrations, rig, programmes and truths."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 from app.messages import ObservationEvent
 from app.station.driving.incidents import Incident
@@ -37,9 +37,12 @@ class CurrentRun:
         clock: monotonic seconds.
 
     Attributes:
+        most_rows: that wait for the database, the newest; a quarter of an hour, or some 20 MB.
         programme: whether it began with one, which then ends with it.
         robots: what the recording is to be told of them.
     """
+
+    most_rows: ClassVar[int] = 100_000
 
     def __init__(
         self, record: RunRecord, storage: Storage, writer: Writer, clock: Callable[[], float]
@@ -52,7 +55,7 @@ class CurrentRun:
         self._storage = storage
         self._writer = writer
         self._clock = clock
-        self._rows = PendingRows()
+        self._rows = PendingRows(self.most_rows)
         # Whether a write is queued, or tried again: it takes what comes meanwhile as well.
         self._asked = False
         self._began = self._flushed = clock()

@@ -7,18 +7,18 @@ from collections.abc import Iterable
 
 from app.storage import SpeedRow
 
-# A quarter of an hour of a busy run, some 20 MB.
-_MOST_ROWS = 100_000
-
 
 class PendingRows:
     """Rows in the order in which they came; the oldest make place where there are too many.
+
+    Args:
+        most: that wait at a time.
 
     Attributes:
         lost: how many had to make place.
     """
 
-    def __init__(self, most: int = _MOST_ROWS) -> None:
+    def __init__(self, most: int) -> None:
         self._most = most
         # The writer's thread takes what the event loop adds.
         self._lock = threading.Lock()

@@ -18,14 +18,12 @@ from app.station.contracts import Engine
 from app.station.driving.incidents import Incident
 from app.station.errors import Conflict, FieldError, NotAvailable
 from app.storage import DataFolder, RunRecord
+from app.storage.folder import RINGS
 from observer.errors import DynamicObserverError
 from observer.recording.run_folder import RECORDING
 from observer.rig.rig import ROLES
 
 log = structlog.get_logger(__name__)
-
-# Within the data folder.
-RINGS = "rings"
 
 # At most this much of robots is lost with the server.
 _TELL_S = 0.5

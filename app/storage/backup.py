@@ -17,7 +17,7 @@ from app.storage.bundle import BackupError, Manifest, bundle_writer
 from app.storage.copying import copy_tables
 from app.storage.engines import database_url, make_engine
 from app.storage.errors import StorageError, storage_error
-from app.storage.folder import TRUTHS
+from app.storage.folder import RINGS, TRUTHS
 from app.storage.integrity import copy_database, damage
 from app.storage.records import utc_now
 from observer.recording.run_folder import RUNS
@@ -25,7 +25,8 @@ from observer.recording.run_folder import RUNS
 DATABASE = "observer.sqlite"
 # Of the data folder, beside the database; the token and the server's log are nobody else's.
 FILES = ("rig.yaml",)
-FOLDERS = ("programmes", "guard-checks", TRUTHS, RUNS)
+FOLDERS = ("programmes", "guard-checks", TRUTHS, RUNS, RINGS)
+_WITH_RECORDINGS = (RUNS, RINGS)
 _RECORDINGS = ".mcap"
 _BUSY_S = 5.0
 
@@ -46,7 +47,7 @@ def write_backup(
 
     Args:
         target: ends in .zip or .tar. data: the data folder. location: as ``Storage`` takes it.
-        recordings: also the runs' recordings, which may be large.
+        recordings: also the runs' recordings and saved rings, which may be large.
         application: the version that is told in it.
 
     Raises:
@@ -141,6 +142,6 @@ def _files(data: Path, recordings: bool) -> dict[str, Path]:
             hidden = any(part.startswith(".") for part in parts)
             if hidden or not file.is_file() or file.is_symlink():
                 continue
-            if recordings or folder != RUNS or file.suffix != _RECORDINGS:
+            if recordings or folder not in _WITH_RECORDINGS or file.suffix != _RECORDINGS:
                 found["/".join(parts)] = file
     return found

@@ -14,6 +14,8 @@ from app.storage.errors import StorageError, StorageMissing
 from observer.recording.run_folder import RECORDING, RUNS
 
 TRUTHS = "truths"
+# Saved stretches of what no run kept.
+RINGS = "rings"
 # A run's folder on its way out; what a crash leaves of it goes next time.
 _LEAVING = ".deleted-"
 _ID = re.compile(r"[0-9A-Za-z][0-9A-Za-z_-]{0,99}")

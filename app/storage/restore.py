@@ -20,7 +20,7 @@ from app.storage.bundle import BackupError, Bundle, Manifest, open_bundle
 from app.storage.copying import copy_tables, lock_whole, replace_tables
 from app.storage.engines import APPLICATION, database_url, make_engine
 from app.storage.errors import StorageError, storage_error
-from app.storage.folder import DataFolder
+from app.storage.folder import RINGS, DataFolder
 from app.storage.integrity import damage, is_open_elsewhere, move_with_log, name_beside
 from app.storage.migration import upgrade
 from observer.recording.run_folder import RUNS
@@ -121,7 +121,8 @@ class _Place:
             for name in (*FILES, *FOLDERS):
                 if (staged / name).exists():
                     _move(staged / name, self.data / name, undo)
-            _keep_recordings(old / RUNS, self.data / RUNS)
+            for name in (RUNS, RINGS):
+                _keep_recordings(old / name, self.data / name)
             if self._file is not None:
                 kept += _put_file(staged / DATABASE, self._file, undo)
             else:
@@ -234,8 +235,8 @@ def _put_file(staged: Path, file: Path, undo: contextlib.ExitStack) -> list[Path
 
 def _keep_recordings(old: Path, new: Path) -> None:
     """Recordings of runs that the backup knows but left out are no second time on the disk."""
-    for recording in old.glob("*/*.mcap"):
-        target = new / recording.parent.name / recording.name
+    for recording in old.rglob("*.mcap"):
+        target = new / recording.relative_to(old)
         if not target.exists():
             with contextlib.suppress(OSError):
                 target.parent.mkdir(parents=True, exist_ok=True)

@@ -62,6 +62,8 @@ def fill(storage: Storage) -> str:
     (folder / "recording.mcap").write_bytes(random.Random(1).randbytes(300_000))
     (folder / "truth").mkdir()
     (folder / "truth" / "as uploaded ä.csv").write_text("t\n")
+    (data / "rings").mkdir()
+    (data / "rings" / "ring-1.mcap").write_bytes(b"the last half minute")
     (data / "token").write_text("secret")
     return run.id
 
@@ -69,7 +71,7 @@ def fill(storage: Storage) -> str:
 def contents(storage: Storage, run_id: str) -> dict[str, Any]:
     """All that can be read of it."""
     data = storage.folder.path
-    tops = ("rig.yaml", "programmes", "truths", "runs")
+    tops = ("rig.yaml", "programmes", "truths", "runs", "rings")
     files = [each for top in tops for each in [data / top, *(data / top).rglob("*")]]
     return {
         "run": storage.get_run(run_id),
@@ -201,6 +203,7 @@ def test_recordings_are_left_out_and_stay_where_they_are(
     assert small.stat().st_size < 250_000
     done = restore_backup(small, data, data / "observer.sqlite", replace=True)
     assert recording.read_bytes() == content
+    assert (data / "rings" / "ring-1.mcap").read_bytes() == b"the last half minute"
     with Storage(data / "observer.sqlite") as storage:
         storage.discard_run(run_id)
         storage.purge(timedelta(0))

@@ -1,0 +1,34 @@
+"""``purge`` as a shell sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from app.storage import Storage
+
+from .shell import Done
+
+
+def test_what_was_deleted_long_ago_or_at_all_goes_for_good(
+    shell: Callable[..., Done], tmp_path: Path
+) -> None:
+    with Storage(tmp_path / "observer.sqlite", folder=tmp_path) as storage:
+        kept, gone = (
+            storage.create_run(name=name, source="s", parameters={}, versions={})
+            for name in ("kept", "gone")
+        )
+        storage.discard_run(gone.id)
+        recording = storage.folder.make_run(gone.id) / "recording.mcap"
+        recording.write_bytes(b"x" * 4096)
+    options = ["--data", str(tmp_path)]
+    early = shell("purge", *options)
+    assert (early.code, early.out) == (0, "")
+    assert early.err.startswith("0 runs are gone")
+    assert recording.exists()
+    assert shell("purge", "--days", "-1", *options).code == 2
+    done = shell("purge", "--days", "0", *options)
+    assert done.err.startswith("1 runs are gone")
+    assert not recording.parent.exists()
+    with Storage(tmp_path / "observer.sqlite", folder=tmp_path) as storage:
+        assert [run.id for run in storage.list_runs()] == [kept.id]
