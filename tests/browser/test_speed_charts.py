@@ -189,6 +189,14 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(open_panel, pixels, keep
     assert "as commanded" not in _read_middle(page)
     keep_picture(page, "runs-overlaid")
 
+    expect(chart.locator(".chart-note")).to_have_count(0)
+    unaligned = {**_stored("still"), "aligned": False, "errors": [], "changes": []}
+    unaligned["sentence"] = "not yet aligned: nothing moved"
+    page.evaluate(_SHOW, [unaligned])
+    expect(chart.locator(".chart-note")).to_have_text("Not yet aligned: nothing moved.")
+    expect(chart.locator(".chart-errors")).to_contain_text("No errors can be told")
+    assert chart.locator(".chart-errors table").count() == 0
+
 
 def test_live_curves_break_where_nothing_is_known(server, open_panel, free_port):
     page = open_panel()

@@ -66,7 +66,7 @@ export class ChartPanel {
     this.#host.addEventListener("blur", () => shared.read(null));
     this.element = h("section", { class: "chart-panel", "aria-label": `Speeds of ${panel.title}` },
       several && panel.charts.length === 1 ? h("h3", {}, panel.title) : null,
-      ...panel.charts.map((chart) => noteOf(chart, several)),
+      ...panel.charts.map((chart) => noteOf(chart, panel.charts.length > 1)),
       this.#host, this.#reading, this.#said, factsOf(panel));
   }
 
@@ -153,16 +153,10 @@ export class ChartPanel {
   }
 }
 
-/**
- * Why truth is not aligned; of runs that are compared, also how it is.
- *
- * @param {StoredChart} chart
- * @param {boolean} several
- */
-function noteOf({ run, aligned, sentence: told }, several) {
-  if (!told || (aligned && !several)) return null;
-  const words = several ? `${run.name}: ${sentence(told)}` : sentence(told);
-  return h("p", { class: "chart-note", "data-tone": aligned ? "calm" : "open" }, words);
+/** Why there is no truth to compare with. @param {StoredChart} chart @param {boolean} named */
+function noteOf({ run, aligned, sentence: told }, named) {
+  if (aligned || !told) return null;
+  return h("p", { class: "chart-note" }, named ? `${run.name}: ${sentence(told)}` : sentence(told));
 }
 
 /** Changes of identity and gaps in truth, in words. @param {Panel} panel */
