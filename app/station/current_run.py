@@ -78,12 +78,14 @@ class CurrentRun:
 
     def measured(self, sample: WheelSample) -> None:
         """Keep what a robot was sent and what its wheels said."""
-        self._collect(wheel_rows(self.id, sample))
+        # Before its first frame the newest one is of what was open before, on another clock.
+        if self.frames:
+            self._collect(wheel_rows(self.id, sample))
 
     def heard(self, robots: Mapping[str, Any], newest: ObservationEvent | None) -> None:
         """Have recorded how robots are; see ``RobotFeed.heard``."""
         if self.record.record is not None:
-            self.robots.heard(robots, newest)
+            self.robots.heard(robots, newest if self.frames else None)
 
     def _collect(self, rows: Iterable[SpeedRow]) -> None:
         self._rows.add(rows)

@@ -11,8 +11,12 @@ from app.station.binding import calibration_of_cameras
 from app.station.calibrations import find_calibration
 from app.station.errors import FieldError, NotThere
 from app.storage import CalibrationRecord, Storage
+from observer.errors import SourceError
+from observer.recording.run_folder import find_recording
 
 _LONGEST_SPEC = 1000
+# A kept run's recording, for whoever does not know where the server keeps it.
+_RUN = "run:"
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ def check_spec(source: str) -> None:
         raise FieldError(
             ("body", "source"),
             "give simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, "
-            "coppeliasim:HOST:PORT or the path of a folder or of a recording.mcap",
+            "coppeliasim:HOST:PORT, run:ID or the path of a folder or of a recording.mcap",
         )
 
 
@@ -93,9 +97,19 @@ def make_opening(storage: Storage, source: str, calibration_id: str | None) -> O
         FieldError: the text names no source, or there is no such calibration.
     """
     check_spec(source)
+    source = _recording_of(storage, source)
     if calibration_id is None:
         return Opening(source, calibration_of_cameras(storage, source))
     try:
         return Opening(source, find_calibration(storage, calibration_id))
     except NotThere as error:
         raise FieldError(("body", "calibration"), str(error)) from error
+
+
+def _recording_of(storage: Storage, source: str) -> str:
+    if not source.startswith(_RUN):
+        return source
+    try:
+        return str(find_recording(source.removeprefix(_RUN), storage.folder.path).absolute())
+    except SourceError as error:
+        raise FieldError(("body", "source"), str(error)) from error

@@ -8,8 +8,10 @@ import pytest
 
 from app.messages import EngineState, StateEvent
 from app.station.binding import binding_warnings, calibration_of_cameras
+from app.station.errors import FieldError
 from app.station.opening import make_opening
 from app.storage import CalibrationRecord, Storage
+from observer.recording.run_folder import RECORDING
 
 LEFT, RIGHT = "http://10.0.0.1/v", "http://10.0.0.2/v"
 SOURCE = f"http://me:secret@10.0.0.1/v,{RIGHT}"
@@ -72,3 +74,12 @@ def test_nothing_is_said_where_nothing_is_bound(opened: Storage) -> None:
     assert binding_warnings(state(LEFT, RIGHT), None) == []
     assert binding_warnings(state(LEFT, RIGHT), unbound) == []
     assert binding_warnings(state(LEFT, RIGHT, live=False), record) == []
+
+
+def test_a_kept_run_is_a_source_by_its_id(opened: Storage) -> None:
+    run = opened.create_run(name="a", source="b", parameters={}, versions={})
+    with pytest.raises(FieldError, match=r"was not recorded|no run"):
+        make_opening(opened, f"run:{run.id}", None)
+    recording = opened.folder.make_run(run.id) / RECORDING
+    recording.touch()
+    assert make_opening(opened, f"run:{run.id}", None).source == str(recording.absolute())

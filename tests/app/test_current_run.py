@@ -33,6 +33,9 @@ def test_rows_are_written_once_although_the_database_was_locked(
     writer.start()
     try:
         run = CurrentRun(record, storage, writer, lambda: 0.0)
+        # On the clock of what was open before.
+        run.measured(WheelSample(0, "observer", 41.0, 0, 0.4, 0.4))
+        run.frames = 1
         run.measured(WheelSample(1, "observer", 1.0, 0, 0.3, 0.25))
         run.flush()
         assert written.wait(5.0)
