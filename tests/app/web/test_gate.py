@@ -145,7 +145,7 @@ def test_cross_site_without_an_origin_is_told_by_the_browser(serve: Any) -> None
 
 
 def test_forms_and_text_change_nothing(serve: Any, peer: Any) -> None:
-    other_kinds = ("/sign-in", "/api/calibrations", "/api/calibrating/images")
+    other_kinds = ("/sign-in", "/api/calibrations", "/api/calibrating/images", "/api/truth")
 
     async def scenario() -> None:
         async with serve() as served:
