@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from app.channel.latest import LatestReader, LatestWriter, create_slot
+from app.engine.truth_facts import truth_facts
 from app.messages import (
     CLOUD_NAME,
     VIEW_NAMES,
@@ -33,6 +34,7 @@ from app.messages import (
     SaveRing,
     SetParameters,
     SetPlayback,
+    SetTruth,
     StateEvent,
     StopRun,
     TakeScenePairs,
@@ -159,6 +161,11 @@ class PeerEngine:
                         self.playback[name] = changes[name]
                 self.publish(self.state())
                 return dict(self.playback)
+            case SetTruth():
+                assert self.opened is not None
+                self.opened = replace(self.opened, truth=command.truth)
+                self.publish(self.state())
+                return {"truth": self.state().truth}
             case StopRun():
                 if self.opened is None or self.opened.run_id is None:
                     raise EngineRefused("no run is going", "state")
@@ -311,6 +318,9 @@ class PeerEngine:
                 mount=asdict(CameraMount(0.4, 0.1)),
                 world=self.world,
                 robots=self.robots,
+                truth=None
+                if opened.truth is None
+                else truth_facts(opened.truth, None, None, None, "not yet aligned: only a peer"),
             )
             if not more
             else replace(self.state(), **more)

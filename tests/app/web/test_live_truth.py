@@ -1,0 +1,102 @@
+"""Live motion capture as a person chooses it: over REST, over restarts, from the command line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from app.messages import LiveTruthOrder, OpenSource, SetTruth
+from app.settings import Settings
+
+from .scenarios import run
+
+PATH = "/api/truth/live"
+
+
+def opened(peer: Any) -> OpenSource:
+    """As the engine was told last."""
+    found: OpenSource = [each for each in peer.commands if isinstance(each, OpenSource)][-1]
+    return found
+
+
+def test_it_is_chosen_told_and_found_again(serve: Any, peer: Any, eventually: Any) -> None:
+    async def choose(served: Any) -> None:
+        assert (await served.http.get(PATH)).json() is None
+        assert (await served.http.get("/api/status")).json()["truth"] is None
+        opens = len(peer.commands)
+        chosen = {"spec": "vrpn:mocap/Amigo,P3DX", "observer": "Amigo", "ignore": ["hat"]}
+        answer = await served.http.put(PATH, json=chosen)
+        assert answer.status_code == 200, answer.text
+        told = answer.json()
+        assert {name: told[name] for name in chosen} == chosen
+        assert (told["state"], told["aligned"], told["alignment"]) == ("connecting", False, None)
+        assert told["sentence"].startswith("not yet aligned: ")
+        assert (await served.http.get(PATH)).json() == told
+        assert (await served.http.get("/api/status")).json()["truth"] == told
+        # Nothing was opened again for it.
+        assert not any(isinstance(each, OpenSource) for each in peer.commands[opens:])
+        # An engine that takes the place of a lost one listens to it at once.
+        peer.lose()
+        # Kept while there is no engine to be told.
+        again = await served.http.put(PATH, json={"spec": "vicon-udp:51001"})
+        assert (again.status_code, again.json()) == (200, None)
+        peer.start_process()
+        await eventually(lambda: opened(peer).truth == LiveTruthOrder("vicon-udp:51001"))
+
+    run(serve, choose)
+
+    async def after_a_restart(served: Any) -> None:
+        assert opened(peer).truth == LiveTruthOrder("vicon-udp:51001")
+        assert (await served.http.put(PATH, json={"spec": None})).json() is None
+        assert peer.commands[-1] == SetTruth(None)
+        started = await served.http.post("/api/runs", json={"source": "simulated:lab"})
+        assert started.status_code == 201
+        assert opened(peer).truth is None
+
+    run(serve, after_a_restart)
+
+    async def from_the_command_line(served: Any) -> None:
+        assert opened(peer).truth == LiveTruthOrder("vrpn:mocap")
+        # What fits the same server goes on to hold when it is named again.
+        await served.http.put(PATH, json={"spec": "vrpn:mocap", "observer": "Amigo"})
+
+    run(serve, from_the_command_line, truth="vrpn:mocap")
+
+    async def named_again(_: Any) -> None:
+        assert opened(peer).truth == LiveTruthOrder("vrpn:mocap", "Amigo")
+
+    run(serve, named_again, truth="vrpn:mocap")
+
+
+@pytest.mark.parametrize(
+    ("choice", "field", "sentence"),
+    [
+        ({"spec": "vicon:mocap"}, "spec", "live truth is vrpn:HOST"),
+        ({"spec": "vrpn:"}, "spec", "names no host"),
+        ({"spec": "vicon-udp:99999"}, "spec", "port from 1 to 65535"),
+        ({"spec": "vrpn:a\x00b"}, "spec", "vrpn:HOST"),
+        ({"spec": "vrpn:a", "observer": "A", "ignore": ["A"]}, "ignore", "carries the camera"),
+        ({"observer": "A"}, "spec", ""),
+        ({"spec": "vrpn:a", "ignore": "A"}, "ignore", ""),
+        ({"spec": "vrpn:a", "whom": "A"}, "whom", ""),
+    ],
+)
+def test_what_names_none_is_refused(
+    serve: Any, peer: Any, choice: dict[str, Any], field: str, sentence: str
+) -> None:
+    async def scenario(served: Any) -> None:
+        answer = await served.http.put(PATH, json=choice)
+        assert answer.status_code == 422
+        problem = answer.json()["detail"][0]
+        assert field in problem["loc"]
+        assert sentence in problem["msg"]
+        assert not any(isinstance(each, SetTruth) for each in peer.commands)
+
+    run(serve, scenario)
+
+
+def test_the_command_line_says_what_it_takes() -> None:
+    with pytest.raises(ValidationError, match=r"live truth is vrpn:HOST"):
+        Settings(truth="mocap")
