@@ -10,6 +10,10 @@ import { runHref } from "./run-words.js";
 /** @typedef {import("./types.js").Run} Run */
 /** @typedef {import("./types.js").Chart} Chart */
 
+// Truth is laid over a re-run once it has ended; until then it is asked again.
+const AGAIN_MS = 4000;
+const ASKED_AT_MOST = 15;
+
 export class CompareView extends Part {
   /** Called with what the view is to be called. @type {(words: string) => void} */
   named = () => {};
@@ -21,6 +25,8 @@ export class CompareView extends Part {
   /** @type {string[]} */
   #ids = [];
   #asked = 0;
+  #again = 0;
+  #timer = 0;
 
   build() {
     this.append(this.#error, this.#waiting, this.#chart, this.#table);
@@ -31,6 +37,8 @@ export class CompareView extends Part {
   show(ids) {
     this.hidden = ids.length === 0;
     this.#ids = ids;
+    this.#again = 0;
+    clearTimeout(this.#timer);
     this.#chart.show([]);
     this.#table.replaceChildren();
     setText(this.#error, "");
@@ -50,6 +58,8 @@ export class CompareView extends Part {
       this.named(`${charts.map(({ run }) => run.name).join(" and ")} compared`);
       this.#chart.show(charts);
       this.#table.replaceChildren(settingsTable(charts));
+      this.#again += 1;
+      if (awaitsTruth(charts) && this.#again < ASKED_AT_MOST) this.#timer = setTimeout(() => void this.#load(), AGAIN_MS);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       if (asked !== this.#asked) return;
@@ -57,6 +67,12 @@ export class CompareView extends Part {
       setText(this.#error, error.message);
     }
   }
+}
+
+/** @param {Chart[]} charts */
+function awaitsTruth(charts) {
+  const aligned = new Set(charts.flatMap(({ run, aligned }) => aligned ? [run.id] : []));
+  return charts.some(({ run, aligned: there }) => !there && run.rerun_of !== null && aligned.has(run.rerun_of));
 }
 
 /** @param {Chart[]} charts what is not the same in all of them */

@@ -26,6 +26,7 @@ class HistoryView extends Part {
     this.#leave.addEventListener("click", () => this.#close());
     for (const part of [this.#search, this.#run, this.#compare]) part.attach(this.hub);
     this.#run.named = this.#compare.named = (words) => this.#name(words);
+    this.#run.left = () => this.#close();
     this.hear("hashchange", () => this.#follow(true), window);
     // The calibration wizard wants the same place.
     this.hear("calibrate", () => this.#close());

@@ -4,7 +4,7 @@ import { ApiError, request } from "../api.js";
 import { field, fillList, h, setAttribute, setText } from "../dom.js";
 import { ParameterGroups } from "../parameter-groups.js";
 import { Part } from "../part.js";
-import { compareHref, counted, runHref } from "./run-words.js";
+import { compareHref, counted, hasImages, runHref } from "./run-words.js";
 
 /** @typedef {import("./types.js").Run} Run */
 /** @typedef {import("../types.js").ParameterEntry} ParameterEntry */
@@ -61,7 +61,7 @@ export class RerunForm extends Part {
 
   build() {
     this.#form.append(
-      h("p", { class: "hint" }, "The recording is observed once through, as fast as it goes. What is open now is closed for it, and the robots stand meanwhile."),
+      h("p", { class: "hint" }, "The recording is observed once through, as fast as it goes. What is open now is closed for it, the robots stand meanwhile, and its parameters stay in force."),
       h("div", { class: "rerun-fields" }, field("Name", this.#name), field("Begin with", this.#preset)),
       h("details", {}, h("summary", {}, "Other parameters"),
         h("div", { class: "stack" }, h("label", { for: "rerun-search", class: "visually-hidden" }, "Find a parameter"), this.#search, this.#groups)),
@@ -81,10 +81,10 @@ export class RerunForm extends Part {
   show(run) {
     const other = run.id !== this.#run?.id;
     this.#run = run;
-    const possible = run.state !== "running" && run.recording_bytes !== null && run.record !== "none" && run.record !== null;
+    const possible = hasImages(run);
     this.#form.hidden = !possible;
     this.#without.hidden = possible;
-    setText(this.#without, run.state === "running" ? "Possible once the run has ended." : "Its recording holds no images, so it cannot be observed again.");
+    setText(this.#without, run.state === "running" ? "Possible once the run has ended." : run.rerun_of ? "Its images are in the recording of the run it was made from; observe that one again." : "Its recording holds no images, so it cannot be observed again.");
     if (!other) return;
     this.#begun = null;
     this.#name.value = "";

@@ -67,14 +67,14 @@ export class RunFiles extends Part {
     }
     this.#run = run;
     const path = `/api/runs/${encodeURIComponent(run.id)}`;
-    const recorded = run.recording_bytes !== null && run.state !== "running";
+    const recorded = run.record !== null && run.state !== "running";
     this.#list.hidden = this.#more.hidden = !recorded;
     setAttribute(this.#open, "href", `${path}/report`);
     this.#without.hidden = recorded;
     setText(this.#without, run.state === "running" ? "Made from the recording once the run has ended." : "It has no recording to make them from.");
     this.#recording.hidden = !recorded;
     setAttribute(this.#recording, "href", `${path}/recording`);
-    setAttribute(this.#recording, "title", `${size(run.recording_bytes)}; opens in Foxglove and Lichtblick, and as a source`);
+    setAttribute(this.#recording, "title", `${run.recording_bytes === null ? "" : `${size(run.recording_bytes)}; `}opens in Foxglove and Lichtblick, and as a source`);
     setAttribute(this.#speeds, "href", `${path}/speeds?format=csv`);
   }
 

@@ -2,6 +2,7 @@
 
 import { ApiError, request } from "../api.js";
 import { h, icon, setText } from "../dom.js";
+import { notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
 import { AlignmentPanel } from "./alignment-panel.js";
@@ -10,7 +11,7 @@ import { RunChart } from "./run-chart.js";
 import { RunFiles } from "./run-files.js";
 import { RunLabels } from "./run-labels.js";
 import { removeRun } from "./run-search.js";
-import { compareHref, facts } from "./run-words.js";
+import { compareHref, facts, hasImages } from "./run-words.js";
 
 /** @typedef {import("./types.js").Run} Run */
 /** @typedef {import("./types.js").Chart} Chart */
@@ -20,11 +21,14 @@ const AGAIN_MS = 5000;
 export class RunView extends Part {
   /** Called with what the view is to be called. @type {(words: string) => void} */
   named = () => {};
+  /** Called when the live parts are wanted. @type {() => void} */
+  left = () => {};
 
   #facts = h("p", { class: "hint" });
   #state = h("span", { class: "state-chip" });
   #reason = h("p", { class: "hint" });
   #original = h("a", {}, "Compare with the run it was made from");
+  #play = h("button", { type: "button", class: "button" }, icon("play"), "Play recording");
   #remove = h("button", { type: "button", class: "button" }, icon("trash"), "Delete run");
   #error = h("p", { class: "field-error", role: "alert" });
   #waiting = h("p", { class: "empty", role: "status" });
@@ -47,7 +51,7 @@ export class RunView extends Part {
   #running = null;
 
   build() {
-    const head = h("div", { class: "run-head" }, this.#state, this.#facts, this.#original, this.#remove);
+    const head = h("div", { class: "run-head" }, this.#state, this.#facts, this.#original, h("div", { class: "row" }, this.#play, this.#remove));
     this.#body.append(head, this.#reason, this.#waiting, this.#chart,
       h("div", { class: "run-columns" },
         h("div", { class: "stack" }, this.#truth, this.#files),
@@ -56,6 +60,7 @@ export class RunView extends Part {
     for (const part of [this.#labels, this.#truth, this.#rerun, this.#files]) part.attach(this.hub);
     this.#labels.changed = (run) => this.#takeRun(run);
     this.#truth.aligned = () => void this.#load();
+    this.#play.addEventListener("click", () => void this.#open());
     this.#remove.addEventListener("click", () => void this.#delete());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => {
@@ -125,10 +130,27 @@ export class RunView extends Part {
     this.#original.hidden = run.rerun_of === null;
     if (run.rerun_of) this.#original.setAttribute("href", compareHref([run.rerun_of, run.id]));
     this.#remove.disabled = run.state === "running";
+    this.#play.hidden = !hasImages(run);
     this.#labels.show(run);
     this.#rerun.show(run);
     this.#files.show(run);
     if (other) this.#settings.replaceChildren(settingsOf(run));
+  }
+
+  /** As a source, with a slider for every frame. */
+  async #open() {
+    const run = this.#run;
+    if (!run || this.#play.getAttribute("aria-disabled")) return;
+    this.#play.setAttribute("aria-disabled", "true");
+    try {
+      this.hub.takeStatus(await request("PUT", "/source", { source: `run:${run.id}` }));
+      notify(`The recording of ${run.name} is open and plays.`);
+      this.left();
+    } catch (error) {
+      notifyError(error);
+    } finally {
+      this.#play.removeAttribute("aria-disabled");
+    }
   }
 
   async #delete() {

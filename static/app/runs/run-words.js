@@ -38,6 +38,11 @@ export function facts(run) {
   ].filter(Boolean).join(" · ");
 }
 
+/** Whether its recording can be played and observed again. @param {Run} run */
+export function hasImages({ state, record }) {
+  return state !== "running" && record !== null && record !== "none";
+}
+
 /** Where a run is shown: the page's own address. @param {string} id */
 export function runHref(id) {
   return `#history/${encodeURIComponent(id)}`;
