@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -45,6 +46,12 @@ def reproduce(
         report = reproduction_report(played, published, progress)
     write_file(output / "report.html", report_html(report).encode())
     written = write_figures(report, output / "figures")
+    told = {
+        "experiments": [each.title for each in played.experiments],
+        # Drives that came to nothing are no part of the experiments, but of how they were made.
+        "ended_early": played.interrupted,
+    }
+    write_file(output / "experiments.json", (json.dumps(told, indent=2) + "\n").encode())
     _tell_errors(report)
     typer.echo(
         f"{output / 'report.html'} is written, and {len(written)} files in {output / 'figures'}",

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import csv
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from app.reporting import experiments, reproduction
+from app.reporting import report as report_module
 from app.reporting.experiments import (
     Experiment,
     beside_published,
@@ -17,8 +21,11 @@ from app.reporting.experiments import (
 )
 from app.reporting.page import report_html
 from app.reporting.report import Report, write_figures
-from app.reporting.reproduction import Played, reproduction_report
+from app.reporting.reproduction import Played
+from observer.programmes.programme import Programme
 from observer.recording.reader import Recording
+
+from ..commands.shell import Shell
 
 
 @pytest.fixture(scope="session")
@@ -76,30 +83,54 @@ def test_the_same_frames_are_observed_by_the_method_as_published(
 
 
 def test_a_reproduction_has_each_experiment_by_both_methods(
-    recording: Path, both: Report, tmp_path: Path
+    recording: Path,
+    both: Report,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     with Recording(recording) as opened:
         at = [frame.received for frame in opened.frames]
-    experiments = (
+    driven = (
         Experiment("a", "The first", at[0] - 1.0, at[5]),
         Experiment("b", "The second", at[6], at[-1] + 1.0),
     )
     published = both.judged[1].gathered
-    steps: list[tuple[int, int | None]] = []
-    played = Played(recording, experiments, ())
-    made = reproduction_report(played, published, lambda *step: steps.append(step))
-    assert steps[-1] == (5, 5)
-    assert [(each.experiment, each.method) for each in made.judged] == [
-        (experiment, method)
-        for experiment in ("The first", "The second")
-        for method in ("rigid, as in the run", "affine, as published")
-    ]
-    times = [each.gathered.true[0].times.tolist() for each in made.judged]
-    assert times[0] + times[2] == published.true[0].times.tolist()
-    assert times[:3:2] == times[1::2]
-    assert [each.number for each in made.figures] == ["9", "11", "13", "15", "16", "17", "17"]
-    assert {each.missing for each in made.figures} == {""}
-    written = {path.name for path in write_figures(replace(made, figures=()), tmp_path)}
-    assert "speeds_the_second_rigid_as_in_the_run.csv" in written
-    with (tmp_path / "experiments_errors.csv").open() as file:
+    asked: list[str] = []
+
+    def played(path: Path, programmes: list[Programme], **_: Any) -> Played:
+        assert path == tmp_path / "recording.mcap"
+        asked.extend(each.name for each in programmes)
+        return Played(recording, driven, ("no frame came for 200 ms",))
+
+    # Driven and observed once more already; and one format is as good as three.
+    monkeypatch.setattr(reproduction, "play_experiments", played)
+    monkeypatch.setattr(experiments, "observed_as_published", lambda _path, _progress: published)
+    monkeypatch.setattr(report_module, "FORMATS", ("png",))
+    done = Shell(capsys)("reproduce", "--output", str(tmp_path))
+    assert (done.code, done.out) == (0, ""), done.err
+    assert asked == ["figure17_a", "figure17_b"]
+    for title in ("The first", "The second"):
+        for method in ("rigid, as in the run", "affine, as published"):
+            assert f"{title}, {method}: RMSE 0.0" in done.err
+    page = (tmp_path / "report.html").read_text()
+    assert "By experiment and method" in page
+    assert page.count("<figure id=") == 7
+    assert "Not shown" not in page
+    assert {path.name for path in (tmp_path / "programmes").iterdir()} == {
+        "figure17_a.yaml", "figure17_b.yaml",
+    }  # fmt: skip
+    assert json.loads((tmp_path / "experiments.json").read_text()) == {
+        "experiments": ["The first", "The second"],
+        "ended_early": ["no frame came for 200 ms"],
+    }
+    figures = tmp_path / "figures"
+    assert {path.stem for path in figures.glob("*.png")} == {
+        "figure9", "figure11", "figure13", "figure15", "figure16", "figure17",
+        "figure17_experiments",
+    }  # fmt: skip
+    with (figures / "experiments_errors.csv").open() as file:
         assert len({(row["experiment"], row["method"]) for row in csv.DictReader(file)}) == 4
+    with (figures / "speeds_the_second_rigid_as_in_the_run.csv").open() as file:
+        times = [float(r["time_s"]) for r in csv.DictReader(file) if r["source"] == "truth"]
+    assert times == published.true[0].times[6:].tolist()
