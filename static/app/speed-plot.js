@@ -32,7 +32,7 @@ import { joined } from "./speed-curves.js";
 export const NO_MARKS = { starts: [], changes: [], gaps: [] };
 
 /** How curves that are not measured by the observer are told from those that are. @type {Partial<Record<import("./speed-curves.js").Kind, number[]>>} */
-export const DASHES = { truth: [6, 4], commanded: [2, 3], sent: [2, 3] };
+export const DASHES = { truth: [6, 4], commanded: [2, 3], sent: [2, 3], encoder: [9, 3, 2, 3] };
 
 const LABEL_PX = 11;
 // Less than this from the one before, a label would stand on it.

@@ -11,8 +11,8 @@ import { trackColour } from "../words.js";
 /** @typedef {"matched" | "band" | "truth" | "commanded" | "encoder" | "stray" | "own"} Choice what can be shown or hidden */
 
 /**
- * @typedef {Curve & {choice: Choice, words: string, parts: {begin: number, end: number, label: string}[]}} ChosenCurve
- * words: a track's number. parts: tracks that follow each other in one curve
+ * @typedef {Curve & {choice: Choice, words: string, run: string, parts: {begin: number, end: number, label: string}[]}} ChosenCurve
+ * words: a track's number. run: its name. parts: tracks that follow each other in one curve
  */
 
 /**
@@ -22,7 +22,7 @@ import { trackColour } from "../words.js";
  * @property {ChosenCurve[]} curves
  * @property {{time: number, speed: number, words: string, colour: string, choice: Choice}[]} starts
  * @property {{time: number, words: string, colour: string, body: string, run: string}[]} changes
- * @property {{begin: number, end: number, label: string}[]} gaps in truth
+ * @property {{begin: number, end: number, run: string}[]} gaps in truth
  */
 
 // As in the figures of reports: no line over a stretch so many times a curve's usual step.
@@ -153,6 +153,7 @@ function curvesOf(chart, run, origin, overlay) {
       stds: broken.stds,
       choice,
       words: String(stored.track_id ?? ""),
+      run: chart.run.name,
       parts: [{ begin: Number(times[0]), end: Number(times.at(-1)), label }],
     };
     return curve;
@@ -261,7 +262,7 @@ function changesOf({ run, changes }, origin, colour) {
 
 /** @param {ChosenCurve[]} curves */
 function gapsOf(curves) {
-  return curves.filter(({ choice }) => choice === "truth").flatMap((curve) => gapsIn(curve).map((gap) => ({ ...gap, label: curve.label })));
+  return curves.filter(({ choice }) => choice === "truth").flatMap((curve) => gapsIn(curve).map((gap) => ({ ...gap, run: curve.run })));
 }
 
 /** @param {ChosenCurve[]} curves the last is drawn on top */

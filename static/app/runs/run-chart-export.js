@@ -37,7 +37,7 @@ export function ofRun({ id, name }, range) {
 }
 
 export class ChartExport extends HTMLElement {
-  #open = h("button", { type: "button", class: "button", "aria-expanded": "false", "aria-haspopup": "true" }, icon("download"), "Export");
+  #open = h("button", { type: "button", class: "button", "aria-expanded": "false" }, icon("download"), "Export");
   #box = h("div", { class: "menu-box", role: "group", "aria-label": "Export what is seen of the chart", hidden: true });
   #offers;
   #busy = false;

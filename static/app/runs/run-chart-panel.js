@@ -163,7 +163,7 @@ function noteOf({ run, aligned, sentence: told }, named) {
 function factsOf({ charts, changes, gaps }) {
   const of = (/** @type {string} */ run) => (charts.length > 1 ? ` in ${run}` : "");
   const changed = changes.map(({ time, body, words, run }) => `${fixed(time, 1)} s (${body}: ${words}${of(run)})`);
-  const missing = gaps.map(({ begin, end }) => `${fixed(begin, 1)} to ${fixed(end, 1)} s`);
+  const missing = gaps.map(({ begin, end, run }) => `${fixed(begin, 1)} to ${fixed(end, 1)} s${of(run)}`);
   return h("ul", { class: "chart-facts hint" },
     changed.length ? h("li", { "data-fact": "changes" }, `Identity changes: ${listed(changed)}.`) : null,
     missing.length ? h("li", { "data-fact": "gaps" }, `Truth is missing: ${listed(missing)}.`) : null);
