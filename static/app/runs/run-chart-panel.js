@@ -67,7 +67,9 @@ export class ChartPanel {
     this.element = h("section", { class: "chart-panel", "aria-label": `Speeds of ${panel.title}` },
       several && panel.charts.length === 1 ? h("h3", {}, panel.title) : null,
       ...panel.charts.map((chart) => noteOf(chart, panel.charts.length > 1)),
-      this.#host, this.#reading, this.#said, factsOf(panel));
+      ...(panel.curves.length > 0
+        ? [this.#host, this.#reading, this.#said, factsOf(panel)]
+        : [h("p", { class: "empty" }, "No speed is known of this run.")]));
   }
 
   /** @param {Set<Choice>} choices what is shown */
