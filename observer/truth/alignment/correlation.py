@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.signal import medfilt
 
 from observer.geometry import Float64Array
 from observer.truth.alignment.curves import SpeedCurve
@@ -66,6 +65,9 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
     step = max(_STEP_S, length / _MAX_STEPS)
     n = int((seen_end - seen_start) / step) + 2
     m = int((true_end - true_start) / step) + 2
+    # It takes as long to import as all that reads what was aligned before.
+    from scipy.signal import medfilt
+
     size = next_fast_len(n + m)
     grid = true_start + step * np.arange(m)
     covariance = np.zeros(n + m - 1)

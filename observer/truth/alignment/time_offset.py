@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from observer.geometry import Float64Array
 from observer.truth.alignment.correlation import Correlation, correlation, informative
@@ -138,6 +137,9 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
             "the speed is constant within its noise, which fits any offset of the clocks; let the "
             "robot start, stop or turn once while both record"
         )
+    # It takes as long to import as all that reads what was aligned before.
+    from scipy.signal import find_peaks
+
     values = np.where(allowed, found.values, -1.0)
     # How much more likely than no relation at all: agreement counts by how long it lasts.
     unexplained = np.maximum(1 - np.clip(values, 0, 1) ** 2, _LEAST_UNEXPLAINED)
