@@ -213,7 +213,9 @@ def speed_rows(
         )
     for body in event.truth:
         identity, role = int(body["id"]), str(body["role"])
-        yield row(line["time"], role, "truth", identity, body["speed"], None)
+        # Live motion capture tells the instant that was measured, which may be before the frame.
+        measured = body.get("time", line["time"])
+        yield row(measured, role, "truth", identity, body["speed"], None)
         if body["commanded_speed"] is not None and role not in driven:
             yield row(line["time"], role, "commanded", identity, body["commanded_speed"], None)
 
