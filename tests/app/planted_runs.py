@@ -10,6 +10,7 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.recording.payloads import Anchor, ParameterRevision, RobotRow, RunFacts
 from observer.recording.writer import RecordingWriter
+from observer.truth.motion_capture import BodySample
 from observer.types import StereoFrame
 
 from .peer_engine import rectified_calibration
@@ -38,8 +39,14 @@ def speed(t: Float64Array) -> Float64Array:
     return np.asarray(np.abs(way(t + 0.005) - way(t - 0.005)) / 0.01)
 
 
-def plant_run(folder: Path, run_id: str = "20260101-120000-abcdef") -> Path:
-    """A recording without images of a still camera before which one body drives to and fro."""
+def plant_run(
+    folder: Path, run_id: str = "20260101-120000-abcdef", *, heard: bool = False
+) -> Path:
+    """A recording without images of a still camera before which one body drives to and fro.
+
+    Args:
+        heard: also what live motion capture told of it.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "recording.mcap"
     rng = np.random.default_rng(4)
@@ -59,17 +66,31 @@ def plant_run(folder: Path, run_id: str = "20260101-120000-abcdef") -> Path:
         line = _line(number, time, float(ways[number]), float(speeds[number]), rng)
         writer.observation(line, received)
         writer.robot(RobotRow(role="obstacle", received=received, time=time, sent_speed=0.35))
+    if heard:
+        writer.capture(_samples())
     writer.finish()
     return path
 
 
 def truth_csv(path: Path) -> Path:
     """Motion capture of it as a plain CSV, on a clock of its own."""
-    own = np.arange(-0.5, DURATION_S + 0.3, 0.01)
-    place = way(own + OFFSET_S)
-    rows = [f"cart,{t:.4f},{1 + x:.5f},2.0,0.1" for t, x in zip(own, place, strict=True)]
+    rows = [f"cart,{each.time:.4f}," + _cells(each.position) for each in _samples()]
     path.write_text("\n".join(["body,t,x,y,z", *rows]) + "\n")
     return path
+
+
+def _samples() -> list[BodySample]:
+    own = np.arange(-0.5, DURATION_S + 0.3, 0.01)
+    places = np.column_stack([1 + way(own + OFFSET_S), 2 + 0 * own, 0.1 + 0 * own])
+    return [
+        BodySample("cart", time, 100.0 + time, place, None)
+        for time, place in zip(own.tolist(), places, strict=True)
+    ]
+
+
+def _cells(position: Float64Array | None) -> str:
+    assert position is not None
+    return ",".join(f"{value:.5f}" for value in position)
 
 
 def _line(

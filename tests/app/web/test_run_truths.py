@@ -97,7 +97,16 @@ def test_truth_is_laid_over_a_run_and_shown_in_its_chart(serve: Any, tmp_path: P
         for wrong in ({"truth_id": "none"}, {"matches": {"1": "cart"}}, {"observer": ""}):
             assert (await http.post(f"/api/runs/{id}/align", json=wrong)).status_code == 422
 
-        # A run still needs it.
+        # What observes it again is compared with the same truth.
+        again = (await http.post(f"/api/runs/{id}/rerun", json={})).json()["id"]
+        await asyncio.to_thread(plant_run, served.station.storage.folder.run(again), again)
+        assert (await http.post(f"/api/runs/{again}/stop")).json()["aligned"] is False
+        async with asyncio.timeout(60):
+            while not (await http.get(f"/api/runs/{again}")).json()["aligned"]:
+                await asyncio.sleep(0.1)
+        assert (await http.get(f"/api/runs/{again}")).json()["truth_id"] == truth["id"]
+
+        # Runs still need it.
         assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 204
         assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 404
         assert served.station.storage.truth_file(truth["id"]).is_file()
