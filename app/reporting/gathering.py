@@ -23,6 +23,8 @@ from observer.truth.alignment.result import Alignment
 from observer.truth.contract import Truth
 
 _VISIBLE_SHARE = 0.5
+# A robot that takes commands, as the drive process calls it.
+_DRIVEN = ("armed", "moving")
 _OBSTACLE = "obstacle"
 
 
@@ -77,8 +79,14 @@ def gather(
     true = _true_motions(lines, matched)
     seen, unmatched = seen_motions(lines, matched)
     rows = tuple(recording.robot_rows())
-    commanded = _robot_curve(recording, rows, "sent_speed", "as commanded")
+    driven = [
+        row
+        for row in rows
+        if row.role == _OBSTACLE and row.facts.get("state", _DRIVEN[0]) in _DRIVEN
+    ]
+    commanded = _robot_curve(recording, rows if driven else (), "sent_speed", "as commanded")
     if not commanded:
+        # Nobody drove it: the zeros that it was sent meanwhile commanded nothing.
         commanded = _commanded_of_truth(matched)
     return Gathered(
         lines=lines,

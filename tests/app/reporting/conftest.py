@@ -30,9 +30,18 @@ FRAMES = 12
 
 
 def record(
-    path: Path, *, images: Images = "jpeg", truth: bool = True, frames: int = FRAMES
+    path: Path,
+    *,
+    images: Images = "jpeg",
+    truth: bool = True,
+    frames: int = FRAMES,
+    sent: tuple[float, str] = (-0.4, "moving"),
 ) -> Path:
-    """Observe the lab from its beginning and write what happens; the command is made up."""
+    """Observe the lab from its beginning and write what happens; the command is made up.
+
+    Args:
+        sent: m/s, to a robot in this state.
+    """
     opened = open_source("simulated:lab")
     source, calibration = opened.source, opened.source.calibration
     assert calibration is not None
@@ -67,8 +76,10 @@ def record(
             assert opened.truth is not None
             bodies, pose = opened.truth.bodies(frame.time), opened.truth.camera_pose(frame.time)
             writer.truth(TruthSample(frame.index, frame.time, bodies, pose), received)
-            sent = RobotRow(role="obstacle", received=received, sent_speed=-0.4)
-            writer.robot(sent)
+            row = RobotRow(
+                role="obstacle", received=received, sent_speed=sent[0], facts={"state": sent[1]}
+            )
+            writer.robot(row)
     writer.incident(Incident(kind="stop", sentence="A <guard> stop.", received=received))
     writer.finish()
     source.close()

@@ -10,8 +10,12 @@ from pathlib import Path
 import pytest
 
 from app.cli import build
+from app.reporting.gathering import gather
 from app.reporting.page import report_html
 from app.reporting.report import Report, make_report, write_figures
+from observer.recording.reader import Recording
+
+from .conftest import record
 
 
 class _Page(HTMLParser):
@@ -56,6 +60,14 @@ def test_every_figure_is_made(report: Report) -> None:
     assert named is not None
     assert 0 < int(named[1]) < 12
     assert report.gathered.commanded[0].speeds == pytest.approx(0.4)
+
+
+def test_a_robot_that_nobody_drove_was_commanded_by_its_scenario(tmp_path: Path) -> None:
+    path = record(tmp_path / "r.mcap", images="none", frames=4, sent=(0.0, "disarmed"))
+    with Recording(path) as recording:
+        (commanded,) = gather(recording).commanded
+    assert commanded.label == "P3-DX as commanded"
+    assert commanded.speeds.max() > 0.3
 
 
 def test_the_errors_are_those_of_the_run(report: Report) -> None:
