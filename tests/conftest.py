@@ -105,6 +105,18 @@ def leave_viewer_out() -> Callable[[Page], None]:
 
 
 @pytest.fixture(scope="session")
+def plant_ride() -> Callable[[Path, str, Path], None]:
+    """``plant_ride(folder, id, file)``: a run's recording, and motion capture of it as a CSV."""
+    from .app.planted_runs import plant_run, truth_csv
+
+    def plant(folder: Path, run_id: str, capture: Path) -> None:
+        plant_run(folder, run_id)
+        truth_csv(capture)
+
+    return plant
+
+
+@pytest.fixture(scope="session")
 def no_process_left() -> Callable[[], AbstractContextManager[None]]:
     """``with no_process_left()``: what is started within must be gone behind it."""
     return no_process_left_behind

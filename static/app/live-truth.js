@@ -43,7 +43,7 @@ class LiveTruthForm extends Part {
     this.#heard.append(
       h("p", { class: "row" }, this.#state), this.#trouble, this.#sentence, this.#clock,
       field("The observer is", this.#observer),
-      h("div", { class: "field" }, h("span", { class: "field-name" }, "Compared bodies"), this.#list));
+      h("div", { class: "named-part" }, h("span", { class: "field-name" }, "Compared bodies"), this.#list));
     this.append(h("h3", {}, "Live motion capture"), form, this.#heard);
     form.addEventListener("submit", (event) => {
       event.preventDefault();

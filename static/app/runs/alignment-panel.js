@@ -35,7 +35,7 @@ export class AlignmentPanel extends Part {
   #busy = false;
 
   build() {
-    this.#bodies.append(field("The observer is", this.#observer), h("div", { class: "field" }, h("span", { class: "field-name" }, "Compared bodies"), this.#compared));
+    this.#bodies.append(field("The observer is", this.#observer), h("div", { class: "named-part" }, h("span", { class: "field-name" }, "Compared bodies"), this.#compared));
     const file = h("div", { class: "stack" }, this.#picker, this.#bodies, h("div", { class: "row" }, this.#align));
     this.#another.append(file);
     this.append(h("h3", {}, "Truth"), this.#sentence, this.#figures, this.#notes, this.#matches, this.#error, this.#state, this.#another);

@@ -25,8 +25,8 @@ export class RunLabels extends Part {
   build() {
     const form = h("form", { class: "row tag-form" }, h("label", { for: "run-label-tag", class: "visually-hidden" }, "Add a tag"), this.#add, this.#known,
       h("button", { type: "submit", class: "button" }, "Add"));
-    this.append(field("Name", this.#name),
-      h("div", { class: "field" }, h("label", { for: "run-label-tag" }, "Tags"), this.#list, form),
+    this.append(h("h3", {}, "Name, tags and notes"), field("Name", this.#name),
+      h("div", { class: "named-part" }, h("span", { class: "field-name" }, "Tags"), this.#list, form),
       field("Notes", this.#notes), this.#error, this.#state);
     this.#name.addEventListener("change", () => {
       const name = this.#name.value.trim();

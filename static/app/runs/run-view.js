@@ -55,7 +55,7 @@ export class RunView extends Part {
     this.#body.append(head, this.#reason, this.#waiting, this.#chart,
       h("div", { class: "run-columns" },
         h("div", { class: "stack" }, this.#truth, this.#files),
-        h("div", { class: "stack" }, h("section", { class: "stack", "aria-label": "Name, tags and notes" }, this.#labels), this.#rerun, this.#settings)));
+        h("div", { class: "stack" }, this.#labels, this.#rerun, this.#settings)));
     this.append(this.#error, this.#body);
     for (const part of [this.#labels, this.#truth, this.#rerun, this.#files]) part.attach(this.hub);
     this.#labels.changed = (run) => this.#takeRun(run);

@@ -1,0 +1,129 @@
+"""Kept runs: found, described, compared with truth, observed again, brought back."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+
+pytestmark = pytest.mark.browser
+
+# What the server makes of a recording is made by a process of the lowest priority.
+_MADE_MS = 60_000
+
+
+@pytest.fixture
+def kept_run(server, eventually) -> Iterator[str]:
+    """A run of some frames; none is left behind."""
+    started = server.api.post("/api/runs", json={"name": "ride"}).json()
+    eventually(lambda: server.get(f"/runs/{started['id']}")["frames"] > 8, 30)
+    server.api.post(f"/api/runs/{started['id']}/stop")
+    yield started["id"]
+    server.api.post("/api/playback", json={"paused": False})
+    for run in server.get("/history")["runs"]:
+        server.api.delete(f"/api/runs/{run['id']}")
+
+
+def _folder(server, run: str) -> Path:
+    command = server.process.cmdline()
+    return Path(command[command.index("--data") + 1]) / "runs" / run
+
+
+def test_a_run_is_found_described_and_compared_with_truth(
+    server, open_panel, kept_run, plant_ride, eventually, keep_picture, tmp_path
+):
+    plant_ride(_folder(server, kept_run), kept_run, tmp_path / "capture.csv")
+    page = open_panel()
+    # What is live is not looked at here, and its work would be waited for.
+    server.api.post("/api/playback", json={"paused": True})
+    page.get_by_role("tab", name="Runs").click()
+    page.get_by_role("link", name="Find, compare").click()
+    expect(page.locator("#history-title")).to_be_focused()
+    search, rows = page.get_by_label("Find runs"), page.locator(".run-rows li")
+    search.fill("no such words")
+    expect(page.locator("observer-run-search")).to_contain_text("No run is like that")
+    search.fill("rid")
+    expect(page.locator("observer-run-search")).to_contain_text("1 run found")
+
+    rows.get_by_role("link", name="ride").click()
+    expect(page.locator("#history-title")).to_have_text("Run ride")
+    page.get_by_label("Add a tag").fill("figure 17, to and fro")
+    page.keyboard.press("Enter")
+    eventually(lambda: server.get(f"/runs/{kept_run}")["tags"] == ["figure 17", "to and fro"])
+    page.get_by_role("button", name="Remove tag to and fro").click()
+    page.get_by_label("Notes").fill("The cart turns once.")
+    page.keyboard.press("Tab")
+    eventually(lambda: server.get(f"/runs/{kept_run}")["notes"] == "The cart turns once.")
+    assert server.get("/history")["tags"] == {"figure 17": 1}
+
+    truth = page.locator("observer-alignment")
+    expect(truth).to_contain_text("nothing is compared", timeout=_MADE_MS)
+    page.set_input_files("#truth-file", tmp_path / "capture.csv")
+    expect(truth.locator(".understood")).to_contain_text("plain CSV", timeout=_MADE_MS)
+    expect(truth.locator(".understood tbody")).to_contain_text(re.compile(r"cart.*2680.*0\.35"))
+    truth.get_by_role("button", name="Align", exact=True).click()
+    expect(truth.locator(".matches tbody tr")).to_have_count(2, timeout=_MADE_MS)
+    expect(truth).to_contain_text("capture.csv")
+    expect(truth.locator(".figures")).to_contain_text(re.compile(r"1[12]\d\.\d ± \d\.\d ms"))
+    errors = page.locator("observer-run .chart-errors")
+    samples = int(errors.locator("tbody .number").first.inner_text())
+    keep_picture(page, "run")
+
+    second = truth.get_by_role("group", name="Body of track 2")
+    expect(second.get_by_role("button", name="cart")).to_have_attribute("aria-pressed", "true")
+    second.get_by_role("button", name="none of them").click()
+    none = second.get_by_role("button", name="none of them", pressed=True)
+    expect(none).to_be_focused(timeout=_MADE_MS)
+    expect(truth.locator(".matches tbody tr").nth(1)).to_contain_text("as you said")
+    assert int(errors.locator("tbody .number").first.inner_text()) < samples
+
+    page.get_by_role("button", name="Delete run", exact=True).click()
+    expect(rows).to_have_count(0)
+    page.get_by_label("Deleted").check()
+    page.get_by_role("button", name="Bring back run ride").click()
+    page.get_by_label("Deleted").uncheck()
+    expect(rows).to_contain_text("aligned with truth")
+    page.get_by_role("button", name="Back to live").click()
+    expect(page.locator("observer-speed-chart")).to_be_visible()
+
+
+def test_a_run_is_observed_again_compared_and_played(
+    server, open_panel, kept_run, eventually, keep_picture
+):
+    name = "ego_motion.ransac_threshold_px"
+    before = server.get("/parameters")["values"][name]
+    page = open_panel()
+    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    form = page.locator("observer-rerun")
+    form.get_by_text("Other parameters").click()
+    form.get_by_label("Find a parameter").fill("RANSAC threshold")
+    form.get_by_label("RANSAC threshold", exact=True).fill("2.5")
+    page.keyboard.press("Tab")
+    expect(form).to_contain_text(f"{name}: {before} → 2.5")
+    form.get_by_role("button", name="Observe again").click()
+    form.get_by_role("link", name="Compare both").click(timeout=_MADE_MS)
+    compared = page.locator("observer-run-compare")
+    expect(compared.locator(".compared")).to_contain_text("2.5", timeout=_MADE_MS)
+    expect(compared.locator(".chart-panel")).to_have_count(2)
+    keep_picture(page, "compared")
+    (again,) = (run for run in server.get("/history")["runs"] if run["rerun_of"])
+    assert (again["rerun_of"], again["parameters"][name]) == (kept_run, 2.5)
+
+    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    page.get_by_role("button", name="Play recording").click()
+    slider = page.get_by_label("Frame", exact=True)
+    expect(slider).to_be_visible(timeout=30_000)
+    page.get_by_role("button", name="Pause").click()
+    eventually(lambda: server.get("/status")["playback"]["paused"])
+    slider.focus()
+    page.keyboard.press("Home")
+    eventually(lambda: server.get("/status")["playback"]["frame"] == 0)
+    for _ in range(4):
+        page.keyboard.press("ArrowRight")
+    eventually(lambda: server.get("/status")["playback"]["frame"] == 4)
+    expect(slider).to_have_attribute("aria-valuetext", re.compile("frame 4 of"))
+    assert server.api.put("/api/source", json={"source": "simulated:lab"}).is_success
+    assert server.api.patch("/api/parameters", json={name: before}).is_success
