@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from statistics import mean
 
 from app.benchmark.browser import PageFigures, page_figures
-from app.benchmark.server_process import RunningServer, running_server
+from app.benchmark.server_process import BenchmarkError, RunningServer, running_server
 from app.benchmark.viewers import scene_viewer, viewers
 
 # How long a newcomer may be kept waiting before we call it never.
@@ -54,6 +55,7 @@ class LoopRates:
         viewers: how many there were. messages: what they received in all, so that idle viewers
             cannot pass for served ones.
         drive: the drive loop at the end of the time with viewers; None without a drive process.
+        recorded: the same at the end of as long a time with viewers and a run that is recorded.
     """
 
     playback_rate: float
@@ -65,6 +67,7 @@ class LoopRates:
     image_messages: int
     failures: tuple[str, ...]
     drive: DriveLateness | None
+    recorded: DriveLateness | None
 
     @property
     def ratio(self) -> float:
@@ -152,6 +155,11 @@ def _loop_rates(
     with viewers(server, viewer_count) as drained:
         with_viewers = observed_rate(server, seconds)
         drive = _drive_lateness(server)
+        say(f"the drive loop beside viewers and a recording, playing at {playback_rate:g} x")
+        with _recorded_run(server):
+            time.sleep(seconds)
+            recorded = _drive_lateness(server)
+    # A run begins with the source's beginning, and leaves it playing as it played.
     after = observed_rate(server, seconds / 2)
     return LoopRates(
         playback_rate,
@@ -163,7 +171,17 @@ def _loop_rates(
         drained.images,
         tuple(drained.failures),
         drive,
+        recorded,
     )
+
+
+@contextmanager
+def _recorded_run(server: RunningServer) -> Iterator[None]:
+    run = server.request("POST", "/api/runs", {"name": "measured", "record": "jpeg"})
+    yield
+    # One over a recording ends with it.
+    with suppress(BenchmarkError):
+        server.request("POST", f"/api/runs/{run['id']}/stop")
 
 
 def _drive_lateness(server: RunningServer) -> DriveLateness | None:

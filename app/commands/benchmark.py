@@ -15,7 +15,12 @@ import typer
 
 from app.benchmark.browser import PageFigures
 from app.benchmark.parts import measured_parts
-from app.benchmark.served import DenseCloudRates, ServedFigures, served_figures
+from app.benchmark.served import (
+    DenseCloudRates,
+    DriveLateness,
+    ServedFigures,
+    served_figures,
+)
 from app.commands.output import whole_file
 from app.commands.progress import progress_bar
 from observer.errors import InputError
@@ -257,11 +262,15 @@ def _markdown(method: Benchmark, served: ServedFigures | None, seeds: list[int] 
 
 def _drive_line(served: ServedFigures) -> str:
     told = "; ".join(
-        f"at {r.playback_rate:g} x "
-        f"{'there was no drive process' if r.drive is None else r.drive.words}"
+        f"at {r.playback_rate:g} x {_late(r.drive)}, with a run recorded besides "
+        f"{_late(r.recorded)}"
         for r in served.rates
     )
     return f"The drive loop's lateness with viewers, over its last 30 s: {told}."
+
+
+def _late(drive: DriveLateness | None) -> str:
+    return "there was no drive process" if drive is None else drive.words
 
 
 def _dense_cloud_table(rates: DenseCloudRates) -> str:

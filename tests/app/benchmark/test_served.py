@@ -66,7 +66,8 @@ def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served
     assert rates.with_viewers > 0
     assert rates.failures == ()
     assert min(rates.scene_messages, rates.observation_messages, rates.image_messages) > 0
-    assert len(said) == 2
+    assert len(said) == 3
+    assert rates.recorded is not None
     drive = rates.drive
     assert drive is not None
     assert drive.late_p99_ms is not None
@@ -77,22 +78,28 @@ def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served
 
 
 def test_the_drive_loops_lateness_is_one_line_of_the_report() -> None:
-    def rates(playback_rate: float, drive: DriveLateness | None) -> LoopRates:
-        return LoopRates(playback_rate, 30.0, 29.0, 3, 1, 1, 1, (), drive)
+    def rates(
+        playback_rate: float, drive: DriveLateness | None, recorded: DriveLateness | None
+    ) -> LoopRates:
+        return LoopRates(playback_rate, 30.0, 29.0, 3, 1, 1, 1, (), drive, recorded)
 
     figures = ServedFigures(
         (
-            rates(1.0, DriveLateness(0.312, 4.5, "realtime")),
-            rates(2.0, DriveLateness(None, None, "normal")),
-            rates(4.0, None),
+            rates(
+                1.0,
+                DriveLateness(0.312, 4.5, "realtime"),
+                DriveLateness(0.5, 6.0, "realtime"),
+            ),
+            rates(2.0, DriveLateness(None, None, "normal"), None),
         ),
         DenseCloudRates(4.0, 30.0, 29.0, 2.0, 0.5, 100.0, 1, ()),
         "no page in this test",
     )
     assert _drive_line(figures) == (
         "The drive loop's lateness with viewers, over its last 30 s: at 1 x p99 0.31 ms, "
-        "max 4.50 ms, priority realtime; at 2 x not told, priority normal; at 4 x there was no "
-        "drive process."
+        "max 4.50 ms, priority realtime, with a run recorded besides p99 0.50 ms, max 6.00 ms, "
+        "priority realtime; at 2 x not told, priority normal, with a run recorded besides there "
+        "was no drive process."
     )
     method = Benchmark(LAB, 1, (), ())
     assert _as_dict(method, figures, None)["served"]["loop"][0]["drive"] == {
