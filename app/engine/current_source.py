@@ -53,24 +53,24 @@ class CurrentSource:
         opened: Callable[[Opening], None],
         closed: Callable[[], None],
         boards: BoardPublisher,
-        truth: LiveTruth,
         stage_clock: Callable[[], float],
         clock: Callable[[], float],
+        truth: LiveTruth | None = None,
     ) -> None:
         """
         Args:
             opened: called in another thread when ``opening`` is done; ``finish`` comes next.
             closed: called when a session is closed, before its source is.
             boards: told and shown what is seen of a board while calibrating.
-            truth: told what is observed, and what to listen to.
             stage_clock: serves the observer's timings. clock: the host's monotonic clock.
+            truth: told what is observed, and what to listen to.
         """
         self._open_source = open_source
         self._make_observer = make_observer
         self._opened = opened
         self._closed = closed
         self._boards = boards
-        self._truth = truth
+        self._truth = truth or LiveTruth()
         self._stage_clock = stage_clock
         self._clock = clock
         self._recorders = Recorders()
