@@ -215,7 +215,8 @@ def speed_rows(
         identity, role = int(body["id"]), str(body["role"])
         # Live motion capture tells the instant that was measured, which may be before the frame.
         measured = body.get("time", line["time"])
-        yield row(measured, role, "truth", identity, body["speed"], None)
+        told = row(measured, role, "truth", identity, body["speed"], None)
+        yield replace(told, body=body.get("name"))
         if body["commanded_speed"] is not None and role not in driven:
             yield row(line["time"], role, "commanded", identity, body["commanded_speed"], None)
 

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
+from statistics import median
 from typing import Any
 
 from app.storage import SpeedRow
 
 _OBSTACLE = "obstacle"
+# As ``app.reporting.gaps`` does it, which the server does not import.
+_GAP_STEPS = 3.0
+_FEWEST_STEPS = 2
 
 
 def chart_of_rows(rows: Iterable[SpeedRow]) -> dict[str, Any]:
@@ -27,6 +32,8 @@ def chart_of_rows(rows: Iterable[SpeedRow]) -> dict[str, Any]:
         curve["speeds"].append(row.speed)
         if seen:
             curve["stds"].append(row.std)
+    for curve in curves.values():
+        _break(curve)
     return {
         "aligned": any(source == "truth" for source, *_ in curves),
         "sentence": None,
@@ -35,6 +42,22 @@ def chart_of_rows(rows: Iterable[SpeedRow]) -> dict[str, Any]:
         "changes": [],
         "errors": [],
     }
+
+
+def _break(curve: dict[str, Any]) -> None:
+    """Put a None into every gap, so that no line is drawn over it."""
+    times = curve["times"]
+    steps = [after - before for before, after in pairwise(times)]
+    if len(steps) < _FEWEST_STEPS:
+        return
+    longest = _GAP_STEPS * median(steps)
+    # From the end, so that what comes before keeps its place.
+    for k in range(len(steps), 0, -1):
+        if steps[k - 1] > longest:
+            times.insert(k, (times[k - 1] + times[k]) / 2)
+            curve["speeds"].insert(k, None)
+            if curve["stds"] is not None:
+                curve["stds"].insert(k, None)
 
 
 def _curve(row: SpeedRow, segment: int | None) -> dict[str, Any]:
