@@ -16,7 +16,8 @@ const JUDGE_EVERY_MS = 200;
  * `status`, `observation` (inside an animation frame), `painted` (right after that frame),
  * `connection`, `freshness`, `reconnected` (the socket is back after a loss), `runs`, `calibrations`, `parameters`
  * (somebody changed what that list shows: read it again), `calibrate` (somebody wants to make a
- * calibration), `robots` (how robots and driving are).
+ * calibration), `history` (it took the place of the live parts, or gave it back), `robots` (how
+ * robots and driving are).
  */
 export class Hub extends EventTarget {
   /** @type {Status | null} */

@@ -68,6 +68,7 @@ export class LiveView extends Part {
     this.#socket = new ViewSocket(this.name, ({ bitmap, ageMs }) => this.#show(bitmap, ageMs));
     this.#visibilityChanged();
     this.hear("visibilitychange", () => this.#visibilityChanged(), document);
+    this.hear("history", () => this.#visibilityChanged());
     this.hear("freshness", () => this.#judge());
     this.#timer = setInterval(() => this.#judge(), 250);
     this.#judge();
@@ -79,9 +80,9 @@ export class LiveView extends Part {
     this.#socket?.close();
   }
 
-  /** A hidden page asks for no images, so that none are drawn for it. */
+  /** Where nobody looks, no images are asked for, so that none are drawn for it. */
   #visibilityChanged() {
-    if (document.hidden) this.#socket?.close();
+    if (document.hidden || document.body.hasAttribute("data-history")) this.#socket?.close();
     else this.#socket?.open();
   }
 

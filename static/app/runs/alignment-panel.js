@@ -17,6 +17,7 @@ export class AlignmentPanel extends Part {
   /** Called once a run is aligned anew. @type {() => void} */
   aligned = () => {};
 
+  #heading = h("h3", {}, "Truth");
   // Its change tells that it is aligned anew.
   #sentence = h("p", { role: "status" });
   #figures = h("dl", { class: "figures" });
@@ -38,7 +39,7 @@ export class AlignmentPanel extends Part {
     this.#bodies.append(field("The observer is", this.#observer), h("div", { class: "named-part" }, h("span", { class: "field-name" }, "Compared bodies"), this.#compared));
     const file = h("div", { class: "stack" }, this.#picker, this.#bodies, h("div", { class: "row" }, this.#align));
     this.#another.append(file);
-    this.append(h("h3", {}, "Truth"), this.#sentence, this.#figures, this.#notes, this.#matches, this.#error, this.#state, this.#another);
+    this.append(this.#heading, this.#sentence, this.#figures, this.#notes, this.#matches, this.#error, this.#state, this.#another);
     this.#picker.chosen = (chosen) => this.#renderBodies(chosen);
     this.#picker.attach(this.hub);
     this.#align.addEventListener("click", () => void this.#alignAnew());
@@ -157,7 +158,11 @@ export class AlignmentPanel extends Part {
     const { file, live } = this.#picker;
     if (!file && !live) return setText(this.#error, "Choose a truth file first.");
     const left = /** @type {NodeListOf<HTMLInputElement>} */ (this.#compared.querySelectorAll("input:not(:checked)"));
+    setText(this.#align, "Aligning…");
     await this.#ask({ truth_id: file?.id ?? null, observer: this.#observer.value || null, ignore: [...left].map(({ value }) => value), matches: {} });
+    setText(this.#align, "Align");
+    // How it fits, or why it does not, stands above and may be out of sight.
+    (this.#error.textContent ? this.#error : this.#heading).scrollIntoView({ block: "nearest" });
   }
 
   /** One alignment at a time; what asks for another is seen to wait. @param {boolean} busy */

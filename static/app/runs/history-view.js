@@ -23,19 +23,21 @@ class HistoryView extends Part {
     setAttribute(this, "role", "region");
     setAttribute(this, "aria-labelledby", "history-title");
     this.append(h("header", { class: "history-head" }, this.#title, this.#all, this.#leave), this.#search, this.#run, this.#compare);
-    this.#leave.addEventListener("click", () => this.#close());
+    this.#leave.addEventListener("click", () => this.#close(true));
     for (const part of [this.#search, this.#run, this.#compare]) part.attach(this.hub);
     this.#run.named = this.#compare.named = (words) => this.#name(words);
-    this.#run.left = () => this.#close();
+    this.#run.left = () => this.#close(true);
     this.hear("hashchange", () => this.#follow(true), window);
-    // The calibration wizard wants the same place.
-    this.hear("calibrate", () => this.#close());
+    // The calibration wizard wants the same place, and the focus with it.
+    this.hear("calibrate", () => this.#close(false));
     this.#follow(false);
   }
 
-  #close() {
+  /** @param {boolean} asked for the live parts, not for something else */
+  #close(asked) {
+    if (this.hidden) return;
     history.pushState(null, "", location.pathname + location.search);
-    this.#follow(true);
+    this.#follow(asked);
   }
 
   /** @param {boolean} moved by somebody at this page */
@@ -48,6 +50,7 @@ class HistoryView extends Part {
     this.#shown = shown;
     this.hidden = view === "none";
     document.body.toggleAttribute("data-history", view !== "none");
+    this.hub.tell("history");
     this.#all.hidden = view === "list";
     this.#search.show(view === "list");
     this.#run.show(view === "run" ? ids[0] ?? "" : null);
