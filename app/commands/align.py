@@ -12,6 +12,9 @@ from app.commands.run_choice import AngleReading, RunArgument
 from app.commands.storage_options import DataOption, storage_settings
 from observer.errors import InputError
 
+# Of an offset that a person expects.
+_ROUGHLY_S = 2.0
+
 if TYPE_CHECKING:
     from observer.recording.payloads import RunFacts
     from observer.truth.alignment.choices import AlignmentChoices
@@ -44,6 +47,14 @@ def align(
             metavar="TRACK=BODY",
             help="Which body a track is, as in 0:3=cart, or that it is none, as in 0:3=; may be "
             "given more than once.",
+        ),
+    ] = None,
+    expect: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help=f"What is to be added to truth's times, to within {_ROUGHLY_S:g} s; for a motion "
+            f"that repeats itself.",
         ),
     ] = None,
     rate: Annotated[
@@ -83,7 +94,7 @@ def align(
             comparison = Comparison(None, file)
         else:
             capture = recorded_capture(recording) if file is None else file.capture()
-            choices = _choices(recording.facts, observer, ignore or [], match or [])
+            choices = _choices(recording.facts, observer, ignore or [], match or [], expect)
             observed = ObservedRun.of_lines(recording.lines())
             comparison = Comparison(solve(observed, capture, choices), file)
     told = comparison.as_dict() | {
@@ -103,7 +114,11 @@ def align(
 
 
 def _choices(
-    facts: RunFacts, observer: str | None, ignored: list[str], matches: list[str]
+    facts: RunFacts,
+    observer: str | None,
+    ignored: list[str],
+    matches: list[str],
+    expected_s: float | None,
 ) -> AlignmentChoices:
     from observer.mount import CameraMount
     from observer.rig.rig_file import read_rig
@@ -122,6 +137,8 @@ def _choices(
             raise InputError(f"a match is given as TRACK=BODY, as in 0:3=cart, not {text[:60]}")
         found[TrackKey.parse(track)] = body or None
     more: dict[str, Any] = {}
+    if expected_s is not None:
+        more["search"] = (expected_s - _ROUGHLY_S, expected_s + _ROUGHLY_S)
     if facts.mount is not None:
         more["mount"] = CameraMount(**facts.mount)  # type: ignore[arg-type]
     if facts.rig_yaml is not None and observer is not None:

@@ -28,11 +28,13 @@ class AlignChoices:
         observer: the body that carries the cameras; None: it is found out.
         ignore: bodies that are neither observer nor obstacle.
         matches: which body a track (``0:3``) is, None for none of them.
+        expected_offset_s: to be added to truth's times, roughly; None: it is found out.
     """
 
     observer: str | None = None
     ignore: Sequence[str] = ()
     matches: Mapping[str, str | None] = field(default_factory=dict)
+    expected_offset_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,7 @@ class TruthFiles:
                 "observer": choices.observer,
                 "ignore": list(choices.ignore),
                 "matches": dict(choices.matches),
+                "expected_offset_s": choices.expected_offset_s,
             },
             "heard_by": heard_by,
         }
@@ -167,7 +170,11 @@ class TruthFiles:
         assert original.alignment is not None
         said = original.alignment.get("choices", {})
         # Its tracks have other numbers, so what a person said of them holds no more.
-        choices = AlignChoices(said.get("observer"), tuple(said.get("ignore", ())))
+        choices = AlignChoices(
+            said.get("observer"),
+            tuple(said.get("ignore", ())),
+            expected_offset_s=said.get("expected_offset_s"),
+        )
         heard_by = None
         if original.truth_id is None:
             heard_by = original.alignment.get("heard_by") or original.id
@@ -203,4 +210,6 @@ def _truth_words(truth: Mapping[str, Any] | None) -> list[str]:
 def _choice_words(choices: AlignChoices) -> list[str]:
     words = [] if choices.observer is None else [f"--observer={choices.observer}"]
     words += [f"--ignore={body}" for body in choices.ignore]
+    if choices.expected_offset_s is not None:
+        words.append(f"--expect={choices.expected_offset_s!r}")
     return words + [f"--match={track}={body or ''}" for track, body in choices.matches.items()]

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, Field
 
 from app.web.api.models import Run
-from app.web.api.values import Changes, In, Name
+from app.web.api.values import Changes, Finite, In, Name
 
 Track = Annotated[str, Field(pattern=r"^\d{1,9}[/:]\d{1,9}$")]
 Body = Annotated[
@@ -97,6 +97,11 @@ class AlignStart(In):
     matches: Annotated[dict[Track, Body | None], Field(max_length=500)] = Field(
         default_factory=dict,
         description="Which body a track (SEGMENT/NUMBER) is, null: none of them.",
+    )
+    expected_offset_s: Annotated[Finite, Field(ge=-1e12, le=1e12)] | None = Field(
+        None,
+        description="To be added to truth's times, to within 2 s; for motions that repeat "
+        "themselves. None: it is found out.",
     )
 
 

@@ -34,6 +34,7 @@ async def align_run(
         wanted.observer,
         wanted.ignore,
         {track.replace("/", ":"): body for track, body in wanted.matches.items()},
+        wanted.expected_offset_s,
     )
     work = station.truths.align(id, wanted.truth_id, choices)
     found = await while_there(request, work)

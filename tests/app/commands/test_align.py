@@ -72,7 +72,9 @@ def test_a_file_is_laid_over_a_run_and_drawn_with_it(
     options = ["--compared", str(output), "--begin", "3", "--end", "9"]
     assert shell("chart", "2026-a", "--output", str(figure), *options, *data).code == 0
     assert figure.read_bytes().startswith(b"%PDF")
-    for wrong in (["--match", "0:1"], ["--match", "x=cart"], ["--observer", "nobody"]):
+    for wrong in (
+        ["--match", "0:1"], ["--match", "x=cart"], ["--observer", "nobody"], ["--expect=9"],
+    ):  # fmt: skip
         done = shell(
             "align", "2026-a", "--truth", str(folder / "ride.csv"), "--output", str(output),
             *wrong, *data,
