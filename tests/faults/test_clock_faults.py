@@ -35,7 +35,13 @@ HOUR_S = 3600
 # A busy machine stops the robot now and then; a clock that did would do so each time.
 TRIES = 5
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(120 + 40 * TRIALS)]
+# What it takes of a run is held by test_current_run as well.
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.alone,
+    pytest.mark.patient,
+    pytest.mark.timeout(120 + 40 * TRIALS),
+]
 
 
 @pytest.fixture(autouse=True)
