@@ -18,7 +18,7 @@ import structlog
 from app.native_environment import program_environment
 from app.station.errors import NotAvailable
 from app.station.files import told_as_ours
-from app.storage import DataFolder
+from app.storage import DataFolder, StorageFull
 from observer.errors import DynamicObserverError
 
 log = structlog.get_logger(__name__)
@@ -30,6 +30,8 @@ _REFUSALS = (1, 2)
 _SAYS = "dynamic-observer: "
 _WORK = ".work-"
 _MOST_WAITING = 8
+# With less than this free, what could not be written had no room.
+_FULL_BYTES = 1 << 20
 _GRACE_S = 5.0
 _LOGGED = 2000
 
@@ -59,8 +61,8 @@ class RunCommands:
             words: of the command line. module: another one that is run like ``python -m``.
 
         Raises:
-            CommandRefused: it cannot do it. NotAvailable: it failed, took too long, or too many
-                wait already.
+            CommandRefused: it cannot do it. StorageFull: because the disk is full.
+            NotAvailable: it failed, took too long, or too many wait already.
         """
         if self._waiting >= _MOST_WAITING:
             raise NotAvailable("too much is being computed of runs already; try again later")
@@ -68,6 +70,10 @@ class RunCommands:
         try:
             async with self._one:
                 await self._run(module, words)
+        except CommandRefused as error:
+            if await asyncio.to_thread(self._folder.free_bytes) < _FULL_BYTES:
+                raise StorageFull("no space is left for the file; free some disk space") from error
+            raise
         finally:
             self._waiting -= 1
 

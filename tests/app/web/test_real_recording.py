@@ -20,7 +20,7 @@ def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles(
     tmp_path: Path, serve_app: Any, token: str, eventually: Any
 ) -> None:
     settings = Settings(data=tmp_path / "data")
-    file = tmp_path / "run.mcap"
+    file, file_again = tmp_path / "run.mcap", tmp_path / "again.mcap"
     live: list[dict[str, Any]] = []
 
     async def scenario() -> None:
@@ -49,6 +49,17 @@ def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles(
             file.write_bytes(answer.content)
             assert ended["recording_bytes"] == len(answer.content)
 
+            again = (await served.http.post(f"/api/runs/{run['id']}/rerun", json={})).json()
+            assert again["rerun_of"] == run["id"]
+            await eventually(lambda: station.run is None, 60)
+            ended = (await served.http.get(f"/api/runs/{again['id']}")).json()
+            assert (ended["state"], ended["record"]) == ("finished", "none")
+            file_again.write_bytes(
+                (await served.http.get(f"/api/runs/{again['id']}/recording")).content
+            )
+            playback = (await served.http.get("/api/status")).json()["playback"]
+            assert (playback["rate"], playback["loop"]) == (1.0, True)
+
             opened = await served.http.put("/api/source", json={"source": str(file)})
             assert opened.status_code == 200, opened.text
             assert opened.json()["source"]["kind"] == "recording"
@@ -76,6 +87,17 @@ def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles(
         known = [line for line in lines if (line["segment"], line["frame"]) in by_number]
         assert len(known) >= 20
         assert all(line == by_number[line["segment"], line["frame"]] for line in known)
+    with Recording(file_again) as recording:
+        once_more = list(recording.lines())
+        assert len(recording.frames) == len(keys)
+    # As far as the parameters were those that it began with.
+    first = lines[0]["parameters_revision"]
+    same = [line for line in lines if (line["parameters_revision"], line["segment"]) == (first, 0)]
+    assert len(same) >= 10
+    for line, repeated in zip(same, once_more, strict=False):
+        assert repeated["time"] == line["time"]
+        assert repeated["pose"] == line["pose"]
+        assert repeated["obstacles"] == line["obstacles"]
     source = RecordingSource(file)
     try:
         again = list(replay(source, replay_revisions(source.recording)))
