@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -28,6 +29,9 @@ REST_S, _REST_SHARE = 2.0, 3.0
 _MOST_WAITING = 3600
 # Of motion capture while nothing is observed.
 _MOST_KEPT = 30_000
+# How far two alignments may be apart without contradicting each other.
+_SIGMAS, _DELAYS_CHANGE_S = 3.0, 0.02
+_LONGER = 1.5
 NOTHING_SEEN = "not yet aligned: no frame has been observed yet"
 _NO_SERVER_CLOCK = "not yet aligned: motion capture has only just begun to tell something"
 _ONLY_BEGUN = "not yet aligned: the source has only just begun"
@@ -163,8 +167,8 @@ class AlignmentThread:
                 self.sentence = _NO_SERVER_CLOCK if server is None else _ONLY_BEGUN
             return
         clocks = LiveClocks(server, source)
-        if self.aligned is None and self._carried is not None and self._beginning is not None:
-            self.aligned = Aligned(self._beginning.session, self._carried, clocks, carried=True)
+        if self._carried is not None and self._beginning is not None:
+            self._hold(self._beginning, self._carried, clocks, carried=True)
         if self._lines and time.monotonic() >= self._not_before:
             self._solve(clocks)
 
@@ -190,6 +194,13 @@ class AlignmentThread:
             self._slipped, self.sentence = True, _ANOTHER_CLOCK
         self._lines.append(_needed(line))
 
+    def _hold(
+        self, beginning: _Beginning, alignment: Alignment, clocks: LiveClocks, *, carried: bool
+    ) -> None:
+        now = self.aligned
+        if now is None or now.alignment is not alignment or now.clocks != clocks:
+            self.aligned = Aligned(beginning.session, alignment, clocks, carried)
+
     def _solve(self, clocks: LiveClocks) -> None:
         beginning = self._beginning
         if beginning is None:
@@ -207,8 +218,10 @@ class AlignmentThread:
         self._not_before = now + max(self._rest_s, _REST_SHARE * solved.seconds)
         if solved.alignment is not None:
             found = Alignment.of_dict(solved.alignment)
-            self.aligned = Aligned(beginning.session, found, clocks, carried=False)
-            self._carried = None
+            known = None if self.aligned is None else self.aligned.alignment
+            if known is None or _believable(found, known):
+                self._carried = None
+                self._hold(beginning, found, clocks, carried=False)
         elif solved.sentence is not None:
             self.sentence = solved.sentence
 
@@ -218,6 +231,17 @@ def _needed(line: Mapping[str, Any]) -> dict[str, Any]:
         {name: obstacle.get(name) for name in _OF_OBSTACLE} for obstacle in line["obstacles"]
     ]
     return {**{name: line[name] for name in _OF_LINE}, "obstacles": obstacles}
+
+
+def _believable(found: Alignment, known: Alignment) -> bool:
+    """Whether what was found takes the place of what is known.
+
+    Delays hardly change, so what contradicts them must have been seen for longer: a few seconds of
+    motion fit at more than one place.
+    """
+    apart = abs(found.time.offset_s - known.time.offset_s)
+    within = _SIGMAS * math.hypot(found.time.sigma_s, known.time.sigma_s) + _DELAYS_CHANGE_S
+    return apart <= within or found.time.overlap_s > _LONGER * known.time.overlap_s
 
 
 def _carried(before: Alignment) -> Alignment | None:

@@ -1,0 +1,90 @@
+"""Which alignment holds, as solutions come from the worker."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from app.alignment_worker.messages import Choices, Solve, Solved
+from app.engine.aligning import AlignmentThread
+from observer.geometry import Pose
+from observer.truth.alignment.result import Alignment
+from observer.truth.alignment.time_offset import TimeOffset
+from observer.truth.live.clock import ClockFit
+
+
+def wait_until(what: str, true: Callable[[], Any], timeout_s: float = 20.0) -> Any:
+    until = time.monotonic() + timeout_s
+    while not (value := true()):
+        assert time.monotonic() < until, what
+        time.sleep(0.02)
+    return value
+
+
+class ScriptedWorker:
+    """Finds what it is told to find: offset, its deviation, and the overlap; None refuses."""
+
+    def __init__(self, found: list[tuple[float, float, float] | None]) -> None:
+        self.found = found
+        self.jobs: list[Solve] = []
+
+    def solve(self, job: Solve) -> Solved | None:
+        self.jobs.append(job)
+        what = self.found.pop(0) if self.found else None
+        if what is None:
+            return Solved(None, "not yet aligned: nothing moves", True, 0.0)
+        offset, sigma, overlap = what
+        time_ = TimeOffset(offset, sigma, 0.0, 0.0, None, 0.95, None, overlap, 0.01, 100)
+        alignment = Alignment(
+            time_, {"Amigo": "observer"}, (), {}, None, Pose.identity(), {}, {}, ()
+        )
+        return Solved(alignment.as_dict(), None, True, 0.0)
+
+    def end(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+def test_delays_that_were_known_are_not_given_up_for_a_few_seconds() -> None:
+    found = [
+        (0.10, 0.01, 10.0), (0.70, 0.01, 5.0), None, (0.12, 0.01, 8.0), (0.40, 0.01, 30.0),
+    ]  # fmt: skip
+    worker = ScriptedWorker(list(found))
+    fit = ClockFit(0.0, None, 0.0, 10, 0.0, 1.0)
+    aligner = AlignmentThread(list, lambda: fit, lambda: worker, rest_s=0.0)
+    held: list[float] = []
+    try:
+        aligner.begin(1, Choices(), carry=False)
+        now = 0.0
+        while len(worker.jobs) < len(found):
+            line = {"time": now, "segment": 0, "pose": None, "obstacles": []}
+            aligner.observed(line, now + 0.01)
+            now += 0.1
+            time.sleep(0.01)
+            aligned = aligner.aligned
+            offset = None if aligned is None else aligned.alignment.time.offset_s
+            if offset is not None and (not held or held[-1] != offset):
+                held.append(offset)
+        wait_until("the last one holds", lambda: aligner.aligned.alignment.time.offset_s == 0.40)
+        assert held in ([0.10, 0.12], [0.10, 0.12, 0.40])
+        # The same source once more: the same delay, and nothing of the old world.
+        aligner.begin(2, Choices(), carry=True)
+        for _ in range(15):
+            aligner.observed({"time": now, "segment": 0, "pose": None, "obstacles": []}, now + 0.01)
+            now += 0.1
+        carried = wait_until(
+            "carried", lambda: aligner.aligned and aligner.aligned.session == 2 and aligner.aligned
+        )
+        assert carried.carried
+        assert carried.alignment.time.offset_s == 0.40
+        assert worker.jobs[-1].anew
+        # Another one: nothing of it holds.
+        aligner.begin(3, Choices(), carry=False)
+        wait_until("forgotten", lambda: aligner.aligned is None)
+        assert aligner.sentence.startswith("not yet aligned: ")
+    finally:
+        aligner.end()
+        aligner.join(5.0)
