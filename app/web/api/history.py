@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query
 
 from app.station.history import HistoryPage
 from app.web.api.common import TheStation, refusals
-from app.web.api.models import History
+from app.web.api.run_models import History
 from app.web.api.values import Tag
 
 router = APIRouter(prefix="/history", tags=["runs"])

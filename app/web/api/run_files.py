@@ -9,8 +9,7 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from app.station.errors import FieldError
 from app.station.run_files import ChartFormat, ExportFormat
 from app.web.api.common import TheStation, refusals
-from app.web.api.models import Run
-from app.web.api.run_models import RunChart
+from app.web.api.run_models import Run, RunChart
 from app.web.headers import REPORT_POLICY
 from app.web.leaving import while_there
 from app.web.made_file import MadeFileResponse

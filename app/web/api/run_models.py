@@ -1,18 +1,92 @@
-"""What goes in and out of the routes that lay truth over runs and draw them."""
+"""What goes in and out of the routes of runs: kept, found again, compared with truth, drawn."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field
 
-from app.web.api.models import Run
-from app.web.api.values import Changes, Finite, In, Name
+from app.web.api.robot_models import ProgrammeStart
+from app.web.api.values import Changes, Finite, Identifier, In, Name, Spec, Tag, Text
 
 Track = Annotated[str, Field(pattern=r"^\d{1,9}[/:]\d{1,9}$")]
 Body = Annotated[
     str, Field(strict=True, min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")
 ]
+
+
+class RunStart(In):
+    name: Name | None = None
+    source: Spec | None = Field(None, description="None: what is open.")
+    calibration: Identifier | None = Field(None, description="None: the source's own.")
+    preset: Name | None = None
+    parameters: Changes = Field(default_factory=dict, description="Made to the preset, if any.")
+    programme: ProgrammeStart | None = Field(
+        None, description="Driven from the run's beginning, and ended with it."
+    )
+    record: Literal["none", "jpeg", "lossless"] = Field(
+        "jpeg", description="Which images its recording keeps; all else is always recorded."
+    )
+
+
+class Run(BaseModel):
+    id: str
+    name: str
+    state: Literal["running", "finished", "interrupted", "failed"]
+    source: str
+    calibration_id: str | None
+    preset: str | None
+    parameters: dict[str, Any]
+    started_at: str
+    updated_at: str
+    ended_at: str | None
+    frames: int
+    segments: int
+    versions: dict[str, str]
+    reason: str | None
+    record: Literal["none", "jpeg", "lossless"] | None = Field(
+        description="Which images are recorded; None: nothing is."
+    )
+    recording_bytes: int | None
+    tags: list[str] = Field(description="In the order of their text.")
+    notes: str = Field(description="A person's own words.")
+    truth_id: str | None = Field(description="The truth file that it is compared with.")
+    aligned: bool = Field(description="Whether motion capture was laid over it.")
+    rerun_of: str | None = Field(description="The run whose recording it observed again.")
+    deleted_at: str | None = Field(description="Since when it is hidden.")
+
+
+class RunChange(In):
+    """What is given is changed."""
+
+    name: Name | None = None
+    tags: Annotated[list[Tag], Field(max_length=50)] | None = Field(
+        None, description="All of them, in place of those before."
+    )
+    notes: Text | None = None
+
+
+class DiskUse(BaseModel):
+    used_bytes: int = Field(description="By the data folder.")
+    free_bytes: int
+
+
+class History(BaseModel):
+    runs: list[Run] = Field(description="Newest first.")
+    total: int = Field(description="How many there are in all.")
+    tags: dict[str, int] = Field(description="Every tag, and how many runs bear it.")
+    disk: DiskUse
+    undo_days: float = Field(description="How long a deleted run can be had back.")
+
+
+class SpeedEntry(BaseModel):
+    time: float = Field(description="Source time, s.")
+    role: str
+    source: Literal["estimate", "truth", "commanded", "encoder"]
+    track_id: int | None = Field(description="None for what a robot says of itself.")
+    speed: float | None = Field(description="m/s; None is a gap.")
+    std: float | None
+    segment: int
 
 
 class ChartCurve(BaseModel):

@@ -9,8 +9,7 @@ from fastapi import APIRouter, Path, Request
 from app.station.run_truths import AlignChoices
 from app.storage import RunRecord
 from app.web.api.common import TheStation, refusals
-from app.web.api.models import Run
-from app.web.api.run_models import AlignedRunEntry, AlignStart, RerunStart
+from app.web.api.run_models import AlignedRunEntry, AlignStart, RerunStart, Run
 from app.web.leaving import while_there
 
 router = APIRouter(prefix="/runs", tags=["runs"])

@@ -14,9 +14,9 @@ from fastapi.responses import FileResponse
 
 from app.storage import IncidentRecord, RunRecord, SpeedRow
 from app.web.api.common import TheStation, refusals
-from app.web.api.models import Run, RunChange, RunStart, SpeedEntry
 from app.web.api.programmes import programme_command
 from app.web.api.robot_models import RobotIncident
+from app.web.api.run_models import Run, RunChange, RunStart, SpeedEntry
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 

@@ -141,10 +141,10 @@ def test_the_command_refuses_what_is_no_run(
         build()(args=["report", *arguments], standalone_mode=False)
 
     output = tmp_path / "page.html"
-    with pytest.raises(InputError, match="has no recording in"):
+    with pytest.raises(InputError, match="there is no run"):
         call("20200101-000000-000000", "--output", str(output), "--data", str(tmp_path))
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="there is no recording"):
         call("missing.mcap", "--output", str(output))
     with pytest.raises(InputError, match="cannot write"):
         call(str(bare), "--output", "/proc/no/page.html")
