@@ -422,5 +422,7 @@ class StationCore:
         finally:
             # Only now: until it is written, the database says that the run is going.
             self._run = None
+        if state is RunState.FINISHED:
+            self._background.start(self.truths.run_ended(run.record, self.live_truth.order))
         self.followers.status_changed()
         return written or ended

@@ -10,12 +10,18 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
+import structlog
+
+from app.messages import LiveTruthOrder
 from app.station.archive import RunArchive
 from app.station.errors import FieldError, NotThere
 from app.station.files import told_as_ours
 from app.station.run_commands import CommandRefused, RunCommands
 from app.storage import RunRecord, SpeedRow, Storage, StorageMissing, TruthRecord
 from app.storage.comparison import comparison_truth
+from observer.errors import DynamicObserverError
+
+log = structlog.get_logger(__name__)
 
 _CHUNK = 1 << 20
 
@@ -26,7 +32,7 @@ class AlignChoices:
 
     Attributes:
         observer: the body that carries the cameras; None: it is found out.
-        ignore: bodies that are neither observer nor obstacle.
+        ignore: bodies that are neither observer nor obstacle; they need not be there.
         matches: which body a track (``0:3``) is, None for none of them.
         expected_offset_s: to be added to truth's times, roughly; None: it is found out.
     """
@@ -161,12 +167,27 @@ class TruthFiles:
         await asyncio.to_thread(lay)
         return AlignedRun(await self._archive.find(run_id), found["facts"], found["words"])
 
-    async def align_again(self, run_id: str, original: RunRecord) -> None:
-        """Lay over a re-run what was laid over the run that it observed again.
+    async def run_ended(self, run: RunRecord, heard: LiveTruthOrder | None) -> None:
+        """Lay over a run that has ended what is known to belong to it; quietly, where it does not.
 
-        Raises:
-            As ``align``.
+        That is live motion capture, which was aligned only after a while when it was heard, or
+        what was laid over the run that this one observed again.
+
+        Args:
+            heard: live motion capture that is listened to.
         """
+        try:
+            if run.rerun_of is not None:
+                original = await self._archive.find(run.rerun_of)
+                if original.aligned:
+                    await self._align_again(run.id, original)
+            elif heard is not None:
+                choices = AlignChoices(heard.observer, heard.ignore)
+                await self.align(run.id, None, choices)
+        except DynamicObserverError as error:
+            log.info("ended_run_not_aligned", run=run.id, reason=str(error))
+
+    async def _align_again(self, run_id: str, original: RunRecord) -> None:
         assert original.alignment is not None
         said = original.alignment.get("choices", {})
         # Its tracks have other numbers, so what a person said of them holds no more.

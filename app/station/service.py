@@ -13,8 +13,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
-import structlog
-
 from app.calibration_worker.messages import FindBoards
 from app.drive.messages import StartProgramme
 from app.engine.playback import MAX_RATE
@@ -29,14 +27,8 @@ from app.station.opening import Opening, check_spec, make_opening
 from app.storage import CalibrationRecord, RunRecord, RunState, StorageError
 from app.versions import versions
 from observer.calibration.board import Board
-from observer.errors import DynamicObserverError
 from observer.opening import shown_spec
 from observer.rig.rig import Rig
-
-log = structlog.get_logger(__name__)
-
-# How often it is looked whether a run has ended.
-_LOOK_S = 0.5
 
 
 class Station(StationCore):
@@ -191,7 +183,7 @@ class Station(StationCore):
                 if key in known and not key.startswith("guard.")
             }
             parameters = {**own, **parameters}
-        begun = await self.start_run(
+        return await self.start_run(
             name=name or f"{original.name}, observed again"[:100],
             source=str(recording),
             calibration_id=None,
@@ -200,17 +192,6 @@ class Station(StationCore):
             record="none",
             rerun_of=run_id,
         )
-        if original.aligned:
-            self._background.start(self._align_when_ended(begun.id, original))
-        return begun
-
-    async def _align_when_ended(self, run_id: str, original: RunRecord) -> None:
-        while self._run is not None and self._run.id == run_id:
-            await asyncio.sleep(_LOOK_S)
-        try:
-            await self.truths.align_again(run_id, original)
-        except DynamicObserverError as error:
-            log.warning("rerun_not_aligned", run=run_id, reason=str(error))
 
     async def delete_run(self, run_id: str) -> None:
         """Hide a run that has ended; ``history.recover`` has it back."""

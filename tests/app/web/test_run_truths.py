@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from app.messages import EngineState, OpenSource, SetPlayback
+from app.messages import EngineState, LiveTruthOrder, OpenSource, SetPlayback
 
 from ..planted_runs import OFFSET_S, plant_run, truth_csv
 from .scenarios import run
@@ -111,6 +111,23 @@ def test_truth_is_laid_over_a_run_and_shown_in_its_chart(serve: Any, tmp_path: P
         assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 404
         assert served.station.storage.truth_file(truth["id"]).is_file()
         assert work_folders(tmp_path) == []
+
+    run(serve, scenario)
+
+
+def test_what_was_heard_live_is_laid_over_a_run_when_it_has_ended(
+    serve: Any, eventually: Any
+) -> None:
+    async def scenario(served: Any) -> None:
+        station = served.station
+        station.live_truth.order = LiveTruthOrder("vrpn:127.0.0.1:1", ignore=("nobody",))
+        id = (await served.http.post("/api/runs", json={})).json()["id"]
+        await asyncio.to_thread(plant_run, station.storage.folder.run(id), id, heard=True)
+        assert (await served.http.post(f"/api/runs/{id}/stop")).is_success
+        await eventually(lambda: station.storage.get_run(id).aligned, 60)
+        found = station.storage.get_run(id)
+        assert found.truth_id is None
+        assert {row.body for row in station.storage.speeds(id)} == {"cart"}
 
     run(serve, scenario)
 
