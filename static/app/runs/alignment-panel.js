@@ -3,15 +3,13 @@
 import { ApiError, request } from "../api.js";
 import { field, fillList, h, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
-import { fixed, sentence, trackColour } from "../words.js";
+import { fixed, sentence } from "../words.js";
+import { MatchTable } from "./match-table.js";
 import { TruthPicker } from "./truth-picker.js";
 
 /** @typedef {import("./types.js").Alignment} Alignment */
 /** @typedef {import("./types.js").Chart} Chart */
 /** @typedef {import("./types.js").TruthFile} TruthFile */
-
-/** How it was found which body a track is. @type {Record<string, string>} */
-const BY = { position: "by position", speed: "by speed", person: "as you said" };
 
 export class AlignmentPanel extends Part {
   /** Called once a run is aligned anew. @type {() => void} */
@@ -22,7 +20,7 @@ export class AlignmentPanel extends Part {
   #sentence = h("p", { role: "status" });
   #figures = h("dl", { class: "figures" });
   #notes = h("ul", { class: "plain-list" });
-  #matches = h("div", { class: "stack" });
+  #matches = new MatchTable();
   #picker = new TruthPicker();
   #observer = h("select", { id: "align-observer" });
   #compared = h("div", { class: "chips", role: "group", "aria-label": "Bodies that are compared" });
@@ -40,6 +38,7 @@ export class AlignmentPanel extends Part {
     const file = h("div", { class: "stack" }, this.#picker, this.#bodies, h("div", { class: "row" }, this.#align));
     this.#another.append(file);
     this.append(this.#heading, this.#sentence, this.#figures, this.#notes, this.#matches, this.#error, this.#state, this.#another);
+    this.#matches.corrected = (key, body) => void this.#correct(key, body);
     this.#picker.chosen = (chosen) => this.#renderBodies(chosen);
     this.#picker.attach(this.hub);
     this.#align.addEventListener("click", () => void this.#alignAnew());
@@ -70,7 +69,11 @@ export class AlignmentPanel extends Part {
     const { alignment } = chart;
     this.#figures.replaceChildren(...(alignment ? figuresOf(alignment) : []));
     fillList(this.#notes, (alignment?.notes ?? []).map(sentence));
-    this.#renderMatches();
+    this.#showMatches();
+  }
+
+  #showMatches() {
+    this.#matches.show(this.#chart?.alignment ?? null, this.#chart?.curves ?? []);
   }
 
   /** @param {TruthFile | null} file */
@@ -89,56 +92,6 @@ export class AlignmentPanel extends Part {
       box.checked = !aligned || name in roles;
       return h("label", {}, box, name);
     }));
-  }
-
-  #renderMatches() {
-    const { alignment, curves } = /** @type {Chart} */ (this.#chart);
-    const keys = Object.keys(alignment?.matches ?? {});
-    if (!alignment || keys.length === 0) return this.#matches.replaceChildren();
-    const bodies = Object.entries(alignment.roles).flatMap(([name, role]) => role === "observer" ? [] : [name]);
-    const focused = this.#focusedChoice();
-    this.#matches.replaceChildren(
-      h("div", { class: "scroll-x" },
-        h("table", { class: "matches" },
-          h("caption", {}, "Which body each track is; click another to correct it."),
-          h("thead", {}, h("tr", {}, ...["Track", "Seen", "Body", "Found"].map((text) => h("th", { scope: "col" }, text)))),
-          h("tbody", {}, ...keys.map((key) => this.#matchRow(key, alignment, bodies, curves))))));
-    if (focused) /** @type {HTMLElement | null} */ (this.#matches.querySelector(`[data-choice="${CSS.escape(focused)}"]`))?.focus();
-  }
-
-  #focusedChoice() {
-    const { activeElement } = document;
-    return this.#matches.contains(activeElement) ? activeElement?.getAttribute("data-choice") : null;
-  }
-
-  /**
-   * @param {string} key of the track, its segment first
-   * @param {Alignment} alignment
-   * @param {string[]} bodies
-   * @param {Chart["curves"]} curves
-   */
-  #matchRow(key, alignment, bodies, curves) {
-    const [segment = 0, track = 0] = key.split(":").map(Number);
-    const match = alignment.matches[key];
-    const curve = curves.find((each) => each.kind === "estimate" && each.segment === segment && each.track_id === track);
-    const first = curve?.times[0];
-    const seen = curve && first !== undefined ? `${fixed(first, 1)}–${fixed(curve.times.at(-1), 1)} s` : "–";
-    const name = segment > 0 ? `${track} of segment ${segment}` : String(track);
-    const choices = [...bodies, null].map((body) => {
-      const chosen = (match?.body ?? null) === body;
-      const button = h("button", { type: "button", "aria-pressed": String(chosen), "data-choice": `${key} ${body}` }, body ?? "none of them");
-      button.addEventListener("click", () => {
-        if (!chosen) void this.#correct(key, body);
-      });
-      return button;
-    });
-    const distance = match?.distance_m;
-    const how = match ? `${BY[match.by] ?? match.by}${distance === null || distance === undefined ? "" : `, ${fixed(distance, 2)} m apart`}` : "–";
-    return h("tr", {},
-      h("th", { scope: "row", "data-track": trackColour(track) }, h("span", { class: "swatch" }), name),
-      h("td", {}, seen),
-      h("td", {}, h("div", { class: "choices", role: "group", "aria-label": `Body of track ${name}` }, ...choices)),
-      h("td", {}, how));
   }
 
   /** With all else as it was, and with what a person said of other tracks before. */
@@ -170,13 +123,13 @@ export class AlignmentPanel extends Part {
     this.#busy = busy;
     const possible = !busy && (this.#picker.file !== null || this.#picker.live);
     setAttribute(this.#align, "aria-disabled", possible ? null : "true");
-    for (const button of this.#matches.querySelectorAll("button")) setAttribute(button, "aria-disabled", busy ? "true" : null);
+    this.#matches.setBusy(busy);
   }
 
   /** @param {object} wanted of POST /api/runs/{id}/align */
   async #ask(wanted) {
     const run = this.#chart?.run;
-    if (!run || this.#busy) return;
+    if (!run || this.#busy) return this.#showMatches();
     setText(this.#error, "");
     this.#setBusy(true);
     setText(this.#state, "Aligning: the speeds of the whole run are compared…");
@@ -188,6 +141,7 @@ export class AlignmentPanel extends Part {
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       setText(this.#state, "");
+      this.#showMatches();
       setText(this.#error, `${error.message} ${this.#chart?.aligned ? "The alignment stays as it was." : ""}`.trim());
     } finally {
       this.#setBusy(false);

@@ -177,9 +177,8 @@ function understood({ format, info }) {
   const heads = ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"];
   return [
     h("p", {}, "Understood as ", h("b", {}, facts.filter(Boolean).join(", ")), "."),
-    h("div", { class: "scroll-x" },
+    h("div", { class: "scroll-x", role: "region", "aria-label": "What the file holds", tabindex: "0" },
       h("table", {},
-        h("caption", { class: "visually-hidden" }, "What the file holds"),
         h("thead", {}, h("tr", {}, ...heads.map((text) => h("th", { scope: "col" }, text)))),
         h("tbody", {}, ...bodies.map((body) => h("tr", {},
           h("th", { scope: "row" }, body.name),

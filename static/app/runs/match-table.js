@@ -1,0 +1,98 @@
+/** Which body each track is, to be corrected by a click. */
+
+import { h, setAttribute } from "../dom.js";
+import { fixed, trackColour } from "../words.js";
+
+/** @typedef {import("./types.js").Alignment} Alignment */
+/** @typedef {import("./types.js").Curve} Curve */
+
+/** How it was found which body a track is. @type {Record<string, string>} */
+const BY = { position: "by position", speed: "by speed", person: "as you said" };
+const NONE = "none of them";
+const MOST_BUTTONS = 5;
+
+export class MatchTable extends HTMLElement {
+  /** Called with a track and what a person says it is. @type {(key: string, body: string | null) => void} */
+  corrected = () => {};
+
+  /**
+   * @param {Alignment | null} alignment
+   * @param {Curve[]} curves
+   */
+  show(alignment, curves) {
+    const keys = Object.keys(alignment?.matches ?? {});
+    if (!alignment || keys.length === 0) return this.replaceChildren();
+    const bodies = Object.entries(alignment.roles).flatMap(([name, role]) => role === "observer" ? [] : [name]);
+    const { activeElement } = document;
+    const focused = this.contains(activeElement) ? activeElement?.getAttribute("data-choice") : null;
+    this.replaceChildren(
+      h("div", { class: "scroll-x" },
+        h("table", { class: "matches" },
+          h("caption", {}, "Which body each track is; choose another to correct it."),
+          h("thead", {}, h("tr", {}, ...["Track", "Seen", "Body", "Found"].map((text) => h("th", { scope: "col" }, text)))),
+          h("tbody", {}, ...keys.map((key) => this.#row(key, alignment, bodies, curves))))));
+    if (focused) /** @type {HTMLElement | null} */ (this.querySelector(`[data-choice="${CSS.escape(focused)}"]`))?.focus();
+  }
+
+  /** @param {boolean} busy what is asked for now would have to wait */
+  setBusy(busy) {
+    for (const choice of this.querySelectorAll("button, select")) setAttribute(choice, "aria-disabled", busy ? "true" : null);
+  }
+
+  /**
+   * @param {string} key of the track, its segment first
+   * @param {Alignment} alignment
+   * @param {string[]} bodies
+   * @param {Curve[]} curves
+   */
+  #row(key, alignment, bodies, curves) {
+    const [segment = 0, track = 0] = key.split(":").map(Number);
+    const match = alignment.matches[key];
+    const now = match?.body ?? null;
+    const curve = curves.find((each) => each.kind === "estimate" && each.segment === segment && each.track_id === track);
+    const first = curve?.times[0];
+    const seen = curve && first !== undefined ? `${fixed(first, 1)}–${fixed(curve.times.at(-1), 1)} s` : "–";
+    const name = segment > 0 ? `${track} of segment ${segment}` : String(track);
+    const label = `Body of track ${name}`;
+    const distance = match?.distance_m;
+    const how = match ? `${BY[match.by] ?? match.by}${distance === null || distance === undefined ? "" : `, ${fixed(distance, 2)} m apart`}` : "–";
+    return h("tr", {},
+      h("th", { scope: "row", "data-track": trackColour(track) }, h("span", { class: "swatch" }), name),
+      h("td", {}, seen),
+      h("td", {}, bodies.length > MOST_BUTTONS ? this.#list(key, label, bodies, now) : this.#buttons(key, label, bodies, now)),
+      h("td", {}, how));
+  }
+
+  /**
+   * @param {string} key
+   * @param {string} label
+   * @param {string[]} bodies
+   * @param {string | null} now
+   */
+  #buttons(key, label, bodies, now) {
+    const choices = [...bodies, null].map((body) => {
+      const button = h("button", { type: "button", "aria-pressed": String(body === now), "data-choice": `${key} ${body}` }, body ?? NONE);
+      button.addEventListener("click", () => {
+        if (body !== now) this.corrected(key, body);
+      });
+      return button;
+    });
+    return h("div", { class: "choices", role: "group", "aria-label": label }, ...choices);
+  }
+
+  /**
+   * @param {string} key
+   * @param {string} label
+   * @param {string[]} bodies more than fit beside each other
+   * @param {string | null} now
+   */
+  #list(key, label, bodies, now) {
+    const list = h("select", { "aria-label": label, "data-choice": key },
+      h("option", { value: "" }, NONE), ...bodies.map((body) => h("option", { value: body }, body)));
+    list.value = now ?? "";
+    list.addEventListener("change", () => this.corrected(key, list.value || null));
+    return list;
+  }
+}
+
+customElements.define("observer-matches", MatchTable);
