@@ -171,6 +171,11 @@ def facts(truth: LiveTruth) -> dict[str, Any]:
     return told
 
 
+def sigma(truth: LiveTruth) -> float:
+    found: float = facts(truth)["alignment"]["sigma_s"]
+    return found
+
+
 def test_speeds_of_motion_capture_stand_beside_what_is_observed(
     truth: LiveTruth, listeners: list[Listener]
 ) -> None:
@@ -183,13 +188,13 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
     for index in range(270):
         entries = lab.frame(index)
         assert entries == [] or facts(truth)["aligned"]
-    wait_until("aligned", lambda: facts(truth)["aligned"])
+    # The first one may stand on a few seconds only.
+    wait_until("aligned well", lambda: facts(truth)["aligned"] and sigma(truth) < 0.01)
     told = facts(truth)
     # As exposed 15 ms before it is received, against motion capture 120 ms and 4 ms behind.
     expected = lab.BEHIND - DELAY + EXPOSED
     alignment = told["alignment"]
     assert alignment["offset_s"] == pytest.approx(expected, abs=3 * alignment["sigma_s"])
-    assert alignment["sigma_s"] < 0.01
     assert alignment["observer"] == "Amigo"
     assert told["sentence"].startswith("aligned over ")
     assert told["bodies"] == [
@@ -213,7 +218,9 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
                 assert entry["role"] == "obstacle"
                 off = np.linalg.norm(entry["position"] - lab.room.centre(entry["time"]))
                 assert off < 0.3
-                assert entry["speed"] == pytest.approx(lab.room.speed(entry["time"]), abs=0.12)
+            if entry["name"] == "P3DX" and entry["time"] > 18.7:
+                # Until then it turns on the spot, about a middle that nobody has measured.
+                assert entry["speed"] == pytest.approx(lab.room.speed(entry["time"]), abs=0.06)
     names = {t: {entry["name"] for entry in entries} for t, entries in by_time.items()}
     both = {"Amigo", "P3DX"}
     assert sum(names[t] == both for t in names if 18.1 < t < 18.8) >= 5
