@@ -135,6 +135,11 @@ class AlignmentThread:
         self._ending.set()
         self._worker.end()
 
+    @property
+    def ended(self) -> bool:
+        """Whether nothing of it is left."""
+        return not self._thread.is_alive()
+
     def join(self, timeout_s: float) -> None:
         """Wait for the end of what ``end`` began."""
         self._thread.join(timeout_s)

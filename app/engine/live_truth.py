@@ -70,6 +70,10 @@ class _Listening:
         self.listener.end()
         self.aligner.end()
 
+    @property
+    def ended(self) -> bool:
+        return self.listener.ended and self.aligner.ended
+
     def join(self, timeout_s: float) -> None:
         self.listener.join(timeout_s)
         self.aligner.join(timeout_s)
@@ -114,7 +118,7 @@ class LiveTruth:
             check_live(order.spec)
         if self._listening is not None and (order is None or order.spec != self.order_spec):
             self._listening.end()
-            self._ended.append(self._listening)
+            self._ended = [each for each in self._ended if not each.ended] + [self._listening]
             self._listening = None
         if order is not None and self._listening is None:
             self._listening = _Listening(order.spec, self._make_listener, self._make_aligner)

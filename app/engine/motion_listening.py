@@ -58,6 +58,11 @@ class MotionListener:
         """Listen no more; the connection is closed in the thread."""
         self._ending.set()
 
+    @property
+    def ended(self) -> bool:
+        """Whether nothing of it is left."""
+        return not self._thread.is_alive()
+
     def join(self, timeout_s: float) -> None:
         """Wait for the end of what ``end`` began."""
         self._thread.join(timeout_s)

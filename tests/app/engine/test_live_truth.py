@@ -45,6 +45,7 @@ class Listener:
 
     def __init__(self, spec: str) -> None:
         self.spec = spec
+        self.ended = True
         self.recorder = None
         self.trouble = None
         self.frames: list[BodySample] = []
