@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Protocol, TypeAlias
 from urllib.parse import urlsplit
@@ -133,17 +134,17 @@ class NetworkCapture:
     """
 
     def __init__(self, url: str) -> None:
-        os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = _LOW_LATENCY
-        # One thread: FFmpeg's frame threads hold back as many images as there are threads.
-        self._capture = cv2.VideoCapture(
-            url,
-            cv2.CAP_FFMPEG,
-            [
-                *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _TIMEOUT_MS),
-                *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, _TIMEOUT_MS),
-                *(cv2.CAP_PROP_N_THREADS, 1),
-            ],
-        )
+        with _ffmpeg_options(_LOW_LATENCY):
+            # One thread: FFmpeg's frame threads hold back as many images as there are threads.
+            self._capture = cv2.VideoCapture(
+                url,
+                cv2.CAP_FFMPEG,
+                [
+                    *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _TIMEOUT_MS),
+                    *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, _TIMEOUT_MS),
+                    *(cv2.CAP_PROP_N_THREADS, 1),
+                ],
+            )
         if not self._capture.isOpened():
             raise SourceError(_why_not(url))
 
@@ -168,6 +169,21 @@ class NetworkCapture:
 
     def retrieve(self) -> Image | None:
         return _retrieve(self._capture)
+
+
+@contextlib.contextmanager
+def _ffmpeg_options(options: str) -> Iterator[None]:
+    """As long as something is opened: the same options would take a video file's first frames."""
+    name = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
+    before = os.environ.get(name)
+    os.environ[name] = options
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before
 
 
 def is_monotonic_stamp(stamp: float, now: float) -> bool:
