@@ -13,6 +13,7 @@ export class ParameterGroups extends HTMLElement {
   #fields = new Map();
   #prefix;
   #openAtStart;
+  #term = "";
 
   /**
    * @param {string} prefix of the controls' ids
@@ -53,6 +54,8 @@ export class ParameterGroups extends HTMLElement {
       group.append(field);
     }
     this.replaceChildren(...groups.values());
+    // Somebody may have asked for something before the declaration was here.
+    if (this.#term) this.filter(this.#term);
   }
 
   /** @param {Record<string, ParameterValue>} values */
@@ -91,6 +94,7 @@ export class ParameterGroups extends HTMLElement {
    * @returns {number} how many are shown
    */
   filter(term) {
+    this.#term = term;
     let shown = 0;
     for (const group of this.querySelectorAll("details")) {
       let here = 0;

@@ -372,6 +372,7 @@ _CALM = """async () => {
 
 
 @pytest.mark.slow
+@pytest.mark.patient
 def test_views_outlive_reloads_and_engines_and_are_seen_by_all(
     server, source, open_panel, eventually
 ):

@@ -223,6 +223,7 @@ def test_what_the_floor_told_is_taken_into_account() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.patient
 def test_a_simulated_robot_by_its_own_eyes_and_wheels() -> None:
     legs = [
         {"kind": "turn", "angle_deg": -30, "rate_deg": 60},
