@@ -109,6 +109,7 @@ def refusal(system: System, method: str, path: str, body: Any) -> Refused | None
     return None
 
 
+@pytest.mark.patient
 def test_the_disk_gets_full(disk: Path) -> None:
     ended: list[float] = []
     zeros: list[float] = []

@@ -100,6 +100,7 @@ def capture() -> Iterator[MotionCapture]:
     made.end()
 
 
+@pytest.mark.patient
 def test_motion_capture_drops_out(system: System, capture: MotionCapture) -> None:
     system.server.request("PUT", "/truth/live", {"spec": f"vrpn:127.0.0.1:{capture.port}"})
 

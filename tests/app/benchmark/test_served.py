@@ -55,6 +55,7 @@ def test_a_source_that_cannot_be_opened_is_told_with_the_engines_reason() -> Non
             server.wait_for_frames(0.0)
 
 
+@pytest.mark.patient
 def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served(
     server: RunningServer,
 ) -> None:

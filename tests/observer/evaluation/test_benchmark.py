@@ -104,6 +104,7 @@ def test_opencv_is_timed_on_frames_of_their_own() -> None:
             assert 0 < sum(calls.values()) < whole
 
 
+@pytest.mark.patient
 def test_several_processes_find_the_same_and_leave_cost_out(
     lab: tuple[Benchmark, list[Progress]],
 ) -> None:

@@ -32,6 +32,7 @@ def found(room: Any, mount: CameraMount) -> Alignment:
     return aligned(room, mount=mount)
 
 
+@pytest.mark.patient
 def test_planted_offsets_with_the_observer_seen(rooms: Rooms, mount: CameraMount) -> None:
     errors, within = [], []
     for seed in range(6):
