@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.commands.run_choice import AngleReading, RunArgument
+from app.commands.run_choice import RunArgument
 from app.commands.storage_options import DataOption, storage_settings
+from app.commands.truth_options import (
+    AnglesOption,
+    IgnoreOption,
+    ObserverOption,
+    RateOption,
+    body_roles,
+)
 from observer.errors import InputError
 
 # Of an offset that a person expects.
@@ -33,14 +40,8 @@ def align(
         ),
     ] = None,
     name: Annotated[str | None, typer.Option(help="Of the truth, for people.")] = None,
-    observer: Annotated[
-        str | None,
-        typer.Option(metavar="BODY", help="The body that carries the cameras; else found out."),
-    ] = None,
-    ignore: Annotated[
-        list[str] | None,
-        typer.Option(metavar="BODY", help="A body to leave out; may be given more than once."),
-    ] = None,
+    observer: ObserverOption = None,
+    ignore: IgnoreOption = None,
     match: Annotated[
         list[str] | None,
         typer.Option(
@@ -57,14 +58,8 @@ def align(
             f"that repeats itself.",
         ),
     ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(help="Samples per second of a file that does not tell (Tracker 3.5)."),
-    ] = None,
-    angles: Annotated[
-        AngleReading | None,
-        typer.Option(help="How Vicon's three angles are meant, where that cannot be found out."),
-    ] = None,
+    rate: RateOption = None,
+    angles: AnglesOption = None,
     speeds: Annotated[
         Path | None, typer.Option(help="Also the true speeds at the run's frames; JSON.")
     ] = None,
@@ -124,14 +119,9 @@ def _choices(
 ) -> AlignmentChoices:
     from observer.mount import CameraMount
     from observer.rig.rig_file import read_rig
-    from observer.truth.alignment.choices import AlignmentChoices, BodyRole
+    from observer.truth.alignment.choices import AlignmentChoices
     from observer.truth.alignment.observed import TrackKey
 
-    roles: dict[str, BodyRole] = dict.fromkeys(ignored, "ignored")
-    if observer is not None:
-        if observer in roles:
-            raise InputError(f"{observer} cannot be both --observer and --ignore; name it once")
-        roles[observer] = "observer"
     found: dict[TrackKey, str | None] = {}
     for text in matches:
         track, equals, body = text.partition("=")
@@ -145,4 +135,4 @@ def _choices(
         more["mount"] = CameraMount(**facts.mount)  # type: ignore[arg-type]
     if facts.rig_yaml is not None and observer is not None:
         more["T_body_base"] = read_rig(facts.rig_yaml, "rig.yaml").T_body_base.get(observer)
-    return AlignmentChoices(roles=roles, matches=found, **more)
+    return AlignmentChoices(roles=body_roles(observer, ignored), matches=found, **more)

@@ -8,15 +8,20 @@ from typing import Annotated, Any
 
 import typer
 
-from observer.errors import InputError
+from app.commands.truth_options import (
+    AnglesOption,
+    IgnoreOption,
+    ObserverOption,
+    RateOption,
+    body_roles,
+)
 from observer.evaluation.breakdown import LAB, ROAD, break_down, breakdown_tables
 from observer.evaluation.evaluate import summarise
 from observer.evaluation.lines import read_both
 from observer.evaluation.results import listed
 from observer.evaluation.tally import tally
-from observer.truth.alignment.choices import AlignmentChoices, BodyRole
+from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.result import Alignment
-from observer.truth.files.angles import AngleReading
 from observer.truth.opening import OpenedTruth, open_truth
 
 
@@ -38,22 +43,10 @@ def evaluate(
             f"range and speed for roads.",
         ),
     ] = False,
-    observer: Annotated[
-        str | None,
-        typer.Option(metavar="BODY", help="The body that carries the cameras; else found out."),
-    ] = None,
-    ignore: Annotated[
-        list[str] | None,
-        typer.Option(metavar="BODY", help="A body to leave out; may be given more than once."),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(help="Samples per second of a file that does not tell (Tracker 3.5)."),
-    ] = None,
-    angles: Annotated[
-        AngleReading | None,
-        typer.Option(help="How Vicon's three angles are meant, where that cannot be found out."),
-    ] = None,
+    observer: ObserverOption = None,
+    ignore: IgnoreOption = None,
+    rate: RateOption = None,
+    angles: AnglesOption = None,
 ) -> None:
     """Compare tracks with truth: recall, false obstacles, errors of position and velocity."""
     scale = ROAD if road else LAB
@@ -79,12 +72,7 @@ def evaluate(
 
 
 def _choices(observer: str | None, ignored: list[str]) -> AlignmentChoices:
-    roles: dict[str, BodyRole] = dict.fromkeys(ignored, "ignored")
-    if observer is not None:
-        if observer in roles:
-            raise InputError(f"{observer} cannot be both --observer and --ignore; name it once")
-        roles[observer] = "observer"
-    return AlignmentChoices(roles=roles)
+    return AlignmentChoices(roles=body_roles(observer, ignored))
 
 
 def _sentences(opened: OpenedTruth) -> list[str]:

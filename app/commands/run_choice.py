@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,8 +13,6 @@ from observer.recording.run_folder import find_recording
 if TYPE_CHECKING:
     from app.reporting.comparison import Comparison
 
-# As ``observer.truth.files.angles.AngleReading``, whose import takes half a second.
-AngleReading = Literal["helical", "euler_xyz"]
 RunArgument = Annotated[
     str,
     typer.Argument(help="Id of a run or its beginning, its folder, or a recording's file."),

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from app.commands.run_choice import AngleReading
+from app.commands.truth_options import AngleReading, AnglesOption, RateOption
 from observer.errors import InputError
 
 
@@ -19,14 +19,8 @@ def truth(
             help="Vicon Tracker or Nexus CSV, C3D, a plain CSV (t,x,y,z), TUM, or truth.csv."
         ),
     ],
-    rate: Annotated[
-        float | None,
-        typer.Option(help="Samples per second of a file that does not tell (Tracker 3.5)."),
-    ] = None,
-    angles: Annotated[
-        AngleReading | None,
-        typer.Option(help="How Vicon's three angles are meant, where that cannot be found out."),
-    ] = None,
+    rate: RateOption = None,
+    angles: AnglesOption = None,
     output: Annotated[
         Path | None, typer.Option(help="Write what was understood there, as JSON.")
     ] = None,

@@ -7,7 +7,7 @@ The room frame is whatever the system was set up with; Vicon's and VRPN's have z
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -94,3 +94,14 @@ class Capture:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bodies", MappingProxyType(dict(self.bodies)))
+
+
+def trajectory_of(name: str, kept: Sequence[BodySample]) -> Trajectory:
+    """Samples of one body in their order; NaN where one was not seen."""
+    unknown = np.full(3, np.nan)
+    positions = [unknown if s.position is None else s.position for s in kept]
+    rotations = None
+    if any(s.rotation is not None for s in kept):
+        lost = np.full((3, 3), np.nan)
+        rotations = np.array([lost if s.rotation is None else s.rotation for s in kept])
+    return Trajectory(name, np.array([s.time for s in kept]), np.array(positions), rotations)

@@ -19,7 +19,7 @@ from observer.truth.alignment.live_clocks import LiveClocks
 from observer.truth.alignment.result import Alignment
 from observer.truth.alignment.rooms import body_poses, centre_positions
 from observer.truth.contract import TrueBody
-from observer.truth.motion_capture import BodySample, Trajectory
+from observer.truth.motion_capture import BodySample, Trajectory, trajectory_of
 
 # A frame is looked at within this of its exposure, seconds.
 _KEPT_S = 2.0
@@ -157,13 +157,7 @@ class NewestTruth:
         chosen.reverse()
         if len(chosen) < _FEWEST:
             return None
-        unknown, lost = np.full(3, np.nan), np.full((3, 3), np.nan)
-        positions = [unknown if s.position is None else s.position for s in chosen]
-        rotations = None
-        if any(s.rotation is not None for s in chosen):
-            rotations = np.array([lost if s.rotation is None else s.rotation for s in chosen])
-        times = np.array([s.time for s in chosen])
-        return Trajectory(name, times, np.array(positions), rotations)
+        return trajectory_of(name, chosen)
 
 
 def _stamps(alignment: Alignment, clocks: LiveClocks, time: float) -> float:

@@ -16,7 +16,7 @@ from observer.truth.alignment.alignment import align
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.observed import ObservedRun
 from observer.truth.alignment.result import Alignment
-from observer.truth.motion_capture import BodySample, Capture, Trajectory
+from observer.truth.motion_capture import BodySample, Capture, Trajectory, trajectory_of
 
 WINDOW_S = 180.0
 # Between two solutions, seconds of the source's clock.
@@ -130,17 +130,7 @@ def pieces(samples: Iterable[BodySample]) -> list[Trajectory]:
         kept = by_body.setdefault(sample.name, [])
         if not kept or sample.time > kept[-1].time:
             kept.append(sample)
-    return [_trajectory(name, kept) for name, kept in by_body.items()]
-
-
-def _trajectory(name: str, kept: list[BodySample]) -> Trajectory:
-    unknown = np.full(3, np.nan)
-    positions = [unknown if s.position is None else s.position for s in kept]
-    rotations = None
-    if any(s.rotation is not None for s in kept):
-        lost = np.full((3, 3), np.nan)
-        rotations = np.array([lost if s.rotation is None else s.rotation for s in kept])
-    return Trajectory(name, np.array([s.time for s in kept]), np.array(positions), rotations)
+    return [trajectory_of(name, kept) for name, kept in by_body.items()]
 
 
 def _part(body: Trajectory, chosen: NDArray[np.bool_]) -> Trajectory:

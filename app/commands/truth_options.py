@@ -1,0 +1,46 @@
+"""How a truth file is to be read and which body is which: for every command that takes one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from observer.errors import InputError
+
+if TYPE_CHECKING:
+    from observer.truth.alignment.choices import BodyRole
+
+# As ``observer.truth.files.angles.AngleReading``, whose import takes half a second.
+AngleReading = Literal["helical", "euler_xyz"]
+RateOption = Annotated[
+    float | None,
+    typer.Option(help="Samples per second of a file that does not tell (Tracker 3.5)."),
+]
+AnglesOption = Annotated[
+    AngleReading | None,
+    typer.Option(help="How Vicon's three angles are meant, where that cannot be found out."),
+]
+ObserverOption = Annotated[
+    str | None,
+    typer.Option(metavar="BODY", help="The body that carries the cameras; else found out."),
+]
+IgnoreOption = Annotated[
+    list[str] | None,
+    typer.Option(metavar="BODY", help="A body to leave out; may be given more than once."),
+]
+
+
+def body_roles(observer: str | None, ignored: Sequence[str]) -> dict[str, BodyRole]:
+    """As ``AlignmentChoices.roles`` takes them.
+
+    Raises:
+        InputError: the observer is to be ignored.
+    """
+    roles: dict[str, BodyRole] = dict.fromkeys(ignored, "ignored")
+    if observer is not None:
+        if observer in roles:
+            raise InputError(f"{observer} cannot be both --observer and --ignore; name it once")
+        roles[observer] = "observer"
+    return roles
