@@ -17,6 +17,7 @@ from observer.obstacles.motion_filter import (
     turning_velocity,
     yaw_matrix,
 )
+from observer.obstacles.recent_motion import RecentMotion
 from observer.obstacles.shape import Box, ObstacleShape
 from observer.types import MotionState, TrackState
 
@@ -33,6 +34,7 @@ class BodyTrack:
     Attributes:
         id: as of ``Obstacle``. state, motion: as reported.
         filter: place, velocity, yaw. The place is that of the body's own origin, not its centre.
+        recent: how it moved up to now.
         shape: where its points are in its own frame. box: in that frame; None before the first
             update.
         points: members seen in this frame. frames: since it began. missed_s: seconds since it
@@ -47,6 +49,7 @@ class BodyTrack:
     id: int
     filter: ObstacleMotion
     shape: ObstacleShape
+    recent: RecentMotion = field(default_factory=RecentMotion)
     state: TrackState = TrackState.TENTATIVE
     motion: MotionState = MotionState.MOVING
     box: Box | None = None

@@ -15,6 +15,7 @@ from observer.obstacles.body import BodyTrack
 from observer.obstacles.motion_filter import POSITION, VELOCITY, turning_velocity
 from observer.parameters import ObstacleParameters
 from observer.points import Points
+from observer.types import MotionState
 
 # A point joins if its velocity fits the body's and it is this much likelier than at rest (twice
 # the logarithm of the likelihoods' ratio: e^4 = 55 times); and leaves if it is so much less.
@@ -98,7 +99,10 @@ def joining(
     sigma = np.sqrt(np.maximum(np.einsum("nii->n", motion.position_cov[free]), 0.0))
     room = track.room(parameters.margin)
     inside = track.contains(now, room + np.minimum(2 * sigma, room))
-    apart, ratio = _likelier(track, free[inside], motion)
+    inner = free[inside]
+    apart, ratio = _against_rest(
+        motion.own_velocity[inner], _gap(track, inner, motion), *_spread(track, inner, motion)
+    )
     inside[inside] = (apart <= _JOIN_CHI2) & (ratio >= _SURE_RATIO)
     return inside
 
@@ -108,28 +112,40 @@ def resting(track: BodyTrack, members: NDArray[np.intp], motion: Motion) -> NDAr
 
     A point that was followed into the edge of something before the body stays there. Such points
     need not be misfits: a body that is thought to turn about them explains them, and then all that
-    is told of it is wrong.
+    is told of it is wrong. Of a body that has stopped, all points rest, and none leaves.
     """
-    _, ratio = _likelier(track, members, motion)
-    return np.asarray(motion.judged[members] & (ratio <= -_SURE_RATIO))
+    if track.motion is MotionState.STOPPED:
+        return np.zeros(len(members), np.bool_)
+    own = motion.own_velocity[members]
+    body_cov, rest_cov = _spread(track, members, motion)
+    _, now = _against_rest(own, _gap(track, members, motion), body_cov, rest_cov)
+    # Their own velocities are means over their windows, and a body that gains speed, brakes or
+    # turns to and fro moved otherwise in the middle of them. Whatever it did meanwhile explains
+    # them: until it has been fast for that long, its points cannot be told from resting ones.
+    ago, moved = track.recent.instants()
+    swing = turning_velocity(1.0, motion.position[members] - track.mean[POSITION])
+    did = moved[:, None, :3] + moved[:, None, 3:] * swing
+    _, then = _against_rest(own, own - did, rest_cov, rest_cov)
+    then = np.where(ago[:, None] <= motion.window_s[members], then, -np.inf)
+    likeliest = np.maximum(now, then.max(axis=0, initial=-np.inf))
+    return np.asarray(motion.judged[members] & (likeliest <= -_SURE_RATIO))
 
 
-def _likelier(
+def _gap(track: BodyTrack, which: NDArray[np.intp], motion: Motion) -> Float64Array:
+    """(K, 3) m/s by which points (K,) move otherwise than the body does there now."""
+    return motion.own_velocity[which] - track.velocity_at(motion.position[which])
+
+
+def _spread(
     track: BodyTrack, which: NDArray[np.intp], motion: Motion
 ) -> tuple[Float64Array, Float64Array]:
-    """How far points (K,) are from moving with the body, and how much likelier that is than rest.
-
-    As of ``_against_rest``.
-    """
-    own = motion.own_velocity[which]
+    """(K, 3, 3) (m/s)^2 each: of a point's velocity about the body's, and about rest."""
     noise = inverse_3x3(motion.own_information[which] + 1e-6 * np.eye(3))
     # A point's velocity is the mean over its window; a body that turns or brakes has moved on.
     speed = float(np.linalg.norm(track.mean[VELOCITY]))
     lag = speed * (abs(track.yaw_rate) + _BRAKING_PER_S) * motion.window_s[which] / 2
     slow = (_AT_REST * speed) ** 2 * np.eye(3)
-    return _against_rest(
-        own,
-        own - track.velocity_at(motion.position[which]),
+    return (
         noise + lag[:, None, None] ** 2 * np.eye(3),
         noise + motion.shared_cov[which] + slow,
     )
@@ -176,8 +192,8 @@ def placed(track: BodyTrack, sums: MotionSums) -> tuple[Float64Array, Float64Arr
     """Where points (N, 3) m, world, are now that moved as the body does, and its information.
 
     Their sightings ``z = p + v s + a s^2 / 2`` with the velocity v and the acceleration a that the
-    turning body has there. The turn may have been another one over that time, which makes the
-    place less certain.
+    turning body has there. The turn may have been another one over that time, and a body that
+    gained speed or braked was slower or faster then, which makes the place less certain.
     """
     cov = inverse_3x3(sums.a0)
     velocity = np.broadcast_to(track.mean[VELOCITY], sums.origin.shape)
@@ -190,7 +206,9 @@ def placed(track: BodyTrack, sums: MotionSums) -> tuple[Float64Array, Float64Arr
         place = sums.origin + np.einsum("nij,nj->ni", cov, inner)
         velocity = track.velocity_at(place)
     since = np.trace(sums.a2, axis1=1, axis2=2) / np.trace(sums.a0, axis1=1, axis2=2)
-    doubt = _TURN_DOUBT * abs(rate) * np.linalg.norm(velocity, axis=1) * since / 2
+    age = -np.trace(sums.a1, axis1=1, axis2=2) / np.trace(sums.a0, axis1=1, axis2=2)
+    bent = _TURN_DOUBT * abs(rate) * np.linalg.norm(velocity, axis=1)
+    doubt = (bent + track.recent.acceleration(age)) * since / 2
     return place, inverse_3x3(cov + (doubt**2)[:, None, None] * np.eye(3))
 
 
@@ -211,10 +229,10 @@ def _against_rest(
 
     Args:
         velocity: (N, 3) m/s, with covariance ``rest_cov`` (N, 3, 3) about 0 if it rests. gap:
-            (N, 3) m/s, to what the body does there, with covariance ``body_cov`` (N, 3, 3).
+            (..., N, 3) m/s, to what the body does there, with covariance ``body_cov`` (N, 3, 3).
 
     Returns:
-        (N,) squared Mahalanobis length, and (N,) twice the logarithm of the likelihoods' ratio.
+        (..., N) squared Mahalanobis length, and twice the logarithm of the likelihoods' ratio.
     """
     as_body, body_spread = _unlikely(gap, body_cov)
     at_rest, rest_spread = _unlikely(velocity, rest_cov)
@@ -222,11 +240,11 @@ def _against_rest(
 
 
 def _unlikely(gap: Float64Array, cov: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """(N,) squared Mahalanobis length of gaps (N, 3), and (N,) the log determinant of cov.
+    """(..., N) squared Mahalanobis length of gaps (..., N, 3), and (N,) the log determinant of cov.
 
     Their sum is twice the negative logarithm of a normal density, but for a constant.
     """
-    squared = np.einsum("ni,nij,nj->n", gap, inverse_3x3(cov), gap)
+    squared = np.einsum("...ni,nij,...nj->...n", gap, inverse_3x3(cov), gap)
     return squared, np.log(np.linalg.det(cov))
 
 

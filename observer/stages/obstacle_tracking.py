@@ -193,6 +193,7 @@ class BodyTracker:
                 track.filter = track.filter.updated(seen.pose, seen.covariance)
                 if track.filter.manoeuvres:
                     track.steady_s = 0.0
+                track.recent.note(track.age_s, track.mean[VELOCITY], track.yaw_rate)
                 pose, _ = expected_pose(track.mean, track.filter.covariance)
                 obstacle[mine[seen.misfits]] = NO_OBSTACLE
                 tenure[mine[seen.misfits]] = -_BANISHED
@@ -259,6 +260,7 @@ class BodyTracker:
                 obstacle[obstacle == track.id] = NO_OBSTACLE
                 track.filter = _begun(group)
                 track.shape.forget()
+                track.recent.forget()
             elif track.box is not None:
                 room = track.room(parameters.margin)
                 members = members[track.contains(group.places, 2 * room)]

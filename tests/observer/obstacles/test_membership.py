@@ -26,6 +26,7 @@ from observer.obstacles.motion_filter import yaw_matrix
 from observer.obstacles.shape import Box
 from observer.parameters import ObstacleParameters
 from observer.points import Points
+from observer.types import MotionState
 
 MakeTrack = Callable[..., BodyTrack]
 P = ObstacleParameters()
@@ -168,6 +169,45 @@ def test_the_members_of_a_body_that_stopped_are_none_that_rest(
     stopped = make_track(velocity=(0.0, 0, 0))
     seen = motion(on(stopped, np.zeros((5, 3))), np.zeros(3), sigma)
     assert not resting(stopped, every(seen), seen).any()
+
+
+def test_noise_of_a_body_that_stopped_drives_nobody_away(make_track: MakeTrack) -> None:
+    """Its points are known to rest, to a fraction of what the body itself is known to."""
+    stopped = make_track(velocity=(0.002, 0, 0), yaw_rate=-0.01)
+    stopped.motion = MotionState.STOPPED
+    seen = motion(on(stopped, np.zeros((5, 3))), np.zeros(3), 0.0003, 2.0)
+    assert not resting(stopped, every(seen), seen).any()
+
+
+def drove(track: BodyTrack, speeds: Float64Array, rate: float = 15.0) -> BodyTrack:
+    """To the right at these speeds, m/s, frame by frame up to now."""
+    for k, speed in enumerate(speeds):
+        track.recent.note(k / rate, np.array([speed, 0, 0]), 0.0)
+    return track
+
+
+def test_members_of_a_body_that_begins_to_move_need_not_move_on_average_yet(
+    make_track: MakeTrack,
+) -> None:
+    """A point seen for long hardly knows yet that its body has gained speed."""
+    ramp = np.concatenate([np.zeros(45), np.linspace(0, 0.1, 6)])
+    begins = drove(make_track(velocity=(0.1, 0, 0)), ramp)
+    seen = motion(on(begins, np.zeros((5, 3))), np.array([0.004, 0, 0]), 0.001, 1.5)
+    assert not resting(begins, every(seen), seen).any()
+    # What has not moved although its body has driven for long is none of it.
+    steady = drove(make_track(velocity=(0.1, 0, 0)), np.full(51, 0.1))
+    assert resting(steady, every(seen), seen).all()
+    # Nor does it help that the body stood before the point was seen.
+    young = motion(on(begins, np.zeros((5, 3))), np.zeros(3), 0.001, 0.1)
+    went = drove(make_track(velocity=(0.1, 0, 0)), np.concatenate([np.zeros(20), np.full(31, 0.1)]))
+    assert resting(went, every(young), young).all()
+
+
+def test_members_of_a_body_that_goes_to_and_fro_stay(make_track: MakeTrack) -> None:
+    pulses = 0.15 * np.sign(np.sin(np.arange(50) / 15 * 2 * np.pi))
+    back = drove(make_track(velocity=(pulses[-1], 0, 0)), pulses)
+    seen = motion(on(back, np.zeros((5, 3))), np.array([0.13, 0, 0]), 0.002, 1.5)
+    assert not resting(back, every(seen), seen).any()
 
 
 def test_of_members_of_which_little_is_known_none_rests(track: BodyTrack) -> None:
@@ -343,6 +383,25 @@ def test_points_are_placed_where_the_body_has_taken_them(
     # A turn that may have been another one makes the place less certain.
     sigma = np.sqrt(np.linalg.inv(information)[:, 0, 0])
     assert np.median(sigma) < 0.0015 if rate == 0 else np.median(sigma) > 0.005
+
+
+def test_where_a_body_has_gained_speed_points_are_placed_with_doubt(make_track: MakeTrack) -> None:
+    """For their older sightings it was slower than it is."""
+    eye = np.eye(3)[None] / 0.01**2
+    sums = MotionSums.begin(np.array([[0.2, 0, 3.0]]), eye)
+    for _ in range(15):
+        sums = sums.advanced(1 / 15, 1.0).with_sightings(np.array([[0.2, 0, 3.0]]), eye)
+    steady = drove(make_track(velocity=(0.2, 0, 0)), np.full(51, 0.2))
+    gained = drove(make_track(velocity=(0.2, 0, 0)), np.linspace(0, 0.2, 51))
+    (sure,), (doubtful,) = (
+        np.linalg.inv(placed(track, sums)[1])[:, 0, 0] for track in (steady, gained)
+    )
+    assert doubtful > sure + 0.005**2
+    # The true error of the place, a s^2 / 2 averaged over the sightings, is within it.
+    ages = np.arange(16) / 15
+    weights = np.exp(-ages)
+    error = 0.2 / (50 / 15) * np.average(ages**2 / 2, weights=weights)
+    assert np.sqrt(doubtful) >= error
 
 
 def test_a_points_place_is_what_its_information_says() -> None:

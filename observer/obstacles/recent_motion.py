@@ -1,0 +1,53 @@
+"""How a body moved a moment ago: what is known of a point goes back to its older sightings."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from observer.geometry import Float64Array
+
+# Points remember hardly anything older.
+_KEPT_S = 3.5
+# So many instants stand for all of them.
+_INSTANTS = 16
+# No two sightings are closer.
+_LEAST_S = 1e-3
+
+
+class RecentMotion:
+    """Velocities and yaw rates of one body, oldest first."""
+
+    def __init__(self) -> None:
+        self._noted: deque[tuple[float, Float64Array]] = deque()
+
+    def note(self, time: float, velocity: Float64Array, yaw_rate: float) -> None:
+        """It moves at (3,) m/s and rad/s at ``time``, seconds, later than all noted before."""
+        self._noted.append((time, np.array([*velocity, yaw_rate])))
+        while self._noted[0][0] < time - _KEPT_S:
+            self._noted.popleft()
+
+    def forget(self) -> None:
+        """What was is of no use any more."""
+        self._noted.clear()
+
+    def instants(self) -> tuple[Float64Array, Float64Array]:
+        """(T,) seconds before the newest, which is the last of them; (T, 4) m/s and rad/s then."""
+        if not self._noted:
+            return np.zeros(0), np.zeros((0, 4))
+        chosen = np.unique(np.linspace(0, len(self._noted) - 1, _INSTANTS).astype(np.intp))
+        times, motions = zip(*(self._noted[k] for k in chosen), strict=True)
+        return times[-1] - np.array(times), np.array(motions)
+
+    def acceleration(self, seconds: Float64Array) -> Float64Array:
+        """(N,) m/s^2: by how much the velocity changed within (N,) seconds up to now, over them.
+
+        As far back as it is known; before, it counts as the oldest one.
+        """
+        ago, moved = self.instants()
+        if len(ago) == 0:
+            return np.zeros(len(seconds))
+        change = np.linalg.norm(moved[:, :3] - moved[-1, :3], axis=1)
+        changed = np.interp(seconds, ago[::-1], change[::-1])
+        return np.asarray(changed / np.maximum(seconds, _LEAST_S), dtype=np.float64)
