@@ -17,6 +17,8 @@ from typing import Any
 import httpx
 import psutil
 
+# How often a fault is tried; ``make faults`` takes 100.
+TRIALS = int(os.environ.get("FAULT_TRIALS", "1"))
 _START_S = 60.0
 _STOP_S = 15.0
 
@@ -123,6 +125,11 @@ def _wait_for_link(process: subprocess.Popen[bytes], log: Path) -> str:
             return found.group()
         time.sleep(0.05)
     raise AssertionError(f"the server gave no link: {log.read_text()[-2000:]}")
+
+
+def tell(line: str) -> None:
+    """For the person who runs it (``pytest -s``)."""
+    sys.stdout.write(f"\n{line}\n")
 
 
 def wait_until(what: str, true: Callable[[], Any], timeout_s: float = 10.0) -> Any:

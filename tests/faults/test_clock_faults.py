@@ -6,13 +6,11 @@ Only the server's processes see the jump (``wall_clock.c``), so it needs a C com
 
 from __future__ import annotations
 
-import os
 import shutil
 import struct
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from datetime import UTC, datetime
 from itertools import cycle
 from pathlib import Path
@@ -24,12 +22,10 @@ from mcap.reader import make_reader
 
 from observer.recording.reader import Recording
 
-from ..leftovers import no_process_left_behind
-from .bench import wait_until
+from .bench import TRIALS, tell, wait_until
 from .cameras import RATE_HZ
 from .system import System
 
-TRIALS = int(os.environ.get("FAULT_TRIALS", "1"))
 ZERO_S = 0.3
 HOUR_S = 3600
 # A busy machine stops the robot now and then; a clock that did would do so each time.
@@ -42,13 +38,6 @@ pytestmark = [
     pytest.mark.patient,
     pytest.mark.timeout(120 + 40 * TRIALS),
 ]
-
-
-@pytest.fixture(autouse=True)
-def _nothing_left_behind() -> Iterator[None]:
-    """In place of the check after every test, which looks sooner than children are gone."""
-    with no_process_left_behind():
-        yield
 
 
 class WallClock:
@@ -106,11 +95,11 @@ def test_the_wall_clock_jumps(tmp_path: Path) -> None:
     lasted = _seconds(record["ended_at"]) - _seconds(record["started_at"])
     file = tmp_path / "data" / "runs" / run / "recording.mcap"
     backward, span, gap = _judge_recording(file)
-    sys.stdout.write(
-        f"\nfault 12, wall clock jumps {HOUR_S} s: driving goes on, zero within "
+    tell(
+        f"fault 12, wall clock jumps {HOUR_S} s: driving goes on, zero within "
         f"{1000 * max(zeros):.0f} ms (worst of {TRIALS}), a run of {elapsed:.1f} s lasted "
         f"{lasted:.1f} s, its recording spans {span:.1f} s, goes back by {1000 * backward:.0f} ms "
-        f"at most, largest gap {gap:.2f} s\n"
+        f"at most, largest gap {gap:.2f} s"
     )
     assert max(zeros) <= ZERO_S
     assert abs(lasted - elapsed) < 5.0

@@ -6,9 +6,7 @@ times, at most ten.
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,24 +18,17 @@ import pytest
 
 from observer.recording.reader import Recording
 
-from ..leftovers import no_process_left_behind
-from .bench import Refused, wait_until
+from .bench import TRIALS as FAULT_TRIALS
+from .bench import Refused, tell, wait_until
 from .system import System
 
-TRIALS = min(10, int(os.environ.get("FAULT_TRIALS", "1")))
+TRIALS = min(10, FAULT_TRIALS)
 ZERO_S = 0.3
 ENDS_S = 5.0
 # What a recording leaves free, and room for some of it.
 DISK_MB = 200 + 120
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(120 + 40 * TRIALS)]
-
-
-@pytest.fixture(autouse=True)
-def _nothing_left_behind() -> Iterator[None]:
-    """In place of the check after every test, which looks sooner than children are gone."""
-    with no_process_left_behind():
-        yield
 
 
 @pytest.fixture
@@ -157,10 +148,10 @@ def test_the_disk_gets_full(disk: Path) -> None:
             assert answer.content.startswith(b"\x89MCAP")
         # And with room everything goes on.
         begin_run(system)
-    sys.stdout.write(
-        f"\nfault 13, disk full: the recording ends within {max(ended):.2f} s, holds all but the "
+    tell(
+        f"fault 13, disk full: the recording ends within {max(ended):.2f} s, holds all but the "
         f"last {max(kept):.2f} s, zero {1000 * max(zeros):.0f} ms after a stop, a run is stopped "
-        f"within {max(stops):.2f} s (worst of {TRIALS})\n"
+        f"within {max(stops):.2f} s (worst of {TRIALS})"
     )
     assert max(ended) <= ENDS_S
     assert max(kept) <= 1.0

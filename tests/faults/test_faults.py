@@ -14,23 +14,20 @@ import math
 import os
 import signal
 import statistics
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from ..chromium import launched
-from ..leftovers import no_process_left_behind
-from .bench import Refused, wait_until
+from .bench import TRIALS, Refused, tell, wait_until
 from .cameras import RATE_HZ, plain_picture
 from .operator import Operator
 from .seat import Seat
 from .system import SPEED_MPS, System
 
-TRIALS = int(os.environ.get("FAULT_TRIALS", "1"))
 ZERO_S = 0.3
 RESULTS = Path(__file__).resolve().parents[2] / "artefacts" / "faults.json"
 
@@ -38,26 +35,6 @@ RESULTS = Path(__file__).resolve().parents[2] / "artefacts" / "faults.json"
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(120 + 30 * TRIALS)]
 
 _WITH_MANY_TRIALS = pytest.mark.skipif(TRIALS == 1, reason="for make faults: FAULT_TRIALS=2")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _nothing_left_behind() -> Iterator[None]:
-    """In place of the check after every test: the system outlives the single test."""
-    with no_process_left_behind():
-        yield
-
-
-@pytest.fixture(scope="module")
-def system(
-    tmp_path_factory: pytest.TempPathFactory, _nothing_left_behind: None
-) -> Iterator[System]:
-    with System(tmp_path_factory.mktemp("faults")).running() as system:
-        yield system
-
-
-def tell(line: str) -> None:
-    """For the person who runs it (``pytest -s``)."""
-    sys.stdout.write(f"\n{line}\n")
 
 
 def worst_of(number: int, name: str, once: Callable[[], float], *, within: float) -> None:

@@ -7,10 +7,8 @@ locked database is left out where that is one, for it takes half a minute.
 
 from __future__ import annotations
 
-import os
 import random
 import sqlite3
-import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -22,10 +20,8 @@ from typing import Any
 import psutil
 import pytest
 
-from ..leftovers import no_process_left_behind
-from .bench import Refused, Server, served, wait_until
+from .bench import TRIALS, Refused, Server, served, tell, wait_until
 
-TRIALS = int(os.environ.get("FAULT_TRIALS", "1"))
 SOURCE = "simulated:lab"
 LOST_S = 1.0
 START_S = 10.0
@@ -34,18 +30,6 @@ JITTER_MS = 20.0
 LOCK_S = 30.0
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(120 + 30 * TRIALS)]
-
-
-@pytest.fixture(autouse=True)
-def _nothing_left_behind() -> Iterator[None]:
-    """In place of the check after every test, which looks sooner than killed children are gone."""
-    with no_process_left_behind():
-        yield
-
-
-def tell(line: str) -> None:
-    """For the person who runs it (``pytest -s``)."""
-    sys.stdout.write(f"\n{line}\n")
 
 
 def begin_run(server: Server) -> str:

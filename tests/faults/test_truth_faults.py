@@ -6,8 +6,6 @@ Tried ``FAULT_TRIALS`` times, with a server of motion capture of our own over re
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -17,34 +15,17 @@ import pytest
 
 from observer.geometry import Pose
 
-from ..leftovers import no_process_left_behind
 from ..observer.truth.live.mishaps import Mishaps, Sent, Stream
 from ..observer.truth.live.vrpn_server import VrpnServer
-from .bench import wait_until
+from .bench import TRIALS, tell, wait_until
 from .system import System
 
-TRIALS = int(os.environ.get("FAULT_TRIALS", "1"))
 DROPPED_S = 1.0
 # A busy machine stops a robot for its own reasons now and then: what counts is a drop-out right
 # behind as long a time in which it drove on.
 _TRIES = 6
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(120 + 30 * TRIALS)]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _nothing_left_behind() -> Iterator[None]:
-    """In place of the check after every test: the system outlives the single test."""
-    with no_process_left_behind():
-        yield
-
-
-@pytest.fixture(scope="module")
-def system(
-    tmp_path_factory: pytest.TempPathFactory, _nothing_left_behind: None
-) -> Iterator[System]:
-    with System(tmp_path_factory.mktemp("faults")).running() as system:
-        yield system
 
 
 class MotionCapture:
@@ -133,10 +114,10 @@ def test_motion_capture_drops_out(system: System, capture: MotionCapture) -> Non
             if len(stops) < 2:
                 pytest.skip("this machine stops the robot by itself, it is too busy")
             pytest.fail(f"the robot was stopped while motion capture {way.__name__}: {stops}")
-    sys.stdout.write(
-        f"\nfault 11, motion capture drops out: robot driven on in {len(dropped)} of "
+    tell(
+        f"fault 11, motion capture drops out: robot driven on in {len(dropped)} of "
         f"{len(dropped)}, longest pause between its commands {1000 * max(dropped):.0f} ms, "
-        f"{1000 * max(calm):.0f} ms without\n"
+        f"{1000 * max(calm):.0f} ms without"
     )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import csv
 import io
-import os
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from app.messages import EngineState, LiveTruthOrder, OpenSource, SetPlayback
@@ -196,14 +197,11 @@ def test_a_command_ends_with_the_client_that_wanted_it(
         # Others are not held up by it.
         assert (await served.http.get(f"/api/runs/{id}/chart")).is_success
 
-    def children() -> list[int]:
+    def children() -> list[psutil.Process]:
         found = []
-        for task in Path(f"/proc/{os.getpid()}/task").iterdir():
-            text = (task / "children").read_text()
-            found += [
-                int(pid) for pid in text.split()
-                if b"niced_command" in Path(f"/proc/{pid}/cmdline").read_bytes()
-            ]  # fmt: skip
+        for child in psutil.Process().children():
+            with contextlib.suppress(psutil.NoSuchProcess):
+                found += [child] if "app.niced_command" in child.cmdline() else []
         return found
 
     run(serve, scenario)

@@ -1,0 +1,118 @@
+"""A guided check as a person does it: in the simulated lab, with a robot that really crosses."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from .bench import Refused, Server, served, tell, wait_until
+from .operator import Operator
+
+pytestmark = [
+    pytest.mark.slow, pytest.mark.alone, pytest.mark.patient, pytest.mark.timeout(300),
+]  # fmt: skip
+
+SPEED_MPS = 0.25
+TURN_RADPS = 0.6
+_PATIENCE_S = 150.0
+
+
+def test_the_guard_stops_before_a_robot_that_crosses(tmp_path: Path) -> None:
+    with served(tmp_path, "simulated:drive") as server:
+        wait_until("sight", lambda: _robots(server)["sight"]["status"] == "ok", 40.0)
+        server.request("POST", "/robots/check", {"role": "observer"})
+        walked_in = _walked_in(server)
+        tell(f"walk in: {walked_in['verdict']}; {walked_in['sentence']}")
+        assert walked_in["state"] == "passed", walked_in
+        for _ in ("cover_lens", "unplug"):
+            # Nobody can reach the simulated lab's cameras.
+            server.request("POST", "/robots/check/skip")
+        closed = _closed_browser(server)
+        tell(f"close the browser: {closed['verdict']}")
+        assert closed["state"] == "passed", closed
+        (entry,) = server.request("GET", "/robots/checks")
+        record = server.request("GET", f"/robots/checks/{entry['name']}")
+        assert record["outcome"] == "incomplete"
+        assert record["robot"]["model"] is not None
+        markdown = server.api.get(f"/api/robots/checks/{entry['name']}?format=markdown").text
+        assert walked_in["verdict"] in markdown
+
+
+def _robots(server: Server) -> dict[str, Any]:
+    facts: dict[str, Any] = server.request("GET", "/robots")
+    return facts
+
+
+def _step(server: Server, name: str) -> dict[str, Any]:
+    steps = server.request("GET", "/robots/check")["check"]["steps"]
+    return next(step for step in steps if step["name"] == name)
+
+
+def _walked_in(server: Server) -> dict[str, Any]:
+    """Drive ahead until the guard stops the robot in motion, as often as something else does."""
+    operator = Operator(server.port, server.token)
+    try:
+        assert operator.take(takeover=True)["state"] == "yours"
+        wait_until("the guard's stop", lambda: _driven(server, operator, "walk_in"), _PATIENCE_S)
+        return _step(server, "walk_in")
+    finally:
+        operator.leave()
+
+
+def _closed_browser(server: Server) -> dict[str, Any]:
+    """Turn away from what is ahead, drive, and leave in motion; as often as that takes."""
+
+    def closed() -> bool:
+        operator = Operator(server.port, server.token)
+        try:
+            assert operator.take(takeover=True)["state"] == "yours"
+            _armed(server, operator)
+            operator.hold(0.0, TURN_RADPS)
+            time.sleep(2.0)
+            operator.hold(SPEED_MPS)
+            until = time.monotonic() + 2.0
+            while _speed(server) < 0.8 * SPEED_MPS and time.monotonic() < until:
+                time.sleep(0.02)
+        finally:
+            operator.leave(abruptly=True)
+        time.sleep(1.5)
+        return _settled(server, "close_browser")
+
+    wait_until("a stop for want of an operator", closed, _PATIENCE_S)
+    return _step(server, "close_browser")
+
+
+def _driven(server: Server, operator: Operator, step: str) -> bool:
+    """One drive from arming to a stop; whether the step is settled by it."""
+    _armed(server, operator)
+    operator.hold(SPEED_MPS)
+    while not _settled(server, step) and server.robot()["state"] in ("armed", "moving"):
+        time.sleep(0.05)
+    operator.release()
+    # A stop is told of once the robot stands.
+    time.sleep(1.5)
+    return _settled(server, step)
+
+
+def _armed(server: Server, operator: Operator) -> None:
+    def armed() -> bool:
+        if server.robot()["state"] in ("armed", "moving"):
+            return True
+        try:
+            server.request("POST", "/robots/observer/arm", {"lease": operator.lease})
+        except Refused:
+            server.request("POST", "/robots/reset")
+        return False
+
+    wait_until("the robot is armed", armed, 20.0)
+
+
+def _settled(server: Server, name: str) -> bool:
+    return _step(server, name)["state"] not in ("waiting", "driving")
+
+
+def _speed(server: Server) -> float:
+    return float((server.robot().get("report") or {}).get("speed_mps") or 0.0)
