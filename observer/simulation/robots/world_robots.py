@@ -18,6 +18,7 @@ from collections.abc import Callable
 from observer.rig.rig import RobotModel, Role
 from observer.robots.contract import RobotPort
 from observer.robots.models import robot_spec
+from observer.simulation.robots.chassis import Chassis
 from observer.simulation.robots.driven import DrivenVehicle
 from observer.simulation.robots.emulated import bumpers_of
 from observer.simulation.robots.firmware import Firmware
@@ -92,6 +93,14 @@ class SimulatedRobots:
             self._world.move({body.id: self._vehicles[role].motion for role, _, body in bodies})
             self._source.follow(self)
         return self._ports
+
+    def chassis(self, role: Role) -> Chassis:
+        """The machine below a robot's firmware, once it is served.
+
+        Raises:
+            KeyError: there is no such robot.
+        """
+        return self._vehicles[role]
 
     def close(self) -> None:
         """The robots are gone and run out; safe to call twice."""
