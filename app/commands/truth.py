@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import typer
 
 from app.commands.truth_options import AngleReading, AnglesOption, RateOption
-from observer.errors import InputError
 
 
 def truth(
@@ -26,6 +25,7 @@ def truth(
     ] = None,
 ) -> None:
     """Say what a file of motion capture holds: its bodies, rate, units, angles and gaps."""
+    from app.reporting.whole_files import write_file
     from observer.truth.files.angles import AnglesUnclear
 
     try:
@@ -36,10 +36,7 @@ def truth(
         # A question, which whoever asked passes on.
         told = {"question": str(error)}
     if output is not None:
-        try:
-            output.write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"cannot write {output}: {error.strerror}") from None
+        write_file(output, json.dumps(told, allow_nan=False).encode())
         return
     rate_hz = "" if told["rate_hz"] is None else f", {told['rate_hz']:g} Hz"
     duration = "" if told["duration_s"] is None else f", {told['duration_s']:.1f} s"
