@@ -275,7 +275,11 @@ def test_a_second_operator(system: System) -> None:
             with pytest.raises(Refused) as no:
                 system.server.request("POST", "/robots/observer/arm", {"lease": "somebody's"})
             assert no.value.status == 409
-            assert system.robot.robot.speed_mps > 0.2
+            if system.robot.robot.speed_mps <= 0.2:
+                # On a busy machine a frame comes too late now and then, which stops it.
+                last = system.server.request("GET", "/robots")["incidents"][-1]
+                assert last["kind"] == "sight", last
+                return once()
             before, taken = len(first.messages), time.monotonic()
             assert second.take(takeover=True)["state"] == "yours"
             seconds = system.zero_after(taken)
