@@ -264,7 +264,7 @@ def test_the_tab_is_hidden_with_a_key_held(system: System, chromium_path: str) -
 
 
 def test_a_second_operator(system: System) -> None:
-    def once() -> float:
+    def once(tries: int = 3) -> float:
         system.move()
         first = system.operator
         assert first is not None
@@ -276,10 +276,12 @@ def test_a_second_operator(system: System) -> None:
                 system.server.request("POST", "/robots/observer/arm", {"lease": "somebody's"})
             assert no.value.status == 409
             if system.robot.robot.speed_mps <= 0.2:
-                # On a busy machine a frame comes too late now and then, which stops it.
+                # On a busy machine a frame or a sign comes too late now and then, which stops it;
+                # whoever was refused did so each time.
                 last = system.server.request("GET", "/robots")["incidents"][-1]
-                assert last["kind"] == "sight", last
-                return once()
+                assert last["kind"] in ("sight", "expired"), last
+                assert tries > 1, last
+                return once(tries - 1)
             before, taken = len(first.messages), time.monotonic()
             assert second.take(takeover=True)["state"] == "yours"
             seconds = system.zero_after(taken)
