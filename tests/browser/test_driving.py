@@ -394,6 +394,7 @@ def test_a_programme_runs_while_its_operator_is_there(room, seat, hide_page):
     expect(page.locator(".programme-running")).to_be_hidden()
 
 
+@pytest.mark.patient
 def test_a_check_outlasts_the_page_that_is_closed(room, seat, keep_picture):
     page = seat()
     page.get_by_text("Check the guard").click()

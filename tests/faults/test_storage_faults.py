@@ -141,6 +141,7 @@ def spoil(file: Path, chance: random.Random) -> None:
         stream.write(chance.randbytes(4096 if where == "header" else size // 4))
 
 
+@pytest.mark.patient
 def test_the_database_is_corrupted(tmp_path: Path) -> None:
     data, chance, starts = tmp_path / "data", random.Random(15), []
     begun = time.monotonic()

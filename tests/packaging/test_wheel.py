@@ -51,6 +51,7 @@ def wheel(clone_into: Callable[[Path], None], tmp_path_factory: pytest.TempPathF
     return made
 
 
+@pytest.mark.patient
 def test_a_fresh_clone_is_set_up_once(set_up: Path) -> None:
     assert (set_up / "static" / "vendor" / "uplot" / "uPlot.esm.js").is_file()
     assert not list((set_up / ".venv" / "lib").glob("python3.*/site-packages/app"))
@@ -91,6 +92,7 @@ def test_what_is_in_it(wheel: Path, repository: Path) -> None:
     assert [name for name in names if unwanted.search(name)] == []
 
 
+@pytest.mark.patient
 def test_it_serves_from_an_environment_of_what_it_needs_alone(
     wheel: Path, set_up: Path, tmp_path: Path, free_port: int
 ) -> None:
@@ -124,6 +126,7 @@ def test_it_serves_from_an_environment_of_what_it_needs_alone(
     assert (tmp_path / "data").is_dir()
 
 
+@pytest.mark.patient
 def test_clean_removes_all_that_setup_made(set_up: Path) -> None:
     assert make(set_up, "clean").returncode == 0
     assert not (set_up / ".venv").exists()

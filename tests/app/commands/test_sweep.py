@@ -48,6 +48,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return home
 
 
+@pytest.mark.patient
 def test_an_interrupted_sweep_keeps_what_is_finished(
     folder: Path, tmp_path: Path, shell: Shell
 ) -> None:

@@ -78,6 +78,7 @@ def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_path: Pat
         assert {"truth", "commanded"} <= {row.source for row in rows}
 
 
+@pytest.mark.patient
 def test_a_calibration_is_tried_on_the_newest_pair(real: Any, calibration_yaml: Any) -> None:
     async def scenario() -> None:
         async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:

@@ -69,7 +69,14 @@ def wait_until_ready(link: str) -> None:
             time.sleep(0.05)
 
 
-@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "how",
+    [
+        signal.SIGTERM,
+        pytest.param(signal.SIGINT, marks=pytest.mark.patient),
+        pytest.param(signal.SIGKILL, marks=pytest.mark.patient),
+    ],
+)
 def test_it_ends_when_told_and_leaves_no_process(tmp_path: Path, how: signal.Signals) -> None:
     with server(tmp_path) as (process, link):
         wait_until_ready(link)

@@ -1,7 +1,7 @@
 """Speeds of a robot that is driven as figure 17's programmes drive it, against the truth.
 
-What a server with drive process and robots' firmware does is done here by the frames' clock, so that
-it is the same each time; ``dynamic-observer reproduce`` measures the whole.
+What a server with drive process and robots' firmware does is done here by the frames' clock, so
+that it is the same each time; ``dynamic-observer reproduce`` measures the whole.
 """
 
 from __future__ import annotations

@@ -72,6 +72,7 @@ def test_streams_are_read_in_pairs(kind: str) -> None:
             source.close()
 
 
+@pytest.mark.patient
 @pytest.mark.slow
 def test_faults_of_the_network_are_told_in_time_and_get_over(
     server: VideoServer, proxy: FaultProxy
