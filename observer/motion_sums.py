@@ -160,10 +160,14 @@ class MotionSums:
 
         The length of an evenly filled window with the same variance of the sightings' times.
         """
-        weight = np.trace(self.a0, axis1=1, axis2=2)
-        mean = np.trace(self.a1, axis1=1, axis2=2) / np.maximum(weight, _TINY)
-        square = np.trace(self.a2, axis1=1, axis2=2) / np.maximum(weight, _TINY)
+        mean, square = self.ages()
         return np.asarray(np.sqrt(12 * np.maximum(square - mean**2, 0.0)), np.float64)
+
+    def ages(self) -> tuple[Float64Array, Float64Array]:
+        """How long ago the sightings were on average: (N,) seconds, and (N,) their squares."""
+        weight = np.maximum(np.trace(self.a0, axis1=1, axis2=2), _TINY)
+        mean = -np.trace(self.a1, axis1=1, axis2=2) / weight
+        return mean, np.trace(self.a2, axis1=1, axis2=2) / weight
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> MotionSums:
         """The sums of some of the points."""

@@ -205,10 +205,9 @@ def placed(track: BodyTrack, sums: MotionSums) -> tuple[Float64Array, Float64Arr
         inner -= np.einsum("nij,nj->ni", sums.a2, bend) / 2
         place = sums.origin + np.einsum("nij,nj->ni", cov, inner)
         velocity = track.velocity_at(place)
-    since = np.trace(sums.a2, axis1=1, axis2=2) / np.trace(sums.a0, axis1=1, axis2=2)
-    age = -np.trace(sums.a1, axis1=1, axis2=2) / np.trace(sums.a0, axis1=1, axis2=2)
+    age, squared_age = sums.ages()
     bent = _TURN_DOUBT * abs(rate) * np.linalg.norm(velocity, axis=1)
-    doubt = (bent + track.recent.acceleration(age)) * since / 2
+    doubt = (bent + track.recent.acceleration(age)) * squared_age / 2
     return place, inverse_3x3(cov + (doubt**2)[:, None, None] * np.eye(3))
 
 

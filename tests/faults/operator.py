@@ -11,6 +11,8 @@ from typing import Any
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from .bench import Refused, Server, wait_until
+
 _PERIOD_S = 0.1
 _ANSWER_S = 3.0
 
@@ -158,3 +160,20 @@ class Operator:
             }
         )
         self.last_sign = time.monotonic()
+
+
+def arm(server: Server, operator: Operator) -> None:
+    """Arm the observer with the operator's lease, reset first where it was stopped."""
+
+    def armed() -> bool:
+        if server.robot()["state"] in ("armed", "moving"):
+            return True
+        try:
+            server.request("POST", "/robots/observer/arm", {"lease": operator.lease})
+        except Refused as error:
+            if "reset" in str(error) or "stopped" in str(error) or "fault" in str(error):
+                server.request("POST", "/robots/reset")
+            return False
+        return True
+
+    wait_until("the robot is armed", armed, 10.0)

@@ -15,9 +15,9 @@ from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving, serve_tcp
 from observer.simulation.world import World
 
-from .bench import Refused, Server, served, wait_until
+from .bench import Server, served, wait_until
 from .cameras import Camera, stereo_cameras, still_world
-from .operator import Operator
+from .operator import Operator, arm
 
 SPEED_MPS = 0.3
 # What a ramp and a slow status packet leave of it.
@@ -153,7 +153,7 @@ class System:
         operator.release()
         # It may still roll on from the trial before, which is no driving.
         wait_until("the robot stands", lambda: self.robot.robot.speed_mps < 0.01)
-        self._arm()
+        arm(self.server, operator)
         operator.hold(SPEED_MPS)
         until = time.monotonic() + 2.5
         while self.robot.robot.speed_mps < MOVING_MPS:
@@ -161,23 +161,6 @@ class System:
                 return False
             time.sleep(0.01)
         return True
-
-    def _arm(self) -> None:
-        operator = self.operator
-        assert operator is not None
-
-        def armed() -> bool:
-            if self.server.robot()["state"] in ("armed", "moving"):
-                return True
-            try:
-                self.server.request("POST", "/robots/observer/arm", {"lease": operator.lease})
-            except Refused as error:
-                if "reset" in str(error) or "stopped" in str(error) or "fault" in str(error):
-                    self.server.request("POST", "/robots/reset")
-                return False
-            return True
-
-        wait_until("the robot is armed", armed, 10.0)
 
     # --- the stopwatch ---------------------------------------------------------------------
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from .bench import Refused, Server, served, tell, wait_until
-from .operator import Operator
+from .bench import Server, served, tell, wait_until
+from .operator import Operator, arm
 
 pytestmark = [
     pytest.mark.slow, pytest.mark.alone, pytest.mark.patient, pytest.mark.timeout(300),
@@ -77,7 +77,7 @@ def _closed_browser(server: Server) -> dict[str, Any]:
         try:
             assert operator.take(takeover=True)["state"] == "yours"
             operator.release()
-            _armed(server, operator)
+            arm(server, operator)
             operator.hold(0.0, TURN_RADPS)
             time.sleep(2.0)
             operator.hold(SPEED_MPS)
@@ -96,7 +96,7 @@ def _closed_browser(server: Server) -> dict[str, Any]:
 def _driven(server: Server, operator: Operator, step: str) -> bool:
     """One drive from arming to a stop; whether the step is settled by it."""
     operator.release()
-    _armed(server, operator)
+    arm(server, operator)
     operator.hold(SPEED_MPS)
     drove = time.monotonic()
     while not _settled(server, step) and time.monotonic() - drove < _STANDS_S:
@@ -104,19 +104,6 @@ def _driven(server: Server, operator: Operator, step: str) -> bool:
             drove = time.monotonic()
         time.sleep(0.05)
     return _settled(server, step)
-
-
-def _armed(server: Server, operator: Operator) -> None:
-    def armed() -> bool:
-        if server.robot()["state"] in ("armed", "moving"):
-            return True
-        try:
-            server.request("POST", "/robots/observer/arm", {"lease": operator.lease})
-        except Refused:
-            server.request("POST", "/robots/reset")
-        return False
-
-    wait_until("the robot is armed", armed, 20.0)
 
 
 def _settled(server: Server, name: str) -> bool:
