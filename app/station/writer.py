@@ -111,7 +111,8 @@ class Writer:
                 f"the database does not keep up ({self.trouble or 'too many writes'}); try again"
             ) from None
         try:
-            return await asyncio.wait_for(future, timeout_s)
+            async with asyncio.timeout(timeout_s):
+                return await future
         except TimeoutError:
             raise NotAvailable(
                 "the database did not take the write in time; it is tried further"

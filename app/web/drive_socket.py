@@ -88,7 +88,8 @@ class DriveSocket:
         """End the connection of a client that takes nothing or answers nothing."""
         while True:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._overrun.wait(), 1.0)
+                async with asyncio.timeout(1.0):
+                    await self._overrun.wait()
             if self._overrun.is_set():
                 await close(self._socket, TRY_LATER, "the messages are not taken in time")
                 return

@@ -68,7 +68,8 @@ class LiveHub:
         try:
             while True:
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._status_due.wait(), _STATUS_INTERVAL_S)
+                    async with asyncio.timeout(_STATUS_INTERVAL_S):
+                        await self._status_due.wait()
                 self._status_due.clear()
                 self._status_text = None
                 for page in self._pages:
@@ -216,10 +217,9 @@ class _Page:
                 await self._socket.send_text(text)
                 continue
             self._wake.clear()
-            try:
-                await asyncio.wait_for(self._wake.wait(), _HEARTBEAT_S - (now - beat))
-            except TimeoutError:
-                continue
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_HEARTBEAT_S - (now - beat)):
+                    await self._wake.wait()
 
     def _next(self, now: float) -> str | None:
         if self._status_due:

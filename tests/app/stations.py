@@ -26,11 +26,11 @@ async def started(
         await station.stop()
 
 
-def run(scenario: Coroutine[Any, Any, None]) -> None:
+def run(scenario: Coroutine[Any, Any, None], within_s: float = 60) -> None:
     """What a test does, to its end."""
 
     async def limited() -> None:
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(within_s):
             await scenario
 
     asyncio.run(limited())

@@ -13,6 +13,8 @@ from app.station.run_end import write_end
 from app.station.writer import Writer
 from app.storage import RunRecord, RunState, Storage, StorageFull, StorageMissing
 
+from .stations import run
+
 
 def test_an_end_without_room_is_written_once_there_is(
     storage: Storage, monkeypatch: pytest.MonkeyPatch
@@ -40,7 +42,7 @@ def test_an_end_without_room_is_written_once_there_is(
 
     writer.start()
     try:
-        asyncio.run(asyncio.wait_for(scenario(), 10.0))
+        run(scenario())
     finally:
         writer.stop()
     found = storage.get_run(record.id)

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,8 @@ from app.supervisor import EngineRefused, EngineUnavailable, Supervisor, Supervi
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.parameters import preset
+
+from .stations import run
 
 HERE = Path(__file__).parent
 FAKE = (sys.executable, str(HERE / "fake_engine.py"))
@@ -91,10 +93,6 @@ class Watched:
         )
 
 
-def run(work: Coroutine[Any, Any, None]) -> None:
-    asyncio.run(asyncio.wait_for(work, 100))
-
-
 def numbers(source: str = "numbers", **more: Any) -> OpenSource:
     return OpenSource(source, None, {}, 1, **more)
 
@@ -134,7 +132,7 @@ def test_it_starts_answers_observes_and_leaves_nothing() -> None:
         await supervisor.stop()
         assert len(os.listdir("/dev/fd")) == before
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_refusals_and_absence_are_told_apart() -> None:
@@ -150,7 +148,7 @@ def test_refusals_and_absence_are_told_apart() -> None:
         with pytest.raises(EngineUnavailable, match="is being stopped"):
             await supervisor.request(StopRun())
 
-    run(work())
+    run(work(), within_s=100)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV, signal.SIGSTOP])
@@ -187,7 +185,7 @@ def test_a_dead_or_hung_engine_is_replaced_in_time(number: signal.Signals) -> No
                 "a picture of the next engine",
             )
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_a_main_loop_that_hangs_is_replaced_although_its_threads_live() -> None:
@@ -201,7 +199,7 @@ def test_a_main_loop_that_hangs_is_replaced_although_its_threads_live() -> None:
             await watched.wait(EngineStartedEvent, lambda e: e.generation == 2)
             assert time.monotonic() - begin < REPLACED_WITHIN_S + 0.5
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_a_request_to_an_engine_that_dies_fails_at_once() -> None:
@@ -214,7 +212,7 @@ def test_a_request_to_an_engine_that_dies_fails_at_once() -> None:
             await watched.wait(EngineLostEvent)
             assert "exit code 7" in watched.all(EngineLostEvent)[0].reason
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_a_request_that_is_not_answered_times_out() -> None:
@@ -231,7 +229,7 @@ def test_a_request_that_is_not_answered_times_out() -> None:
         assert gone(pid)
         assert time.monotonic() - begin < 10
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_an_engine_that_dies_again_and_again_is_not_restarted_in_a_spin() -> None:
@@ -257,7 +255,7 @@ def test_an_engine_that_dies_again_and_again_is_not_restarted_in_a_spin() -> Non
             assert pauses[1] >= 0.2
             assert pauses[2] >= 0.4
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_an_engine_that_never_starts_is_given_up_with_its_reason() -> None:
@@ -267,7 +265,7 @@ def test_an_engine_that_never_starts_is_given_up_with_its_reason() -> None:
         with pytest.raises(EngineUnavailable, match="exit code 3, 3 times in a row"):
             await watched.supervisor.start()
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_an_engine_that_never_says_a_word_is_given_up() -> None:
@@ -277,7 +275,7 @@ def test_an_engine_that_never_says_a_word_is_given_up() -> None:
         with pytest.raises(EngineUnavailable, match="no sign of life"):
             await watched.supervisor.start()
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_a_program_that_is_not_there_is_one_sentence() -> None:
@@ -288,7 +286,7 @@ def test_a_program_that_is_not_there_is_one_sentence() -> None:
         with pytest.raises(EngineUnavailable, match=r"cannot be started: .*No such file"):
             await supervisor.start()
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_a_blocked_event_loop_is_not_taken_for_a_hung_engine() -> None:
@@ -309,7 +307,7 @@ def test_a_blocked_event_loop_is_not_taken_for_a_hung_engine() -> None:
 
             await watched.until(counted, "the count of what was lost")
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_a_listener_that_fails_harms_nobody() -> None:
@@ -328,7 +326,7 @@ def test_a_listener_that_fails_harms_nobody() -> None:
             await asyncio.sleep(0.2)
             assert len(heard) == count
 
-    run(work())
+    run(work(), within_s=100)
 
 
 @pytest.mark.parametrize(
@@ -433,7 +431,7 @@ def test_the_real_engine_plays_observes_and_draws_a_stereo_folder(stereo_folder:
             assert preview["vertical_error_px"] == pytest.approx(0.0, abs=0.3)
             assert preview["jpeg"].startswith(b"\xff\xd8")
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_the_real_engine_says_what_to_do_without_a_calibration(stereo_folder: Path) -> None:
@@ -449,7 +447,7 @@ def test_the_real_engine_says_what_to_do_without_a_calibration(stereo_folder: Pa
             failed = watched.all(StateEvent)[-1]
             assert failed.state is EngineState.FAILED
 
-    run(work())
+    run(work(), within_s=100)
 
 
 def test_the_real_engine_observes_the_simulated_lab_with_truth() -> None:
@@ -462,4 +460,4 @@ def test_the_real_engine_observes_the_simulated_lab_with_truth() -> None:
             assert watched.all(StateEvent)[-1].has_truth
             assert {body["role"] for body in event.truth} == {"observer", "obstacle"}
 
-    run(work())
+    run(work(), within_s=100)

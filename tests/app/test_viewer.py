@@ -35,6 +35,8 @@ from app.viewer.trails import Trails
 from observer.geometry import Pose
 from observer.mount import CameraMount, level_pose
 
+from .stations import run
+
 ANGLES = st.floats(-1.4, 1.4)
 
 
@@ -354,5 +356,5 @@ def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
                 await asyncio.sleep(0.03)
         assert viewer._server.scene._handle_from_node_name == handles
 
-    asyncio.run(asyncio.wait_for(scenario(), 60))
+    run(scenario())
     assert "viser" not in capsys.readouterr().out

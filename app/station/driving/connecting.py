@@ -182,7 +182,8 @@ async def _keep(due: asyncio.Event, tell: Callable[[], Awaitable[None]]) -> None
     again = False
     while True:
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(due.wait(), _RETRY_S if again else None)
+            async with asyncio.timeout(_RETRY_S if again else None):
+                await due.wait()
         due.clear()
         try:
             await tell()

@@ -42,7 +42,8 @@ async def get_snapshot(name: ViewName, feeds: Feeds) -> Response:
         raise NotThere(_NO_SUCH_VIEW)
     async with feeds[name].watched():
         try:
-            newest = await asyncio.wait_for(feeds[name].newer(0), _SNAPSHOT_TIMEOUT_S)
+            async with asyncio.timeout(_SNAPSHOT_TIMEOUT_S):
+                newest = await feeds[name].newer(0)
         except TimeoutError:
             raise NotAvailable(
                 f"there is no image of the view {name} yet; open a source first"

@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -30,6 +30,8 @@ from app.station.contracts import Drive
 from app.supervisor import Supervisor
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import serve_tcp
+
+from ..stations import run
 
 PATIENCE_S = 20.0
 
@@ -61,10 +63,6 @@ class Watched:
     def state(self, role: str) -> Any:
         robot = self.all(DriveEvent)[-1].facts["robots"][role]
         return None if robot is None else robot["state"]
-
-
-def run(work: Coroutine[Any, Any, None]) -> None:
-    asyncio.run(asyncio.wait_for(work, 60))
 
 
 def test_it_answers_refuses_and_leaves_nothing(slots: dict[str, int]) -> None:

@@ -6,11 +6,15 @@ import asyncio
 import contextlib
 import json
 import time
+from functools import partial
 from typing import Any
 
 import psutil
 import pytest
+from starlette.websockets import WebSocketState
 from websockets.exceptions import ConnectionClosed
+
+from app.web.live import LiveHub
 
 from .scenarios import run
 
@@ -24,13 +28,11 @@ async def next_of(socket: Any, kind: str) -> dict[str, Any]:
 
 
 async def heard_for(socket: Any, seconds: float) -> list[dict[str, Any]]:
-    messages = []
-    deadline = time.monotonic() + seconds
-    while (left := deadline - time.monotonic()) > 0:
-        try:
-            messages.append(json.loads(await asyncio.wait_for(socket.recv(), left)))
-        except TimeoutError:
-            break
+    messages: list[dict[str, Any]] = []
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(seconds):
+            while True:
+                messages.append(json.loads(await socket.recv()))
     return messages
 
 
@@ -234,6 +236,33 @@ def test_text_that_is_no_utf8_closes_with_1007(serve: Any) -> None:
     run(serve, scenario)
 
 
+def test_nonsense_ends_a_page_also_at_the_instant_at_which_something_is_due(
+    serve: Any, peer: Any
+) -> None:
+    """A wait that is cancelled as it ends must not go on, or the page would never be closed."""
+
+    async def closed(served: Any, later: int) -> None:
+        hub, socket = LiveHub(served.station), _ScriptedSocket()
+        page = asyncio.ensure_future(hub.serve(socket))  # type: ignore[arg-type]
+        while len(socket.sent) < 3:
+            await asyncio.sleep(0.01)
+        steps = [partial(hub.observed, peer.observe()), partial(socket.say, "hello")]
+        first, second = steps if later > 0 else reversed(steps)
+        first()
+        for _ in range(abs(later)):
+            await asyncio.sleep(0)
+        second()
+        async with asyncio.timeout(5):
+            await page
+        assert socket.closed == 1007
+
+    async def scenario(served: Any) -> None:
+        for later in range(-6, 7):
+            await closed(served, later)
+
+    run(serve, scenario)
+
+
 def test_the_server_ends_while_pages_are_open(serve: Any) -> None:
     async def serving() -> None:
         async with serve() as served:
@@ -246,6 +275,29 @@ def test_the_server_ends_while_pages_are_open(serve: Any) -> None:
         assert socket.close_code == 1012
 
     asyncio.run(serving())
+
+
+class _ScriptedSocket:
+    """A page's socket that says what it is told to, in the turn of the loop it is told in."""
+
+    application_state = client_state = WebSocketState.CONNECTED
+
+    def __init__(self) -> None:
+        self.sent: list[str] = []
+        self.closed: int | None = None
+        self._said: asyncio.Future[dict[str, str]] = asyncio.get_running_loop().create_future()
+
+    def say(self, text: str) -> None:
+        self._said.set_result({"type": "websocket.receive", "text": text})
+
+    async def receive(self) -> dict[str, str]:
+        return await self._said
+
+    async def send_text(self, text: str) -> None:
+        self.sent.append(text)
+
+    async def close(self, code: int, _: str) -> None:
+        self.closed = code
 
 
 async def read_on(socket: Any) -> None:

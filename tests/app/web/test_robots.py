@@ -119,7 +119,8 @@ def test_a_stop_waits_for_nobody_and_outlives_the_process(
                 for _ in range(8):
                     await client.post("/api/robots/stop")
             assert not drive.of(StopRobots)
-            answer = await asyncio.wait_for(http.post("/api/robots/stop"), 5)
+            async with asyncio.timeout(5):
+                answer = await http.post("/api/robots/stop")
             assert answer.status_code == 200
         assert len(drive.of(StopRobots)) == 1
         # The next process begins stopped, before it gets a robot.

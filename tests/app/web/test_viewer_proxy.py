@@ -69,7 +69,8 @@ def test_the_scene_comes_through_and_follows(
             received = 0
             for _ in range(10):
                 peer.observe()
-                received += len(await asyncio.wait_for(socket.recv(), 5))
+                async with asyncio.timeout(5):
+                    received += len(await socket.recv())
             # The cloud of 500 points alone takes 4.5 KB.
             assert received > 4500
         await eventually(lambda: peer.watched == ())
@@ -92,7 +93,8 @@ def test_nobody_reaches_viser_or_the_world_through_it(
             await socket.recv()
             await socket.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
             await socket.send(msgspec.msgpack.encode(CAMERA))
-            assert await asyncio.wait_for(socket.recv(), 5)
+            async with asyncio.timeout(5):
+                assert await socket.recv()
         # Also past the proxy, should a message ever get there.
         assert await asyncio.to_thread(viewer._server.request_share_url) is None
         assert tunnels == []
@@ -205,7 +207,8 @@ def test_a_slow_viewer_holds_nothing_up(serve: Any, peer: Any) -> None:
             messages = 0
             while time.monotonic() < until:
                 peer.observe()
-                await asyncio.wait_for(quick.recv(), 5)
+                async with asyncio.timeout(5):
+                    await quick.recv()
                 messages += 1
             assert messages >= 10
         slow.transport.abort()

@@ -32,7 +32,8 @@ def test_images_come_as_they_are_acknowledged(serve: Any, peer: Any, eventually:
                 await asyncio.sleep(0.01)
             # Nothing comes before the acknowledgement, then only the newest.
             with pytest.raises(TimeoutError):
-                await asyncio.wait_for(socket.recv(), 0.2)
+                async with asyncio.timeout(0.2):
+                    await socket.recv()
             await socket.send("ack")
             newest, _, _ = await image(socket)
             assert newest == first + 10
