@@ -50,17 +50,18 @@ setup-dev: setup $(INSTALLED_DEV)
 run: setup
 	@exec $(BIN)/dynamic-observer serve $(ARGS)
 
-# In three processes, which mostly wait, but for the page's: a browser wants both cores to itself. Compiled modules are
-# kept even where the environment says not to: the tests start hundreds of processes.
+# In three processes, which mostly wait, but for promises in real time, which nothing may run beside,
+# and for the page: a browser wants both cores to itself. Compiled modules are kept even where the
+# environment says not to: the tests start hundreds of processes.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: setup-dev
 	@( $(install_chromium) ) || true
 	@( $(install_ffmpeg) ) || true
 	@( $(install_postgres) ) || true
 ifeq ($(strip $(ARGS)),)
-	$(BIN)/pytest -n 3 --dist loadfile -m "not browser and not alone"
-	$(BIN)/pytest -s -m alone
-	$(BIN)/pytest -m browser
+	$(BIN)/pytest -n 3 --dist loadfile --ignore tests/browser --ignore tests/faults
+	$(BIN)/pytest -s tests/faults
+	$(BIN)/pytest tests/browser
 else
 	$(BIN)/pytest $(ARGS)
 endif

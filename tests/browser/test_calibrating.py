@@ -23,8 +23,6 @@ from observer.simulation.world import World
 from observer.stages.rectification import Rectification
 from observer.stages.stereo import disparity_map
 
-pytestmark = pytest.mark.browser
-
 _NAME = "Two webcams by keyboard"
 # The same board in quick hands, which hold each of the 28 poses just long enough, and cameras of
 # 10 images/s: a third of the frames.

@@ -9,8 +9,6 @@ import zipfile
 import pytest
 from playwright.sync_api import expect
 
-pytestmark = pytest.mark.browser
-
 
 @pytest.fixture(scope="module", autouse=True)
 def _as_before(server):

@@ -15,8 +15,6 @@ from playwright.sync_api import expect
 
 from observer.sources.cameras.spec import parse_devices
 
-pytestmark = pytest.mark.browser
-
 _PORTS = ["/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0",
           "/dev/v4l/by-path/pci-0000:00:14.0-usb-0:2:1.0-video-index0"]  # fmt: skip
 _BUSY = "/dev/video4 is in use by another program; close it there, or choose another camera"

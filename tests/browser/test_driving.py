@@ -16,8 +16,6 @@ from playwright.sync_api import Locator, Page, expect
 from .road import Road
 from .witness import TRIES, Witness, report
 
-pytestmark = pytest.mark.browser
-
 _BUSY = """() => void setTimeout(() => {
   const end = performance.now() + 1200;
   while (performance.now() < end);

@@ -5,8 +5,6 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import expect
 
-pytestmark = pytest.mark.browser
-
 _TABS = ("Source", "Parameters", "Robots", "Calibration", "Runs", "Status")
 
 # Parts that stand out to the right of the window, but for those that scroll by themselves.

@@ -9,8 +9,6 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 
-pytestmark = pytest.mark.browser
-
 # What the server makes of a recording is made by a process of the lowest priority.
 _MADE_MS = 60_000
 

@@ -6,10 +6,7 @@ import re
 
 import cv2
 import numpy as np
-import pytest
 from playwright.sync_api import expect
-
-pytestmark = pytest.mark.browser
 
 
 def test_a_run_is_started_stopped_listed_and_deleted(server, open_panel, eventually, keep_picture):

@@ -7,8 +7,6 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-pytestmark = pytest.mark.browser
-
 _NAME = "ego_motion.ransac_threshold_px"
 _FIELD = "#parameter-ego_motion-ransac_threshold_px"
 

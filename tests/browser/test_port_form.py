@@ -5,8 +5,6 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-pytestmark = pytest.mark.browser
-
 _BY_ID = "/dev/serial/by-id/usb-Prolific_2303-if00-port0"
 _LOCKED = "/dev/ttyACM1 may be used by the group dialout only; join it"
 

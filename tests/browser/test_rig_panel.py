@@ -10,8 +10,6 @@ from playwright.sync_api import expect
 
 from observer.simulation.scenarios import load_scenario
 
-pytestmark = pytest.mark.browser
-
 _IN_USE = "#pane-calibration observer-rig [role=status]"
 
 

@@ -7,8 +7,6 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-pytestmark = pytest.mark.browser
-
 _MODEL = "#parameter-ego_motion-model"
 _MOVES = re.compile(r"Obstacle (\d+) moves at (\d+\.\d\d) ± \d+\.\d\d m/s")
 

@@ -8,10 +8,7 @@ import re
 from typing import Any
 
 import numpy as np
-import pytest
 from playwright.sync_api import Locator, Page, expect
-
-pytestmark = pytest.mark.browser
 
 _SPEED, _STD, _TOP = 0.4, 0.05, 0.4 * 1.15
 _SHOW = """async (charts) => {

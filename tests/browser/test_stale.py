@@ -6,10 +6,7 @@ import signal
 import time
 
 import psutil
-import pytest
 from playwright.sync_api import expect
-
-pytestmark = pytest.mark.browser
 
 # What an engine needs at least to start, and how long it is watched for being idle, seconds.
 _READING_S = 0.4

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import re
 
-import pytest
 from playwright.sync_api import expect
-
-pytestmark = pytest.mark.browser
 
 _FIRST_LINE = re.compile(
     r"Obstacle \d+ moves at (\d+\.\d\d)( ± \d+\.\d\d)? m/s.*, \d+\.\d m .* — truth \d\.\d\d m/s"

@@ -34,7 +34,6 @@ TRIES = 5
 # What it takes of a run is held by test_current_run as well.
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.alone,
     pytest.mark.patient,
     pytest.mark.timeout(120 + 40 * TRIALS),
 ]

@@ -28,7 +28,7 @@ ENDS_S = 5.0
 # What a recording leaves free, and room for some of it.
 DISK_MB = 200 + 120
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(120 + 40 * TRIALS)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 40 * TRIALS)]
 
 
 @pytest.fixture

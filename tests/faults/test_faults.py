@@ -32,7 +32,7 @@ ZERO_S = 0.3
 RESULTS = Path(__file__).resolve().parents[2] / "artefacts" / "faults.json"
 
 # Starting a server takes seconds; a hundred trials take as long as they take.
-pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(120 + 30 * TRIALS)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 30 * TRIALS)]
 
 _WITH_MANY_TRIALS = pytest.mark.skipif(TRIALS == 1, reason="for make faults: FAULT_TRIALS=2")
 

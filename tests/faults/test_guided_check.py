@@ -11,9 +11,7 @@ import pytest
 from .bench import Server, served, tell, wait_until
 from .operator import Operator, arm
 
-pytestmark = [
-    pytest.mark.slow, pytest.mark.alone, pytest.mark.patient, pytest.mark.timeout(300),
-]  # fmt: skip
+pytestmark = [pytest.mark.slow, pytest.mark.patient, pytest.mark.timeout(300)]
 
 SPEED_MPS = 0.25
 # Drawn and looked at in time on slow machines too, where frames would come late and stop the robot.

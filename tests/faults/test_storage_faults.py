@@ -29,7 +29,7 @@ JITTER_MS = 20.0
 # Longer than a write waits for the lock by itself.
 LOCK_S = 30.0
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(120 + 30 * TRIALS)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 30 * TRIALS)]
 
 
 def begin_run(server: Server) -> str:

@@ -25,7 +25,7 @@ DROPPED_S = 1.0
 # behind as long a time in which it drove on.
 _TRIES = 6
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(120 + 30 * TRIALS)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 30 * TRIALS)]
 
 
 class MotionCapture:

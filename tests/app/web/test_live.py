@@ -195,31 +195,33 @@ def test_pages_are_counted(serve: Any, eventually: Any) -> None:
     run(serve, scenario)
 
 
-@pytest.mark.parametrize(
-    "garbage",
-    [
-        "",
-        "hello",
-        "[1, 2]",
-        '{"type": "painted"}',
-        '{"type": "painted", "sequence": true}',
-        '{"type": "painted", "sequence": "1"}',
-        '{"type": "painted", "sequence": 1.5}',
-        '{"type": "other"}',
-        "[" * 900,
-        "x" * 10_000,
-        b"\x00\xff\xfe",
-    ],
-    ids=range(11),
+GARBAGE: tuple[str | bytes, ...] = (
+    "",
+    "hello",
+    "[1, 2]",
+    '{"type": "painted"}',
+    '{"type": "painted", "sequence": true}',
+    '{"type": "painted", "sequence": "1"}',
+    '{"type": "painted", "sequence": 1.5}',
+    '{"type": "other"}',
+    "[" * 900,
+    "x" * 10_000,
+    b"\x00\xff\xfe",
 )
-def test_garbage_closes_with_1007_and_nothing_else_ends(serve: Any, garbage: Any) -> None:
+
+
+def test_garbage_closes_with_1007_and_nothing_else_ends(serve: Any) -> None:
     async def scenario(served: Any) -> None:
-        async with served.socket("/api/live") as other, served.socket("/api/live") as socket:
-            await socket.send(garbage)
-            with pytest.raises(ConnectionClosed):
-                await read_on(socket)
-            assert socket.close_code == 1007
-            assert await next_of(other, "heartbeat")
+        async with served.socket("/api/live") as other:
+            for garbage in GARBAGE:
+                async with served.socket("/api/live") as socket:
+                    await socket.send(garbage)
+                    with pytest.raises(ConnectionClosed):
+                        await read_on(socket)
+                    assert socket.close_code == 1007, garbage
+            last = served.station.clock()
+            while (await next_of(other, "heartbeat"))["time"] < last:
+                pass
 
     run(serve, scenario)
 
