@@ -16,6 +16,18 @@ _R_CAMERA_BASE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 _T_LEVEL_CAMERA = Pose(_R_CAMERA_BASE.T, np.zeros(3))
 
 
+def R_base_camera(pan_rad: float, tilt_rad: float, roll_rad: float) -> Float64Array:
+    """(3, 3) from a camera's axes to those it is mounted in (x forward, y left, z up).
+
+    Args:
+        pan_rad, tilt_rad, roll_rad: as ``CameraMount`` has them.
+    """
+    pan = Pose.from_rotvec([0.0, 0.0, pan_rad], np.zeros(3)).rotation
+    tilt = Pose.from_rotvec([0.0, tilt_rad, 0.0], np.zeros(3)).rotation
+    roll = Pose.from_rotvec([roll_rad, 0.0, 0.0], np.zeros(3)).rotation
+    return np.asarray(pan @ (tilt @ roll @ _R_CAMERA_BASE.T), dtype=np.float64)
+
+
 @dataclass(frozen=True)
 class CameraMount:
     """The left camera on a robot that stands on a flat floor.
@@ -85,7 +97,8 @@ class CameraMount:
         What ``T_base_camera`` is, but for pan and offset: all that levelling needs. Applied to
         the world, which is a segment's first camera, it is the display's frame.
         """
-        return Pose(self._R_level_camera, np.array([0.0, 0.0, self.height_m]))
+        level = R_base_camera(0.0, self.tilt_rad, self.roll_rad)
+        return Pose(level, np.array([0.0, 0.0, self.height_m]))
 
     @property
     def lever_sigma_m(self) -> float:
@@ -95,14 +108,7 @@ class CameraMount:
     @property
     def R_base_camera(self) -> Float64Array:
         """(3, 3) from the camera's axes to the robot's (x forward, y left, z up)."""
-        pan = Pose.from_rotvec([0.0, 0.0, self.pan_rad], np.zeros(3)).rotation
-        return np.asarray(pan @ self._R_level_camera, dtype=np.float64)
-
-    @property
-    def _R_level_camera(self) -> Float64Array:
-        tilt = Pose.from_rotvec([0.0, self.tilt_rad, 0.0], np.zeros(3)).rotation
-        roll = Pose.from_rotvec([self.roll_rad, 0.0, 0.0], np.zeros(3)).rotation
-        return np.asarray(tilt @ roll @ _R_CAMERA_BASE.T, dtype=np.float64)
+        return R_base_camera(self.pan_rad, self.tilt_rad, self.roll_rad)
 
 
 def level_pose(mount: CameraMount | None) -> Pose:

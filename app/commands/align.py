@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,9 +13,11 @@ from app.commands.run_choice import RunArgument
 from app.commands.storage_options import DataOption, storage_settings
 from app.commands.truth_options import (
     AnglesOption,
+    CameraOnBodyOption,
     IgnoreOption,
     ObserverOption,
     RateOption,
+    body_camera,
     body_roles,
 )
 from observer.errors import InputError
@@ -58,6 +61,7 @@ def align(
             f"that repeats itself.",
         ),
     ] = None,
+    camera_on_body: CameraOnBodyOption = None,
     rate: RateOption = None,
     angles: AnglesOption = None,
     speeds: Annotated[
@@ -80,6 +84,7 @@ def align(
     from observer.truth.alignment.alignment import align as solve
     from observer.truth.alignment.observed import ObservedRun
 
+    T_body_camera = body_camera(camera_on_body)
     path = find_recording(run, storage_settings(data, None).data.expanduser().absolute())
     file = None
     if truth is not None:
@@ -92,6 +97,7 @@ def align(
             # What is left out need not be there.
             ignored = [body for body in ignore or [] if body in capture.bodies]
             choices = _choices(recording.facts, observer, ignored, match or [], expect)
+            choices = replace(choices, T_body_camera=T_body_camera)
             observed = ObservedRun.of_lines(recording.lines())
             comparison = Comparison(solve(observed, capture, choices), file)
     told = comparison.as_dict() | {

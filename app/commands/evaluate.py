@@ -10,9 +10,11 @@ import typer
 
 from app.commands.truth_options import (
     AnglesOption,
+    CameraOnBodyOption,
     IgnoreOption,
     ObserverOption,
     RateOption,
+    body_camera,
     body_roles,
 )
 from observer.evaluation.breakdown import LAB, ROAD, break_down, breakdown_tables
@@ -45,6 +47,7 @@ def evaluate(
     ] = False,
     observer: ObserverOption = None,
     ignore: IgnoreOption = None,
+    camera_on_body: CameraOnBodyOption = None,
     rate: RateOption = None,
     angles: AnglesOption = None,
 ) -> None:
@@ -52,7 +55,7 @@ def evaluate(
     scale = ROAD if road else LAB
     lines, plain = read_both(tracks)
     opened = open_truth(
-        truth, plain, _choices(observer, ignore or []), rate_hz=rate, angles=angles
+        truth, plain, _choices(observer, ignore or [], camera_on_body), rate_hz=rate, angles=angles
     )
     for sentence in _sentences(opened):
         typer.echo(sentence, err=True)
@@ -71,8 +74,12 @@ def evaluate(
         typer.echo(f"{result.markdown()}\n{breakdown_tables({'': classes})}".rstrip())
 
 
-def _choices(observer: str | None, ignored: list[str]) -> AlignmentChoices:
-    return AlignmentChoices(roles=body_roles(observer, ignored))
+def _choices(
+    observer: str | None, ignored: list[str], camera_on_body: str | None
+) -> AlignmentChoices:
+    return AlignmentChoices(
+        roles=body_roles(observer, ignored), T_body_camera=body_camera(camera_on_body)
+    )
 
 
 def _sentences(opened: OpenedTruth) -> list[str]:

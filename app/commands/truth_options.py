@@ -10,6 +10,7 @@ import typer
 from observer.errors import InputError
 
 if TYPE_CHECKING:
+    from observer.geometry import Pose
     from observer.truth.alignment.choices import BodyRole
 
 # As ``observer.truth.files.angles.AngleReading``, whose import takes half a second.
@@ -30,6 +31,14 @@ IgnoreOption = Annotated[
     list[str] | None,
     typer.Option(metavar="BODY", help="A body to leave out; may be given more than once."),
 ]
+CameraOnBodyOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y,Z,PAN,TILT,ROLL",
+        help="Where the left camera sits on the observer's body, metres and degrees in the "
+        "body's axes, as in 0.12,0.06,0.25,0,10,0; else found out, or as the rig says.",
+    ),
+]
 
 
 def body_roles(observer: str | None, ignored: Sequence[str]) -> dict[str, BodyRole]:
@@ -44,3 +53,14 @@ def body_roles(observer: str | None, ignored: Sequence[str]) -> dict[str, BodyRo
             raise InputError(f"{observer} cannot be both --observer and --ignore; name it once")
         roles[observer] = "observer"
     return roles
+
+
+def body_camera(camera_on_body: str | None) -> Pose | None:
+    """``T_body_camera`` as ``AlignmentChoices`` takes it.
+
+    Raises:
+        TruthError: it is not given as it should be.
+    """
+    from observer.truth.alignment.camera_on_body import CameraOnBody
+
+    return None if camera_on_body is None else CameraOnBody.parse(camera_on_body).T_body_camera

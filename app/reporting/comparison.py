@@ -18,6 +18,7 @@ from observer.evaluation.speed_errors import TrueMotion
 from observer.recording.payloads import MatchedBody, MatchedTruth
 from observer.recording.reader import Recording
 from observer.truth.alignment.aligned import DEFAULT_SIZE, AlignedTruth
+from observer.truth.alignment.camera_on_body import CameraOnBody
 from observer.truth.alignment.observed import TrackKey
 from observer.truth.alignment.result import Alignment
 from observer.truth.contract import TrueBody
@@ -144,7 +145,8 @@ class Comparison:
 
 def alignment_facts(alignment: Alignment) -> dict[str, Any]:
     """What a person is shown of an alignment."""
-    time = alignment.time
+    time, T_body_camera = alignment.time, alignment.T_body_camera
+    camera = None if T_body_camera is None else asdict(CameraOnBody.of_pose(T_body_camera))
     return {
         "offset_s": time.offset_s,
         "sigma_s": time.sigma_s,
@@ -156,6 +158,7 @@ def alignment_facts(alignment: Alignment) -> dict[str, Any]:
         "samples": time.samples,
         "frame_residual_m": alignment.frame_residual_m,
         "observer": alignment.observer,
+        "camera_on_body": camera,
         "roles": dict(alignment.roles),
         "matches": {
             str(key): asdict(match) for key, match in sorted(alignment.matches.items())

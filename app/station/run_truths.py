@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import IO, Any
@@ -20,6 +20,7 @@ from app.station.run_commands import CommandRefused, RunCommands
 from app.storage import RunRecord, SpeedRow, Storage, StorageMissing, TruthRecord
 from app.storage.comparison import comparison_truth
 from observer.errors import DynamicObserverError
+from observer.truth.alignment.camera_on_body import CameraOnBody
 
 log = structlog.get_logger(__name__)
 
@@ -35,12 +36,36 @@ class AlignChoices:
         ignore: bodies that are neither observer nor obstacle; they need not be there.
         matches: which body a track (``0:3``) is, None for none of them.
         expected_offset_s: to be added to truth's times, roughly; None: it is found out.
+        camera_on_body: on the observer's body; None: it is found out, or as the rig says.
     """
 
     observer: str | None = None
     ignore: Sequence[str] = ()
     matches: Mapping[str, str | None] = field(default_factory=dict)
     expected_offset_s: float | None = None
+    camera_on_body: CameraOnBody | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "observer": self.observer,
+            "ignore": list(self.ignore),
+            "matches": dict(self.matches),
+            "expected_offset_s": self.expected_offset_s,
+            "camera_on_body": None if self.camera_on_body is None else asdict(self.camera_on_body),
+        }
+
+    @staticmethod
+    def of_dict(plain: Mapping[str, Any]) -> AlignChoices:
+        """As ``as_dict`` makes it; what earlier versions did not ask for is left open."""
+        camera = plain.get("camera_on_body")
+        return AlignChoices(
+            plain.get("observer"),
+            tuple(plain.get("ignore", ())),
+            dict(plain.get("matches", {})),
+            plain.get("expected_offset_s"),
+            None if camera is None else CameraOnBody(**camera),
+        )
 
 
 @dataclass(frozen=True)
@@ -132,12 +157,7 @@ class TruthFiles:
         """
         path = await self._archive.recording(run_id)
         kept: dict[str, Any] = {
-            "choices": {
-                "observer": choices.observer,
-                "ignore": list(choices.ignore),
-                "matches": dict(choices.matches),
-                "expected_offset_s": choices.expected_offset_s,
-            },
+            "choices": choices.as_dict(),
             "heard_by": heard_by,
         }
         try:
@@ -189,12 +209,9 @@ class TruthFiles:
 
     async def _align_again(self, run_id: str, original: RunRecord) -> None:
         assert original.alignment is not None
-        said = original.alignment.get("choices", {})
         # Its tracks have other numbers, so what a person said of them holds no more.
-        choices = AlignChoices(
-            said.get("observer"),
-            tuple(said.get("ignore", ())),
-            expected_offset_s=said.get("expected_offset_s"),
+        choices = replace(
+            AlignChoices.of_dict(original.alignment.get("choices", {})), matches={}
         )
         heard_by = None
         if original.truth_id is None:
@@ -233,4 +250,6 @@ def _choice_words(choices: AlignChoices) -> list[str]:
     words += [f"--ignore={body}" for body in choices.ignore]
     if choices.expected_offset_s is not None:
         words.append(f"--expect={choices.expected_offset_s!r}")
+    if choices.camera_on_body is not None:
+        words.append(f"--camera-on-body={choices.camera_on_body}")
     return words + [f"--match={track}={body or ''}" for track, body in choices.matches.items()]

@@ -62,12 +62,20 @@ def test_a_run_is_found_described_and_compared_with_truth(
     page.set_input_files("#truth-file", tmp_path / "capture.csv")
     expect(truth.locator(".understood")).to_contain_text("plain CSV", timeout=_MADE_MS)
     expect(truth.locator(".understood tbody")).to_contain_text(re.compile(r"cart.*2680.*0\.35"))
+    truth.get_by_text("Where the camera sits on that body").click()
+    truth.get_by_label("Tilt, °").fill("10")
+    truth.get_by_role("button", name="Align", exact=True).click()
+    expect(truth).to_contain_text("lacks x; fill in all six numbers, or none")
+    for words in ("x, m", "y, m", "z, m", "Pan, °", "Roll, °"):
+        truth.get_by_label(words).fill("0,25")
     truth.get_by_role("button", name="Align", exact=True).click()
     expect(truth.locator(".matches tbody tr")).to_have_count(2, timeout=_MADE_MS)
     expect(truth).to_contain_text("capture.csv")
     expect(truth.locator(".figures")).to_contain_text(re.compile(r"1[12]\d\.\d ± \d\.\d ms"))
     errors = page.locator("observer-run .chart-errors")
     samples = int(errors.locator("tbody .number").first.inner_text())
+    said = server.get(f"/runs/{kept_run}/chart")["choices"]["camera_on_body"]
+    assert (said["x_m"], said["tilt_deg"]) == (0.25, 10)
     keep_picture(page, "run")
 
     second = truth.get_by_role("group", name="Body of track 2")
@@ -77,6 +85,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     expect(none).to_be_focused(timeout=_MADE_MS)
     expect(truth.locator(".matches tbody tr").nth(1)).to_contain_text("as you said")
     assert int(errors.locator("tbody .number").first.inner_text()) < samples
+    assert server.get(f"/runs/{kept_run}/chart")["choices"]["camera_on_body"] == said
 
     page.get_by_role("button", name="Delete run", exact=True).click()
     expect(rows).to_have_count(0)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
 from app.station.errors import FieldError
 from app.station.run_files import ChartFormat, ExportFormat
+from app.station.run_truths import AlignChoices
 from app.web.api.common import TheStation, refusals
 from app.web.api.run_models import Run, RunChart
 from app.web.headers import REPORT_POLICY
@@ -57,8 +59,12 @@ async def get_chart(id: RunId, station: TheStation, request: Request) -> Respons
     run = await station.runs.find(id)
     values = await while_there(request, station.run_files.chart(run))
     about = Run.model_validate(run, from_attributes=True).model_dump_json().encode()
+    choices = None
+    if run.alignment is not None:
+        choices = AlignChoices.of_dict(run.alignment.get("choices", {})).as_dict()
     # The values are JSON already and may be long.
-    return Response(b'{"run":' + about + b"," + values[1:], media_type="application/json")
+    begin = b'{"run":' + about + b',"choices":' + json.dumps(choices).encode() + b","
+    return Response(begin + values[1:], media_type="application/json")
 
 
 @router.get(

@@ -8,11 +8,13 @@ from pydantic import BaseModel, Field
 
 from app.web.api.robot_models import ProgrammeStart
 from app.web.api.values import Changes, Finite, Identifier, In, Name, Spec, Tag, Text
+from observer.truth.alignment.camera_on_body import FARTHEST_M
 
 Track = Annotated[str, Field(pattern=r"^\d{1,9}[/:]\d{1,9}$")]
 Body = Annotated[
     str, Field(strict=True, min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")
 ]
+BodyOffset = Annotated[Finite, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 
 
 class RunStart(In):
@@ -133,6 +135,28 @@ class AlignmentMatch(BaseModel):
     distance_m: float | None
 
 
+class CameraOnBodyFacts(BaseModel):
+    """Where the left camera sits on a body of motion capture, in the body's axes."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    pan_deg: float = Field(description="About the body's z, from x towards y.")
+    tilt_deg: float = Field(description="Away from the body's z, down where z is up.")
+    roll_deg: float = Field(description="Clockwise as seen from behind the camera.")
+
+
+class CameraOnBodyIn(In):
+    """With all angles 0 it looks along the body's x and has the body's z above."""
+
+    x_m: BodyOffset
+    y_m: BodyOffset
+    z_m: BodyOffset
+    pan_deg: Annotated[Finite, Field(ge=-180, le=180)]
+    tilt_deg: Annotated[Finite, Field(ge=-90, le=90)]
+    roll_deg: Annotated[Finite, Field(ge=-180, le=180)]
+
+
 class AlignmentFacts(BaseModel):
     """How truth was laid over a run."""
 
@@ -146,6 +170,9 @@ class AlignmentFacts(BaseModel):
     samples: int
     frame_residual_m: float | None = Field(description="None: only the clocks are aligned.")
     observer: str | None
+    camera_on_body: CameraOnBodyFacts | None = Field(
+        None, description="Of the observer's body; None where it is not known."
+    )
     roles: dict[str, str]
     matches: dict[str, AlignmentMatch] = Field(description="By track, SEGMENT:NUMBER.")
     notes: list[str]
@@ -177,6 +204,21 @@ class AlignStart(In):
         description="To be added to truth's times, to within 2 s; for motions that repeat "
         "themselves. None: it is found out.",
     )
+    camera_on_body: CameraOnBodyIn | None = Field(
+        None,
+        description="Of the left camera, on the observer's body. None: it is found out, or as the "
+        "rig says.",
+    )
+
+
+class AlignChoicesEntry(BaseModel):
+    """What a person said before truth was laid over a run."""
+
+    observer: str | None
+    ignore: list[str]
+    matches: dict[str, str | None] = Field(description="By track, SEGMENT:NUMBER.")
+    expected_offset_s: float | None
+    camera_on_body: CameraOnBodyFacts | None
 
 
 class RerunStart(In):
@@ -192,6 +234,9 @@ class RunChart(BaseModel):
     aligned: bool = Field(description="Whether there is truth to compare with.")
     sentence: str | None = Field(description="Where truth comes from, or why there is none.")
     alignment: AlignmentFacts | None
+    choices: AlignChoicesEntry | None = Field(
+        description="What was said for the alignment; None where there is none."
+    )
     curves: list[ChartCurve]
     changes: list[IdentityChange]
     errors: list[SpeedErrorsEntry]

@@ -11,6 +11,7 @@ from app.storage import RunRecord
 from app.web.api.common import TheStation, refusals
 from app.web.api.run_models import AlignedRunEntry, AlignStart, RerunStart, Run
 from app.web.leaving import while_there
+from observer.truth.alignment.camera_on_body import CameraOnBody
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -29,11 +30,13 @@ async def align_run(
     """Clocks, room and which track is which body are found. Where that is not possible one
     sentence says why, and what was laid over the run before stays.
     """
+    camera = wanted.camera_on_body
     choices = AlignChoices(
         wanted.observer,
         wanted.ignore,
         {track.replace("/", ":"): body for track, body in wanted.matches.items()},
         wanted.expected_offset_s,
+        None if camera is None else CameraOnBody(**camera.model_dump()),
     )
     work = station.truths.align(id, wanted.truth_id, choices)
     found = await while_there(request, work)

@@ -132,12 +132,16 @@ class _Problem:
         self._Rb, self._pb = body[:, :3, :3], body[:, :3, 3]
         self._seen, self._true = points
         self._assumed = assumed
-        guessed = assumed.up_world is None
-        up = np.array([0.0, -1.0, 0.0]) if guessed else np.asarray(assumed.up_world)
-        self._up = up / np.linalg.norm(up)
-        self._up_sigma = _UP_GUESSED_RAD if guessed else _UP_TOLD_RAD
-        self._R0 = self._X0 = np.eye(3)
         told = assumed.T_body_camera
+        up, self._up_sigma = np.array([0.0, -1.0, 0.0]), _UP_GUESSED_RAD
+        if assumed.up_world is not None:
+            up, self._up_sigma = np.asarray(assumed.up_world), _UP_TOLD_RAD
+        elif told is not None:
+            # The body's own pose tells the vertical, and with its place on it so does the camera.
+            tops = self._Rc @ told.rotation.T @ np.swapaxes(self._Rb, 1, 2)[:, :, 2:]
+            up, self._up_sigma = tops[:, :, 0].mean(axis=0), _UP_TOLD_RAD
+        self._up = up / np.linalg.norm(up)
+        self._R0 = self._X0 = np.eye(3)
         self._offset = np.zeros(3) if told is None else told.translation
         self._offset_sigma = _OFFSET_M if told is None else _TOLD_M
 
@@ -237,11 +241,11 @@ class _Problem:
             return ()
         told = self._assumed.T_body_camera is not None
         listed = ", ".join(open_)
-        source = "they are as the rig says" if told else "they are assumed"
+        source = "they are as was told" if told else "they are assumed"
         if not told and self._assumed.camera_height_m is not None and open_ == ["height"]:
             source = "it follows from the mount's height above the room's floor"
         elif open_ == ["height"]:
-            source = "it is as the rig says" if told else "it is assumed to be the body's"
+            source = "it is as was told" if told else "it is assumed to be the body's"
         why = (
             "motion over a floor does not tell"
             if open_ == ["height"]

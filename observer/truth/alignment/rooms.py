@@ -122,7 +122,7 @@ def _by_camera(
     rooms.body_camera = found
     rooms.residual_m = found.residual_m
     rooms.notes.extend(found.notes)
-    if choices.mount is None:
+    if choices.mount is None and choices.T_body_camera is None:
         rooms.notes.append("The mount's tilt is unknown; the camera was taken to be nearly level.")
     return found.T_world_room
 

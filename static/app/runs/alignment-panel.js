@@ -4,6 +4,7 @@ import { ApiError, request } from "../api.js";
 import { field, fillList, h, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
 import { fixed, sentence } from "../words.js";
+import { CameraOnBody, placeInWords } from "./camera-on-body.js";
 import { MatchTable } from "./match-table.js";
 import { TruthPicker } from "./truth-picker.js";
 
@@ -23,6 +24,7 @@ export class AlignmentPanel extends Part {
   #matches = new MatchTable();
   #picker = new TruthPicker();
   #observer = h("select", { id: "align-observer" });
+  #camera = new CameraOnBody();
   #compared = h("div", { class: "chips", role: "group", "aria-label": "Bodies that are compared" });
   #bodies = h("div", { class: "stack" });
   #align = h("button", { type: "button", class: "button primary" }, "Align");
@@ -34,7 +36,7 @@ export class AlignmentPanel extends Part {
   #busy = false;
 
   build() {
-    this.#bodies.append(field("The observer is", this.#observer), h("div", { class: "named-part" }, h("span", { class: "field-name" }, "Compared bodies"), this.#compared));
+    this.#bodies.append(field("The observer is", this.#observer), this.#camera, h("div", { class: "named-part" }, h("span", { class: "field-name" }, "Compared bodies"), this.#compared));
     const file = h("div", { class: "stack" }, this.#picker, this.#bodies, h("div", { class: "row" }, this.#align));
     this.#another.append(file);
     this.append(this.#heading, this.#sentence, this.#figures, this.#notes, this.#matches, this.#error, this.#state, this.#another);
@@ -59,6 +61,7 @@ export class AlignmentPanel extends Part {
       setText(this.#error, "");
       setText(this.#state, "");
       this.#another.open = !chart.aligned;
+      this.#camera.show(chart.choices?.camera_on_body ?? null);
       void this.#picker.load(chart.run.truth_id ?? (chart.alignment ? "live" : null));
     } else {
       if (!this.#busy) setText(this.#state, "");
@@ -67,6 +70,7 @@ export class AlignmentPanel extends Part {
     setText(this.#sentence, sentence(chart.sentence ?? (chart.aligned ? "aligned" : "there is no truth to compare with")));
     setAttribute(this.#sentence, "class", chart.aligned ? "" : "hint");
     const { alignment } = chart;
+    this.#camera.found = alignment?.camera_on_body ?? null;
     this.#figures.replaceChildren(...(alignment ? figuresOf(alignment) : []));
     fillList(this.#notes, (alignment?.notes ?? []).map(sentence));
     this.#showMatches();
@@ -96,12 +100,14 @@ export class AlignmentPanel extends Part {
 
   /** With all else as it was, and with what a person said of other tracks before. */
   async #correct(/** @type {string} */ key, /** @type {string | null} */ body) {
-    const { run, alignment } = /** @type {Chart} */ (this.#chart);
+    const { run, alignment, choices } = /** @type {Chart} */ (this.#chart);
     const said = Object.entries(alignment?.matches ?? {}).flatMap(([each, match]) => match.by === "person" ? [[each, match.body]] : []);
     const roles = alignment?.roles ?? {};
     await this.#ask({
       truth_id: run.truth_id,
       observer: alignment?.observer ?? null,
+      expected_offset_s: choices?.expected_offset_s ?? null,
+      camera_on_body: choices?.camera_on_body ?? null,
       ignore: (this.#picker.find(run.truth_id)?.info.bodies ?? []).flatMap(({ name }) => name in roles ? [] : [name]),
       matches: { ...Object.fromEntries(said), [key]: body },
     });
@@ -109,12 +115,28 @@ export class AlignmentPanel extends Part {
 
   async #alignAnew() {
     const { file, live } = this.#picker;
-    if (!file && !live) return setText(this.#error, "Choose a truth file first.");
+    if (!file && !live) return this.#refuse("Choose a truth file first.");
+    let camera;
+    try {
+      camera = this.#camera.place;
+    } catch (error) {
+      return this.#refuse(/** @type {RangeError} */ (error).message);
+    }
     const left = /** @type {NodeListOf<HTMLInputElement>} */ (this.#compared.querySelectorAll("input:not(:checked)"));
     setText(this.#align, "Aligning…");
-    await this.#ask({ truth_id: file?.id ?? null, observer: this.#observer.value || null, ignore: [...left].map(({ value }) => value), matches: {} });
+    await this.#ask({ truth_id: file?.id ?? null, observer: this.#observer.value || null, ignore: [...left].map(({ value }) => value), matches: {}, camera_on_body: camera });
     setText(this.#align, "Align");
-    // How it fits, or why it does not, stands above and may be out of sight.
+    this.#tell();
+  }
+
+  /** @param {string} why */
+  #refuse(why) {
+    setText(this.#error, why);
+    this.#tell();
+  }
+
+  /** How it fits, or why it does not, stands above and may be out of sight. */
+  #tell() {
     (this.#error.textContent ? this.#error : this.#heading).scrollIntoView({ block: "nearest" });
   }
 
@@ -150,7 +172,7 @@ export class AlignmentPanel extends Part {
 }
 
 /** @param {Alignment} alignment how well it fits, in figures */
-function figuresOf({ frame_residual_m: apart, ...time }) {
+function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time }) {
   const drift = time.drift_sigma_ppm === null ? "not told apart" : `${fixed(time.drift_ppm, 0)} ± ${fixed(time.drift_sigma_ppm, 0)} ppm`;
   /** @type {[string, string][]} */
   const figures = [
@@ -161,6 +183,7 @@ function figuresOf({ frame_residual_m: apart, ...time }) {
     ["Left over", `${fixed(time.residual_mps, 3)} m/s`],
     ["Positions apart", apart === null ? "not compared" : `${fixed(apart, 2)} m`],
   ];
+  if (camera) figures.push(["Camera on its body", placeInWords(camera)]);
   return figures.map(([words, value]) => h("div", {}, h("dt", {}, words), h("dd", {}, value)));
 }
 

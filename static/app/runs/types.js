@@ -34,6 +34,9 @@
  * @property {"position" | "speed" | "person"} by
  * @property {number | null} distance_m
  *
+ * @typedef {{x_m: number, y_m: number, z_m: number, pan_deg: number, tilt_deg: number, roll_deg: number}} CameraPlace
+ *   the camera in the axes of the body that carries it
+ *
  * @typedef {object} Alignment how truth was laid over a run
  * @property {number} offset_s to be added to truth's times
  * @property {number} sigma_s
@@ -44,6 +47,7 @@
  * @property {number} residual_mps
  * @property {number} samples
  * @property {string | null} observer the body that carries the camera
+ * @property {CameraPlace | null} camera_on_body null: not known
  * @property {Record<string, string>} roles observer or obstacle, by the body's name
  * @property {number | null} frame_residual_m null: only the clocks are aligned
  * @property {Record<string, Match>} matches by "segment:track"
@@ -65,6 +69,8 @@
  * @property {boolean} aligned
  * @property {string | null} sentence
  * @property {Alignment | null} alignment
+ * @property {{observer: string | null, ignore: string[], matches: Record<string, string | null>,
+ *   expected_offset_s: number | null, camera_on_body: CameraPlace | null} | null} choices what was said for it
  * @property {Curve[]} curves
  * @property {{time: number, body: string, before: string, after: string}[]} changes
  * @property {Record<string, any>[]} errors

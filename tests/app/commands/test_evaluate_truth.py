@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from observer.truth.alignment.camera_on_body import CameraOnBody
+
 from ...observer.truth.alignment.conftest import Room, make_room
 from .shell import Shell
 
@@ -48,7 +50,7 @@ def mocap(room: Room, tmp_path: Path) -> Path:
 
 
 def test_motion_capture_is_aligned_and_then_compared(
-    shell: Shell, tracks: Path, mocap: Path
+    shell: Shell, room: Room, tracks: Path, mocap: Path
 ) -> None:
     done = shell("evaluate", str(tracks), "--truth", str(mocap), "--json")
     assert done.code == 0, done.err
@@ -59,6 +61,16 @@ def test_motion_capture_is_aligned_and_then_compared(
     assert found["speed_rmse_mps"] < 0.1
     assert "clocks: +" in done.err
     assert "taken for the observer" in done.err
+
+    typed = CameraOnBody.of_pose(room.T_body_camera)
+    words = ["evaluate", str(tracks), "--truth", str(mocap), "--json", "--observer", "Amigo"]
+    done = shell(*words, f"--camera-on-body={typed}")
+    assert done.code == 0, done.err
+    camera = np.array(json.loads(done.out)["alignment"]["T_body_camera"])
+    np.testing.assert_allclose(camera, typed.T_body_camera.matrix, atol=0.02)
+    refused = shell(*words, "--camera-on-body=0.1,0.2")
+    assert refused.code == 2
+    assert "X,Y,Z,PAN,TILT,ROLL in metres and degrees" in refused.err
 
 
 @pytest.mark.parametrize(

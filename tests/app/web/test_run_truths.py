@@ -17,6 +17,10 @@ from app.messages import EngineState, LiveTruthOrder, OpenSource, SetPlayback
 from ..planted_runs import OFFSET_S, plant_run, truth_csv
 from .scenarios import run
 
+CAMERA = {
+    "x_m": 0.12, "y_m": 0.06, "z_m": 0.25, "pan_deg": 0.0, "tilt_deg": 10.0, "roll_deg": 0.0,
+}  # fmt: skip
+
 
 async def planted(served: Any, **body: Any) -> str:
     """A finished run of the peer engine with a recording that is known exactly."""
@@ -48,9 +52,9 @@ def test_truth_is_laid_over_a_run_and_shown_in_its_chart(serve: Any, tmp_path: P
         assert [each["id"] for each in (await http.get("/api/truth")).json()] == [truth["id"]]
 
         before = (await http.get(f"/api/runs/{id}/chart")).json()
-        assert (before["aligned"], before["errors"]) == (False, [])
+        assert (before["aligned"], before["errors"], before["choices"]) == (False, [], None)
         assert {curve["kind"] for curve in before["curves"]} == {"estimate", "commanded"}
-        body = {"truth_id": truth["id"], "matches": {"0/1": "cart"}}
+        body = {"truth_id": truth["id"], "matches": {"0/1": "cart"}, "camera_on_body": CAMERA}
         answer = await http.post(f"/api/runs/{id}/align", json=body)
         assert answer.status_code == 200, answer.text
         found = answer.json()
@@ -66,6 +70,11 @@ def test_truth_is_laid_over_a_run_and_shown_in_its_chart(serve: Any, tmp_path: P
 
         chart = (await http.get(f"/api/runs/{id}/chart")).json()
         assert chart["run"]["id"] == id
+        # What was said is told, so that it can be said again with a correction.
+        assert chart["choices"] == {
+            "observer": None, "ignore": [], "matches": {"0:1": "cart"}, "expected_offset_s": None,
+            "camera_on_body": CAMERA,
+        }  # fmt: skip
         assert (chart["aligned"], chart["sentence"]) == (True, found["sentence"])
         (change,) = chart["changes"]
         assert (change["body"], change["before"], change["after"]) == ("cart", "0:1", "0:2")
@@ -95,7 +104,10 @@ def test_truth_is_laid_over_a_run_and_shown_in_its_chart(serve: Any, tmp_path: P
         assert refused.status_code == 422
         assert refused.json()["detail"][0]["msg"]
         assert (await http.get(f"/api/runs/{id}")).json()["truth_id"] == truth["id"]
-        for wrong in ({"truth_id": "none"}, {"matches": {"1": "cart"}}, {"observer": ""}):
+        for wrong in (
+            {"truth_id": "none"}, {"matches": {"1": "cart"}}, {"observer": ""},
+            {"camera_on_body": {"x_m": 1}}, {"camera_on_body": CAMERA | {"tilt_deg": 91}},
+        ):  # fmt: skip
             assert (await http.post(f"/api/runs/{id}/align", json=wrong)).status_code == 422
 
         # What observes it again is compared with the same truth.
@@ -106,6 +118,8 @@ def test_truth_is_laid_over_a_run_and_shown_in_its_chart(serve: Any, tmp_path: P
             while not (await http.get(f"/api/runs/{again}")).json()["aligned"]:
                 await asyncio.sleep(0.1)
         assert (await http.get(f"/api/runs/{again}")).json()["truth_id"] == truth["id"]
+        choices = (await http.get(f"/api/runs/{again}/chart")).json()["choices"]
+        assert (choices["camera_on_body"], choices["matches"]) == (CAMERA, {})
 
         # Runs still need it.
         assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 204

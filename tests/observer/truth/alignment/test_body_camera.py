@@ -62,7 +62,7 @@ def test_the_height_comes_from_the_mount_or_the_rig() -> None:
     assert "the mount's height" in by_mount.notes[0]
     by_rig = find_body_camera(camera, body, Assumed(up_world=UP, T_body_camera=T_BODY_CAMERA))
     np.testing.assert_allclose(by_rig.T_world_room.matrix, T_WORLD_ROOM.matrix, atol=0.02)
-    assert "as the rig says" in by_rig.notes[0]
+    assert "as was told" in by_rig.notes[0]
 
 
 def test_motion_in_all_directions_tells_everything() -> None:

@@ -1,0 +1,75 @@
+/** Where the camera sits on the observer's body of motion capture: typed in, or left to be found out. */
+
+import { h } from "../dom.js";
+import { fixed } from "../words.js";
+
+/** @typedef {import("./types.js").CameraPlace} CameraPlace */
+
+/** Key, words, unit, help. @type {[keyof CameraPlace, string, string, string][]} */
+const NUMBERS = [
+  ["x_m", "x", "m", "along the body's x"],
+  ["y_m", "y", "m", "along the body's y"],
+  ["z_m", "z", "m", "along the body's z"],
+  ["pan_deg", "Pan", "°", "from the body's x towards its y"],
+  ["tilt_deg", "Tilt", "°", "by which it looks down"],
+  ["roll_deg", "Roll", "°", "right side down"],
+];
+
+export class CameraOnBody extends HTMLElement {
+  #inputs = new Map(NUMBERS.map(([key]) => [key, h("input", { type: "text", inputmode: "decimal", id: `camera-on-body-${key}`, autocomplete: "off", placeholder: "found out", "aria-describedby": `camera-on-body-help-${key}` })]));
+  #fill = h("button", { type: "button", class: "button" }, "Fill in what was found");
+  #empty = h("button", { type: "button", class: "button" }, "Leave it to be found out");
+  #details = h("details", {}, h("summary", {}, "Where the camera sits on that body"));
+  /** @type {CameraPlace | null} */
+  #found = null;
+
+  connectedCallback() {
+    if (this.firstChild) return;
+    this.#details.append(h("div", { class: "stack" },
+      h("p", { class: "hint" }, "Of the left camera, in the body's axes. Empty: it is found out by the drive, or as the rig says. With all angles 0 it looks along the body's x with the body's z above."),
+      h("div", { class: "rig-fields" }, ...NUMBERS.map(([key, words, unit, help]) => h("div", { class: "field" },
+        h("label", { for: `camera-on-body-${key}` }, `${words}, ${unit}`), this.#inputs.get(key), h("p", { class: "hint", id: `camera-on-body-help-${key}` }, help)))),
+      h("div", { class: "row" }, this.#fill, this.#empty)));
+    this.append(this.#details);
+    this.#fill.addEventListener("click", () => this.#write(this.#found));
+    this.#empty.addEventListener("click", () => this.#write(null));
+  }
+
+  /** Another run is shown. @param {CameraPlace | null} said what a person typed in for its alignment */
+  show(said) {
+    this.#details.open = said !== null;
+    this.#write(said);
+  }
+
+  /** What is typed in stays. @param {CameraPlace | null} found */
+  set found(found) {
+    this.#found = found;
+    this.#fill.hidden = found === null;
+  }
+
+  /**
+   * @returns {CameraPlace | null} null: nothing was typed in
+   * @throws {RangeError} some of it is missing or no number; one sentence
+   */
+  get place() {
+    const texts = NUMBERS.map(([key, words]) => ({ key, words, text: this.#inputs.get(key)?.value.trim().replace(",", ".") ?? "" }));
+    if (texts.every(({ text }) => text === "")) return null;
+    for (const { words, text } of texts) {
+      if (text === "") throw new RangeError(`The camera on its body lacks ${words}; fill in all six numbers, or none.`);
+      if (!Number.isFinite(Number(text))) throw new RangeError(`${words} of the camera on its body must be a number, not ${text.slice(0, 40)}.`);
+    }
+    return /** @type {CameraPlace} */ (Object.fromEntries(texts.map(({ key, text }) => [key, Number(text)])));
+  }
+
+  /** @param {CameraPlace | null} place */
+  #write(place) {
+    for (const [key, input] of this.#inputs) input.value = place ? String(Number(place[key].toFixed(key.endsWith("_m") ? 4 : 2))) : "";
+  }
+}
+
+/** @param {CameraPlace} place */
+export function placeInWords({ x_m, y_m, z_m, pan_deg, tilt_deg, roll_deg }) {
+  return `${fixed(x_m, 2)}, ${fixed(y_m, 2)}, ${fixed(z_m, 2)} m; pan ${fixed(pan_deg, 1)}°, tilt ${fixed(tilt_deg, 1)}°, roll ${fixed(roll_deg, 1)}°`;
+}
+
+customElements.define("observer-camera-on-body", CameraOnBody);
