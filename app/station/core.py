@@ -46,10 +46,10 @@ from app.station.history import HistoryDesk
 from app.station.opening import Opening
 from app.station.parameter_desk import ParameterDesk
 from app.station.rig_desk import RigDesk
+from app.station.rings import RingDesk
 from app.station.run_end import end_recording, write_end
 from app.station.run_files import RunFiles
 from app.station.run_recording import (
-    RingDesk,
     complete_recording,
     keep_telling,
     record_order,

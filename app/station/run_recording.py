@@ -5,20 +5,17 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import deque
-from collections.abc import Awaitable, Callable, Mapping
-from datetime import UTC, datetime
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import structlog
 
-from app.drive.messages import IncidentEvent
-from app.messages import ObservationEvent, RecordOrder, RecordRobots, SaveRing
+from app.messages import ObservationEvent, RecordOrder, RecordRobots
 from app.station.asking import ask
 from app.station.contracts import Engine
 from app.station.driving.incidents import Incident
 from app.station.errors import Conflict, FieldError, NotAvailable
 from app.storage import DataFolder, RunRecord
-from app.storage.folder import RINGS
 from observer.errors import DynamicObserverError
 from observer.recording.run_folder import RECORDING
 from observer.rig.rig import ROLES
@@ -30,11 +27,6 @@ _TELL_S = 0.5
 # Two robots, ten rows a second: half a minute without an engine.
 _MOST_ROWS = 600
 _MOST_INCIDENTS = 100
-# Behind a stop of the guard, until the robot stands for sure; and until the next one is another.
-_BEHIND_STOP_S = 3.0
-_BETWEEN_RINGS_S = 30.0
-# A quarter of a gigabyte onto a slow disk.
-_SAVE_TIMEOUT_S = 30.0
 
 
 def record_order(folder: DataFolder, run: RunRecord) -> RecordOrder | None:
@@ -115,70 +107,6 @@ async def keep_telling(engine: Engine, run: Callable[[], RecordedRun | None]) ->
     while True:
         await asyncio.sleep(_TELL_S)
         await tell_robots(engine, run())
-
-
-class RingDesk:
-    """Saves the last half minute: when a person wants it, and when the guard stopped a robot.
-
-    Args:
-        folder: the data folder. run: the one that is kept. automatic: whether guard stops save it.
-    """
-
-    def __init__(
-        self,
-        engine: Engine,
-        folder: DataFolder,
-        *,
-        run: Callable[[], RunRecord | None],
-        soon: Callable[[Awaitable[None]], None],
-        automatic: bool,
-        clock: Callable[[], float],
-    ) -> None:
-        self._engine = engine
-        self._folder = folder
-        self._run = run
-        self._soon = soon
-        self._automatic = automatic
-        self._clock = clock
-        self._saved_at: float | None = None
-
-    async def save(self) -> dict[str, Any]:
-        """Save it beside the run, or in the folder ``rings`` where none goes.
-
-        Returns:
-            ``file`` within the data folder, its ``bytes``, and how many ``seconds`` it holds.
-
-        Raises:
-            Conflict: none is kept of what is open. StorageFull: there is no room for it.
-            NotAvailable: it failed, or there is no engine at the moment.
-        """
-        run = self._run()
-        root = self._folder.path.absolute()
-        folder = root / RINGS if run is None else root / self._folder.run(run.id)
-        file = folder / f"ring-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}.mcap"
-        saved = await ask(self._engine, SaveRing(str(file)), timeout_s=_SAVE_TIMEOUT_S)
-        return {"file": str(file.relative_to(root)), **saved}
-
-    def drive_said(self, event: object) -> None:
-        """Save it soon behind a stop of the guard, so that the stop is in it."""
-        if not (self._automatic and isinstance(event, IncidentEvent) and event.kind == "guard"):
-            return
-        now = self._clock()
-        if self._saved_at is not None and now - self._saved_at < _BETWEEN_RINGS_S:
-            return
-        self._saved_at = now
-        self._soon(self._save_later())
-
-    async def _save_later(self) -> None:
-        await asyncio.sleep(_BEHIND_STOP_S)
-        try:
-            saved = await self.save()
-            log.info("ring_saved", file=saved["file"])
-        except Conflict:
-            # Of what can be played again nothing is kept.
-            pass
-        except DynamicObserverError as error:
-            log.warning("ring_not_saved", reason=str(error))
 
 
 def complete_recording(folder: DataFolder, run_id: str) -> None:

@@ -73,17 +73,20 @@ class Ring:
 
 
 def save_messages(messages: Sequence[Encoded], path: Path) -> None:
-    """Write messages as a recording.
+    """Write messages as a recording, whole or not at all.
 
     Raises:
         RecordingError: it cannot be written.
     """
+    part = path.with_name(f".{path.name}.part")
     try:
-        with path.open("wb", buffering=0) as file:
+        with part.open("wb", buffering=0) as file:
             container = Container(file, path.name)
             for message in messages:
                 container.add(*message)
                 container.write_large()
             container.finish()
+        part.replace(path)
     except OSError as error:
+        part.unlink(missing_ok=True)
         raise RecordingError.of(error, path.name) from None

@@ -51,7 +51,8 @@ class RunList extends Part {
     try {
       /** @type {{file: string, bytes: number, seconds: number}} */
       const { file, bytes, seconds } = await request("POST", "/recording/ring");
-      notify(`The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}).`);
+      notify(`The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}); Find, compare and look at runs lists it.`);
+      this.hub.tell("rings");
     } catch (error) {
       notifyError(error);
     }

@@ -18,11 +18,29 @@ def test_a_run_is_started_stopped_listed_and_deleted(server, open_panel, eventua
     assert run["name"] == "crossing"
     eventually(lambda: server.get("/status")["engine"]["state"] == "running")
     eventually(lambda: server.get(f"/runs/{run['id']}")["frames"] > 3, 15)
+    page.get_by_role("tab", name="Runs").click()
+    page.get_by_role("button", name="Save the last half minute").click()
+    expect(page.locator("#notices")).to_contain_text(f"runs/{run['id']}/ring-")
     page.get_by_role("button", name="Stop run").click()
     expect(page.get_by_role("button", name="Start run")).to_be_visible(timeout=10_000)
     assert server.get(f"/runs/{run['id']}")["state"] == "finished"
 
-    page.get_by_role("tab", name="Runs").click()
+    page.get_by_role("link", name="Find, compare").click()
+    rings = page.locator("observer-rings")
+    expect(rings.get_by_role("link", name="of this run")).to_be_visible()
+    keep_picture(page, "rings")
+    rings.get_by_role("button", name="Play the half minute").click()
+    expect(page.locator("observer-playback")).to_be_visible()
+    (ring,) = server.get("/recording/rings")
+    assert server.get("/status")["source"]["spec"] == ring["source"]
+    assert server.api.put("/api/source", json={"source": "simulated:lab"}).is_success
+    page.get_by_role("link", name="Find, compare").click()
+    rings.get_by_role("button", name="Delete the half minute").click()
+    page.get_by_role("button", name="Delete half minute", exact=True).click()
+    expect(rings.locator("li")).to_have_count(0)
+    assert server.get("/recording/rings") == []
+    page.get_by_role("button", name="Back to live").click()
+
     entry = page.locator("observer-runs li", has_text="crossing")
     expect(entry).to_contain_text("finished")
     keep_picture(page, "runs")

@@ -3,6 +3,7 @@
 import { h, setAttribute } from "../dom.js";
 import { Part } from "../part.js";
 import { CompareView } from "./compare-view.js";
+import { RingList } from "./ring-list.js";
 import { RunSearch } from "./run-search.js";
 import { RunView } from "./run-view.js";
 import { placeOf } from "./run-words.js";
@@ -10,6 +11,7 @@ import { placeOf } from "./run-words.js";
 /** What is shown stands in the page's address, so that it is kept, linked to and gone back from. */
 class HistoryView extends Part {
   #search = new RunSearch();
+  #rings = new RingList();
   #run = new RunView();
   #compare = new CompareView();
   #leave = h("button", { class: "button", type: "button" }, "Back to live");
@@ -22,11 +24,11 @@ class HistoryView extends Part {
   build() {
     setAttribute(this, "role", "region");
     setAttribute(this, "aria-labelledby", "history-title");
-    this.append(h("header", { class: "history-head" }, this.#title, this.#all, this.#leave), this.#search, this.#run, this.#compare);
+    this.append(h("header", { class: "history-head" }, this.#title, this.#all, this.#leave), this.#search, this.#rings, this.#run, this.#compare);
     this.#leave.addEventListener("click", () => this.#close(true));
-    for (const part of [this.#search, this.#run, this.#compare]) part.attach(this.hub);
+    for (const part of [this.#search, this.#rings, this.#run, this.#compare]) part.attach(this.hub);
     this.#run.named = this.#compare.named = (words) => this.#name(words);
-    this.#run.left = () => this.#close(true);
+    this.#run.left = this.#rings.left = () => this.#close(true);
     this.hear("hashchange", () => this.#follow(true), window);
     // The calibration wizard wants the same place, and the focus with it.
     this.hear("calibrate", () => this.#close(false));
@@ -53,6 +55,7 @@ class HistoryView extends Part {
     this.hub.tell("history");
     this.#all.hidden = view === "list";
     this.#search.show(view === "list");
+    this.#rings.show(view === "list");
     this.#run.show(view === "run" ? ids[0] ?? "" : null);
     this.#compare.show(view === "compare" ? ids : []);
     this.#name(view === "compare" ? "Runs compared" : view === "run" ? "Run" : "Runs");

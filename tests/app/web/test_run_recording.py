@@ -10,7 +10,7 @@ import pytest
 
 from app.drive.messages import IncidentEvent
 from app.messages import EngineState, RecordRobots, SaveRing
-from app.station import run_recording
+from app.station import rings
 
 from .scenarios import run
 
@@ -154,6 +154,41 @@ def test_the_last_half_minute_is_saved_beside_the_run(
     run(serve, scenario)
 
 
+def test_saved_half_minutes_are_listed_had_and_deleted(serve: Any, tmp_path: Path) -> None:
+    alone = "ring-20261121-235959-000001"
+    of_a_run = "ring-20261122-081500-123456"
+    for place, name in (
+        ("rings", alone), ("runs/2026-a", of_a_run), ("runs/2026-a", "recording"),
+        ("rings", "ring-mine"), ("rings", "ring-20261399-000000-000000"), ("runs/.gone", alone),
+    ):  # fmt: skip
+        file = tmp_path / place / f"{name}.mcap"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(CONTENT)
+
+    async def scenario(served: Any) -> None:
+        http, path = served.http, "/api/recording/rings"
+        newest, oldest = (await http.get(path)).json()
+        file = tmp_path / "runs" / "2026-a" / f"{of_a_run}.mcap"
+        assert newest == {
+            "name": of_a_run, "run_id": "2026-a", "saved_at": "2026-11-22T08:15:00.123456+00:00",
+            "bytes": len(CONTENT), "source": str(file),
+        }  # fmt: skip
+        assert (oldest["name"], oldest["run_id"]) == (alone, None)
+        answer = await http.get(f"{path}/{of_a_run}")
+        assert answer.content == CONTENT
+        assert f'filename="{of_a_run}.mcap"' in answer.headers["content-disposition"]
+        for none in ("recording", "ring-mine", "..%2Frecording", "%2e%2e"):
+            assert (await http.get(f"{path}/{none}")).status_code == 404
+            assert (await http.delete(f"{path}/{none}")).status_code in (404, 405)
+        assert (await http.delete(f"{path}/{of_a_run}")).status_code == 204
+        gone = await http.delete(f"{path}/{of_a_run}")
+        assert (gone.status_code, "no saved half minute" in gone.json()["detail"]) == (404, True)
+        assert [each["name"] for each in (await http.get(path)).json()] == [alone]
+        assert sorted(each.name for each in file.parent.iterdir()) == ["recording.mcap"]
+
+    run(serve, scenario)
+
+
 @pytest.mark.parametrize("automatic", [True, False])
 def test_a_stop_of_the_guard_saves_the_last_half_minute_once(
     serve: Any, peer: Any, drive: Any, eventually: Any, monkeypatch: Any, automatic: bool
@@ -171,5 +206,5 @@ def test_a_stop_of_the_guard_saves_the_last_half_minute_once(
         await asyncio.sleep(0.2)
         assert saves() == int(automatic)
 
-    monkeypatch.setattr(run_recording, "_BEHIND_STOP_S", 0.05)
+    monkeypatch.setattr(rings, "_BEHIND_STOP_S", 0.05)
     run(serve, scenario, ring_at_guard_stops=automatic)

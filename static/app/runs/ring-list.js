@@ -1,0 +1,86 @@
+/** Saved half minutes: played as a source, downloaded, deleted. */
+
+import { request } from "../api.js";
+import { h, icon } from "../dom.js";
+import { KeptList } from "../focus-place.js";
+import { confirmed, notify, notifyError } from "../notice.js";
+import { Part } from "../part.js";
+import { when } from "../words.js";
+import { runHref, size } from "./run-words.js";
+
+/** @typedef {{name: string, run_id: string | null, saved_at: string, bytes: number, source: string}} Ring */
+
+export class RingList extends Part {
+  /** Called once one of them is open as a source. @type {() => void} */
+  left = () => {};
+
+  #heading = h("h3", { tabindex: "-1" }, "Saved half minutes");
+  #list = h("ul", { class: "item-list" });
+  #items = new KeptList(this.#list, (/** @type {Ring} */ ring) => this.#item(ring), () => this.#heading);
+  #shown = false;
+
+  build() {
+    this.hidden = true;
+    this.append(this.#heading, this.#list);
+    this.hear("rings", () => void this.#load());
+    this.hear("runs", () => void this.#load());
+    this.hear("reconnected", () => void this.#load());
+  }
+
+  /** @param {boolean} shown */
+  show(shown) {
+    this.#shown = shown;
+    if (shown) void this.#load();
+    else this.hidden = true;
+  }
+
+  async #load() {
+    if (!this.#shown) return;
+    /** @type {Ring[] | null} */
+    const rings = await request("GET", "/recording/rings").catch(() => null);
+    if (!rings) return;
+    this.hidden = !this.#shown || (rings.length === 0 && !this.contains(document.activeElement));
+    this.#items.show(rings, ({ name }) => name);
+  }
+
+  /** @param {Ring} ring */
+  #item(ring) {
+    const { name, run_id: run, bytes } = ring;
+    const at = when(ring.saved_at);
+    const play = h("button", { type: "button", class: "button", "aria-label": `Play the half minute until ${at}` }, icon("play"), "Play");
+    const remove = h("button", { type: "button", class: "button icon-button", "aria-label": `Delete the half minute until ${at}`, title: "Delete" }, icon("trash"));
+    play.addEventListener("click", () => void this.#open(ring));
+    remove.addEventListener("click", () => void this.#delete(ring));
+    return h("li", {},
+      h("div", { class: "item-words" },
+        h("p", {}, `Until ${at}`),
+        h("p", { class: "hint" }, size(bytes), run ? ", " : null, run ? h("a", { href: runHref(run) }, "of this run") : null)),
+      h("div", { class: "row" }, play,
+        h("a", { class: "button", href: `/api/recording/rings/${encodeURIComponent(name)}`, download: `${name}.mcap`, "aria-label": `Download the half minute until ${at}` }, icon("download"), "MCAP"),
+        remove));
+  }
+
+  /** @param {Ring} ring */
+  async #open(ring) {
+    try {
+      this.hub.takeStatus(await request("PUT", "/source", { source: ring.source }));
+      notify(`The half minute until ${when(ring.saved_at)} is open and plays.`);
+      this.left();
+    } catch (error) {
+      notifyError(error);
+    }
+  }
+
+  /** @param {Ring} ring */
+  async #delete(ring) {
+    if (!(await confirmed(`Delete the half minute until ${when(ring.saved_at)}?`, "It cannot be had back.", "Delete half minute"))) return;
+    try {
+      await request("DELETE", `/recording/rings/${encodeURIComponent(ring.name)}`);
+    } catch (error) {
+      notifyError(error);
+    }
+    await this.#load();
+  }
+}
+
+customElements.define("observer-rings", RingList);
