@@ -11,6 +11,8 @@ import sys
 from pathlib import Path
 from typing import Literal
 
+from app.processes.heap import keep_for_good
+
 Priority = Literal["realtime", "raised", "normal"]
 
 # The lowest of the real-time priorities already goes before every ordinary process.
@@ -74,8 +76,7 @@ def calm_interpreter() -> None:
     Call it when everything is imported: what is there by now is never looked through again.
     """
     sys.setswitchinterval(_SWITCH_S)
-    gc.collect()
-    gc.freeze()
+    keep_for_good()
     gc.disable()
 
 

@@ -20,6 +20,7 @@ from app.engine.publishing import Publisher
 from app.engine.session_opening import ObserverFactory
 from app.engine.sight import SightTeller
 from app.processes.arguments import ProcessArguments
+from app.processes.heap import keep_for_good
 from app.processes.lifeline import receive_until_parent_ends
 
 # Robots drive by what is seen here: before ordinary processes, behind the drive loop. Not so far
@@ -68,6 +69,7 @@ def run_engine(
         make_observer=make_observer,
     )
     receive_until_parent_ends(sock, inbox.put, expects_end=lambda: leaving)
+    keep_for_good()
     engine.run()
     leaving = True
     sender.close()

@@ -16,6 +16,7 @@ import structlog
 import uvicorn
 from fastapi import FastAPI
 
+from app.processes.heap import keep_for_good
 from app.settings import Settings
 from app.storage.occupancy import occupied
 from app.web.server import create_app
@@ -43,6 +44,7 @@ def run(settings: Settings) -> int:
         token = load_token(settings.token_file)
         app = create_app(settings, token)
         server = _Server(server_config(app, settings))
+        keep_for_good()
         _announce(_link(settings, listener.getsockname()[1], token))
         asyncio.run(serve(app, server, listener))
         return 0 if server.started else _EXIT_FAILED

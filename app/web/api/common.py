@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import Depends, Request
+from fastapi import Depends, Path, Request
 from fastapi.requests import HTTPConnection
 
 from app.station import Station
@@ -37,6 +37,9 @@ def _feeds(connection: HTTPConnection) -> dict[str, ViewFeed]:
 
 
 Feeds = Annotated[dict[str, ViewFeed], Depends(_feeds)]
+
+# In a path.
+RunId = Annotated[str, Path(max_length=100)]
 
 # What the gate in front of every route may answer.
 GATE_RESPONSES: dict[int | str, dict[str, Any]] = {

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 
 from app.station.errors import FieldError
 from app.station.run_files import ChartFormat, ExportFormat
 from app.station.run_truths import AlignChoices
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import RunId, TheStation, refusals
 from app.web.api.run_models import Run, RunChart
 from app.web.headers import REPORT_POLICY
 from app.web.leaving import while_there
@@ -18,7 +18,6 @@ from app.web.made_file import MadeFileResponse
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
-RunId = Annotated[str, Path(max_length=100)]
 Instant = Annotated[
     float | None,
     Query(ge=-1e12, le=1e12, allow_inf_nan=False, description="Source time, s; none: its end."),

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
-from fastapi import APIRouter, Path, Request
+from fastapi import APIRouter, Request
 
 from app.station.run_truths import AlignChoices
 from app.storage import RunRecord
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import RunId, TheStation, refusals
 from app.web.api.run_models import AlignedRunEntry, AlignStart, RerunStart, Run
 from app.web.leaving import while_there
 from observer.truth.alignment.camera_on_body import CameraOnBody
 
 router = APIRouter(prefix="/runs", tags=["runs"])
-
-RunId = Annotated[str, Path(max_length=100)]
 
 
 @router.post(

@@ -9,18 +9,17 @@ import json
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Path, Query, Response
+from fastapi import APIRouter, Query, Response
 from fastapi.responses import FileResponse
 
 from app.storage import IncidentRecord, RunRecord, SpeedRow
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import RunId, TheStation, refusals
 from app.web.api.programmes import programme_command
 from app.web.api.robot_models import RobotIncident
 from app.web.api.run_models import Run, RunChange, RunStart, SpeedEntry
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
-RunId = Annotated[str, Path(max_length=100)]
 _COLUMNS = ("time", "role", "source", "track_id", "speed", "std", "segment")
 
 
