@@ -42,7 +42,7 @@ from app.web.api import (
     truths,
     views,
 )
-from app.web.api.common import GATE_RESPONSES
+from app.web.api.refusals import GATE_RESPONSES, refusal_schemas
 from app.web.errors import install_error_handlers
 from app.web.live import LiveHub
 from app.web.origins import names_of
@@ -173,7 +173,7 @@ def create_app(
     app.include_router(viewer_proxy.router)
     app.include_router(metrics.router)
     add_pages(app, station, policy, folder)
-    _describe_security(app)
+    _complete_description(app)
     app.add_middleware(Gate, policy=policy)
     return app
 
@@ -221,13 +221,15 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
     app.include_router(api)
 
 
-def _describe_security(app: FastAPI) -> None:
-    """Say in the description how to sign in; the gate itself is no part of the framework."""
+def _complete_description(app: FastAPI) -> None:
+    """Add to the description how to sign in and what refusals look like."""
     describe = app.openapi
 
     def described() -> dict[str, Any]:
         schema = describe()
-        schema.setdefault("components", {})["securitySchemes"] = {
+        components = schema.setdefault("components", {})
+        components.setdefault("schemas", {}).update(refusal_schemas())
+        components["securitySchemes"] = {
             "bearer": {"type": "http", "scheme": "bearer"},
             "cookie": {"type": "apiKey", "in": "cookie", "name": COOKIE_NAME},
         }

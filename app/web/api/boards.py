@@ -9,7 +9,7 @@ from fastapi import APIRouter, Path, Query, Response
 from app.station import FieldError
 from app.station.calibration_desk import board_of
 from app.web.api.calibration_models import BoardKind
-from app.web.api.common import refusals
+from app.web.api.refusals import refusals
 from observer.calibration.printing import board_pdf, board_svg
 from observer.errors import CalibrationError
 

@@ -28,9 +28,10 @@ from app.web.api.calibration_models import (
     CalibrationSave,
     ComputeStart,
 )
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation
 from app.web.api.models import Status
 from app.web.api.previews import PREVIEW_RESPONSES, preview_response
+from app.web.api.refusals import refusals
 from observer.errors import CalibrationError
 
 router = APIRouter(prefix="/calibrating", tags=["calibrating"])

@@ -28,9 +28,10 @@ from app.web.api.calibration_models import (
     PlaceDepth,
     TapeCheckStart,
 )
-from app.web.api.common import TheStation, plain_name, refusals
+from app.web.api.common import TheStation, plain_name
 from app.web.api.models import Status
 from app.web.api.previews import PREVIEW_RESPONSES, preview_response
+from app.web.api.refusals import refusals
 from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])

@@ -1,25 +1,16 @@
-"""What the routers share: the station, and the documentation of refusals."""
+"""What the routers share: the station, who asks, names in paths."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import Depends, Path, Request
 from fastapi.requests import HTTPConnection
 
 from app.station import Station
-from app.web.api.models import Problems, Refused
 from app.web.view_feed import ViewFeed
 
 _LONGEST_NAME = 100
-_MEANINGS: dict[int, str] = {
-    404: "There is no such thing.",
-    409: "Not possible in the present state.",
-    413: "The body is too large.",
-    415: "The body is of the wrong kind.",
-    503: "Not possible for the moment; try again.",
-    507: "The disk is full.",
-}
 
 
 def _station(connection: HTTPConnection) -> Station:
@@ -40,14 +31,6 @@ Feeds = Annotated[dict[str, ViewFeed], Depends(_feeds)]
 
 # In a path.
 RunId = Annotated[str, Path(max_length=100)]
-
-# What the gate in front of every route may answer.
-GATE_RESPONSES: dict[int | str, dict[str, Any]] = {
-    400: {"model": Refused, "description": "The request is malformed, or for another host."},
-    401: {"model": Refused, "description": "No token, or a wrong one."},
-    403: {"model": Refused, "description": "Sent by a page of another site."},
-    429: {"model": Refused, "description": "Too many wrong tokens from this address."},
-}
 
 
 def who(request: Request, name: str | None = None) -> str:
@@ -71,13 +54,3 @@ def plain_name(name: str | None, otherwise: str) -> str:
     last = (name or "").replace("\\", "/").rpartition("/")[2]
     plain = "".join(c for c in last if c.isprintable())[:_LONGEST_NAME]
     return plain or otherwise
-
-
-def refusals(*codes: int) -> dict[int | str, dict[str, Any]]:
-    """The ``responses`` of a route that may answer with these codes."""
-    return {
-        code: {"model": Problems, "description": "Values were refused; nothing was changed."}
-        if code == 422
-        else {"model": Refused, "description": _MEANINGS[code]}
-        for code in codes
-    }

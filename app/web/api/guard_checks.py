@@ -9,7 +9,8 @@ from fastapi import APIRouter, Body, Path, Query, Request
 from fastapi.responses import Response
 
 from app.station import Conflict, Station
-from app.web.api.common import TheStation, refusals, who
+from app.web.api.common import TheStation, who
+from app.web.api.refusals import refusals
 from app.web.api.robot_models import By, CheckEntry, CheckNow, ChecksNow, CheckStart, RoleName
 from app.web.errors import SafeJSON
 

@@ -7,7 +7,8 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from app.station.history import HistoryPage
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation
+from app.web.api.refusals import refusals
 from app.web.api.run_models import History
 from app.web.api.values import Tag
 

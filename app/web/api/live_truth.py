@@ -8,8 +8,9 @@ from fastapi import APIRouter
 from pydantic import Field
 
 from app.messages import LiveTruthOrder
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation
 from app.web.api.live_truth_models import LiveTruthStatus
+from app.web.api.refusals import refusals
 from app.web.api.values import In, Name, Spec
 
 router = APIRouter(prefix="/truth/live", tags=["truth"])

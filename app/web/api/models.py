@@ -10,25 +10,6 @@ from app.web.api.calibration_models import CalibratingFacts
 from app.web.api.live_truth_models import LiveTruthStatus
 from app.web.api.values import Finite, Identifier, In, Name, Spec
 
-
-class Problem(BaseModel):
-    loc: list[str | int] = Field(description="Where in the request, as in body, the field's name.")
-    msg: str = Field(description="What is wrong and what would be right.")
-    type: str
-
-
-class Problems(BaseModel):
-    """Values that were refused; nothing was changed."""
-
-    detail: list[Problem]
-
-
-class Refused(BaseModel):
-    """Why not, in one sentence."""
-
-    detail: str
-
-
 # --- status ---------------------------------------------------------------------------------
 
 

@@ -8,8 +8,9 @@ from fastapi import APIRouter, Body, Path
 
 from app.parameter_store import ParametersInForce
 from app.station.parameter_desk import PresetEntry
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation
 from app.web.api.models import ParameterEntry, ParametersNow, Preset, PresetName
+from app.web.api.refusals import refusals
 from app.web.api.values import Changes
 from observer.parameters import parameter_schema
 

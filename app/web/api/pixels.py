@@ -8,8 +8,9 @@ from fastapi import APIRouter, Query
 
 from app.messages import ExplainPixel
 from app.station.asking import ask
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation
 from app.web.api.models import Pixel
+from app.web.api.refusals import refusals
 
 router = APIRouter(tags=["pixels"])
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import Response
 
-from app.web.api.common import refusals
+from app.web.api.refusals import refusals
 
 PREVIEW_RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {

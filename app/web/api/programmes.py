@@ -10,7 +10,8 @@ from fastapi import APIRouter, Path
 from app.drive.messages import StartProgramme
 from app.station import FieldError, Station
 from app.station.driving.shelf import ShelvedProgramme
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation
+from app.web.api.refusals import refusals
 from app.web.api.robot_models import (
     ProgrammeDetail,
     ProgrammeEntry,

@@ -9,7 +9,8 @@ from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 
 from app.storage.rings import SavedRing
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation
+from app.web.api.refusals import refusals
 
 router = APIRouter(prefix="/recording", tags=["runs"])
 

@@ -9,7 +9,8 @@ from fastapi import APIRouter, Response
 
 from app.station import Conflict, Station
 from app.station.floor_survey import survey_floor
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation
+from app.web.api.refusals import refusals
 from app.web.api.rig_models import DriveNow, FloorEstimate, RigChange, RigFile, RigNow
 from observer.mount import CameraMount
 from observer.rig.rig import Rig

@@ -9,8 +9,9 @@ from fastapi.responses import Response
 
 from app.drive.messages import ArmRobot, DisarmRobot
 from app.station import NotThere, Station
-from app.web.api.common import TheStation, refusals, who
+from app.web.api.common import TheStation, who
 from app.web.api.programmes import programme_command
+from app.web.api.refusals import refusals
 from app.web.api.robot_models import (
     Arming,
     PortChoice,

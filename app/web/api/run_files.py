@@ -10,7 +10,8 @@ from fastapi import APIRouter, Query, Request, Response
 from app.station.errors import FieldError
 from app.station.run_files import ChartFormat, ExportFormat
 from app.station.run_truths import AlignChoices
-from app.web.api.common import RunId, TheStation, refusals
+from app.web.api.common import RunId, TheStation
+from app.web.api.refusals import refusals
 from app.web.api.run_models import Run, RunChart
 from app.web.headers import REPORT_POLICY
 from app.web.leaving import while_there

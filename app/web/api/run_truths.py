@@ -8,7 +8,8 @@ from fastapi import APIRouter, Request
 
 from app.station.run_truths import AlignChoices
 from app.storage import RunRecord
-from app.web.api.common import RunId, TheStation, refusals
+from app.web.api.common import RunId, TheStation
+from app.web.api.refusals import refusals
 from app.web.api.run_models import AlignedRunEntry, AlignStart, RerunStart, Run
 from app.web.leaving import while_there
 from observer.truth.alignment.camera_on_body import CameraOnBody

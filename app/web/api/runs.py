@@ -13,8 +13,9 @@ from fastapi import APIRouter, Query, Response
 from fastapi.responses import FileResponse
 
 from app.storage import IncidentRecord, RunRecord, SpeedRow
-from app.web.api.common import RunId, TheStation, refusals
+from app.web.api.common import RunId, TheStation
 from app.web.api.programmes import programme_command
+from app.web.api.refusals import refusals
 from app.web.api.robot_models import RobotIncident
 from app.web.api.run_models import Run, RunChange, RunStart, SpeedEntry
 

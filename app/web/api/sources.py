@@ -10,8 +10,9 @@ from fastapi import APIRouter
 from app.messages import SetPlayback
 from app.station.sources import source_entries
 from app.station.status import status
-from app.web.api.common import TheStation, refusals
+from app.web.api.common import TheStation
 from app.web.api.models import PlaybackChange, PlaybackStatus, SourceChoice, SourceEntry, Status
+from app.web.api.refusals import refusals
 
 router = APIRouter(tags=["source"])
 

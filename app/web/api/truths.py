@@ -8,7 +8,8 @@ from fastapi import APIRouter, File, Form, Path, UploadFile
 from pydantic import BaseModel, Field
 
 from app.storage import TruthRecord
-from app.web.api.common import TheStation, plain_name, refusals
+from app.web.api.common import TheStation, plain_name
+from app.web.api.refusals import refusals
 
 router = APIRouter(prefix="/truth", tags=["truth"])
 

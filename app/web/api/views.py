@@ -10,7 +10,8 @@ from fastapi import APIRouter, Path, Response, WebSocket
 
 from app.messages import VIEW_NAMES
 from app.station import NotAvailable, NotThere
-from app.web.api.common import Feeds, TheStation, refusals
+from app.web.api.common import Feeds, TheStation
+from app.web.api.refusals import refusals
 from app.web.errors import SafeJSON
 from app.web.sockets import BadMessage, receive_text, until_one_ends
 

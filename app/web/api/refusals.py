@@ -1,0 +1,69 @@
+"""How the interface describes its refusals: every one is a sentence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, Field
+from pydantic.json_schema import models_json_schema
+
+_MEANINGS: dict[int, str] = {
+    404: "There is no such thing.",
+    409: "Not possible in the present state.",
+    413: "The body is too large.",
+    415: "The body is of the wrong kind.",
+    503: "Not possible for the moment; try again.",
+    507: "The disk is full.",
+}
+_SCHEMAS = "#/components/schemas/"
+
+
+class Problem(BaseModel):
+    loc: list[str | int] = Field(description="Where in the request, as in body, the field's name.")
+    msg: str = Field(description="What is wrong and what would be right.")
+    type: str
+
+
+class Problems(BaseModel):
+    """Values that were refused; nothing was changed."""
+
+    detail: list[Problem]
+
+
+class Refused(BaseModel):
+    """Why not, in one sentence."""
+
+    detail: str
+
+
+def _answer(model: type[BaseModel], description: str) -> dict[str, Any]:
+    # By reference: given as a model, each takes the framework a millisecond, hundreds of times.
+    schema = {"$ref": _SCHEMAS + model.__name__}
+    return {"description": description, "content": {"application/json": {"schema": schema}}}
+
+
+# What the gate in front of every route may answer.
+GATE_RESPONSES: dict[int | str, dict[str, Any]] = {
+    400: _answer(Refused, "The request is malformed, or for another host."),
+    401: _answer(Refused, "No token, or a wrong one."),
+    403: _answer(Refused, "Sent by a page of another site."),
+    429: _answer(Refused, "Too many wrong tokens from this address."),
+}
+
+
+def refusals(*codes: int) -> dict[int | str, dict[str, Any]]:
+    """The ``responses`` of a route that may answer with these codes."""
+    return {
+        code: _answer(Problems, "Values were refused; nothing was changed.")
+        if code == 422
+        else _answer(Refused, _MEANINGS[code])
+        for code in codes
+    }
+
+
+def refusal_schemas() -> dict[str, Any]:
+    """What the references above refer to, by name."""
+    models = [(model, "serialization") for model in (Problems, Refused)]
+    _, schema = models_json_schema(models, ref_template=_SCHEMAS + "{model}")  # type: ignore[arg-type]
+    found: dict[str, Any] = schema["$defs"]
+    return found
