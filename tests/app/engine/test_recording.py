@@ -6,6 +6,7 @@ import re
 import resource
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.engine.errors import NotNow
 from app.engine.recorders import Recorders
 from app.engine.recording import RunRecorder
 from app.messages import OpenSource, RecordOrder
@@ -21,6 +23,7 @@ from observer.camera import StereoCalibration
 from observer.recording.errors import RecordingError
 from observer.recording.payloads import RunFacts
 from observer.recording.reader import Recording
+from observer.recording.ring import Ring
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import StereoFrame
@@ -31,6 +34,9 @@ CALIBRATION = calibration_text(
     StereoCalibration.rectified(WIDTH, HEIGHT, 60.0, 60.0, 32.0, 24.0, 0.1)
 )
 FRAME_BYTES = 2 * WIDTH * HEIGHT
+FACTS = RunFacts(
+    id="r1", name="", source="", info={}, calibration_yaml=CALIBRATION, images="lossless"
+)
 
 
 def frame(index: int) -> StereoFrame:
@@ -123,10 +129,7 @@ def test_what_is_given_stands_in_the_file_in_order(tmp_path: Path) -> None:
 
 def test_a_disk_that_stands_still_costs_frames_not_time(tmp_path: Path) -> None:
     path = tmp_path / "recording.mcap"
-    facts = RunFacts(
-        id="r1", name="", source="", info={}, calibration_yaml=CALIBRATION, images="lossless"
-    )
-    slow = SlowWriter(RecordingWriter(path, facts))
+    slow = SlowWriter(RecordingWriter(path, FACTS))
     recorder = RunRecorder(slow, order(path), most_bytes=3 * FRAME_BYTES)  # type: ignore[arg-type]
     begun = time.monotonic()
     for index in range(100):
@@ -222,3 +225,20 @@ def test_a_fault_in_what_is_recorded_ends_the_recording_with_a_sentence(tmp_path
     eventually(lambda: recorder.facts()["trouble"])
     assert "KeyError" in recorder.facts()["trouble"]
     ended(recorder)
+
+
+def test_an_ended_recording_lets_go_of_its_last_half_minute(tmp_path: Path) -> None:
+    """Whoever asked how it ended keeps it for long, and the next run has a half minute as well."""
+    path, ring = tmp_path / "recording.mcap", Ring()
+    writer = RecordingWriter(path, FACTS, ring=ring)
+    recorder = RunRecorder(writer, order(path), ring=ring)
+    give(recorder, 0)
+    told: list[Any] = []
+    held = weakref.ref(ring)
+    del writer, ring
+    recorder.end(lambda: told.append(recorder.facts()))
+    recorder.join(20)
+    assert told[0]["bytes"] == path.stat().st_size
+    assert held() is None
+    with pytest.raises(NotNow):
+        recorder.save_ring(tmp_path / "ring.mcap", 0, told.append)
