@@ -39,6 +39,8 @@ _LONGEST_TURN_S = 5.0
 _MARGIN_S = 3.0
 _MOST_PER_S = 90.0
 _LEAST_RATIO = 0.95
+# Largest of the second half of all recorded turns, of that of the first half.
+_MOST_GROWTH = 1.1
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ class RecordingFigures:
     def targets(self) -> tuple[Target, ...]:
         """What is to be reached."""
         own = [rate for rate in self.rates if rate.playback_rate == _PACES[0]]
-        return tuple(
+        rates = [
             Target(
                 f"loop's rate while images are recorded as {rate.images}, of that without",
                 _LEAST_RATIO,
@@ -92,7 +94,17 @@ class RecordingFigures:
                 len(own),
             )
             for rate in own
+        ]
+        memory, half = self.memory_mb, len(self.memory_mb) // 2
+        growth = max(memory[half:]) / max(memory[:half]) if half else None
+        flat = Target(
+            "engine's memory in the later half of all turns, of that in the earlier half",
+            None,
+            _MOST_GROWTH,
+            growth,
+            len(memory),
         )
+        return (*rates, flat)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""

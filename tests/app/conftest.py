@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -47,8 +48,18 @@ def default_values() -> dict[str, Any]:
     return dict(Parameters().flat())
 
 
+@pytest.fixture(scope="session")
+def new_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A database in which nothing is kept; to make its tables takes longer than to copy it."""
+    file = tmp_path_factory.mktemp("new") / "observer.sqlite"
+    with Storage(file):
+        pass
+    return file
+
+
 @pytest.fixture
-def storage(tmp_path: Path) -> Iterator[Storage]:
+def storage(tmp_path: Path, new_file: Path) -> Iterator[Storage]:
+    shutil.copy(new_file, tmp_path / "observer.sqlite")
     storage = Storage(tmp_path / "observer.sqlite", busy_timeout_s=0.5)
     yield storage
     storage.close()
