@@ -39,7 +39,7 @@ class ScriptedCapture:
     def __init__(self, address: str, settings: CameraSettings) -> None:
         self._file = Path(address)
         self._settings = settings
-        self._stamp = 0.0
+        self._stamp = self._grabbed = 0.0
         self._noise: Image | None = None
         mode = self._script()["mode"]
         if mode == "busy":
@@ -63,6 +63,10 @@ class ScriptedCapture:
             return False
         period = 1.0 / script["rate"]
         number = math.floor(time.monotonic() / period - script["phase"]) + 1
+        if number * period <= self._grabbed:
+            # By rounding, at the very instant of the last one.
+            number += 1
+        self._grabbed = number * period
         late = script.get("late", 0.0) if number % 5 == 0 else 0.0
         self._stamp = (number + script["phase"] + late) * period
         time.sleep(max(0.0, self._stamp - time.monotonic()))
