@@ -38,9 +38,9 @@ def _mount(server):
 
 
 def test_what_is_typed_is_checked_and_levels_the_scene(server, panel, eventually, keep_picture):
-    true = _mount(server)
+    true, rig = _mount(server), panel.locator("observer-rig")
     assert true["height_m"] != pytest.approx(0.83, abs=0.05)
-    height, tilt = panel.get_by_label("Height, m"), panel.get_by_label("Tilt, °")
+    height, tilt = rig.get_by_label("Height, m"), rig.get_by_label("Tilt, °")
     use = panel.get_by_role("button", name="Use this rig")
     tilt.fill("12.5")
     # What is wrong is named, and has the focus.
@@ -62,7 +62,7 @@ def test_what_is_typed_is_checked_and_levels_the_scene(server, panel, eventually
     assert server.get("/rig")["mount"]["height_m"] == {"value": 0.83, "sigma": None}
     assert _mount(server) == true
 
-    panel.get_by_label("Use it for simulated sources too").check()
+    rig.get_by_label("Use it for simulated sources too").check()
     use.click()
     mount = eventually(lambda: _mount(server) != true and _mount(server), 20)
     assert mount["height_m"] == pytest.approx(0.83)
@@ -74,32 +74,32 @@ def test_what_is_typed_is_checked_and_levels_the_scene(server, panel, eventually
     panel.reload()
     panel.get_by_role("tab", name="Calibration").click()
     expect(height).to_have_value("0.83")
-    expect(panel.get_by_label("Use it for simulated sources too")).to_be_checked()
+    expect(rig.get_by_label("Use it for simulated sources too")).to_be_checked()
     with panel.expect_download() as coming:
         panel.get_by_role("link", name="Download rig.yaml").click()
     assert "0.83" in coming.value.path().read_text()
 
 
 def test_the_floor_fills_in_what_it_tells_and_how_well(server, panel, keep_picture):
-    camera = load_scenario("lab").camera
-    panel.get_by_label("Pan, °").fill("1.5")
+    camera, rig = load_scenario("lab").camera, panel.locator("observer-rig")
+    rig.get_by_label("Pan, °").fill("1.5")
     button = panel.get_by_role("button", name="Estimate from the floor")
     button.focus()
     panel.keyboard.press("Enter")
     notes = panel.locator("observer-rig .rig-fields .field", has_text="estimated, ±")
     expect(notes).to_have_count(3, timeout=20_000)
     expect(button).to_be_focused()
-    height = float(panel.get_by_label("Height, m").input_value())
-    tilt = float(panel.get_by_label("Tilt, °").input_value())
+    height = float(rig.get_by_label("Height, m").input_value())
+    tilt = float(rig.get_by_label("Tilt, °").input_value())
     assert height == pytest.approx(camera.height_m, abs=0.03)
     assert tilt == pytest.approx(camera.tilt_deg, abs=1.0)
-    assert abs(float(panel.get_by_label("Roll, °").input_value())) < 1.0
-    expect(panel.get_by_label("Pan, °")).to_have_value("1.5")
+    assert abs(float(rig.get_by_label("Roll, °").input_value())) < 1.0
+    expect(rig.get_by_label("Pan, °")).to_have_value("1.5")
     assert server.get("/rig")["mount"] == {}
     keep_picture(panel, "rig-floor")
 
     # What is typed over an estimate is no estimate any more.
-    panel.get_by_label("Roll, °").fill("0")
+    rig.get_by_label("Roll, °").fill("0")
     expect(notes).to_have_count(2)
     panel.get_by_role("button", name="Use this rig").click()
     expect(panel.locator(".notice")).to_contain_text("The rig is in use", timeout=15_000)
