@@ -59,9 +59,9 @@ test: setup-dev
 	@( $(install_ffmpeg) ) || true
 	@( $(install_postgres) ) || true
 ifeq ($(strip $(ARGS)),)
-	$(BIN)/pytest -n 3 --dist loadfile --ignore tests/browser --ignore tests/faults
+	$(BIN)/pytest -n 3 --dist loadfile --ignore tests/browser --ignore tests/faults $(once_more)
 	$(BIN)/pytest -s tests/faults
-	$(BIN)/pytest tests/browser
+	$(BIN)/pytest tests/browser $(once_more)
 else
 	$(BIN)/pytest $(ARGS)
 endif
@@ -125,6 +125,13 @@ clean:
 	find app observer tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # --- pieces of shell -----------------------------------------------------------------------------
+
+# In CI, whose machine does much else: what failed is tried once more, with nothing beside it, and
+# stays in the output for whoever looks. Not so for tests/faults, whose promises hold every time.
+ifneq ($(CI),)
+once_more = || { echo "Once more, with nothing beside it:"; \
+  $(BIN)/pytest --last-failed --last-failed-no-failures none; }
+endif
 
 # Sets $python, or says in one sentence what to do.
 define find_python

@@ -51,7 +51,7 @@ class RunList extends Part {
     try {
       /** @type {{file: string, bytes: number, seconds: number}} */
       const { file, bytes, seconds } = await request("POST", "/recording/ring");
-      notify(`The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}); Find, compare and look at runs lists it.`);
+      notify(`The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}), listed under Find, compare and look at runs.`);
       this.hub.tell("rings");
     } catch (error) {
       notifyError(error);

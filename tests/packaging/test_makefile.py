@@ -146,3 +146,24 @@ def test_make_alone_lists_the_targets(clone: Path) -> None:
     assert done.returncode == 0
     for target in ("run", "test", "lint", "bench", "wheel", "setup", "clean"):
         assert f"make {target} " in done.stdout
+
+
+@pytest.mark.parametrize(("again", "code"), [("0", 0), ("1", 2)])
+def test_in_ci_what_failed_is_tried_once_more(
+    clone: Path, bare: Path, again: str, code: int
+) -> None:
+    """By itself, and never where promises hold every time."""
+    log, script = clone / "asked", bare / "pytest"
+    script.write_text(
+        f'#!/bin/sh\necho "$*" >> "{log}"\n'
+        f'case "$*" in *last-failed*) exit {again};; "-s tests/faults") exit 0;; *) exit 1;; esac\n'
+    )
+    script.chmod(0o755)
+    done = make(clone, "test", "CI=true", f"BIN={bare}", "-o", "setup-dev", path=str(bare))
+    assert done.returncode == code, done.stderr
+    asked = log.read_text().splitlines()
+    assert asked[1] == "--last-failed --last-failed-no-failures none"
+    if code == 0:
+        assert [line.split()[-1] for line in asked] == [
+            "tests/faults", "none", "tests/faults", "tests/browser", "none",
+        ]  # fmt: skip
