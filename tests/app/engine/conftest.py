@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ import pytest
 from observer.camera import StereoCalibration
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import StereoFrame
+
+from .bench import Bench
 
 RATE = 10.0
 WIDTH, HEIGHT = 64, 48
@@ -62,3 +65,12 @@ class NumberedSource:
 @pytest.fixture(scope="session")
 def numbered() -> Callable[..., NumberedSource]:
     return NumberedSource
+
+
+@pytest.fixture
+def bench(numbered: Callable[..., Any]) -> Iterator[Bench]:
+    made = Bench()
+    made.sources["numbers"] = numbered(5)
+    made.sources["many"] = numbered(10_000)
+    with made:
+        yield made

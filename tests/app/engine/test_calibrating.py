@@ -35,7 +35,7 @@ from observer.camera import StereoCalibration
 from observer.sources.contract import SourceInfo
 from observer.types import StereoFrame
 
-from .test_loop import Bench, opening
+from .bench import Bench, opening
 
 BOARD = Board("chessboard", 9, 6, 0.025)
 SIZE = (320, 240)

@@ -31,7 +31,7 @@ from observer.types import Observation, Status
 from ...observer.truth.alignment.conftest import MOUNT, Room, make_room
 from ...observer.truth.live.mishaps import Mishaps, Stream
 from ...observer.truth.live.vrpn_server import VrpnServer
-from .test_loop import Bench, opening
+from .bench import Bench, opening
 
 # The host's clock when the source's showed 0, and the server's.
 HOST, SERVER = 5000.0, 1.7e9

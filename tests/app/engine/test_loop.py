@@ -1,34 +1,21 @@
-"""The engine's loop in this process: a source of numbers, an observer that counts."""
+"""The engine's loop: opening, observing, commands, heartbeats, what breaks."""
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
-import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
 
-from app.engine.loop import Engine
 from app.messages import (
     CloseSource,
-    Command,
     EngineState,
     ExplainPixel,
     HeartbeatEvent,
     ObservationEvent,
-    OpenSource,
     PreviewCalibration,
-    RecordOrder,
-    RecordRobots,
     Reply,
-    Request,
-    SaveRing,
     SetParameters,
     SetPlayback,
     Shutdown,
@@ -38,211 +25,10 @@ from app.messages import (
     WatchViews,
 )
 from observer.calibration.formats.opencv_file import calibration_text
-from observer.camera import StereoCalibration, StereoCamera
+from observer.camera import StereoCalibration
 from observer.errors import SourceError
-from observer.geometry import Pose
-from observer.mount import CameraMount
-from observer.opening import OpenedSource
-from observer.parameters import Parameters
-from observer.recording.reader import Recording
-from observer.truth.contract import TrueBody
-from observer.types import NoTrace, Observation, Status, StereoFrame, Trace
 
-PATIENCE_S = 20.0
-Numbered = Callable[..., Any]
-
-
-class CountingObserver:
-    """Finds nothing; remembers with which parameters each frame was observed."""
-
-    def __init__(
-        self,
-        calibration: StereoCalibration,
-        parameters: Parameters,
-        *,
-        parameters_revision: int,
-        mount: CameraMount | None,  # noqa: ARG002
-        clock: Callable[[], float],
-    ) -> None:
-        self.camera = StereoCamera(
-            calibration.width, calibration.height, 60.0, 60.0, 32.0, 24.0, calibration.baseline
-        )
-        self.parameters = parameters
-        self.revision = parameters_revision
-        self.segment = 0
-        self.clock = clock
-        self.slow_stages: list[float] = []
-        self.breaks_at: int | None = None
-
-    def use(self, parameters: Parameters, revision: int) -> None:
-        self.parameters, self.revision = parameters, revision
-
-    def begin_segment(self) -> None:
-        self.segment += 1
-
-    def observe(self, frame: StereoFrame, trace: Trace | None = None) -> Observation:
-        trace = NoTrace() if trace is None else trace
-        if frame.index == self.breaks_at:
-            raise ZeroDivisionError("a stage broke")
-        for seconds in self.slow_stages:
-            time.sleep(seconds)
-            self.clock()
-        trace.keep("left", frame.left)
-        return Observation(
-            frame.index,
-            frame.time,
-            frame.received,
-            self.segment,
-            Status.OK,
-            (),
-            self.revision,
-            Pose.identity(),
-            (),
-        )
-
-
-class StandingTruth:
-    """One obstacle that moves along x with its source time."""
-
-    def bodies(self, time: float) -> tuple[TrueBody, ...]:
-        position, velocity = np.array([time, 0.0, 5.0]), np.array([1.0, 0.0, 0.0])
-        size = np.array([0.4, 0.4, 0.4])
-        return (TrueBody(1, "box", "obstacle", position, velocity, size, 0.0, 1.0, None),)
-
-    def camera_pose(self, time: float) -> Pose | None:
-        del time
-        return Pose.identity()
-
-
-class Publisher:
-    """Remembers what it was told to watch and to publish."""
-
-    def __init__(self) -> None:
-        self.watched: tuple[str, ...] = ()
-        self.published = 0
-        self.closed = False
-
-    def watch(self, names: tuple[str, ...]) -> None:
-        self.watched = names
-
-    def publish(self, _: Any) -> None:
-        self.published += 1
-
-    def show_cameras(self, facts: dict[str, Any], draw: Callable[[str], Any]) -> None:
-        self.shown = [facts, draw("camera_left"), draw("camera_right")]
-
-    def forget(self) -> None:
-        pass
-
-    def close(self) -> None:
-        self.closed = True
-
-
-class Bench:
-    """An engine in a thread, its messages in a list, and its sources by name."""
-
-    def __init__(self) -> None:
-        self.sources: dict[str, Any] = {}
-        self.open_gate: threading.Event | None = None
-        self.truth: StandingTruth | None = None
-        self.observers: list[CountingObserver] = []
-        self.publisher = Publisher()
-        self.inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self.messages: list[Any] = []
-        self._arrived = threading.Condition()
-        self._number = 0
-        self._thread = threading.Thread(target=self._run)
-
-    def _run(self) -> None:
-        Engine(
-            inbox=self.inbox,
-            send=self._take,
-            observations_lost=lambda: 0,
-            publisher=self.publisher,  # type: ignore[arg-type]
-            open_source=self._open,
-            make_observer=self._make_observer,
-        ).run()
-
-    def _take(self, message: object) -> None:
-        with self._arrived:
-            self.messages.append(message)
-            self._arrived.notify_all()
-
-    def _open(self, spec: str) -> OpenedSource:
-        if self.open_gate is not None:
-            assert self.open_gate.wait(PATIENCE_S)
-        if spec not in self.sources:
-            raise SourceError(f"there is no {spec}; give a name that exists")
-        if isinstance(self.sources[spec], Exception):
-            raise self.sources[spec]
-        return OpenedSource(self.sources[spec], self.truth)
-
-    def _make_observer(self, *args: Any, **more: Any) -> CountingObserver:
-        self.observers.append(CountingObserver(*args, **more))
-        return self.observers[-1]
-
-    def __enter__(self) -> Bench:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.inbox.put(None)
-        self._thread.join(PATIENCE_S)
-        assert not self._thread.is_alive()
-
-    def ask(self, command: Command) -> int:
-        self._number += 1
-        self.inbox.put(Request(self._number, command))
-        return self._number
-
-    def answer(self, command: Command) -> Reply:
-        number = self.ask(command)
-        return self.wait(Reply, lambda reply: reply.number == number)
-
-    def value(self, command: Command) -> dict[str, Any]:
-        reply = self.answer(command)
-        assert reply.refusal is None, reply.error
-        assert reply.value is not None
-        return reply.value
-
-    def wait(self, kind: type, fits: Callable[[Any], bool] = lambda _: True) -> Any:
-        """The first message of this kind that fits, past ones included."""
-
-        def found() -> Any:
-            return next((m for m in self.messages if isinstance(m, kind) and fits(m)), None)
-
-        with self._arrived:
-            assert self._arrived.wait_for(lambda: found() is not None, PATIENCE_S), (
-                f"no such {kind.__name__} among {self.messages[-20:]}"
-            )
-            return found()
-
-    def all(self, kind: type) -> list[Any]:
-        with self._arrived:
-            return [m for m in self.messages if isinstance(m, kind)]
-
-    def forget(self) -> None:
-        with self._arrived:
-            self.messages.clear()
-
-    @property
-    def state(self) -> StateEvent:
-        state: StateEvent = self.all(StateEvent)[-1]
-        return state
-
-
-@pytest.fixture
-def bench(numbered: Numbered) -> Iterator[Bench]:
-    made = Bench()
-    made.sources["numbers"] = numbered(5)
-    made.sources["many"] = numbered(10_000)
-    with made:
-        yield made
-
-
-def opening(source: str = "numbers", **changes: Any) -> OpenSource:
-    command = OpenSource(source, None, {}, parameters_revision=1, loop=False, rate=4.0)
-    return dataclasses.replace(command, **changes)
+from .bench import PATIENCE_S, Bench, Numbered, StandingTruth, opening
 
 
 def test_it_begins_idle_and_beats(bench: Bench) -> None:
@@ -487,111 +273,3 @@ def test_watching_reaches_the_publisher_and_shutdown_ends(bench: Bench) -> None:
     assert not bench._thread.is_alive()
     assert bench.sources["many"].closed == 1
     assert bench.publisher.closed
-
-
-def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> None:
-    path = tmp_path / "r1" / "recording.mcap"
-    bench.truth = StandingTruth()
-    bench.sources["numbers"].broken = (3,)
-    bench.value(
-        opening(run_id="r1", record=RecordOrder(str(path), "lossless", "a run"), paused=True)
-    )
-    assert bench.state.recording is not None
-    assert bench.state.recording["images"] == "lossless"
-    bench.value(SetParameters({"ego_motion.ransac_threshold_px": 3.0}, revision=2))
-    bench.value(RecordRobots(({"role": "observer", "received": 1.0, "sent_speed": 0.3},)))
-    bench.value(SetPlayback(paused=False))
-    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback["ended"])
-    stopped = bench.value(StopRun())
-    assert stopped["recording"]["bytes"] == path.stat().st_size
-    assert bench.state.state is EngineState.PREVIEW
-    assert bench.state.recording is None
-    events = bench.all(ObservationEvent)
-    with Recording(path) as recording:
-        assert not recording.unfinished
-        assert list(recording.lines()) == [event.line for event in events]
-        assert [f.index for f in recording.frames] == [0, 1, 2, 4]
-        assert [f.received for f in recording.frames] == [event.received for event in events]
-        assert [pixels.max() for pixels in (recording.pair(k)[0] for k in range(4))] == [0, 1, 2, 4]
-        assert [(at, r.revision) for at, r in recording.positioned_revisions] == [(0, 1), (0, 2)]
-        assert recording.positioned_revisions[1][1].difference == {
-            "ego_motion.ransac_threshold_px": 3.0
-        }
-        assert [s.index for s in recording.skipped()] == [3]
-        assert [row.sent_speed for row in recording.robot_rows()] == [0.3]
-        matched = [[b.track_id for b in each.bodies] for each in recording.matched_truth()]
-        assert matched == [[None]] * 4
-        truth = recording.truth()
-        assert truth is not None
-        # The truth's own world and the frame's time.
-        assert truth.bodies(100.0)[0].position.tolist() == [100.0, 0.0, 5.0]
-
-
-def test_a_frame_that_breaks_the_observer_is_recorded_with_why(
-    bench: Bench, tmp_path: Path
-) -> None:
-    path = tmp_path / "recording.mcap"
-    record = RecordOrder(str(path), "none", "a run")
-    bench.value(opening("many", run_id="r1", record=record, paused=True))
-    bench.observers[-1].breaks_at = 2
-    bench.value(SetPlayback(paused=False))
-    bench.wait(StateEvent, lambda s: s.state is EngineState.FAILED)
-    bench.ask(Shutdown())
-    bench._thread.join(PATIENCE_S)
-    with Recording(path) as recording:
-        assert not recording.unfinished
-        assert [f.index for f in recording.frames] == [0, 1, 2]
-        assert ["a stage broke" in i.sentence for i in recording.incidents()] == [True]
-
-
-def test_a_recording_without_room_refuses_the_run(bench: Bench, tmp_path: Path) -> None:
-    order = RecordOrder(str(tmp_path / "r.mcap"), "jpeg", "a run", reserve_bytes=1 << 60)
-    refused = bench.answer(opening(run_id="r1", record=order))
-    assert refused.refusal == "full"
-    assert bench.sources["numbers"].closed == 1
-
-
-def test_the_last_half_minute_of_a_live_source_can_be_had(
-    bench: Bench, numbered: Numbered, tmp_path: Path
-) -> None:
-    bench.sources["camera"] = numbered(8, live=True)
-    assert bench.answer(SaveRing(str(tmp_path / "none.mcap"))).refusal == "state"
-    bench.value(opening("numbers"))
-    assert "live cameras" in str(bench.answer(SaveRing(str(tmp_path / "none.mcap"))).error)
-    bench.value(opening("camera"))
-    bench.wait(ObservationEvent, lambda e: e.line["frame"] == 7)
-    assert bench.state.recording is None
-    path = tmp_path / "rings" / "ring.mcap"
-    saved = bench.value(SaveRing(str(path)))
-    assert saved["bytes"] == path.stat().st_size
-    with Recording(path) as recording:
-        assert not recording.unfinished
-        assert [f.index for f in recording.frames] == list(range(8))
-        assert recording.frames[0].begins == "observer"
-        assert len(list(recording.lines())) == 8
-        assert recording.pair(7)[0].shape == (48, 64)
-    full = SaveRing(str(tmp_path / "full.mcap"), reserve_bytes=1 << 60)
-    assert bench.answer(full).refusal == "full"
-
-
-def test_behind_a_run_the_last_half_minute_of_a_live_source_is_kept_again(
-    bench: Bench, numbered: Numbered, tmp_path: Path
-) -> None:
-    bench.sources["camera"] = numbered(100_000, live=True)
-    record = RecordOrder(str(tmp_path / "run.mcap"), "none", "a run")
-    bench.value(opening("camera", run_id="r1", record=record))
-    bench.wait(ObservationEvent, lambda e: e.line["frame"] == 3)
-    bench.value(SaveRing(str(tmp_path / "within.mcap")))
-    bench.value(StopRun())
-    bench.wait(ObservationEvent, lambda e: e.run_id is None)
-    path = tmp_path / "behind.mcap"
-    bench.value(SaveRing(str(path)))
-    with Recording(path) as recording:
-        assert recording.facts.id == ""
-        assert recording.frames
-        assert len(recording.parameter_revisions()) == 1
-    with Recording(tmp_path / "within.mcap") as recording:
-        assert recording.facts.id == "r1"
-    # The run's own recording is whole, and is not gone on with.
-    with Recording(tmp_path / "run.mcap") as recording:
-        assert not recording.unfinished

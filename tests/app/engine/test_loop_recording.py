@@ -1,0 +1,129 @@
+"""The engine's loop records what it observes, and keeps the last half minute."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from app.messages import (
+    EngineState,
+    ObservationEvent,
+    RecordOrder,
+    RecordRobots,
+    SaveRing,
+    SetParameters,
+    SetPlayback,
+    Shutdown,
+    StateEvent,
+    StopRun,
+)
+from observer.recording.reader import Recording
+
+from .bench import PATIENCE_S, Bench, Numbered, StandingTruth, opening
+
+
+def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "r1" / "recording.mcap"
+    bench.truth = StandingTruth()
+    bench.sources["numbers"].broken = (3,)
+    bench.value(
+        opening(run_id="r1", record=RecordOrder(str(path), "lossless", "a run"), paused=True)
+    )
+    assert bench.state.recording is not None
+    assert bench.state.recording["images"] == "lossless"
+    bench.value(SetParameters({"ego_motion.ransac_threshold_px": 3.0}, revision=2))
+    bench.value(RecordRobots(({"role": "observer", "received": 1.0, "sent_speed": 0.3},)))
+    bench.value(SetPlayback(paused=False))
+    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback["ended"])
+    stopped = bench.value(StopRun())
+    assert stopped["recording"]["bytes"] == path.stat().st_size
+    assert bench.state.state is EngineState.PREVIEW
+    assert bench.state.recording is None
+    events = bench.all(ObservationEvent)
+    with Recording(path) as recording:
+        assert not recording.unfinished
+        assert list(recording.lines()) == [event.line for event in events]
+        assert [f.index for f in recording.frames] == [0, 1, 2, 4]
+        assert [f.received for f in recording.frames] == [event.received for event in events]
+        assert [pixels.max() for pixels in (recording.pair(k)[0] for k in range(4))] == [0, 1, 2, 4]
+        assert [(at, r.revision) for at, r in recording.positioned_revisions] == [(0, 1), (0, 2)]
+        assert recording.positioned_revisions[1][1].difference == {
+            "ego_motion.ransac_threshold_px": 3.0
+        }
+        assert [s.index for s in recording.skipped()] == [3]
+        assert [row.sent_speed for row in recording.robot_rows()] == [0.3]
+        matched = [[b.track_id for b in each.bodies] for each in recording.matched_truth()]
+        assert matched == [[None]] * 4
+        truth = recording.truth()
+        assert truth is not None
+        # The truth's own world and the frame's time.
+        assert truth.bodies(100.0)[0].position.tolist() == [100.0, 0.0, 5.0]
+
+
+def test_a_frame_that_breaks_the_observer_is_recorded_with_why(
+    bench: Bench, tmp_path: Path
+) -> None:
+    path = tmp_path / "recording.mcap"
+    record = RecordOrder(str(path), "none", "a run")
+    bench.value(opening("many", run_id="r1", record=record, paused=True))
+    bench.observers[-1].breaks_at = 2
+    bench.value(SetPlayback(paused=False))
+    bench.wait(StateEvent, lambda s: s.state is EngineState.FAILED)
+    bench.ask(Shutdown())
+    bench._thread.join(PATIENCE_S)
+    with Recording(path) as recording:
+        assert not recording.unfinished
+        assert [f.index for f in recording.frames] == [0, 1, 2]
+        assert ["a stage broke" in i.sentence for i in recording.incidents()] == [True]
+
+
+def test_a_recording_without_room_refuses_the_run(bench: Bench, tmp_path: Path) -> None:
+    order = RecordOrder(str(tmp_path / "r.mcap"), "jpeg", "a run", reserve_bytes=1 << 60)
+    refused = bench.answer(opening(run_id="r1", record=order))
+    assert refused.refusal == "full"
+    assert bench.sources["numbers"].closed == 1
+
+
+def test_the_last_half_minute_of_a_live_source_can_be_had(
+    bench: Bench, numbered: Numbered, tmp_path: Path
+) -> None:
+    bench.sources["camera"] = numbered(8, live=True)
+    assert bench.answer(SaveRing(str(tmp_path / "none.mcap"))).refusal == "state"
+    bench.value(opening("numbers"))
+    assert "live cameras" in str(bench.answer(SaveRing(str(tmp_path / "none.mcap"))).error)
+    bench.value(opening("camera"))
+    bench.wait(ObservationEvent, lambda e: e.line["frame"] == 7)
+    assert bench.state.recording is None
+    path = tmp_path / "rings" / "ring.mcap"
+    saved = bench.value(SaveRing(str(path)))
+    assert saved["bytes"] == path.stat().st_size
+    with Recording(path) as recording:
+        assert not recording.unfinished
+        assert [f.index for f in recording.frames] == list(range(8))
+        assert recording.frames[0].begins == "observer"
+        assert len(list(recording.lines())) == 8
+        assert recording.pair(7)[0].shape == (48, 64)
+    full = SaveRing(str(tmp_path / "full.mcap"), reserve_bytes=1 << 60)
+    assert bench.answer(full).refusal == "full"
+
+
+def test_behind_a_run_the_last_half_minute_of_a_live_source_is_kept_again(
+    bench: Bench, numbered: Numbered, tmp_path: Path
+) -> None:
+    bench.sources["camera"] = numbered(100_000, live=True)
+    record = RecordOrder(str(tmp_path / "run.mcap"), "none", "a run")
+    bench.value(opening("camera", run_id="r1", record=record))
+    bench.wait(ObservationEvent, lambda e: e.line["frame"] == 3)
+    bench.value(SaveRing(str(tmp_path / "within.mcap")))
+    bench.value(StopRun())
+    bench.wait(ObservationEvent, lambda e: e.run_id is None)
+    path = tmp_path / "behind.mcap"
+    bench.value(SaveRing(str(path)))
+    with Recording(path) as recording:
+        assert recording.facts.id == ""
+        assert recording.frames
+        assert len(recording.parameter_revisions()) == 1
+    with Recording(tmp_path / "within.mcap") as recording:
+        assert recording.facts.id == "r1"
+    # The run's own recording is whole, and is not gone on with.
+    with Recording(tmp_path / "run.mcap") as recording:
+        assert not recording.unfinished
