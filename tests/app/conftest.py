@@ -49,17 +49,17 @@ def default_values() -> dict[str, Any]:
 
 
 @pytest.fixture(scope="session")
-def new_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A database in which nothing is kept; to make its tables takes longer than to copy it."""
-    file = tmp_path_factory.mktemp("new") / "observer.sqlite"
+def migrated_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An empty database of this version: making one takes longer than most tests."""
+    file = tmp_path_factory.mktemp("template") / "observer.sqlite"
     with Storage(file):
         pass
     return file
 
 
 @pytest.fixture
-def storage(tmp_path: Path, new_file: Path) -> Iterator[Storage]:
-    shutil.copy(new_file, tmp_path / "observer.sqlite")
+def storage(tmp_path: Path, migrated_file: Path) -> Iterator[Storage]:
+    shutil.copy(migrated_file, tmp_path / "observer.sqlite")
     storage = Storage(tmp_path / "observer.sqlite", busy_timeout_s=0.5)
     yield storage
     storage.close()

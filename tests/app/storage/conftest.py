@@ -61,15 +61,6 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "observer.sqlite"
 
 
-@pytest.fixture(scope="session")
-def migrated_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An empty database of this version: making one takes longer than most tests."""
-    file = tmp_path_factory.mktemp("template") / "observer.sqlite"
-    with Storage(file):
-        pass
-    return file
-
-
 @pytest.fixture(params=["sqlite", "postgresql"])
 def location(
     request: pytest.FixtureRequest,
