@@ -66,6 +66,16 @@ def test_a_run_is_found_described_and_compared_with_truth(
     truth.get_by_label("Tilt, °").fill("10")
     truth.get_by_role("button", name="Align", exact=True).click()
     expect(truth).to_contain_text("lacks x; fill in all six numbers, or none")
+    # As an alignment with the observer's body would have found it.
+    found = {"x_m": 0.078, "y_m": 0.0751234, "z_m": 0.2, "pan_deg": 0.2, "tilt_deg": 4.7219}
+    place = truth.locator("observer-camera-on-body")
+    place.evaluate("(e, found) => { e.found = found; }", found | {"roll_deg": 0})
+    place.get_by_role("button", name="Fill in what was found").click()
+    expect(truth.get_by_label("y, m")).to_have_value("0.0751")
+    expect(truth.get_by_label("Tilt, °")).to_have_value("4.72")
+    place.get_by_role("button", name="Leave it to be found out").click()
+    expect(truth.get_by_label("Tilt, °")).to_be_empty()
+    truth.get_by_label("Tilt, °").fill("10")
     for words in ("x, m", "y, m", "z, m", "Pan, °", "Roll, °"):
         truth.get_by_label(words).fill("0,25")
     truth.get_by_role("button", name="Align", exact=True).click()
