@@ -104,14 +104,15 @@ class Stream:
         while not self._ending.is_set():
             now = time.monotonic()
             if now >= tick:
-                tick = max(tick + self._interval, now - 1.0)
-                frame += 1
+                # Cameras expose when they are due, however late this machine comes to tell of it.
+                due, tick = tick, max(tick + self._interval, now - 1.0)
+                frame += max(1, round((tick - due) / self._interval))
                 if self._random.random() >= self._mishaps.drop:
                     jitter = self._mishaps.jitter_s
                     extra = self._random.expovariate(1 / jitter) if jitter else 0.0
                     # One connection: nothing overtakes.
                     latest_due = max(latest_due, now + self._mishaps.delay_s + extra)
-                    heapq.heappush(waiting, (latest_due, next(order), self._sample(now, frame)))
+                    heapq.heappush(waiting, (latest_due, next(order), self._sample(due, frame)))
             while waiting and waiting[0][0] <= now:
                 self._send(heapq.heappop(waiting)[2])
             until = min(tick, waiting[0][0]) if waiting else tick
