@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -26,6 +25,7 @@ from observer.errors import InputError
 _ROUGHLY_S = 2.0
 
 if TYPE_CHECKING:
+    from observer.geometry import Pose
     from observer.recording.payloads import RunFacts
     from observer.truth.alignment.choices import AlignmentChoices
 
@@ -96,8 +96,9 @@ def align(
             capture = recorded_capture(recording) if file is None else file.capture()
             # What is left out need not be there.
             ignored = [body for body in ignore or [] if body in capture.bodies]
-            choices = _choices(recording.facts, observer, ignored, match or [], expect)
-            choices = replace(choices, T_body_camera=T_body_camera)
+            choices = _choices(
+                recording.facts, observer, ignored, match or [], expect, T_body_camera
+            )
             observed = ObservedRun.of_lines(recording.lines())
             comparison = Comparison(solve(observed, capture, choices), file)
     told = comparison.as_dict() | {
@@ -122,6 +123,7 @@ def _choices(
     ignored: list[str],
     matches: list[str],
     expected_s: float | None,
+    T_body_camera: Pose | None,
 ) -> AlignmentChoices:
     from observer.mount import CameraMount
     from observer.rig.rig_file import read_rig
@@ -134,7 +136,7 @@ def _choices(
         if not equals:
             raise InputError(f"a match is given as TRACK=BODY, as in 0:3=cart, not {text[:60]}")
         found[TrackKey.parse(track)] = body or None
-    more: dict[str, Any] = {}
+    more: dict[str, Any] = {"T_body_camera": T_body_camera}
     if expected_s is not None:
         more["search"] = (expected_s - _ROUGHLY_S, expected_s + _ROUGHLY_S)
     if facts.mount is not None:

@@ -56,8 +56,10 @@ class AlignChoices:
         }
 
     @staticmethod
-    def of_dict(plain: Mapping[str, Any]) -> AlignChoices:
-        """As ``as_dict`` makes it; what earlier versions did not ask for is left open."""
+    def of_alignment(kept: Mapping[str, Any]) -> AlignChoices:
+        """As they are kept with a run's alignment; what earlier versions did not ask for is left
+        open."""
+        plain = kept.get("choices", {})
         camera = plain.get("camera_on_body")
         return AlignChoices(
             plain.get("observer"),
@@ -210,9 +212,7 @@ class TruthFiles:
     async def _align_again(self, run_id: str, original: RunRecord) -> None:
         assert original.alignment is not None
         # Its tracks have other numbers, so what a person said of them holds no more.
-        choices = replace(
-            AlignChoices.of_dict(original.alignment.get("choices", {})), matches={}
-        )
+        choices = replace(AlignChoices.of_alignment(original.alignment), matches={})
         heard_by = None
         if original.truth_id is None:
             heard_by = original.alignment.get("heard_by") or original.id

@@ -62,12 +62,12 @@ def remove_ring(ring: SavedRing) -> None:
 
 def _ring(path: Path, run_id: str | None) -> SavedRing | None:
     named = _NAME.fullmatch(path.stem)
+    if named is None:
+        return None
     try:
-        saved = datetime.strptime(named[1], _STAMP).replace(tzinfo=UTC) if named else None
+        saved = datetime.strptime(named[1], _STAMP).replace(tzinfo=UTC)
         size = path.stat().st_size
     except (OSError, ValueError):
         # It went meanwhile, or somebody named it.
-        return None
-    if saved is None:
         return None
     return SavedRing(path.stem, run_id, saved.isoformat(), size, path.absolute())

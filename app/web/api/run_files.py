@@ -61,7 +61,7 @@ async def get_chart(id: RunId, station: TheStation, request: Request) -> Respons
     about = Run.model_validate(run, from_attributes=True).model_dump_json().encode()
     choices = None
     if run.alignment is not None:
-        choices = AlignChoices.of_dict(run.alignment.get("choices", {})).as_dict()
+        choices = AlignChoices.of_alignment(run.alignment).as_dict()
     # The values are JSON already and may be long.
     begin = b'{"run":' + about + b',"choices":' + json.dumps(choices).encode() + b","
     return Response(begin + values[1:], media_type="application/json")

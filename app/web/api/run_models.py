@@ -8,13 +8,12 @@ from pydantic import BaseModel, Field
 
 from app.web.api.robot_models import ProgrammeStart
 from app.web.api.values import Changes, Finite, Identifier, In, Name, Spec, Tag, Text
-from observer.truth.alignment.camera_on_body import FARTHEST_M
+from observer.truth.alignment.camera_on_body import FARTHEST_M, LARGEST_DEG
 
 Track = Annotated[str, Field(pattern=r"^\d{1,9}[/:]\d{1,9}$")]
 Body = Annotated[
     str, Field(strict=True, min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")
 ]
-BodyOffset = Annotated[Finite, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 
 
 class RunStart(In):
@@ -146,15 +145,19 @@ class CameraOnBodyFacts(BaseModel):
     roll_deg: float = Field(description="Clockwise as seen from behind the camera.")
 
 
+def _up_to(limit: float) -> Any:
+    return Field(ge=-limit, le=limit)
+
+
 class CameraOnBodyIn(In):
     """With all angles 0 it looks along the body's x and has the body's z above."""
 
-    x_m: BodyOffset
-    y_m: BodyOffset
-    z_m: BodyOffset
-    pan_deg: Annotated[Finite, Field(ge=-180, le=180)]
-    tilt_deg: Annotated[Finite, Field(ge=-90, le=90)]
-    roll_deg: Annotated[Finite, Field(ge=-180, le=180)]
+    x_m: Annotated[Finite, _up_to(FARTHEST_M)]
+    y_m: Annotated[Finite, _up_to(FARTHEST_M)]
+    z_m: Annotated[Finite, _up_to(FARTHEST_M)]
+    pan_deg: Annotated[Finite, _up_to(LARGEST_DEG["pan_deg"])]
+    tilt_deg: Annotated[Finite, _up_to(LARGEST_DEG["tilt_deg"])]
+    roll_deg: Annotated[Finite, _up_to(LARGEST_DEG["roll_deg"])]
 
 
 class AlignmentFacts(BaseModel):
