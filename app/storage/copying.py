@@ -24,14 +24,6 @@ from sqlalchemy.exc import SQLAlchemyError
 from app.storage.errors import StorageError
 
 _ROWS = 2000
-# Any number will do that is no other program's: who copies or migrates holds it.
-_LOCK = 0x64796E6F62
-
-
-def lock_whole(connection: Connection) -> None:
-    """Keep other servers from migrating or replacing this database until the transaction ends."""
-    if connection.dialect.name == "postgresql":
-        connection.execute(select(func.pg_advisory_xact_lock(_LOCK)))
 
 
 def copy_tables(engine: Engine, file: Path) -> None:

@@ -88,6 +88,15 @@ def make_engine(url: URL, busy_timeout_s: float) -> Engine:
 def _postgresql_arguments(url: URL, busy_timeout_s: float) -> dict[str, Any]:
     """What the URL says itself goes before."""
     waits_ms = max(1, round(1000 * busy_timeout_s))
+    of_session = {
+        "lock_timeout": waits_ms,
+        "client_encoding": "UTF8",
+        # A client without power is gone for the server as soon as a server is for us: its locks
+        # would keep the next one from starting.
+        "tcp_keepalives_idle": _SILENCE_S // 2,
+        "tcp_keepalives_interval": 2,
+        "tcp_keepalives_count": 3,
+    }
     # https://www.postgresql.org/docs/current/libpq-connect.html#LIBPQ-PARAMKEYWORDS
     arguments = {
         "application_name": APPLICATION,
@@ -96,7 +105,7 @@ def _postgresql_arguments(url: URL, busy_timeout_s: float) -> dict[str, Any]:
         "keepalives_interval": 2,
         "keepalives_count": 3,
         "tcp_user_timeout": 1000 * _SILENCE_S,
-        "options": f"-c lock_timeout={waits_ms} -c client_encoding=UTF8",
+        "options": " ".join(f"-c {name}={value}" for name, value in of_session.items()),
     }
     return {name: value for name, value in arguments.items() if name not in url.query}
 

@@ -16,9 +16,10 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, inspect
 
-from app.storage.copying import copy_tables, lock_whole
+from app.storage.copying import copy_tables
 from app.storage.errors import StorageError
 from app.storage.integrity import copy_database, name_beside
+from app.storage.server_locks import lock_whole
 
 log = structlog.get_logger(__name__)
 

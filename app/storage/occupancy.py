@@ -1,4 +1,4 @@
-"""One server for one data folder: two would take each other's runs for interrupted ones."""
+"""One server for one data folder and database: two would take each other's runs for interrupted."""
 
 from __future__ import annotations
 
@@ -8,20 +8,47 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from app.storage.engines import database_url
+from app.storage.server_locks import ServedDatabase
 from observer.errors import InputError
 
 _NAME = "server.lock"
 
 
 @contextmanager
-def occupied(folder: Path) -> Iterator[None]:
-    """Hold a data folder as long as the context; the system lets go of it with the process.
+def occupied(folder: Path, database: str | None = None) -> Iterator[None]:
+    """Hold a data folder and the database as long as the context, and no longer than the process.
 
-    Where the system or the folder's file system knows no locks, nothing is held.
+    Where the system or the folder's file system knows no locks, that is not held.
+
+    Args:
+        database: the URL of another database than the folder's own.
 
     Raises:
-        InputError: another server holds it.
+        InputError: another server holds the folder, or the file of the database.
+        StorageError: another server holds the database, or it cannot be asked; the URL is none.
     """
+    refusal = "keeps its runs in {where}; stop it, or give this one a folder of its own with --data"
+    with contextlib.ExitStack() as held:
+        held.enter_context(_locked(folder, _NAME, refusal.format(where=folder)))
+        if database is not None:
+            held.enter_context(_database(database))
+        yield
+
+
+def _database(location: str) -> contextlib.AbstractContextManager[object]:
+    url = database_url(location)
+    if url.get_backend_name() == "postgresql":
+        return ServedDatabase(location)
+    if url.get_backend_name() != "sqlite":
+        return contextlib.nullcontext()
+    file = Path(str(url.database))
+    refusal = f"keeps its runs in {file}; stop it, or give this one another file with --database"
+    return _locked(file.parent, f"{file.name}.{_NAME}", refusal)
+
+
+@contextmanager
+def _locked(folder: Path, name: str, refusal: str) -> Iterator[None]:
     try:
         import fcntl
     except ImportError:
@@ -29,7 +56,7 @@ def occupied(folder: Path) -> Iterator[None]:
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = os.open(folder / _NAME, os.O_RDWR | os.O_CREAT, 0o600)
+        file = os.open(folder / name, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError:
         # What cannot be written is told by whoever needs to write there.
         yield
@@ -38,7 +65,7 @@ def occupied(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise InputError(_refusal(folder, os.pread(file, 20, 0))) from None
+            raise InputError(f"{_holder(os.pread(file, 20, 0))} {refusal}") from None
         except OSError:
             # As on some network file systems.
             pass
@@ -50,10 +77,6 @@ def occupied(folder: Path) -> Iterator[None]:
         os.close(file)
 
 
-def _refusal(folder: Path, holder: bytes) -> str:
-    pid = holder.strip().decode(errors="replace")
-    who = f"another server (process {pid})" if pid.isdigit() else "another server"
-    return (
-        f"{who} keeps its runs in {folder}; stop it, or give this one a folder of its own with "
-        f"--data"
-    )
+def _holder(written: bytes) -> str:
+    pid = written.strip().decode(errors="replace")
+    return f"another server (process {pid})" if pid.isdigit() else "another server"

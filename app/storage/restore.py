@@ -17,12 +17,13 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from app.storage.backup import DATABASE, FILES, FOLDERS, Progress
 from app.storage.bundle import BackupError, Bundle, Manifest, open_bundle
-from app.storage.copying import copy_tables, lock_whole, replace_tables
+from app.storage.copying import copy_tables, replace_tables
 from app.storage.engines import APPLICATION, database_url, make_engine
 from app.storage.errors import StorageError, storage_error
 from app.storage.folder import RINGS, DataFolder
 from app.storage.integrity import damage, is_open_elsewhere, move_with_log, name_beside
 from app.storage.migration import upgrade
+from app.storage.server_locks import lock_whole
 from observer.recording.run_folder import RUNS
 
 _BUSY_S = 5.0
@@ -139,7 +140,7 @@ class _Place:
             others = connection.scalar(
                 text(
                     "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() "
-                    "AND application_name = :name AND pid <> pg_backend_pid()"
+                    "AND starts_with(application_name, :name) AND pid <> pg_backend_pid()"
                 ),
                 {"name": APPLICATION},
             )

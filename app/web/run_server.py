@@ -40,7 +40,7 @@ def run(settings: Settings) -> int:
     """
     _configure_logging(settings.log_level)
     listener = _bind(settings)
-    with contextlib.closing(listener), occupied(settings.data):
+    with contextlib.closing(listener), occupied(settings.data, settings.database):
         token = load_token(settings.token_file)
         app = create_app(settings, token)
         server = _Server(server_config(app, settings))

@@ -29,6 +29,7 @@ import sys
 from pathlib import Path
 from app.settings import Settings
 from app.storage import StorageError
+from app.storage.occupancy import occupied
 from app.web.run_server import run
 sys.exit(run(Settings(port=0, data=Path(sys.argv[1]))))
 """
@@ -112,16 +113,15 @@ def test_a_folder_is_one_servers_and_free_behind_its_end_however_it_ended(tmp_pa
             pytest.raises(InputError, match=f"process {process.pid}.*--data"),
         ):
             run(Settings(port=0, data=tmp_path))
-    with occupied(tmp_path), pytest.raises(InputError, match="another server"), occupied(tmp_path):
-        pytest.fail("held twice")
-    with occupied(tmp_path / "made" / "for it"):
-        pass
 
 
-def test_where_no_lock_can_be_had_nothing_is_held(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with occupied(tmp_path / "file"), occupied(tmp_path / "file"):
-        pass
+def test_a_database_is_one_servers_whatever_their_folders(tmp_path: Path) -> None:
+    database = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    with (
+        occupied(tmp_path / "one", database),
+        pytest.raises(InputError, match=r"keeps its runs in .*shared\.sqlite.*--database"),
+    ):
+        run(Settings(port=0, data=tmp_path / "other", database=database))
 
 
 def test_a_database_that_cannot_be_used_is_said(tmp_path: Path) -> None:

@@ -1,0 +1,133 @@
+"""Who may do what with a database server: locks that it keeps beside the tables.
+
+https://www.postgresql.org/docs/current/explicit-locking.html#ADVISORY-LOCKS; they are of one
+database, and end with the transaction or the connection that took them.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from typing import Self
+
+import structlog
+from sqlalchemy import Connection, bindparam, func, select, text
+from sqlalchemy.exc import DBAPIError
+
+from app.storage.engines import APPLICATION, database_url, make_engine
+from app.storage.errors import StorageError, storage_error
+
+log = structlog.get_logger(__name__)
+
+# Any numbers will do that are no other program's: below 2^32, and of one kind in pg_locks.
+_WHOLE = 0x64796E62
+_SERVED = 0x64796E63
+_TIMEOUT_S = 5.0
+# So long a server that was killed may still be seen by PostgreSQL.
+_LETS_GO_S = 2.0
+_LOOK_S = 5.0
+# The end waits no longer than this for a database server that does not answer.
+_PATIENCE_S = 1.0
+_HOLDER = text(
+    "SELECT application_name FROM pg_stat_activity JOIN pg_locks USING (pid) WHERE"
+    " locktype = 'advisory' AND classid = 0 AND objid = :key AND granted"
+    " AND database = (SELECT oid FROM pg_database WHERE datname = current_database())"
+).bindparams(bindparam("key", _SERVED))
+# The longest name that PostgreSQL keeps.
+_LONGEST_NAME = 63
+
+
+def lock_whole(connection: Connection) -> None:
+    """Keep other servers from migrating or replacing this database until the transaction ends."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(select(func.pg_advisory_xact_lock(_WHOLE)))
+
+
+class ServedDatabase:
+    """One server for one database: it is held on a connection of its own, which is looked after.
+
+    A database server that was restarted knows of no lock; it is taken again within seconds.
+
+    Args:
+        location: the URL of a PostgreSQL database.
+
+    Raises:
+        StorageError: the URL is none, or its driver is missing.
+    """
+
+    def __init__(self, location: str, *, look_s: float = _LOOK_S) -> None:
+        url = database_url(location)
+        self._where = url.render_as_string(hide_password=True)
+        name = f"{APPLICATION} {os.getpid()} on {socket.gethostname()}"[:_LONGEST_NAME]
+        self._engine = make_engine(url.update_query_dict({"application_name": name}), _TIMEOUT_S)
+        self._look_s = look_s
+        self._connection: Connection | None = None
+        self._held = False
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._look_after, name="database lock", daemon=True)
+
+    def __enter__(self) -> Self:
+        """Take it.
+
+        Raises:
+            StorageError: another server has it, or the database server cannot be asked.
+        """
+        deadline = time.monotonic() + _LETS_GO_S
+        try:
+            while not self._take():
+                if time.monotonic() > deadline:
+                    raise StorageError(self._refusal())
+                time.sleep(0.1)
+        except DBAPIError as error:
+            self._let_go()
+            raise storage_error(error.orig, self._where) from error
+        except StorageError:
+            self._let_go()
+            raise
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join(_PATIENCE_S)
+        # A thread that waits for a server that is gone ends with the process, as does the lock.
+        if not self._thread.is_alive():
+            self._let_go()
+
+    def _take(self) -> bool:
+        if self._connection is None:
+            options = {"isolation_level": "AUTOCOMMIT"}
+            self._connection = self._engine.connect().execution_options(**options)
+        self._held = bool(self._connection.scalar(select(func.pg_try_advisory_lock(_SERVED))))
+        return self._held
+
+    def _let_go(self) -> None:
+        connection, self._connection, self._held = self._connection, None, False
+        if connection is not None:
+            # Not given back for the next one to use: the lock is the connection's.
+            connection.invalidate()
+            connection.close()
+        self._engine.dispose()
+
+    def _refusal(self) -> str:
+        assert self._connection is not None
+        name = str(self._connection.scalar(_HOLDER) or "")
+        who = name.removeprefix(APPLICATION).strip()
+        return (
+            f"another server{f' (process {who})' if who else ''} keeps its runs in the database "
+            f"{self._where}; stop it, or give this one a database of its own with --database"
+        )
+
+    def _look_after(self) -> None:
+        told = False
+        while not self._ended.wait(self._look_s):
+            try:
+                if self._held and self._connection is not None:
+                    self._connection.scalar(select(1))
+                elif not self._take() and not told:
+                    told = True
+                    log.warning("database_served_by_another", refusal=self._refusal())
+            except DBAPIError:
+                self._let_go()

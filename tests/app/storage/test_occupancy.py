@@ -1,0 +1,145 @@
+"""One server for one data folder and one database."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import socket
+import time
+from collections.abc import Callable
+from multiprocessing.synchronize import Event
+from pathlib import Path
+
+import pytest
+
+from app.storage import StorageError, StorageUnreachable
+from app.storage.engines import database_url
+from app.storage.occupancy import occupied
+from app.storage.server_locks import ServedDatabase
+from observer.errors import InputError
+
+from ...postgresql import PrivateServer, private_server
+
+NewDatabase = Callable[[], str]
+HERE = f"process {os.getpid()} on {socket.gethostname()}"
+
+
+def test_a_folder_is_held_once(tmp_path: Path) -> None:
+    refusal = rf"another server \(process {os.getpid()}\) keeps its runs in .* --data$"
+    with occupied(tmp_path), pytest.raises(InputError, match=refusal), occupied(tmp_path):
+        pytest.fail("held twice")
+    with occupied(tmp_path / "made" / "for it"):
+        pass
+
+
+def test_where_no_lock_can_be_had_nothing_is_held(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with occupied(tmp_path / "file"), occupied(tmp_path / "file"):
+        pass
+
+
+def test_another_file_is_held_once_whatever_the_folders(tmp_path: Path) -> None:
+    shared = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    beside = f"sqlite:///{tmp_path / 'beside.sqlite'}"
+    with occupied(tmp_path / "a", shared):
+        with (
+            pytest.raises(InputError, match=r"shared\.sqlite; stop it.* --database$"),
+            occupied(tmp_path / "b", shared),
+        ):
+            pytest.fail("held twice")
+        with occupied(tmp_path / "b", beside):
+            pass
+    with occupied(tmp_path / "b", shared):
+        pass
+
+
+def test_a_database_server_has_each_database_held_once(
+    new_database: NewDatabase, tmp_path: Path
+) -> None:
+    url = new_database()
+    with occupied(tmp_path / "a", url):
+        with (
+            pytest.raises(StorageError, match=rf"\({HERE}\) .* --database$") as caught,
+            occupied(tmp_path / "b", url),
+        ):
+            pytest.fail("held twice")
+        assert "\n" not in str(caught.value)
+        with occupied(tmp_path / "b", new_database()):
+            pass
+    with occupied(tmp_path / "b", url):
+        pass
+
+
+def test_a_killed_server_holds_nothing(new_database: NewDatabase) -> None:
+    url = new_database()
+    context = multiprocessing.get_context("spawn")
+    held = context.Event()
+    process = context.Process(target=hold, args=(url, held))
+    process.start()
+    try:
+        assert held.wait(30)
+        with pytest.raises(StorageError, match=f"process {process.pid} on"), ServedDatabase(url):
+            pytest.fail("held twice")
+    finally:
+        process.kill()
+        process.join()
+    with ServedDatabase(url):
+        pass
+
+
+def hold(url: str, held: Event) -> None:
+    with ServedDatabase(url):
+        held.set()
+        time.sleep(60)
+
+
+def test_it_is_taken_again_where_the_connection_was_lost(
+    new_database: NewDatabase, server: PrivateServer
+) -> None:
+    url = new_database()
+    of_it = connections(url)
+    with ServedDatabase(url, look_s=0.05):
+        before = server.run(of_it.format("pid"))
+        server.run(of_it.format("pg_terminate_backend(pid)"))
+        deadline = time.monotonic() + 10
+        while server.run(of_it.format("pid")) in ("", before):
+            assert time.monotonic() < deadline
+        with pytest.raises(StorageError, match=HERE), ServedDatabase(url):
+            pytest.fail("held twice")
+    with ServedDatabase(url):
+        pass
+
+
+def connections(url: str) -> str:
+    return f"SELECT {{}} FROM pg_stat_activity WHERE datname = '{database_url(url).database}'"
+
+
+def test_who_was_replaced_meanwhile_says_so_once(
+    new_database: NewDatabase, server: PrivateServer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    url = new_database()
+    with ServedDatabase(url, look_s=0.3):
+        server.run(connections(url).format("pg_terminate_backend(pid)"))
+        with ServedDatabase(url):
+            time.sleep(1.2)
+    said = capsys.readouterr()
+    assert (said.out + said.err).count("database_served_by_another") == 1
+
+
+def test_a_server_that_is_not_there_is_said_and_one_that_goes_is_waited_for(
+    tmp_path: Path, server: PrivateServer
+) -> None:
+    del server
+    with private_server() as mine:
+        mine.run("CREATE DATABASE kept")
+        url = mine.url("kept")
+        with ServedDatabase(url, look_s=0.05):
+            mine.stop()
+            time.sleep(0.3)
+            mine.start()
+            deadline = time.monotonic() + 10
+            while mine.run("SELECT count(*) FROM pg_locks WHERE locktype = 'advisory'") != "1":
+                assert time.monotonic() < deadline
+        mine.stop()
+        with pytest.raises(StorageUnreachable, match="cannot be reached"), occupied(tmp_path, url):
+            pytest.fail("held without a server")
