@@ -269,8 +269,8 @@ class StoppedEvent:
         speed_mps: at the cause, by its encoders. before_mps: the same when the guard began to
             slow it, for ``guard``; otherwise as ``speed_mps``.
         distance_m: by odometry from cause to standing; None where it tells none.
-        separation_m: behind a stop of the guard, what was left to the nearest that is seen ahead;
-            None where sight does not tell.
+        separation_m: behind a stop of the guard, what was left to the nearest that is seen or
+            echoes ahead; None where that is not known.
     """
 
     role: Role

@@ -11,14 +11,12 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
 from app.drive.consent import ZERO
 from app.drive.driven_role import DrivenRole
 from app.drive.messages import IncidentEvent, StoppedEvent
 from app.drive.roles import Roles
+from app.drive.separation import is_heard, separation
 from observer.guard.guard import sight_trouble
-from observer.guard.outline import Outline
 from observer.guard.sight import Sight
 from observer.rig.rig import ROLES, Role
 from observer.robots.contract import RobotPhase, RobotReport
@@ -27,11 +25,9 @@ from observer.robots.contract import RobotPhase, RobotReport
 STANDS_MPS = 0.01
 # It is followed for so long: a firmware's watchdog of 2 s and the braking behind it lie within.
 _FOLLOWED_S = 4.0
-# For what is left before it, a frame of the robot at rest is waited for.
+# For what is left before it, a frame and the sonars of the robot at rest are waited for.
 _LOOK_S = 0.5
 _KEPT_S = 6.0
-# A surface is ahead as far as the robot is wide, and this to each side.
-_BESIDE_M = 0.1
 
 
 @dataclass(frozen=True)
@@ -224,13 +220,20 @@ class StopWatch:
     def _look_ahead(
         self, stop: _Stop, now: float, driven: DrivenRole, sight: Sight | None
     ) -> StoppedEvent | None:
-        """Behind a guard's stop, what is left before it, by a frame of the robot at rest."""
+        """Behind a guard's stop, what is left before it as it is at rest."""
         assert stop.stood is not None
-        if stop.incident.kind != "guard" or self._role != "observer":
+        if stop.incident.kind != "guard":
             return self._told(stop, None)
+        direction = math.copysign(1.0, stop.speed_mps or 0.0)
+        over = now - stop.stood > _LOOK_S
+        if not over and not is_heard(driven.report, stop.stood, direction):
+            return None
+        if self._role != "observer":
+            return self._told(stop, separation(None, driven.report, stop.stood, direction))
         if sight is not None and sight.received >= stop.stood and self._good(sight, now, driven):
-            return self._told(stop, separation(sight, driven.report))
-        return self._told(stop, None) if now - stop.stood > _LOOK_S else None
+            return self._told(stop, separation(sight, driven.report, stop.stood, direction))
+        # Nothing is told by sonar alone of what only a camera would see.
+        return self._told(stop, None) if over else None
 
     def _told(self, stop: _Stop, separation_m: float | None) -> StoppedEvent:
         return StoppedEvent(
@@ -277,26 +280,3 @@ def _zero_since(
     if sent.speed_mps != 0.0 or sent.turn_rate_radps != 0.0:
         return None
     return sent.time if before is None else before
-
-
-def separation(sight: Sight, report: RobotReport | None) -> float | None:
-    """Metres from a robot's outline to the nearest that a frame shows; None where it shows none.
-
-    Obstacles count wherever they are, surfaces on the way straight ahead.
-    """
-    if report is None:
-        return None
-    outline = Outline.of(report.length_m, report.width_m, report.radius_m)
-    distances = [
-        max(0.0, float(outline.distance(np.array(each.x), np.array(each.y))) - each.radius_m)
-        for each in sight.obstacles
-    ]
-    if sight.scan is not None:
-        half = outline.width_m / 2 + _BESIDE_M
-        for bearing, blocked in zip(sight.scan.bearings, sight.scan.blocked_m, strict=True):
-            if blocked is None:
-                continue
-            x, y = blocked * math.cos(bearing), blocked * math.sin(bearing)
-            if x > 0.0 and abs(y) <= half:
-                distances.append(float(outline.distance(np.array(x), np.array(y))))
-    return min(distances, default=None)

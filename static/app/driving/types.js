@@ -106,7 +106,7 @@
  * @property {number | null} stood_ms until it stood
  * @property {number | null} distance_m driven meanwhile
  * @property {number | null} speed_mps at the cause
- * @property {number | null} separation_m left to what is seen ahead
+ * @property {number | null} separation_m left to what is seen or echoes ahead
  *
  * @typedef {object} CheckStep
  * @property {string} name

@@ -13,10 +13,10 @@ from app.drive.messages import (
     StoppedEvent,
     StopRobots,
 )
-from app.drive.stopping import Stopping, separation
+from app.drive.stopping import Stopping
 from observer.guard.guard import Verdict
-from observer.guard.sight import FreeScan, SeenObstacle, Sight
-from observer.robots.contract import RobotPhase, RobotReport, Sent
+from observer.guard.sight import SeenObstacle
+from observer.robots.contract import RobotPhase, Sent, SonarReading
 from observer.types import Odometry, Status
 
 TICK_S = 0.02
@@ -160,6 +160,37 @@ def test_the_guards_stop_tells_what_is_left_by_a_frame_at_rest(rolling: Rolling)
     assert stop.separation_m == pytest.approx(0.75 - 0.2 - 0.15)
 
 
+def test_an_echo_at_rest_is_nearer_than_what_is_seen(rolling: Rolling) -> None:
+    """A pane of glass: the camera sees what is behind it."""
+    bench = rolling.bench
+    robot = bench.robots["observer"]
+    rolling.ready("observer")
+    robot.change(length_m=0.3, width_m=0.28, sonars=(echo(0.9, bench.now),))
+    bench.guard.answers["observer"] = STOPPED
+    wall = SeenObstacle(7, 2.75, 0.0, 0.0, 0.0, 0.2, None, None, False)
+    bench.seeing = {"obstacles": (wall,)}
+    rolling.hold("observer", 0.3, 0.6)
+    # It stands, but its sonar told nothing since.
+    assert rolling.stops == []
+    robot.change(sonars=(echo(0.4, bench.now),))
+    rolling.tick()
+    assert rolling.only().separation_m == pytest.approx(0.4)
+
+
+def test_a_sonar_that_falls_silent_is_not_waited_for(rolling: Rolling) -> None:
+    bench = rolling.bench
+    rolling.ready("obstacle")
+    bench.robots["obstacle"].change(length_m=0.3, width_m=0.28, sonars=(echo(0.4, bench.now),))
+    bench.guard.answers["obstacle"] = STOPPED
+    rolling.hold("obstacle", 0.3, 1.2)
+    # The robot without eyes had nothing else to tell by.
+    assert rolling.only().separation_m is None
+
+
+def echo(range_m: float | None, received: float) -> SonarReading:
+    return SonarReading(0, 0.15, 0.0, 0.0, range_m, received)
+
+
 def test_what_the_guard_lets_go_on_never_stood(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("observer")
@@ -249,19 +280,6 @@ def test_a_robot_without_encoders_or_odometry(rolling: Rolling) -> None:
     stop = rolling.stops[0]
     assert stop.kind == "expired"
     assert (stop.distance_m, stop.stood_time) == (None, None)
-
-
-def test_separation_is_to_the_nearest_obstacle_or_to_a_surface_ahead() -> None:
-    report = RobotReport(RobotPhase.CONNECTED, length_m=0.4, width_m=0.4)
-    aside = FreeScan((-1.0, 0.0, 1.0), (0.6, 1.2, 0.6), (0.0,) * 3, (0.6, 1.2, 0.6))
-    nothing = Sight(1, 0.0, 0.0, "real", Status.OK, (), True)
-    assert separation(nothing, report) is None
-    assert separation(nothing, None) is None
-    walls = Sight(1, 0.0, 0.0, "real", Status.OK, (), True, (), aside)
-    assert separation(walls, report) == pytest.approx(1.0)
-    person = SeenObstacle(1, 0.5, 0.9, 0.0, 0.0, 0.3, None, None, False)
-    seen = Sight(1, 0.0, 0.0, "real", Status.OK, (), True, (person,), aside)
-    assert separation(seen, report) == pytest.approx((0.3**2 + 0.7**2) ** 0.5 - 0.3)
 
 
 def test_programmes_and_other_roles_are_nothing_to_it(rolling: Rolling) -> None:

@@ -1,0 +1,79 @@
+"""What is left before a robot that was stopped: by a frame and by the sonars of it at rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from observer.guard.outline import Outline
+from observer.guard.sight import Sight
+from observer.robots.contract import RobotReport
+
+# A surface is on the way as far as the robot is wide, and this to each side.
+_BESIDE_M = 0.1
+# A sonar that told nothing for so long is not waited for.
+_SILENT_S = 1.0
+
+
+def separation(
+    sight: Sight | None, report: RobotReport | None, since: float, direction: float
+) -> float | None:
+    """Metres from a robot's outline to the nearest that is known; None where nothing is.
+
+    Obstacles that are seen count wherever they are, surfaces that are seen and echoes on the way
+    straight ahead. An echo is taken to lie on its sonar's axis.
+
+    Args:
+        sight: of the robot at rest; None for one without eyes. since: when it stood, the host's
+            monotonic clock: older readings of sonar do not count. direction: of the drive that
+            was stopped, positive forward.
+    """
+    if report is None:
+        return None
+    outline = Outline.of(report.length_m, report.width_m, report.radius_m)
+    distances = [
+        _distance(outline, *place)
+        for place in (*_echoes(report, since), *_surfaces(sight))
+        if _is_on_way(outline, place, direction)
+    ]
+    if sight is not None:
+        distances += [
+            max(0.0, _distance(outline, each.x, each.y) - each.radius_m)
+            for each in sight.obstacles
+        ]
+    return min(distances, default=None)
+
+
+def is_heard(report: RobotReport | None, since: float, direction: float) -> bool:
+    """Whether all sonars that look along the way, and tell anything at all, told since then."""
+    sonars = () if report is None else report.sonars
+    looking = [each for each in sonars if math.cos(each.heading) * direction > 0.0]
+    return all(not since - _SILENT_S < each.received <= since for each in looking)
+
+
+def _echoes(report: RobotReport, since: float) -> Iterator[tuple[float, float]]:
+    for each in report.sonars:
+        if each.received > since and each.range_m is not None:
+            yield (
+                each.x + each.range_m * math.cos(each.heading),
+                each.y + each.range_m * math.sin(each.heading),
+            )
+
+
+def _surfaces(sight: Sight | None) -> Iterator[tuple[float, float]]:
+    if sight is None or sight.scan is None:
+        return
+    for bearing, blocked in zip(sight.scan.bearings, sight.scan.blocked_m, strict=True):
+        if blocked is not None:
+            yield blocked * math.cos(bearing), blocked * math.sin(bearing)
+
+
+def _is_on_way(outline: Outline, place: tuple[float, float], direction: float) -> bool:
+    x, y = place
+    return x * direction > 0.0 and abs(y) <= outline.width_m / 2 + _BESIDE_M
+
+
+def _distance(outline: Outline, x: float, y: float) -> float:
+    return float(outline.distance(np.array(x), np.array(y)))
