@@ -35,6 +35,8 @@ class AlignmentWorker:
         """
         process = self._started()
         if process is None:
+            # Ended between two jobs, it was killed and nobody has waited for its end.
+            self._let_go()
             return None
         assert process.stdin is not None
         assert process.stdout is not None

@@ -71,7 +71,9 @@ def grabbers() -> list[psutil.Process]:
     found = []
     for child in psutil.Process().children(recursive=True):
         try:
-            if child.status() == psutil.STATUS_ZOMBIE or any(
+            # A dead one tells its name only; a video server waits for its own ffmpeg when it can.
+            is_dead = child.status() == psutil.STATUS_ZOMBIE and child.name() != "ffmpeg"
+            if is_dead or any(
                 "observer.sources.cameras.grabber" in each for each in child.cmdline()
             ):
                 found.append(child)
