@@ -270,7 +270,7 @@ class StoppedEvent:
             slow it, for ``guard``; otherwise as ``speed_mps``.
         distance_m: by odometry from cause to standing; None where it tells none.
         separation_m: behind a stop of the guard, what was left to the nearest that is seen or
-            echoes ahead; None where that is not known.
+            echoes ahead; None where that is not known, or what stopped it came by itself.
     """
 
     role: Role

@@ -9,10 +9,12 @@ import numpy as np
 
 from observer.guard.outline import Outline
 from observer.guard.sight import Sight
-from observer.robots.contract import RobotReport
+from observer.robots.contract import RobotReport, SonarReading
 
 # A surface is on the way as far as the robot is wide, and this to each side.
 _BESIDE_M = 0.1
+# Those that look more aside hear what the robot passes.
+_AHEAD = math.cos(math.radians(36.0))
 # A sonar that told nothing for so long is not waited for.
 _SILENT_S = 1.0
 
@@ -22,8 +24,8 @@ def separation(
 ) -> float | None:
     """Metres from a robot's outline to the nearest that is known; None where nothing is.
 
-    Obstacles that are seen count wherever they are, surfaces that are seen and echoes on the way
-    straight ahead. An echo is taken to lie on its sonar's axis.
+    Obstacles that are seen count wherever they are, surfaces that are seen and echoes of sonars
+    that look ahead on the way straight ahead. An echo is taken to lie on its sonar's axis.
 
     Args:
         sight: of the robot at rest; None for one without eyes. since: when it stood, the host's
@@ -35,7 +37,7 @@ def separation(
     outline = Outline.of(report.length_m, report.width_m, report.radius_m)
     distances = [
         _distance(outline, *place)
-        for place in (*_echoes(report, since), *_surfaces(sight))
+        for place in (*_echoes(report, since, direction), *_surfaces(sight))
         if _is_on_way(outline, place, direction)
     ]
     if sight is not None:
@@ -47,14 +49,22 @@ def separation(
 
 
 def is_heard(report: RobotReport | None, since: float, direction: float) -> bool:
-    """Whether all sonars that look along the way, and tell anything at all, told since then."""
-    sonars = () if report is None else report.sonars
-    looking = [each for each in sonars if math.cos(each.heading) * direction > 0.0]
-    return all(not since - _SILENT_S < each.received <= since for each in looking)
+    """Whether all sonars that look ahead, and tell anything at all, told since then."""
+    return all(
+        not since - _SILENT_S < each.received <= since for each in _looking(report, direction)
+    )
 
 
-def _echoes(report: RobotReport, since: float) -> Iterator[tuple[float, float]]:
-    for each in report.sonars:
+def _looking(report: RobotReport | None, direction: float) -> Iterator[SonarReading]:
+    for each in () if report is None else report.sonars:
+        if math.cos(each.heading) * direction >= _AHEAD:
+            yield each
+
+
+def _echoes(
+    report: RobotReport, since: float, direction: float
+) -> Iterator[tuple[float, float]]:
+    for each in _looking(report, direction):
         if each.received > since and each.range_m is not None:
             yield (
                 each.x + each.range_m * math.cos(each.heading),

@@ -16,7 +16,7 @@ from app.drive.driven_role import DrivenRole
 from app.drive.messages import IncidentEvent, StoppedEvent
 from app.drive.roles import Roles
 from app.drive.separation import is_heard, separation
-from observer.guard.guard import sight_trouble
+from observer.guard.guard import Verdict, sight_trouble
 from observer.guard.sight import Sight
 from observer.rig.rig import ROLES, Role
 from observer.robots.contract import RobotPhase, RobotReport
@@ -47,6 +47,7 @@ class _Stop:
     cause: float
     speed_mps: float | None
     before_mps: float | None
+    came: bool
     zero: float | None = None
     stood: float | None = None
 
@@ -105,7 +106,7 @@ class StopWatch:
         self._zero = _zero_since(self._zero, driven, report, now)
         for incident in incidents:
             if self._open is None and self._concerns(incident):
-                self._open = self._begun(incident, report)
+                self._open = self._begun(incident, report, driven.verdict)
         told = None if self._open is None else self._followed(self._open, now, driven, sight)
         if told is not None:
             self._open = None
@@ -153,7 +154,9 @@ class StopWatch:
 
     # --- from its cause --------------------------------------------------------------------
 
-    def _begun(self, incident: IncidentEvent, report: RobotReport | None) -> _Stop | None:
+    def _begun(
+        self, incident: IncidentEvent, report: RobotReport | None, verdict: Verdict | None
+    ) -> _Stop | None:
         """None where nothing moved that could be stopped."""
         cause = self._cause(incident, report)
         speed, lately = self._speed_at(cause), self._speed_at(incident.time)
@@ -165,7 +168,7 @@ class StopWatch:
         before = speed
         if incident.kind == "guard" and self._slowed is not None:
             before = self._speed_at(self._slowed)
-        return _Stop(incident, cause, speed, before)
+        return _Stop(incident, cause, speed, before, verdict is not None and verdict.comes)
 
     def _cause(self, incident: IncidentEvent, report: RobotReport | None) -> float:
         """The last moment at which all was well, as far as it is known."""
@@ -222,7 +225,8 @@ class StopWatch:
     ) -> StoppedEvent | None:
         """Behind a guard's stop, what is left before it as it is at rest."""
         assert stop.stood is not None
-        if stop.incident.kind != "guard":
+        if stop.incident.kind != "guard" or stop.came:
+            # What came by itself may come nearer still.
             return self._told(stop, None)
         direction = math.copysign(1.0, stop.speed_mps or 0.0)
         over = now - stop.stood > _LOOK_S

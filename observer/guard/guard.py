@@ -37,6 +37,7 @@ class Verdict:
         limit_mps: the highest speed forth or back along this arc; None where only the declared
             highest speed limits.
         stop_zone, slow_zone: polygons in the base frame, metres.
+        comes: what limits comes nearer by itself, as sonar hears; nothing was driven up to.
     """
 
     level: Level
@@ -47,6 +48,7 @@ class Verdict:
     limit_mps: float | None
     stop_zone: Polygon
     slow_zone: Polygon
+    comes: bool = False
 
 
 def sight_trouble(sight: Sight | None, now: float, world: str) -> str | None:
@@ -138,12 +140,12 @@ class Guard:
             return Verdict("clear", False, 0.0, 0.0, None, None, *zones)
         seen = sight if role == "observer" else None
         limit = limit_of(side, wanted, seen, sonars, outline, p, now)
-        share, reason = side.held(limit.share, limit.reason, wanted, now, p)
-        speed, turn = side.permitted = (share * wanted[0], share * wanted[1])
-        if share >= WHOLE:
+        held = side.held(limit, wanted, now, p)
+        speed, turn = side.permitted = (held.share * wanted[0], held.share * wanted[1])
+        if held.share >= WHOLE:
             return Verdict("clear", False, speed, turn, None, None, *zones)
-        level: Level = "stop" if share == 0.0 else "slow"
-        return Verdict(level, False, speed, turn, reason, abs(speed), *zones)
+        level: Level = "stop" if held.share == 0.0 else "slow"
+        return Verdict(level, False, speed, turn, held.reason, abs(speed), *zones, held.comes)
 
 
 def _within(wanted: tuple[float, float], p: GuardParameters) -> tuple[float, float]:

@@ -15,13 +15,13 @@ robot's turning circle. The obstacle robot has no eyes: only echoes limit it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import inverse, moved
+from observer.guard.limit import Limit
 from observer.guard.outline import Outline, is_spot_turn
 from observer.guard.separation import Approach, Stopping, approach
 from observer.guard.side import WHOLE, Side
@@ -29,14 +29,6 @@ from observer.guard.sight import Sight
 from observer.guard.sonar_clear import SonarView, clear_by_sonar, echo_at, fresh_sonar
 from observer.parameters import GuardParameters
 from observer.robots.contract import SonarReading
-
-
-@dataclass(frozen=True)
-class Limit:
-    """A share of the wanted velocity and why it is not the whole."""
-
-    share: float
-    reason: str | None = None
 
 
 def limit_of(
@@ -75,7 +67,7 @@ def _limit_by_coming(
     near = approach(places, (0.0, 0.0, 0.0), 0.0, wanted, outline, p)
     limit = _limit_by_obstacles(near, p)
     sonar = near.stopper if limit.share == near.stop_share else near.nearest
-    return Limit(limit.share, f"sonar {sonar} hears something come nearer")
+    return Limit(limit.share, f"sonar {sonar} hears something come nearer", comes=True)
 
 
 def _limit_by_obstacles(near: Approach, p: GuardParameters) -> Limit:

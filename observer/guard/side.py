@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import DeadReckoning
 from observer.guard.intruders import SonarWatch
+from observer.guard.limit import Limit
 from observer.guard.outline import Outline, is_spot_turn, swept
 from observer.guard.seen_ground import RememberedGround, ScanView
 from observer.guard.sight import Sight
@@ -40,7 +42,7 @@ class Side:
         self.scan: ScanView | None = None
         self.permitted = (0.0, 0.0)
         self._frame: tuple[int, float] | None = None
-        self._calls: deque[tuple[float, float, str | None]] = deque()
+        self._calls: deque[tuple[float, float, Limit]] = deque()
         self._heading: tuple[int, int] | None = None
         self._stopped = False
         self._drawn: tuple[object, tuple[Polygon, Polygon]] | None = None
@@ -90,17 +92,12 @@ class Side:
         self._stopped = False
 
     def held(
-        self,
-        share: float,
-        reason: str | None,
-        wanted: tuple[float, float],
-        now: float,
-        p: GuardParameters,
-    ) -> tuple[float, str | None]:
-        """The share in force: it falls at once, and rises when less was not called for lately.
+        self, limit: Limit, wanted: tuple[float, float], now: float, p: GuardParameters
+    ) -> Limit:
+        """The limit in force: it falls at once, and rises when less was not called for lately.
 
         Args:
-            share, reason: of the wanted velocity, called for at this moment.
+            limit: of the wanted velocity, called for at this moment.
         """
         spot = is_spot_turn(*wanted)
         heading = (0, _sign(wanted[1])) if spot else (_sign(wanted[0]), 0)
@@ -111,18 +108,18 @@ class Side:
         size = abs(wanted[1]) if spot else abs(wanted[0])
         while self._calls and now - self._calls[0][0] > p.release_s:
             self._calls.popleft()
-        if share < WHOLE:
-            self._calls.append((now, share * size, reason))
+        if limit.share < WHOLE:
+            self._calls.append((now, limit.share * size, limit))
         if not self._calls:
             self._stopped = False
-            return 1.0, None
-        _, least, reason = min(self._calls, key=lambda call: call[1])
+            return Limit(1.0)
+        _, least, called = min(self._calls, key=lambda call: call[1])
         share = min(1.0, least / size)
         # Who stands begins again only with room for more than the slowest speed.
         slowest = _LEAST_TURN * size if spot else min(p.creep_mps, size)
         enough = slowest * (1 if spot or not self._stopped else 2)
         self._stopped = share < WHOLE and least < enough
-        return (0.0 if self._stopped else share), reason
+        return replace(called, share=0.0 if self._stopped else share)
 
 
 def _sign(value: float) -> int:

@@ -106,7 +106,8 @@ class StopMeasured(BaseModel):
     distance_m: float | None = Field(description="Driven meanwhile, by odometry.")
     speed_mps: float | None = Field(description="At the cause, by its encoders.")
     separation_m: float | None = Field(
-        description="Left to what is seen or echoes ahead, behind a stop of the guard."
+        description="Left to what is seen or echoes ahead, behind a stop of the guard; null where "
+        "what stopped it came nearer by itself."
     )
 
 

@@ -48,7 +48,8 @@ def test_echoes_of_the_robot_at_rest_count_on_its_way() -> None:
     assert left(walls, heard(sonar(0, 0.3))) == pytest.approx(0.3)
     assert left(None, heard(sonar(0, 0.3))) == pytest.approx(0.3)
     # Silence is no distance, beside is not ahead, and what was heard while it rolled is old.
-    for other in (sonar(0, None), sonar(90, 0.3), sonar(180, 0.3), sonar(0, 0.3, STOOD)):
+    aside = (sonar(90, 0.3), sonar(41, 0.08), sonar(180, 0.3))
+    for other in (*aside, sonar(0, None), sonar(0, 0.3, STOOD)):
         assert left(walls, heard(other)) == pytest.approx(1.0)
         assert left(None, heard(other)) is None
     assert left(walls, heard(sonar(180, 0.3)), -1.0) == pytest.approx(0.3)
@@ -61,6 +62,7 @@ def test_those_that_look_along_the_way_are_waited_for_while_they_tell_anything()
     assert is_waited_for(sonar(10, 0.3), sonar(-10, 0.3, STOOD - 0.2))
     assert not is_waited_for(sonar(10, 0.3), sonar(-10, None))
     assert not is_waited_for(sonar(10, 0.3), sonar(-10, 0.3, STOOD - 3.0))
+    assert not is_waited_for(sonar(10, 0.3), sonar(50, 0.3, STOOD - 0.2))
     assert not is_waited_for(sonar(10, 0.3), sonar(170, 0.3, STOOD - 0.2))
     assert not is_waited_for()
     assert is_heard(None, STOOD, 1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -175,6 +176,16 @@ def test_an_echo_at_rest_is_nearer_than_what_is_seen(rolling: Rolling) -> None:
     robot.change(sonars=(echo(0.4, bench.now),))
     rolling.tick()
     assert rolling.only().separation_m == pytest.approx(0.4)
+
+
+def test_of_what_came_by_itself_no_distance_is_told(rolling: Rolling) -> None:
+    bench = rolling.bench
+    rolling.ready("observer")
+    bench.guard.answers["observer"] = replace(STOPPED, comes=True)
+    wall = SeenObstacle(7, 2.75, 0.0, 0.0, 0.0, 0.2, None, None, False)
+    bench.seeing = {"obstacles": (wall,)}
+    rolling.hold("observer", 0.3, 0.6)
+    assert rolling.only().separation_m is None
 
 
 def test_a_sonar_that_falls_silent_is_not_waited_for(rolling: Rolling) -> None:

@@ -211,6 +211,8 @@ def test_a_limit_is_loosened_only_after_a_while() -> None:
 def test_a_tracked_obstacle_slows_and_is_named() -> None:
     coming = SeenObstacle(3, 1.6, 0.0, -0.4, 0.0, 0.2, 0.02, 0.02, False)
     verdict = Loop().ask((0.3, 0.0), obstacles=(coming,))
+    # It is seen, so what is left before it can be told.
+    assert not verdict.comes
     assert verdict.level == "slow"
     assert verdict.reason == "obstacle 3 would be met soon"
     passed = replace(coming, y=1.2, vx=0.0, vy=0.4)

@@ -141,6 +141,7 @@ def verdicts(wanted: tuple[float, float], range_at: Callable[[float], float | No
         # The first round of readings is waited for.
         if k > 45:
             levels.append(verdict.level)
+            assert verdict.comes == (verdict.level != "clear")
     return levels
 
 
