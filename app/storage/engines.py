@@ -18,6 +18,8 @@ APPLICATION = "dynamic-observer"
 _POSTGRESQL = ("postgresql", "postgres", "postgresql+psycopg")
 # A server that is gone is noticed after so long, also in the middle of a request.
 _SILENCE_S = 10
+# How either side asks the other whether it is there: after seconds, again after seconds, times.
+_KEEPALIVES = {"idle": _SILENCE_S // 2, "interval": 2, "count": 3}
 
 
 def database_url(location: str | Path) -> URL:
@@ -93,17 +95,13 @@ def _postgresql_arguments(url: URL, busy_timeout_s: float) -> dict[str, Any]:
         "client_encoding": "UTF8",
         # A client without power is gone for the server as soon as a server is for us: its locks
         # would keep the next one from starting.
-        "tcp_keepalives_idle": _SILENCE_S // 2,
-        "tcp_keepalives_interval": 2,
-        "tcp_keepalives_count": 3,
+        **{f"tcp_keepalives_{name}": value for name, value in _KEEPALIVES.items()},
     }
     # https://www.postgresql.org/docs/current/libpq-connect.html#LIBPQ-PARAMKEYWORDS
     arguments = {
         "application_name": APPLICATION,
         "connect_timeout": max(2, round(busy_timeout_s)),
-        "keepalives_idle": _SILENCE_S // 2,
-        "keepalives_interval": 2,
-        "keepalives_count": 3,
+        **{f"keepalives_{name}": value for name, value in _KEEPALIVES.items()},
         "tcp_user_timeout": 1000 * _SILENCE_S,
         "options": " ".join(f"-c {name}={value}" for name, value in of_session.items()),
     }

@@ -28,9 +28,9 @@ def occupied(folder: Path, database: str | None = None) -> Iterator[None]:
         InputError: another server holds the folder, or the file of the database.
         StorageError: another server holds the database, or it cannot be asked; the URL is none.
     """
-    refusal = "keeps its runs in {where}; stop it, or give this one a folder of its own with --data"
+    remedy = "stop it, or give this one a folder of its own with --data"
     with contextlib.ExitStack() as held:
-        held.enter_context(_locked(folder, _NAME, refusal.format(where=folder)))
+        held.enter_context(_locked(folder, _NAME, f"keeps its runs in {folder}; {remedy}"))
         if database is not None:
             held.enter_context(_database(database))
         yield

@@ -64,7 +64,6 @@ class ServedDatabase:
         self._engine = make_engine(url.update_query_dict({"application_name": name}), _TIMEOUT_S)
         self._look_s = look_s
         self._connection: Connection | None = None
-        self._held = False
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._look_after, name="database lock", daemon=True)
 
@@ -100,11 +99,11 @@ class ServedDatabase:
         if self._connection is None:
             options = {"isolation_level": "AUTOCOMMIT"}
             self._connection = self._engine.connect().execution_options(**options)
-        self._held = bool(self._connection.scalar(select(func.pg_try_advisory_lock(_SERVED))))
-        return self._held
+        # Who has it gets it again.
+        return bool(self._connection.scalar(select(func.pg_try_advisory_lock(_SERVED))))
 
     def _let_go(self) -> None:
-        connection, self._connection, self._held = self._connection, None, False
+        connection, self._connection = self._connection, None
         if connection is not None:
             # Not given back for the next one to use: the lock is the connection's.
             connection.invalidate()
@@ -124,9 +123,7 @@ class ServedDatabase:
         told = False
         while not self._ended.wait(self._look_s):
             try:
-                if self._held and self._connection is not None:
-                    self._connection.scalar(select(1))
-                elif not self._take() and not told:
+                if not self._take() and not told:
                     told = True
                     log.warning("database_served_by_another", refusal=self._refusal())
             except DBAPIError:

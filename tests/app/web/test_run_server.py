@@ -29,7 +29,6 @@ import sys
 from pathlib import Path
 from app.settings import Settings
 from app.storage import StorageError
-from app.storage.occupancy import occupied
 from app.web.run_server import run
 sys.exit(run(Settings(port=0, data=Path(sys.argv[1]))))
 """
