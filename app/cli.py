@@ -97,9 +97,7 @@ def _empty() -> typer.Typer:
     )
 
 
-def main(
-    arguments: Sequence[str] | None = None, made: Callable[[], typer.Typer] = build
-) -> None:
+def main(arguments: Sequence[str] | None = None, made: Callable[[], typer.Typer] = build) -> None:
     """Run the command line and exit.
 
     Args:

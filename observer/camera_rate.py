@@ -76,9 +76,7 @@ class CameraRate:
         relative = velocity + self.shift + place @ cross_matrix(self.turn).T
         u, v = camera.fx * x / z, camera.fy * y / z
         width, height = camera.width, camera.height
-        corner = np.hypot(
-            max(camera.cx, width - camera.cx), max(camera.cy, height - camera.cy)
-        )
+        corner = np.hypot(max(camera.cx, width - camera.cx), max(camera.cy, height - camera.cy))
         share = np.minimum((u * u + v * v) / corner**2, 1.0) ** 2 * seen
         out = np.zeros_like(place)
         out[:, 0] = share * (relative[:, 0] - x / z * relative[:, 2])

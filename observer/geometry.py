@@ -146,9 +146,7 @@ class Pose:
         )
 
 
-def along_arc(
-    x: float, y: float, heading: float, way: float, turned: float
-) -> tuple[float, float]:
+def along_arc(x: float, y: float, heading: float, way: float, turned: float) -> tuple[float, float]:
     """Where an arc over a plane ends that begins at ``x``, ``y`` along ``heading``.
 
     A circle's chord (Siegwart and Nourbakhsh, Introduction to Autonomous Mobile Robots, 5.2.4).

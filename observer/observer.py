@@ -182,9 +182,7 @@ class Observer:
             ills = self._health.look(view, step, p)
         status = Status.DEGRADED if ills and step.ego.status is Status.OK else step.ego.status
         reasons = (*notes, *ills, *step.ego.reasons)
-        return self._observation(
-            frame, status, reasons, step.T_world_camera, step.obstacles, timer
-        )
+        return self._observation(frame, status, reasons, step.T_world_camera, step.obstacles, timer)
 
     def _rectified(self, frame: StereoFrame, trace: Trace) -> View:
         left, right = self._rectification.apply(frame.left, frame.right)

@@ -32,9 +32,7 @@ if TYPE_CHECKING:
 
 def align(
     run: RunArgument,
-    output: Annotated[
-        Path, typer.Option(help="What report and chart take with --compared; JSON.")
-    ],
+    output: Annotated[Path, typer.Option(help="What report and chart take with --compared; JSON.")],
     truth: Annotated[
         Path | None,
         typer.Option(
@@ -103,9 +101,7 @@ def align(
             comparison = Comparison(solve(observed, capture, choices), file)
     told = comparison.as_dict() | {
         "words": comparison.words,
-        "facts": None
-        if comparison.alignment is None
-        else alignment_facts(comparison.alignment),
+        "facts": None if comparison.alignment is None else alignment_facts(comparison.alignment),
     }
     write_file(output, json.dumps(told, allow_nan=False).encode())
     if speeds is not None:

@@ -37,9 +37,7 @@ class Examination:
             "hindered": self.hindered,
             "findings": [asdict(finding) for finding in self.findings],
             "cameras": [asdict(camera) for camera in self.cameras],
-            "serial_ports": [
-                asdict(port) | {"usable": port.usable} for port in self.serial_ports
-            ],
+            "serial_ports": [asdict(port) | {"usable": port.usable} for port in self.serial_ports],
         }
 
 

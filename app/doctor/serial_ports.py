@@ -40,9 +40,7 @@ class SerialPort:
 
 def find_serial_ports(machine: Machine) -> tuple[SerialPort, ...]:
     """The ports on USB, by name. None is opened: that resets some boards."""
-    described = {
-        path: None if says == "n/a" else says for path, says in machine.ports().items()
-    }
+    described = {path: None if says == "n/a" else says for path, says in machine.ports().items()}
     if sys.platform != "linux":
         # Where ports are no device files with groups, such as COM3, pyserial alone knows them.
         return tuple(SerialPort(path, None, says, None) for path, says in described.items())

@@ -67,6 +67,7 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
         orphaned=lambda: os.getppid() != arguments.parent,
         priority=priority,
     )
+
     # However the parent ends, the robots are stopped and let go before this process is gone.
     def leave() -> None:
         inbox.put(None)

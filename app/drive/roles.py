@@ -267,9 +267,7 @@ class Roles:
                     "input",
                 )
         self._end_programme_of(role, now, "was connected anew")
-        before = self.driven[role].connect(
-            Connection(shown, command.world, command.name)
-        )
+        before = self.driven[role].connect(Connection(shown, command.world, command.name))
         attendant = self._attendants[role]
         attendant.close(before)
         attendant.open(command.port, command.model)
@@ -311,9 +309,7 @@ class Roles:
     def _set_guard(self, command: SetGuard) -> dict[str, Any]:
         values = {name.removeprefix(_GUARD): value for name, value in command.parameters.items()}
         try:
-            parameters = GuardParameters.model_validate(
-                {**self._parameters.model_dump(), **values}
-            )
+            parameters = GuardParameters.model_validate({**self._parameters.model_dump(), **values})
         except ValidationError as error:
             first = error.errors()[0]
             name = ".".join(str(part) for part in first["loc"])

@@ -42,8 +42,7 @@ def separation(
     ]
     if sight is not None:
         distances += [
-            max(0.0, _distance(outline, each.x, each.y) - each.radius_m)
-            for each in sight.obstacles
+            max(0.0, _distance(outline, each.x, each.y) - each.radius_m) for each in sight.obstacles
         ]
     return min(distances, default=None)
 
@@ -61,9 +60,7 @@ def _looking(report: RobotReport | None, direction: float) -> Iterator[SonarRead
             yield each
 
 
-def _echoes(
-    report: RobotReport, since: float, direction: float
-) -> Iterator[tuple[float, float]]:
+def _echoes(report: RobotReport, since: float, direction: float) -> Iterator[tuple[float, float]]:
     for each in _looking(report, direction):
         if each.received > since and each.range_m is not None:
             yield (

@@ -51,9 +51,7 @@ class DriveSupervisor(ProcessSupervisor[DriveProcessCommand, DriveEvents]):
         """
         super().__init__(command, slots, limits)
 
-    async def request(
-        self, command: DriveProcessCommand, timeout_s: float = 1.0
-    ) -> dict[str, Any]:
+    async def request(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> dict[str, Any]:
         """Ask the drive process and wait for its answer's value.
 
         Raises:

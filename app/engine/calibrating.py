@@ -115,9 +115,7 @@ class BoardWatch:
         info = source.info
         self.board: Board = command.board
         self._publisher = publisher
-        self._collector = ViewCollector(
-            command.board, (info.width, info.height), command.views
-        )
+        self._collector = ViewCollector(command.board, (info.width, info.height), command.views)
         self._collector.automatic = command.automatic
         self._cover = CoverCheck()
         self._newest: StereoFrame | None = None

@@ -190,9 +190,7 @@ class CurrentSource:
         elif self.session is None:
             self._failed = StateEvent(EngineState.FAILED, reply.error)
             if isinstance(command, OpenSource):
-                self._failed = replace(
-                    self._failed, run_id=command.run_id, segment=command.segment
-                )
+                self._failed = replace(self._failed, run_id=command.run_id, segment=command.segment)
         return reply
 
     def give_up_opening(self) -> Reply | None:

@@ -160,9 +160,7 @@ def alignment_facts(alignment: Alignment) -> dict[str, Any]:
         "observer": alignment.observer,
         "camera_on_body": camera,
         "roles": dict(alignment.roles),
-        "matches": {
-            str(key): asdict(match) for key, match in sorted(alignment.matches.items())
-        },
+        "matches": {str(key): asdict(match) for key, match in sorted(alignment.matches.items())},
         "notes": list(alignment.notes),
     }
 

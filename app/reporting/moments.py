@@ -129,9 +129,7 @@ class Moments:
     def _observed(self, position: int, parameters: Parameters, before: int) -> Moment | None:
         calibration = self._source.calibration
         assert calibration is not None
-        observer = Observer(
-            calibration, parameters, mount=recorded_mount(self._source.recording)
-        )
+        observer = Observer(calibration, parameters, mount=recorded_mount(self._source.recording))
         begin = max(position - before, 0)
         self._source.seek(begin)
         trace = FullTrace()

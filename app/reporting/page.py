@@ -199,4 +199,3 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
         f'<div class="table"><table><thead><tr>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
     )
-

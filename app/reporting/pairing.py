@@ -18,9 +18,7 @@ _GATE_M = 1.0
 _REFUSED = 1e6
 
 
-def pair_with_truth(
-    lines: Iterable[Mapping[str, Any]], truth: Truth
-) -> tuple[MatchedTruth, ...]:
+def pair_with_truth(lines: Iterable[Mapping[str, Any]], truth: Truth) -> tuple[MatchedTruth, ...]:
     """True bodies in each observation's world, with the tracks nearest to them.
 
     The two worlds are brought together once for each segment, at its first pose.

@@ -158,9 +158,7 @@ def _driven(
     server.wait_for_frames()
     time.sleep(_CROSSES_S)
     experiments: list[Experiment] = []
-    with contextlib.closing(
-        ServerApi(f"http://127.0.0.1:{server.port}", server.token)
-    ) as api:
+    with contextlib.closing(ServerApi(f"http://127.0.0.1:{server.port}", server.token)) as api:
         _halt_obstacle(api)
         left = list(programmes)
         while left:
@@ -182,9 +180,7 @@ def _driven(
                     raise
                 tries.ended(error)
                 continue
-            experiments.append(
-                Experiment(programme.name, programme.title, began, time.monotonic())
-            )
+            experiments.append(Experiment(programme.name, programme.title, began, time.monotonic()))
             left.pop(0)
             time.sleep(_REST_S)
     return tuple(experiments)

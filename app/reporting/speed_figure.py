@@ -20,9 +20,7 @@ _LEGEND_ROW_PT = 13.0
 _OTHER_SOURCES = {"true": (ORANGE, "--"), "commanded": (INK, ":"), "encoder": (TEAL, "-.")}
 
 
-def speed_figure(
-    runs: Sequence[tuple[str, Gathered]], highest_mps: float | None = None
-) -> Figure:
+def speed_figure(runs: Sequence[tuple[str, Gathered]], highest_mps: float | None = None) -> Figure:
     """One chart for each experiment, with its title.
 
     Args:

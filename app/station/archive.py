@@ -72,9 +72,7 @@ class RunArchive:
         while record.record == "none" and record.rerun_of is not None:
             before = await asyncio.to_thread(self._storage.get_run, record.rerun_of)
             if before is None:
-                raise NotThere(
-                    f"the run whose images {asked.name} was made of is deleted for good"
-                )
+                raise NotThere(f"the run whose images {asked.name} was made of is deleted for good")
             record = before
         if record.record == "none":
             raise NotThere(

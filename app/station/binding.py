@@ -21,9 +21,7 @@ def calibration_of_cameras(storage: Storage, source: str) -> CalibrationRecord |
     devices = live_devices(source)
     if not devices:
         return None
-    return next(
-        (each for each in storage.list_calibrations() if _devices(each) == devices), None
-    )
+    return next((each for each in storage.list_calibrations() if _devices(each) == devices), None)
 
 
 def binding_warnings(state: StateEvent, calibration: CalibrationRecord | None) -> list[str]:

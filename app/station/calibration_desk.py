@@ -160,9 +160,7 @@ class CalibrationDesk:
         self, source: str, board: Board, views: tuple[BoardView, ...]
     ) -> dict[str, Any]:
         command = BeginCalibration(source, board, views, self.automatic)
-        return await ask(
-            self._engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S
-        )
+        return await ask(self._engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
 
     def _note_source(self, facts: dict[str, Any]) -> None:
         info = facts["source"]

@@ -85,9 +85,7 @@ class Drive(Protocol):
         """Stop all robots and end the process; safe to call twice."""
         ...
 
-    async def request(
-        self, command: DriveProcessCommand, timeout_s: float = 1.0
-    ) -> dict[str, Any]:
+    async def request(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> dict[str, Any]:
         """Send a command and wait for its reply's value.
 
         Raises:

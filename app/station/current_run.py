@@ -104,9 +104,7 @@ class CurrentRun:
 
     def stopped(self, incident: Incident, role: Role) -> None:
         """Keep how a robot came to stand by it; also behind the end of the run."""
-        self._writer.post(
-            partial(self._write_stop, incident.number, role, incident.stops[role])
-        )
+        self._writer.post(partial(self._write_stop, incident.number, role, incident.stops[role]))
 
     def flush(self) -> None:
         """Have the rows so far written; where that is not possible now, with the next ones."""

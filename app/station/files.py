@@ -34,9 +34,7 @@ def told_as_ours(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise StorageFull(
-                f"no space is left to write {path}; free some disk space"
-            ) from error
+            raise StorageFull(f"no space is left to write {path}; free some disk space") from error
         raise FieldError(
             ("body",), f"{path} cannot be written: {error.strerror or error}"
         ) from error

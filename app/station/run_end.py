@@ -60,9 +60,7 @@ async def write_end(
     return None
 
 
-async def _write_with_room(
-    writer: Writer, write: Callable[[], RunRecord], again_s: float
-) -> None:
+async def _write_with_room(writer: Writer, write: Callable[[], RunRecord], again_s: float) -> None:
     while True:
         await asyncio.sleep(again_s)
         try:

@@ -80,9 +80,7 @@ def _copy(source: Connection, sink: Connection, tables: Iterable[Table]) -> None
 def _count_on(connection: Connection, table: Table) -> None:
     """Rows that brought their numbers did not move the sequence that gives the next one."""
     for column in table.primary_key:
-        name = connection.scalar(
-            select(func.pg_get_serial_sequence(table.name, column.name))
-        )
+        name = connection.scalar(select(func.pg_get_serial_sequence(table.name, column.name)))
         if name is not None:
             last = connection.scalar(select(func.max(column)))
             statement = text("SELECT setval(:name, :last, :used)")

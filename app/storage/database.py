@@ -174,4 +174,3 @@ class Database:
                 reason=moved.reason,
             )
             self.warnings = (*self.warnings, sentence)
-

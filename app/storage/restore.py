@@ -86,9 +86,7 @@ class _Place:
         with _explained(self.where):
             in_use, rows = self._look()
         if in_use:
-            raise BackupError(
-                f"a server has the database {self.where} open; end it, then restore"
-            )
+            raise BackupError(f"a server has the database {self.where} open; end it, then restore")
         present = [self.data / name for name in (*FILES, *FOLDERS)]
         filled = [path for path in present if path.is_file() or _has_something(path)]
         if (filled or rows) and not replace:

@@ -36,9 +36,7 @@ def matching(
         Run.deleted_at.is_not(None) if deleted else Run.deleted_at.is_(None)
     ]
     conditions += [Run.searched.contains(word, autoescape=True) for word in folded(text).split()]
-    conditions += [
-        Run.id.in_(select(RunTag.run_id).where(RunTag.tag == tag)) for tag in {*tags}
-    ]
+    conditions += [Run.id.in_(select(RunTag.run_id).where(RunTag.tag == tag)) for tag in {*tags}]
     if since is not None:
         conditions.append(Run.started_at >= _stored(since))
     if until is not None:

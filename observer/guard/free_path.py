@@ -152,8 +152,7 @@ class FreePath:
         # The matcher leaves as many columns out at the left as it looks for disparities.
         margin, p = self._disparities, self._parameters
         wide = [
-            cv2.copyMakeBorder(one, 0, 0, margin, 0, cv2.BORDER_REPLICATE)
-            for one in (left, right)
+            cv2.copyMakeBorder(one, 0, 0, margin, 0, cv2.BORDER_REPLICATE) for one in (left, right)
         ]
         fixed = np.asarray(self._standing.compute(wide[0], wide[1]))[:, margin:]
         inside = fixed <= _FIXED_POINT * np.arange(self._size[0])
@@ -167,9 +166,7 @@ class FreePath:
         distance = (ahead * (depth - sigma))[standing]
         return distance, self._column[known][standing]
 
-    def _nearest(
-        self, distance: NDArray[np.float32], column: NDArray[np.intp]
-    ) -> Float64Array:
+    def _nearest(self, distance: NDArray[np.float32], column: NDArray[np.intp]) -> Float64Array:
         """(N,) nearest surface in each direction from the camera, infinite where none is seen."""
         cells = len(self._reach)
         at = np.maximum((distance / np.float32(_STEP_M)).astype(np.intp), 0)
@@ -226,9 +223,7 @@ class FreePath:
         begins, lengths = _longest_run(seen)
         from_m = self._reach[begins]
         to_m = np.where(lengths > 0, self._reach[np.maximum(begins + lengths - 1, 0)], from_m)
-        surfaces = [
-            float(self._reach[k]) if k < len(self._reach) else None for k in first_blocked
-        ]
+        surfaces = [float(self._reach[k]) if k < len(self._reach) else None for k in first_blocked]
         return FreeScan(
             tuple(round(b, 4) for b in self._bearings.tolist()),
             tuple(None if b is None else round(b, 3) for b in surfaces),

@@ -27,9 +27,7 @@ def slow_zone(outline: Outline, wanted: tuple[float, float], p: GuardParameters)
     return _zone(outline, wanted, way_s, p.margin_m)
 
 
-def _zone(
-    outline: Outline, wanted: tuple[float, float], way_s: float, margin_m: float
-) -> Polygon:
+def _zone(outline: Outline, wanted: tuple[float, float], way_s: float, margin_m: float) -> Polygon:
     """The outline of the ground passed over, in the base frame; the sides by the body's own."""
     side, front = outline.width_m / 2 + margin_m, outline.length_m / 2 + margin_m
     if wanted == (0.0, 0.0):

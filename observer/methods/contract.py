@@ -85,8 +85,6 @@ class Method(Protocol):
         """Forget everything; this view is the first of a new world."""
         ...
 
-    def step(
-        self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace
-    ) -> Step:
+    def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
         """Compare this view with an earlier one. A view whose pose is unknown is not kept."""
         ...

@@ -71,9 +71,7 @@ class PlanarMethod:
         self._history.clear()
         self._history.append(_Seen(view, Pose.identity()))
 
-    def step(
-        self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace
-    ) -> Step:
+    def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
         """Compare this view with the one ``frames.interval`` before it."""
         p, camera = parameters, self._camera
         seen = self._history[-min(p.frames.interval, len(self._history))]

@@ -1,15 +1,15 @@
 """A programme as YAML text: seconds, m/s and degrees per second; read strictly, written exactly.
 
-    name: to_and_fro
-    title: To and fro
-    help: The obstacle drives a metre and comes back.
-    gesture: true                 # false where it is left out
-    steps:
-      obstacle:
-        - {seconds: 1, speed_mps: 0.25, ramp: true}         # evenly from rest to 0.25 m/s
-        - {seconds: 3, speed_mps: 0.25}
-        - {seconds: 1, ramp: true}                          # a speed that is left out is 0
-        - {seconds: 6, turn_rate_deg: 30}                   # to the left
+name: to_and_fro
+title: To and fro
+help: The obstacle drives a metre and comes back.
+gesture: true                 # false where it is left out
+steps:
+  obstacle:
+    - {seconds: 1, speed_mps: 0.25, ramp: true}         # evenly from rest to 0.25 m/s
+    - {seconds: 3, speed_mps: 0.25}
+    - {seconds: 1, ramp: true}                          # a speed that is left out is 0
+    - {seconds: 6, turn_rate_deg: 30}                   # to the left
 """
 
 from __future__ import annotations

@@ -75,9 +75,7 @@ class FloorEstimate:
     @property
     def mount(self) -> CameraMount:
         """The mount as far as the floor tells it."""
-        return CameraMount(
-            self.height_m.value, self.tilt_rad.value, roll_rad=self.roll_rad.value
-        )
+        return CameraMount(self.height_m.value, self.tilt_rad.value, roll_rad=self.roll_rad.value)
 
 
 def estimate_floor(

@@ -1,18 +1,18 @@
 """``rig.yaml``: metres and degrees, the unit in each key; read strictly, written back exactly.
 
-    mount:
-      height_m: 0.41                              # a plain number was typed in
-      tilt_deg: {estimated: 5.2, sigma: 0.3}      # estimated, with its standard deviation
-      roll_deg: null                              # unknown, as is a key that is not there
-      pan_deg: null
-      forward_m: 0.05
-      left_m: 0.06
-    calibration: 3f9c...                          # id of the calibration in use when measured
-    T_body_base:
-      amigo: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -0.15]]    # rotation and metres
-    models: {observer: amigo-sh, obstacle: p3dx-sh}
-    ports: {observer: "/dev/ttyUSB0", obstacle: "socket://192.168.1.20:8101"}
-    for_simulated: false
+mount:
+  height_m: 0.41                              # a plain number was typed in
+  tilt_deg: {estimated: 5.2, sigma: 0.3}      # estimated, with its standard deviation
+  roll_deg: null                              # unknown, as is a key that is not there
+  pan_deg: null
+  forward_m: 0.05
+  left_m: 0.06
+calibration: 3f9c...                          # id of the calibration in use when measured
+T_body_base:
+  amigo: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -0.15]]    # rotation and metres
+models: {observer: amigo-sh, obstacle: p3dx-sh}
+ports: {observer: "/dev/ttyUSB0", obstacle: "socket://192.168.1.20:8101"}
+for_simulated: false
 """
 
 from __future__ import annotations

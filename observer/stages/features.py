@@ -47,9 +47,7 @@ def detect_features(image: Image, parameters: FeaturesParameters) -> Features:
     )
 
 
-def strongest_first(
-    image: Image, parameters: FeaturesParameters, most: int
-) -> NDArray[np.float32]:
+def strongest_first(image: Image, parameters: FeaturesParameters, most: int) -> NDArray[np.float32]:
     """Feature points (N, 2) px wherever they are, the strongest first.
 
     A corner may be as weak as it will: the strongest of the whole image says nothing of others.

@@ -30,9 +30,20 @@ class CalibrationHealth extends Part {
     this.#chart.setAttribute("class", "drift-chart");
     this.#chart.setAttribute("role", "img");
     this.#refine.addEventListener("click", () => void this.#refineRows());
-    this.append(h("h3", {}, "How it holds"), this.#words, this.#spoken, this.#chart, this.#trend, this.#vergence,
-      h("p", { class: "hint" }, "Refining sets pitch and roll between the cameras straight, as a new calibration; vergence, baseline and lenses stay."),
-      h("div", { class: "row" }, this.#refine));
+    this.append(
+      h("h3", {}, "How it holds"),
+      this.#words,
+      this.#spoken,
+      this.#chart,
+      this.#trend,
+      this.#vergence,
+      h(
+        "p",
+        { class: "hint" },
+        "Refining sets pitch and roll between the cameras straight, as a new calibration; vergence, baseline and lenses stay.",
+      ),
+      h("div", { class: "row" }, this.#refine),
+    );
     this.hear("status", () => this.#render());
   }
 
@@ -42,10 +53,14 @@ class CalibrationHealth extends Part {
     if (!ageing) return;
     const { rows, vergence } = ageing;
     const { now_px } = rows;
-    this.#words.dataset.tone = now_px === null ? "" : rows.warning ? "bad" : now_px < ALLOWED_PX ? "good" : "poor";
-    setText(this.#words, now_px !== null
-      ? `The rows of left and right are ${fixed(now_px, 2)} px apart; ${ALLOWED_PX} px are allowed.`
-      : "How far the rows of left and right are apart shows after some seconds with texture in view.");
+    this.#words.dataset.tone =
+      now_px === null ? "" : rows.warning ? "bad" : now_px < ALLOWED_PX ? "good" : "poor";
+    setText(
+      this.#words,
+      now_px !== null
+        ? `The rows of left and right are ${fixed(now_px, 2)} px apart; ${ALLOWED_PX} px are allowed.`
+        : "How far the rows of left and right are apart shows after some seconds with texture in view.",
+    );
     setText(this.#trend, rows.warning ? sentence(rows.warning) : trend(rows));
     setText(this.#spoken, rows.warning ? sentence(rows.warning) : "");
     setText(this.#vergence, sentence(vergence.sentence));
@@ -66,13 +81,26 @@ class CalibrationHealth extends Part {
     const most = Math.max(2 * ALLOWED_PX, ...history.map(([, px]) => px));
     /** @param {number} px */
     const y = (px) => HEIGHT - (px / most) * (HEIGHT - 4) - 2;
-    const points = history.map(([time, px]) => `${(((time - first) / Math.max(1, last - first)) * WIDTH).toFixed(1)},${y(px).toFixed(1)}`);
+    const points = history.map(
+      ([time, px]) =>
+        `${(((time - first) / Math.max(1, last - first)) * WIDTH).toFixed(1)},${y(px).toFixed(1)}`,
+    );
     const allowed = document.createElementNS(SVG, "line");
-    for (const [name, value] of Object.entries({ x1: 0, x2: WIDTH, y1: y(ALLOWED_PX), y2: y(ALLOWED_PX), class: "allowed" })) allowed.setAttribute(name, String(value));
+    for (const [name, value] of Object.entries({
+      x1: 0,
+      x2: WIDTH,
+      y1: y(ALLOWED_PX),
+      y2: y(ALLOWED_PX),
+      class: "allowed",
+    }))
+      allowed.setAttribute(name, String(value));
     const line = document.createElementNS(SVG, "polyline");
     line.setAttribute("points", points.join(" "));
     this.#chart.replaceChildren(allowed, line);
-    this.#chart.setAttribute("aria-label", `Row error over ${fixed((last - first) / 60, 0)} minutes, now ${fixed(history.at(-1)?.[1], 2)} px, ${ALLOWED_PX} px allowed`);
+    this.#chart.setAttribute(
+      "aria-label",
+      `Row error over ${fixed((last - first) / 60, 0)} minutes, now ${fixed(history.at(-1)?.[1], 2)} px, ${ALLOWED_PX} px allowed`,
+    );
   }
 
   async #refineRows() {
@@ -85,7 +113,9 @@ class CalibrationHealth extends Part {
       this.hub.tell("calibrations");
       const use = await previewed(refined, false);
       if (!use) return notify(`${refined.name} is kept beside the others and not in use.`);
-      this.hub.takeStatus(await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`));
+      this.hub.takeStatus(
+        await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`),
+      );
       notify(`${refined.name} is in use.`);
       this.hub.tell("calibrations");
     } catch (error) {

@@ -10,19 +10,52 @@ import { Part } from "./part.js";
 /** @typedef {import("./types.js").Calibration} Calibration */
 
 /** @type {[string, string][]} */
-const UNITS = [["", "The format's own"], ["m", "metres"], ["cm", "centimetres"], ["mm", "millimetres"], ["in", "inches"]];
+const UNITS = [
+  ["", "The format's own"],
+  ["m", "metres"],
+  ["cm", "centimetres"],
+  ["mm", "millimetres"],
+  ["in", "inches"],
+];
 /** @type {[string, string][]} */
-const CAMERAS = [["", "As the images are"], ["grey", "KITTI's grey cameras"], ["colour", "KITTI's colour cameras"]];
+const CAMERAS = [
+  ["", "As the images are"],
+  ["grey", "KITTI's grey cameras"],
+  ["colour", "KITTI's colour cameras"],
+];
 
 class CalibrationPanel extends Part {
-  #file = h("input", { type: "file", id: "calibration-file", multiple: true, accept: ".yaml,.yml,.xml,.json,.txt,.conf,.mat", "aria-describedby": "calibration-help calibration-error" });
-  #size = h("input", { type: "text", id: "calibration-size", placeholder: "as in 1280x720", autocomplete: "off" });
-  #unit = h("select", { id: "calibration-unit" }, ...UNITS.map(([value, text]) => h("option", { value }, text)));
-  #cameras = h("select", { id: "calibration-cameras" }, ...CAMERAS.map(([value, text]) => h("option", { value }, text)));
+  #file = h("input", {
+    type: "file",
+    id: "calibration-file",
+    multiple: true,
+    accept: ".yaml,.yml,.xml,.json,.txt,.conf,.mat",
+    "aria-describedby": "calibration-help calibration-error",
+  });
+  #size = h("input", {
+    type: "text",
+    id: "calibration-size",
+    placeholder: "as in 1280x720",
+    autocomplete: "off",
+  });
+  #unit = h(
+    "select",
+    { id: "calibration-unit" },
+    ...UNITS.map(([value, text]) => h("option", { value }, text)),
+  );
+  #cameras = h(
+    "select",
+    { id: "calibration-cameras" },
+    ...CAMERAS.map(([value, text]) => h("option", { value }, text)),
+  );
   #drop = h("div", { class: "drop" });
   #error = h("p", { class: "field-error", id: "calibration-error", role: "alert" });
   #list = h("ul", { class: "item-list" });
-  #items = new KeptList(this.#list, (/** @type {Calibration} */ calibration) => this.#item(calibration), () => this.#make);
+  #items = new KeptList(
+    this.#list,
+    (/** @type {Calibration} */ calibration) => this.#item(calibration),
+    () => this.#make,
+  );
   #make = h("button", { class: "button primary", type: "button" }, "Calibrate cameras");
   #empty = h("p", { class: "empty" }, "None yet; the source's own calibration is in use.");
   #compare = h("button", { class: "button", type: "button", hidden: true }, "Compare");
@@ -33,23 +66,47 @@ class CalibrationPanel extends Part {
 
   build() {
     this.#drop.append(
-      h("label", { for: "calibration-file" }, icon("upload"), "Choose a calibration file, or drop it here"),
+      h(
+        "label",
+        { for: "calibration-file" },
+        icon("upload"),
+        "Choose a calibration file, or drop it here",
+      ),
       this.#file,
-      h("p", { class: "hint", id: "calibration-help" },
-        "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used."),
-      h("details", {}, h("summary", {}, "Where the files leave something open"),
-        h("div", { class: "stack" },
-          field("Image size, where no file tells it", this.#size), field("Lengths are in", this.#unit), field("Cameras", this.#cameras))),
+      h(
+        "p",
+        { class: "hint", id: "calibration-help" },
+        "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used.",
+      ),
+      h(
+        "details",
+        {},
+        h("summary", {}, "Where the files leave something open"),
+        h(
+          "div",
+          { class: "stack" },
+          field("Image size, where no file tells it", this.#size),
+          field("Lengths are in", this.#unit),
+          field("Cameras", this.#cameras),
+        ),
+      ),
       this.#error,
     );
     this.#file.addEventListener("change", () => void this.#send([...(this.#file.files ?? [])]));
     this.#own.addEventListener("click", () => void this.#deactivate());
     this.#listenForDrop();
     this.#make.addEventListener("click", () => this.hub.tell("calibrate"));
-    this.append(h("h2", {}, "Calibration"),
-      h("p", { class: "hint" }, "With a printed board it takes about five minutes."), h("div", { class: "row" }, this.#make),
-      h("h3", {}, "Bring your own"), this.#drop, h("h3", {}, "Kept calibrations"), this.#empty, this.#list,
-      h("div", { class: "row" }, this.#compare, this.#own));
+    this.append(
+      h("h2", {}, "Calibration"),
+      h("p", { class: "hint" }, "With a printed board it takes about five minutes."),
+      h("div", { class: "row" }, this.#make),
+      h("h3", {}, "Bring your own"),
+      this.#drop,
+      h("h3", {}, "Kept calibrations"),
+      this.#empty,
+      this.#list,
+      h("div", { class: "row" }, this.#compare, this.#own),
+    );
     this.#compare.addEventListener("click", () => compared(this.#all.slice(0, 4)));
     this.hear("reconnected", () => void this.#load());
     this.hear("calibrations", () => void this.#load());
@@ -87,8 +144,15 @@ class CalibrationPanel extends Part {
 
   #renderList() {
     this.#empty.hidden = this.#all.length > 0;
-    this.#items.show(this.#all, ({ id }) => id, (calibration) => JSON.stringify([calibration, calibration.id === this.#active]));
-    for (const [button, unused] of /** @type {const} */ ([[this.#own, this.#active === ""], [this.#compare, this.#all.length < 2]])) {
+    this.#items.show(
+      this.#all,
+      ({ id }) => id,
+      (calibration) => JSON.stringify([calibration, calibration.id === this.#active]),
+    );
+    for (const [button, unused] of /** @type {const} */ ([
+      [this.#own, this.#active === ""],
+      [this.#compare, this.#all.length < 2],
+    ])) {
       if (unused) passFocus(button, this.#list.querySelector("button"), this.#make);
       button.hidden = unused;
     }
@@ -97,17 +161,47 @@ class CalibrationPanel extends Part {
   /** @param {Calibration} calibration */
   #item(calibration) {
     const active = calibration.id === this.#active;
-    const remove = h("button", { type: "button", class: "button icon-button", disabled: active, "aria-label": `Delete calibration ${calibration.name}`, title: active ? "In use" : "Delete" }, icon("trash"));
-    const name = h("button", { type: "button", class: "button", "aria-label": `Rename calibration ${calibration.name}` }, "Rename");
+    const remove = h(
+      "button",
+      {
+        type: "button",
+        class: "button icon-button",
+        disabled: active,
+        "aria-label": `Delete calibration ${calibration.name}`,
+        title: active ? "In use" : "Delete",
+      },
+      icon("trash"),
+    );
+    const name = h(
+      "button",
+      { type: "button", class: "button", "aria-label": `Rename calibration ${calibration.name}` },
+      "Rename",
+    );
     name.addEventListener("click", () => void this.#rename(calibration));
-    const look = h("button", { type: "button", class: "button", "aria-label": `Look at calibration ${calibration.name}` }, "Look");
+    const look = h(
+      "button",
+      { type: "button", class: "button", "aria-label": `Look at calibration ${calibration.name}` },
+      "Look",
+    );
     remove.addEventListener("click", () => void this.#remove(calibration));
     look.addEventListener("click", () => void this.#look(calibration));
-    return h("li", {},
-      h("div", { class: "item-words" },
-        h("p", {}, h("b", {}, calibration.name), " ", active ? h("span", { class: "state-chip", "data-state": "running" }, "in use") : null),
-        h("p", { class: "hint" }, describe(calibration))),
-      h("div", { class: "row" }, look, name, remove));
+    return h(
+      "li",
+      {},
+      h(
+        "div",
+        { class: "item-words" },
+        h(
+          "p",
+          {},
+          h("b", {}, calibration.name),
+          " ",
+          active ? h("span", { class: "state-chip", "data-state": "running" }, "in use") : null,
+        ),
+        h("p", { class: "hint" }, describe(calibration)),
+      ),
+      h("div", { class: "row" }, look, name, remove),
+    );
   }
 
   /** @param {File[]} files */
@@ -116,7 +210,11 @@ class CalibrationPanel extends Part {
     setText(this.#error, "");
     const form = new FormData();
     for (const file of files) form.append("file", file);
-    for (const [name, { value }] of /** @type {const} */ ([["size", this.#size], ["unit", this.#unit], ["cameras", this.#cameras]])) {
+    for (const [name, { value }] of /** @type {const} */ ([
+      ["size", this.#size],
+      ["unit", this.#unit],
+      ["cameras", this.#cameras],
+    ])) {
       if (value.trim()) form.append(name, value.trim());
     }
     try {
@@ -126,7 +224,10 @@ class CalibrationPanel extends Part {
       await this.#look(calibration);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, `${files.map((file) => file.name).join(" and ")} was not taken: ${error.message}`);
+      setText(
+        this.#error,
+        `${files.map((file) => file.name).join(" and ")} was not taken: ${error.message}`,
+      );
     } finally {
       // The same file, corrected, can be chosen again.
       this.#file.value = "";
@@ -175,7 +276,11 @@ class CalibrationPanel extends Part {
 
   /** @param {Calibration} calibration */
   async #remove(calibration) {
-    const sure = await confirmed(`Delete calibration ${calibration.name}?`, "Runs that used it keep their results.", "Delete calibration");
+    const sure = await confirmed(
+      `Delete calibration ${calibration.name}?`,
+      "Runs that used it keep their results.",
+      "Delete calibration",
+    );
     if (!sure) return;
     try {
       await request("DELETE", `/calibrations/${encodeURIComponent(calibration.id)}`);

@@ -20,9 +20,18 @@ const POOR_PX = 1.5;
  * @returns {Promise<boolean>} whether to use it
  */
 export function previewed(calibration, active) {
-  const canvas = h("canvas", { width: 4, height: 1, role: "img", "aria-label": "The rectified pair, left and right, with level lines across both" });
+  const canvas = h("canvas", {
+    width: 4,
+    height: 1,
+    role: "img",
+    "aria-label": "The rectified pair, left and right, with level lines across both",
+  });
   const verdict = h("p", { class: "verdict", role: "status" }, "Rectifying the newest pair…");
-  const use = h("button", { value: "use", class: "button primary", disabled: active }, active ? "In use" : "Use this calibration");
+  const use = h(
+    "button",
+    { value: "use", class: "button primary", disabled: active },
+    active ? "In use" : "Use this calibration",
+  );
   const tape = new TapeCheck(calibration, canvas);
   const report = calibration.report;
   const dialog = h(
@@ -37,18 +46,40 @@ export function previewed(calibration, active) {
       notes(calibration.notes),
       h("dl", { class: "figures" }, ...understood(calibration)),
       report?.verdict ? h("p", { class: "verdict" }, report.verdict.sentence) : null,
-      report ? h("details", {}, h("summary", {}, "How good it is"), report.verdict ? verdictTable(report.verdict) : null, viewChart(report.views)) : null,
+      report
+        ? h(
+            "details",
+            {},
+            h("summary", {}, "How good it is"),
+            report.verdict ? verdictTable(report.verdict) : null,
+            viewChart(report.views),
+          )
+        : null,
       canvas,
-      h("p", { class: "hint" }, "A point of the left image must lie on the same level line in the right one."),
+      h(
+        "p",
+        { class: "hint" },
+        "A point of the left image must lie on the same level line in the right one.",
+      ),
       verdict,
       tape.element,
       h("div", { class: "row" }, ...exports(calibration)),
-      h("div", { class: "row end" }, h("button", { value: "close", class: "button" }, "Close"), use),
+      h(
+        "div",
+        { class: "row end" },
+        h("button", { value: "close", class: "button" }, "Close"),
+        use,
+      ),
     ),
   );
   document.body.append(dialog);
   showModal(dialog);
-  void paintPreview(`/calibrations/${encodeURIComponent(calibration.id)}/preview`, canvas, verdict, report);
+  void paintPreview(
+    `/calibrations/${encodeURIComponent(calibration.id)}/preview`,
+    canvas,
+    verdict,
+    report,
+  );
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {
       dialog.remove();
@@ -102,20 +133,60 @@ export function compared(calibrations) {
     ["Baseline", (c) => `${fixed(1000 * c.baseline_m, 1)} mm`],
     ["Field of view", (c) => `${fixed(c.hfov_deg, 1)}°`],
     ["Stereo, RMS", (c) => (c.report ? `${fixed(c.report.rms_stereo_px, 2)} px` : "–")],
-    ["Rows, views held out", (c) => (c.report?.held_out ? `${fixed(c.report.held_out.median_px, 2)} px, 95 % ${fixed(c.report.held_out.p95_px, 2)} px` : "–")],
+    [
+      "Rows, views held out",
+      (c) =>
+        c.report?.held_out
+          ? `${fixed(c.report.held_out.median_px, 2)} px, 95 % ${fixed(c.report.held_out.p95_px, 2)} px`
+          : "–",
+    ],
     ["Depth error at 3 m", (c) => depthAt3m(c)],
     ["Rows now", () => "…"],
-    ["Tape checks", (c) => c.tape_checks.map((check) => `${fixed(check.measured_m, 2)} m: ${check.agrees ? "agrees" : "differs"}`).join(", ") || "–"],
+    [
+      "Tape checks",
+      (c) =>
+        c.tape_checks
+          .map((check) => `${fixed(check.measured_m, 2)} m: ${check.agrees ? "agrees" : "differs"}`)
+          .join(", ") || "–",
+    ],
   ];
-  const body = h("tbody", {}, ...rows.map(([term, value]) => h("tr", {}, h("th", { scope: "row" }, term), ...calibrations.map((c) => h("td", {}, value(c))))));
-  const dialog = h("dialog", { class: "preview", "aria-labelledby": "compare-title" },
-    h("form", { method: "dialog" },
+  const body = h(
+    "tbody",
+    {},
+    ...rows.map(([term, value]) =>
+      h(
+        "tr",
+        {},
+        h("th", { scope: "row" }, term),
+        ...calibrations.map((c) => h("td", {}, value(c))),
+      ),
+    ),
+  );
+  const dialog = h(
+    "dialog",
+    { class: "preview", "aria-labelledby": "compare-title" },
+    h(
+      "form",
+      { method: "dialog" },
       h("h2", { id: "compare-title" }, "Calibrations compared"),
-      h("div", { class: "scroll-x" },
-        h("table", { class: "verdict-table" },
-          h("thead", {}, h("tr", {}, h("th", {}), ...calibrations.map((c) => h("th", { scope: "col" }, c.name)))), body)),
+      h(
+        "div",
+        { class: "scroll-x" },
+        h(
+          "table",
+          { class: "verdict-table" },
+          h(
+            "thead",
+            {},
+            h("tr", {}, h("th", {}), ...calibrations.map((c) => h("th", { scope: "col" }, c.name))),
+          ),
+          body,
+        ),
+      ),
       h("p", { class: "hint" }, "“Rows now” is measured in the newest pair of the open source."),
-      h("div", { class: "row end" }, h("button", { value: "close", class: "button" }, "Close"))));
+      h("div", { class: "row end" }, h("button", { value: "close", class: "button" }, "Close")),
+    ),
+  );
   dialog.addEventListener("close", () => dialog.remove());
   document.body.append(dialog);
   showModal(dialog);
@@ -129,7 +200,9 @@ export function compared(calibrations) {
 /** @param {Calibration} calibration */
 async function rowsNow(calibration) {
   try {
-    const { headers } = await requestImage(`/calibrations/${encodeURIComponent(calibration.id)}/preview`);
+    const { headers } = await requestImage(
+      `/calibrations/${encodeURIComponent(calibration.id)}/preview`,
+    );
     const px = headers.get("x-vertical-error-px");
     return px === null ? "too few matches" : `${fixed(Number(px), 2)} px`;
   } catch {
@@ -139,22 +212,39 @@ async function rowsNow(calibration) {
 
 /** @param {Calibration} c */
 function depthAt3m(c) {
-  const row = c.report?.verdict?.rows.find((/** @type {{distance_m: number}} */ each) => each.distance_m === 3);
+  const row = c.report?.verdict?.rows.find(
+    (/** @type {{distance_m: number}} */ each) => each.distance_m === 3,
+  );
   return row ? `${fixed(100 * row.depth_m, 1)} cm` : "–";
 }
 
 /** @param {string[]} list */
 function notes(list) {
   if (list.length === 0) return null;
-  return h("details", { open: true }, h("summary", {}, "What was understood"), h("ul", { class: "plain-list" }, ...list.map((note) => h("li", {}, sentence(note)))));
+  return h(
+    "details",
+    { open: true },
+    h("summary", {}, "What was understood"),
+    h("ul", { class: "plain-list" }, ...list.map((note) => h("li", {}, sentence(note)))),
+  );
 }
 
 /** @param {Calibration} c */
 function exports(c) {
   const path = `/api/calibrations/${encodeURIComponent(c.id)}`;
   /** @type {[string, string][]} */
-  const kinds = [["opencv", "OpenCV"], ["ros", "ROS"], ["kalibr", "Kalibr"]];
-  return kinds.map(([kind, words]) => h("a", { class: "button", href: `${path}/export/${kind}`, download: "" }, `Download for ${words}`));
+  const kinds = [
+    ["opencv", "OpenCV"],
+    ["ros", "ROS"],
+    ["kalibr", "Kalibr"],
+  ];
+  return kinds.map(([kind, words]) =>
+    h(
+      "a",
+      { class: "button", href: `${path}/export/${kind}`, download: "" },
+      `Download for ${words}`,
+    ),
+  );
 }
 
 /** @param {Calibration} c */
@@ -167,7 +257,9 @@ function understood(c) {
     ["Images", c.rectified ? "rectified already" : "rectified by it"],
   ];
   if (c.devices.length) facts.push(["Cameras", c.devices.join(", ")]);
-  return facts.map(([term, value]) => h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value)));
+  return facts.map(([term, value]) =>
+    h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value)),
+  );
 }
 
 /**
@@ -178,11 +270,17 @@ function understood(c) {
 function judge(verdict, px, heldOut) {
   if (px === null || !Number.isFinite(px)) {
     verdict.dataset.tone = "poor";
-    return setText(verdict, "The vertical error could not be measured: too few matches between left and right.");
+    return setText(
+      verdict,
+      "The vertical error could not be measured: too few matches between left and right.",
+    );
   }
   if (px >= GOOD_PX && heldOut !== null && heldOut < GOOD_PX) {
     verdict.dataset.tone = "poor";
-    return setText(verdict, `In this pair the rows seem ${px.toFixed(1)} px apart, in the board's views ${heldOut.toFixed(2)} px. The squares of a board look alike: take it out of the picture and look at a newer pair; if it stays so, a camera was moved.`);
+    return setText(
+      verdict,
+      `In this pair the rows seem ${px.toFixed(1)} px apart, in the board's views ${heldOut.toFixed(2)} px. The squares of a board look alike: take it out of the picture and look at a newer pair; if it stays so, a camera was moved.`,
+    );
   }
   const tone = px < GOOD_PX ? "good" : px < POOR_PX ? "poor" : "bad";
   const words = {

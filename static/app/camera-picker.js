@@ -23,9 +23,27 @@ export class CameraPicker extends Part {
   #left = h("select", { id: "camera-left" });
   #right = h("select", { id: "camera-right" });
   #mode = h("select", { id: "camera-mode" });
-  #line = h("select", { id: "camera-line" },
-    ...[["", "As it is"], ["50", "50 Hz"], ["60", "60 Hz"], ["auto", "Automatic"]].map(([value, text]) => h("option", { value }, text)));
-  #settings = new Map(SETTINGS.map(([key]) => [key, h("input", { type: "text", id: `camera-${key}`, autocomplete: "off", placeholder: "as it is" })]));
+  #line = h(
+    "select",
+    { id: "camera-line" },
+    ...[
+      ["", "As it is"],
+      ["50", "50 Hz"],
+      ["60", "60 Hz"],
+      ["auto", "Automatic"],
+    ].map(([value, text]) => h("option", { value }, text)),
+  );
+  #settings = new Map(
+    SETTINGS.map(([key]) => [
+      key,
+      h("input", {
+        type: "text",
+        id: `camera-${key}`,
+        autocomplete: "off",
+        placeholder: "as it is",
+      }),
+    ]),
+  );
   #form = h("form", { class: "stack", hidden: true });
   #again = h("button", { type: "button", class: "button" }, "Look again");
   #troubles = h("ul", { class: "plain-list warnings" });
@@ -37,16 +55,37 @@ export class CameraPicker extends Part {
   build() {
     const use = h("button", { type: "submit", class: "button primary" }, "Open these cameras");
     this.#form.append(
-      field("Left camera", this.#left), field("Right camera", this.#right), field("Size, format and rate", this.#mode),
-      h("details", {}, h("summary", {}, "Exposure, gain, focus"),
-        h("div", { class: "stack" }, h("p", { class: "hint" }, "A number switches the automatic off and locks it. Both cameras get the same."),
-        ...SETTINGS.map(([key, words, help]) => {
-          const input = this.#settings.get(key);
-          return input ? field(words, input, help) : null;
-        }),
-        field("Mains frequency of the light", this.#line))),
-      h("div", { class: "row" }, use));
-    this.append(h("h3", {}, "Plugged in"), this.#words, this.#troubles, this.#form, h("div", { class: "row" }, this.#again));
+      field("Left camera", this.#left),
+      field("Right camera", this.#right),
+      field("Size, format and rate", this.#mode),
+      h(
+        "details",
+        {},
+        h("summary", {}, "Exposure, gain, focus"),
+        h(
+          "div",
+          { class: "stack" },
+          h(
+            "p",
+            { class: "hint" },
+            "A number switches the automatic off and locks it. Both cameras get the same.",
+          ),
+          ...SETTINGS.map(([key, words, help]) => {
+            const input = this.#settings.get(key);
+            return input ? field(words, input, help) : null;
+          }),
+          field("Mains frequency of the light", this.#line),
+        ),
+      ),
+      h("div", { class: "row" }, use),
+    );
+    this.append(
+      h("h3", {}, "Plugged in"),
+      this.#words,
+      this.#troubles,
+      this.#form,
+      h("div", { class: "row" }, this.#again),
+    );
     this.#left.addEventListener("change", () => this.#renderModes());
     this.#again.addEventListener("click", () => void this.#load());
     this.#form.addEventListener("submit", (event) => {
@@ -59,19 +98,29 @@ export class CameraPicker extends Part {
 
   async #load() {
     /** @type {{cameras: Camera[], hints: string[]}} */
-    const { cameras, hints } = await request("GET", "/devices").catch(() => ({ cameras: [], hints: [] }));
+    const { cameras, hints } = await request("GET", "/devices").catch(() => ({
+      cameras: [],
+      hints: [],
+    }));
     this.#cameras = cameras.filter((camera) => !camera.trouble);
     const count = this.#cameras.length;
-    setText(this.#words, count === 0
-      ? "No camera that can be used is plugged into the server's machine."
-      : count === 1 ? "One camera is plugged in; it can be used if it shows both images side by side."
-        : `${count} cameras are plugged in.`);
+    setText(
+      this.#words,
+      count === 0
+        ? "No camera that can be used is plugged into the server's machine."
+        : count === 1
+          ? "One camera is plugged in; it can be used if it shows both images side by side."
+          : `${count} cameras are plugged in.`,
+    );
     const troubles = cameras.flatMap((camera) => camera.trouble ?? []);
     this.#troubles.replaceChildren(...[...troubles, ...hints].map((text) => h("li", {}, text)));
     this.#form.hidden = count === 0;
     const chosen = this.#known ? [this.#left.value, this.#right.value, this.#mode.value] : [];
     this.#left.replaceChildren(...this.#cameras.map(option));
-    this.#right.replaceChildren(...this.#cameras.map(option), h("option", { value: "" }, "None: the left one shows both images"));
+    this.#right.replaceChildren(
+      ...this.#cameras.map(option),
+      h("option", { value: "" }, "None: the left one shows both images"),
+    );
     this.#right.selectedIndex = Math.min(1, count);
     this.#known = count > 0;
     keep(this.#left, chosen[0]);
@@ -86,9 +135,18 @@ export class CameraPicker extends Part {
       h("option", { value: "" }, "As it is"),
       ...(camera?.modes ?? []).map(({ pixel_format, width, height, rates }) => {
         const rate = rates[0];
-        const value = new URLSearchParams({ size: `${width}x${height}`, format: pixel_format, ...(rate ? { rate: String(rate) } : {}) });
-        return h("option", { value: value.toString() }, `${width} × ${height}, ${pixel_format}${rate ? `, ${rate} images/s` : ""}`);
-      }));
+        const value = new URLSearchParams({
+          size: `${width}x${height}`,
+          format: pixel_format,
+          ...(rate ? { rate: String(rate) } : {}),
+        });
+        return h(
+          "option",
+          { value: value.toString() },
+          `${width} × ${height}, ${pixel_format}${rate ? `, ${rate} images/s` : ""}`,
+        );
+      }),
+    );
     // Compressed images of the usual size are what two cameras on one port can carry.
     const usual = [...this.#mode.options].find((each) => each.text.startsWith("640 × 480, MJPG"));
     if (usual) this.#mode.value = usual.value;
@@ -96,9 +154,12 @@ export class CameraPicker extends Part {
 
   #spec() {
     const query = new URLSearchParams(this.#mode.value);
-    for (const [key, input] of this.#settings) if (input.value.trim()) query.set(key, input.value.trim());
+    for (const [key, input] of this.#settings)
+      if (input.value.trim()) query.set(key, input.value.trim());
     if (this.#line.value) query.set("power_line", this.#line.value);
-    const names = this.#right.value ? `${this.#left.value},${this.#right.value}` : `sbs:${this.#left.value}`;
+    const names = this.#right.value
+      ? `${this.#left.value},${this.#right.value}`
+      : `sbs:${this.#left.value}`;
     const text = query.toString();
     return `camera:${names}${text ? `?${text}` : ""}`;
   }
@@ -111,7 +172,8 @@ export class CameraPicker extends Part {
  * @param {string | undefined} value
  */
 function keep(select, value) {
-  if (value !== undefined && [...select.options].some((option) => option.value === value)) select.value = value;
+  if (value !== undefined && [...select.options].some((option) => option.value === value))
+    select.value = value;
 }
 
 /** @param {Camera} camera @returns {string} the name that stays when it is plugged in again */

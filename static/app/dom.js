@@ -38,7 +38,13 @@ export function h(tag, attributes = {}, ...children) {
  * @param {string} [help]
  */
 export function field(words, control, help) {
-  return h("div", { class: "field" }, h("label", { for: control.id }, words), control, help ? h("p", { class: "hint" }, help) : null);
+  return h(
+    "div",
+    { class: "field" },
+    h("label", { for: control.id }, words),
+    control,
+    help ? h("p", { class: "hint" }, help) : null,
+  );
 }
 
 /**
@@ -99,7 +105,8 @@ const ICONS = {
   record: "M8 3a5 5 0 1 0 0 10A5 5 0 0 0 8 3z",
   undo: "M6.5 2.5 2 6.5l4.5 4V8H10a2.2 2.2 0 0 1 0 4.5H6V14h4a3.8 3.8 0 0 0 0-7.5H6.5z",
   redo: "M9.5 2.5 14 6.5l-4.5 4V8H6a2.2 2.2 0 0 0 0 4.5h4V14H6a3.8 3.8 0 0 1 0-7.5h3.5z",
-  close: "M3.5 2.4 8 6.9l4.5-4.5 1.1 1.1L9.1 8l4.5 4.5-1.1 1.1L8 9.1l-4.5 4.5-1.1-1.1L6.9 8 2.4 3.5z",
+  close:
+    "M3.5 2.4 8 6.9l4.5-4.5 1.1 1.1L9.1 8l4.5 4.5-1.1 1.1L8 9.1l-4.5 4.5-1.1-1.1L6.9 8 2.4 3.5z",
   download: "M7.2 2h1.6v6.2l2.3-2.3 1.1 1.1L8 11.2 3.8 7l1.1-1.1 2.3 2.3zM3 12.5h10V14H3z",
   upload: "M8 2l4.2 4.2-1.1 1.1-2.3-2.3v6.2H7.2V5L4.9 7.3 3.8 6.2zM3 12.5h10V14H3z",
   trash: "M6 2h4v1.2h3.5v1.5h-11V3.2H6zM3.6 5.8h8.8l-.7 8.2H4.3z",

@@ -40,7 +40,8 @@ class EgoMotionPanel extends Part {
 /** @param {EgoMotion} ego */
 function about({ model, status, matches, inliers, dt }) {
   const since = dt === null ? "" : ` over ${fixed(1000 * dt, 0)} ms`;
-  if (status === "lost") return `The ${model} model lost it${since}: ${matches} matches follow no one motion.`;
+  if (status === "lost")
+    return `The ${model} model lost it${since}: ${matches} matches follow no one motion.`;
   return `The ${model} model${since}: ${inliers} of ${matches} matches follow it${status === "ok" ? "" : ", weakly"}.`;
 }
 
@@ -57,8 +58,20 @@ function ofImage({ translation_px, rotation_rad, shear, scale }) {
 /** @param {NonNullable<EgoMotion["motion"]>} motion @returns {Figure[]} */
 function ofCamera({ translation_m, rotation_rad }) {
   return [
-    { term: "Translation", text: `${listed(translation_m.map((m) => 1000 * m), 1)} mm` },
-    { term: "Rotation", text: `${listed(rotation_rad.map((a) => DEG * a), 2)}°` },
+    {
+      term: "Translation",
+      text: `${listed(
+        translation_m.map((m) => 1000 * m),
+        1,
+      )} mm`,
+    },
+    {
+      term: "Rotation",
+      text: `${listed(
+        rotation_rad.map((a) => DEG * a),
+        2,
+      )}°`,
+    },
   ];
 }
 

@@ -39,7 +39,8 @@ const NAMES = {
 export function figuresOf(numbers) {
   const order = Object.keys(NAMES);
   // What has no place in the order comes last.
-  const place = (/** @type {string} */ name) => (order.includes(name) ? order.indexOf(name) : order.length);
+  const place = (/** @type {string} */ name) =>
+    order.includes(name) ? order.indexOf(name) : order.length;
   return Object.entries(numbers)
     .sort(([a], [b]) => place(a) - place(b))
     .map(([name, value]) => {

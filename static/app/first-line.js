@@ -64,7 +64,11 @@ class FirstLine extends Part {
           calibration && !calibrating ? `calibration ${calibration.name}` : null,
           calibrating ? null : status.has_truth ? "with truth" : "without truth",
           this.hub.freshness.state === "held" ? this.hub.freshness.reason.replace(/\.$/, "") : null,
-          run ? `kept as run ${run.name}` : calibrating ? "nothing is observed meanwhile" : "preview, nothing is kept",
+          run
+            ? `kept as run ${run.name}`
+            : calibrating
+              ? "nothing is observed meanwhile"
+              : "preview, nothing is kept",
         ]
       : ["No source is open; choose one under Source."];
     setText(this.#context, words.filter(Boolean).join(" · "));

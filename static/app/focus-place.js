@@ -52,7 +52,10 @@ export class KeptList {
     for (const item of items) {
       const kept = this.#entries.get(key(item));
       const now = drawn(item);
-      entries.set(key(item), kept?.drawn === now ? kept : { drawn: now, element: this.#make(item) });
+      entries.set(
+        key(item),
+        kept?.drawn === now ? kept : { drawn: now, element: this.#make(item) },
+      );
     }
     this.#entries = entries;
     this.#arrange([...entries.values()].map(({ element }) => element));
@@ -75,20 +78,31 @@ export class KeptList {
     if (!element || !this.#list.contains(element)) return null;
     const row = [...this.#list.children].findIndex((child) => child.contains(element));
     const entry = this.#list.children[row];
-    return { element, row, control: entry ? controls(entry).indexOf(/** @type {HTMLElement} */ (element)) : 0 };
+    return {
+      element,
+      row,
+      control: entry ? controls(entry).indexOf(/** @type {HTMLElement} */ (element)) : 0,
+    };
   }
 
   /** @param {{element: Element, row: number, control: number}} place */
   #restore({ element, row, control }) {
-    if (element.isConnected) return element === document.activeElement ? undefined : /** @type {HTMLElement} */ (element).focus();
+    if (element.isConnected)
+      return element === document.activeElement
+        ? undefined
+        : /** @type {HTMLElement} */ (element).focus();
     const entry = this.#list.children[Math.min(row, this.#list.children.length - 1)];
     const there = entry ? controls(entry) : [];
-    const usable = there[control]?.matches(":disabled") ? there.find((each) => !each.matches(":disabled")) : there[control];
+    const usable = there[control]?.matches(":disabled")
+      ? there.find((each) => !each.matches(":disabled"))
+      : there[control];
     (usable ?? this.#fallback())?.focus();
   }
 }
 
 /** @param {Element} entry */
 function controls(entry) {
-  return /** @type {HTMLElement[]} */ ([...entry.querySelectorAll("button, a[href], input, select, summary")]);
+  return /** @type {HTMLElement[]} */ ([
+    ...entry.querySelectorAll("button, a[href], input, select, summary"),
+  ]);
 }

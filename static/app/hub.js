@@ -128,7 +128,8 @@ export class Hub extends EventTarget {
   #judgeFreshness() {
     const before = this.freshness;
     this.freshness = judge(this.connection, this.status, this.#beat, performance.now());
-    const changed = before.state !== this.freshness.state || before.reason !== this.freshness.reason;
+    const changed =
+      before.state !== this.freshness.state || before.reason !== this.freshness.reason;
     if (changed) this.tell("freshness");
   }
 }
@@ -160,13 +161,19 @@ export function judge(connection, status, beat, now) {
     return { state: "stale", age_s, reason: sentence(engine.reason ?? "the engine has failed") };
   }
   if (!status.source) return { state: "none", age_s, reason: "No source is open." };
-  if (engine.state === "calibrating") return { state: "none", age_s, reason: "The cameras are being calibrated." };
+  if (engine.state === "calibrating")
+    return { state: "none", age_s, reason: "The cameras are being calibrated." };
   const trouble = status.live?.trouble;
   if (trouble) return { state: "stale", age_s, reason: sentence(trouble) };
   const seen = beat !== null && beat.age_s !== null;
   if (seen && age_s <= STALE_AFTER_S) return { state: "fresh", age_s, reason: "" };
   if (playback?.ended) return { state: "held", age_s, reason: "The source has ended." };
-  if (playback?.paused) return { state: "held", age_s, reason: playback.frame === null ? "Paused." : `Paused at frame ${playback.frame}.` };
+  if (playback?.paused)
+    return {
+      state: "held",
+      age_s,
+      reason: playback.frame === null ? "Paused." : `Paused at frame ${playback.frame}.`,
+    };
   if (!seen) return { state: "none", age_s, reason: "Waiting for the first frame." };
   return { state: "stale", age_s, reason: "No new frame arrives." };
 }

@@ -19,7 +19,14 @@ class LiveCameras extends Part {
   #drawn = "";
 
   build() {
-    this.append(h("h3", {}, "Cameras"), this.#trouble, this.#skew, this.#counts, this.#cameras, this.#hints);
+    this.append(
+      h("h3", {}, "Cameras"),
+      this.#trouble,
+      this.#skew,
+      this.#counts,
+      this.#cameras,
+      this.#hints,
+    );
     this.hear("status", () => this.#render());
   }
 
@@ -29,7 +36,10 @@ class LiveCameras extends Part {
     if (!live) return;
     setText(this.#trouble, live.trouble ?? "");
     setText(this.#skew, skewWords(live));
-    setText(this.#counts, `${live.pairs} ${live.pairs === 1 ? "pair" : "pairs"}, ${live.dropped} dropped for being more than half an image apart in time, ${live.reopened} times opened again.`);
+    setText(
+      this.#counts,
+      `${live.pairs} ${live.pairs === 1 ? "pair" : "pairs"}, ${live.dropped} dropped for being more than half an image apart in time, ${live.reopened} times opened again.`,
+    );
     const drawn = JSON.stringify([live.cameras, live.hints]);
     if (drawn === this.#drawn) return;
     this.#drawn = drawn;
@@ -40,17 +50,29 @@ class LiveCameras extends Part {
 
 /** @param {LiveCamera} each */
 function camera({ side, device, state, trouble, settings, refused }) {
-  return h("div", { class: "live-camera" },
+  return h(
+    "div",
+    { class: "live-camera" },
     h("p", {}, h("b", {}, SIDES[side]), ` ${STATES[state]}`, h("br"), h("code", {}, device)),
     trouble ? h("p", { class: "field-error" }, trouble) : null,
-    h("dl", { class: "figures" }, ...Object.entries(settings).map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", { class: "figure" }, value)))),
-    refused.length ? h("ul", { class: "plain-list warnings" }, ...refused.map((reason) => h("li", {}, reason))) : null);
+    h(
+      "dl",
+      { class: "figures" },
+      ...Object.entries(settings).map(([name, value]) =>
+        h("div", {}, h("dt", {}, name), h("dd", { class: "figure" }, value)),
+      ),
+    ),
+    refused.length
+      ? h("ul", { class: "plain-list warnings" }, ...refused.map((reason) => h("li", {}, reason)))
+      : null,
+  );
 }
 
 /** @param {Live} live */
 function skewWords({ cameras, skew_median_s, skew_p95_s }) {
   if (cameras.length < 2) return "Both images are of one instant.";
-  if (skew_median_s === null) return "How far left and right are apart in time shows after some pairs.";
+  if (skew_median_s === null)
+    return "How far left and right are apart in time shows after some pairs.";
   return `Left and right are ${fixed(1000 * skew_median_s, 1)} ms apart (median), 95 % within ${fixed(1000 * (skew_p95_s ?? 0), 1)} ms; motion in space allows for it.`;
 }
 

@@ -16,8 +16,17 @@ export function speedsAsCsv(curves, { begin, end, offset }) {
     times.flatMap((time, i) => {
       const speed = speeds[i];
       if (typeof speed !== "number" || time < begin || time > end) return [];
-      return [[kind, quoted(label), (time - offset).toFixed(4), speed.toFixed(5), stds[i]?.toFixed(5) ?? ""].join(",")];
-    }));
+      return [
+        [
+          kind,
+          quoted(label),
+          (time - offset).toFixed(4),
+          speed.toFixed(5),
+          stds[i]?.toFixed(5) ?? "",
+        ].join(","),
+      ];
+    }),
+  );
   return new Blob([[COLUMNS, ...rows, ""].join("\n")], { type: "text/csv" });
 }
 
@@ -60,6 +69,10 @@ export function asPicture(drawing, entries, { ground, text }) {
     context.fillText(label, 2 * margin + 26 * scale, y);
   });
   return new Promise((resolve, reject) => {
-    canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("The image could not be made; take the CSV."))), "image/png");
+    canvas.toBlob(
+      (blob) =>
+        blob ? resolve(blob) : reject(new Error("The image could not be made; take the CSV.")),
+      "image/png",
+    );
   });
 }

@@ -17,7 +17,15 @@ const STATES = {
 };
 
 class LiveTruthForm extends Part {
-  #spec = h("input", { type: "text", id: "live-truth-spec", autocomplete: "off", spellcheck: "false", required: true, placeholder: "vrpn:HOST", "aria-describedby": "live-truth-help live-truth-error" });
+  #spec = h("input", {
+    type: "text",
+    id: "live-truth-spec",
+    autocomplete: "off",
+    spellcheck: "false",
+    required: true,
+    placeholder: "vrpn:HOST",
+    "aria-describedby": "live-truth-help live-truth-error",
+  });
   #listen = h("button", { type: "submit", class: "button" }, "Listen");
   #stop = h("button", { type: "button", class: "button", hidden: true }, "Stop listening");
   #error = h("p", { class: "field-error", id: "live-truth-error", role: "alert" });
@@ -27,7 +35,11 @@ class LiveTruthForm extends Part {
   #clock = h("p", { class: "hint figure" });
   #observer = h("select", { id: "live-truth-observer" });
   #list = h("ul", { class: "live-bodies" });
-  #bodies = new KeptList(this.#list, (/** @type {string} */ name) => this.#body(name), () => this.#observer);
+  #bodies = new KeptList(
+    this.#list,
+    (/** @type {string} */ name) => this.#body(name),
+    () => this.#observer,
+  );
   /** @type {Map<string, HTMLElement>} */
   #rates = new Map();
   #heard = h("div", { class: "stack", hidden: true });
@@ -36,14 +48,36 @@ class LiveTruthForm extends Part {
   #busy = false;
 
   build() {
-    const form = h("form", { class: "stack", novalidate: true },
-      h("div", { class: "field" }, h("label", { for: "live-truth-spec" }, "Listen to"), this.#spec, this.#error,
-        h("p", { class: "hint", id: "live-truth-help" }, "vrpn:HOST for a VRPN server such as Vicon Tracker's, vicon-udp:51001 for its UDP object stream. It is aligned while both move, and recorded with every run.")),
-      h("div", { class: "row" }, this.#listen, this.#stop));
+    const form = h(
+      "form",
+      { class: "stack", novalidate: true },
+      h(
+        "div",
+        { class: "field" },
+        h("label", { for: "live-truth-spec" }, "Listen to"),
+        this.#spec,
+        this.#error,
+        h(
+          "p",
+          { class: "hint", id: "live-truth-help" },
+          "vrpn:HOST for a VRPN server such as Vicon Tracker's, vicon-udp:51001 for its UDP object stream. It is aligned while both move, and recorded with every run.",
+        ),
+      ),
+      h("div", { class: "row" }, this.#listen, this.#stop),
+    );
     this.#heard.append(
-      h("p", { class: "row" }, this.#state), this.#trouble, this.#sentence, this.#clock,
+      h("p", { class: "row" }, this.#state),
+      this.#trouble,
+      this.#sentence,
+      this.#clock,
       field("The observer is", this.#observer),
-      h("div", { class: "named-part" }, h("span", { class: "field-name" }, "Compared bodies"), this.#list));
+      h(
+        "div",
+        { class: "named-part" },
+        h("span", { class: "field-name" }, "Compared bodies"),
+        this.#list,
+      ),
+    );
     this.append(h("h3", {}, "Live motion capture"), form, this.#heard);
     form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -80,10 +114,15 @@ class LiveTruthForm extends Part {
 
   /** @param {LiveTruth} truth */
   #renderBodies({ bodies, observer, ignore }) {
-    const names = [...new Set([...bodies.map(({ name }) => name), ...ignore, ...(observer ? [observer] : [])])].sort();
+    const names = [
+      ...new Set([...bodies.map(({ name }) => name), ...ignore, ...(observer ? [observer] : [])]),
+    ].sort();
     if (names.join("\n") !== this.#names) {
       this.#names = names.join("\n");
-      this.#observer.replaceChildren(h("option", { value: "" }, "found out by its motion"), ...names.map((name) => h("option", { value: name }, name)));
+      this.#observer.replaceChildren(
+        h("option", { value: "" }, "found out by its motion"),
+        ...names.map((name) => h("option", { value: name }, name)),
+      );
     }
     if (document.activeElement !== this.#observer) this.#observer.value = observer ?? "";
     this.#bodies.show(names, (name) => name);
@@ -92,7 +131,11 @@ class LiveTruthForm extends Part {
       if (box && document.activeElement !== box) box.checked = !ignore.includes(name);
       const body = bodies.find((each) => each.name === name);
       const rate = this.#rates.get(name);
-      if (rate) setText(rate, [body?.role, body ? rateInWords(body.rate_hz) : "not seen"].filter(Boolean).join(", "));
+      if (rate)
+        setText(
+          rate,
+          [body?.role, body ? rateInWords(body.rate_hz) : "not seen"].filter(Boolean).join(", "),
+        );
     }
   }
 
@@ -112,14 +155,21 @@ class LiveTruthForm extends Part {
   }
 
   async #end() {
-    if (await this.#put({ spec: null, observer: null, ignore: [] }, this.#stop, "Stopping…")) notify("Motion capture is not listened to any more.");
+    if (await this.#put({ spec: null, observer: null, ignore: [] }, this.#stop, "Stopping…"))
+      notify("Motion capture is not listened to any more.");
   }
 
   async #choose() {
     const spec = this.hub.status?.truth?.spec;
     if (!spec) return;
-    const left = /** @type {NodeListOf<HTMLInputElement>} */ (this.#list.querySelectorAll("input:not(:checked)"));
-    await this.#put({ spec, observer: this.#observer.value || null, ignore: [...left].map(({ value }) => value) });
+    const left = /** @type {NodeListOf<HTMLInputElement>} */ (
+      this.#list.querySelectorAll("input:not(:checked)")
+    );
+    await this.#put({
+      spec,
+      observer: this.#observer.value || null,
+      ignore: [...left].map(({ value }) => value),
+    });
   }
 
   /**

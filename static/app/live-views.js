@@ -11,12 +11,21 @@ const OFFERED = ["left", "warped", "disparity", "residual"];
 
 class LiveViews extends Part {
   #grid = h("div", { class: "views-grid" });
-  #choice = h("fieldset", { class: "chips" }, h("legend", { class: "visually-hidden" }, "Views shown"));
+  #choice = h(
+    "fieldset",
+    { class: "chips" },
+    h("legend", { class: "visually-hidden" }, "Views shown"),
+  );
   /** @type {Map<string, LiveView>} */
   #shown = new Map();
 
   build() {
-    const heading = h("div", { class: "pane-head" }, h("h2", { class: "visually-hidden" }, "Live views"), this.#choice);
+    const heading = h(
+      "div",
+      { class: "pane-head" },
+      h("h2", { class: "visually-hidden" }, "Live views"),
+      this.#choice,
+    );
     this.append(heading, this.#grid);
     void this.#offer();
   }
@@ -30,7 +39,9 @@ class LiveViews extends Part {
       const box = h("input", { type: "checkbox", name: "view", value: name });
       box.checked = chosen.includes(name);
       box.addEventListener("change", () => this.#choose());
-      this.#choice.append(h("label", { title: VIEWS[name]?.help }, box, VIEWS[name]?.title ?? name));
+      this.#choice.append(
+        h("label", { title: VIEWS[name]?.help }, box, VIEWS[name]?.title ?? name),
+      );
     }
     this.#choose();
   }

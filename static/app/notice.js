@@ -15,8 +15,16 @@ const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
 export function notify(text, kind = "done", offer) {
   const host = document.querySelector("#notices");
   if (!host) return;
-  const notice = h("p", { class: "notice", "data-kind": kind, role: kind === "error" ? "alert" : "status" });
-  const close = h("button", { class: "quiet", type: "button", "aria-label": "Close this message" }, icon("close"));
+  const notice = h("p", {
+    class: "notice",
+    "data-kind": kind,
+    role: kind === "error" ? "alert" : "status",
+  });
+  const close = h(
+    "button",
+    { class: "quiet", type: "button", "aria-label": "Close this message" },
+    icon("close"),
+  );
   close.addEventListener("click", () => notice.remove());
   const button = offer ? h("button", { class: "quiet offer", type: "button" }, offer.words) : null;
   button?.addEventListener("click", () => {
@@ -77,15 +85,30 @@ export function confirmed(question, consequence, action) {
  * @returns {Promise<string | null>} null where it was left
  */
 export function answered(question, label, first) {
-  const input = h("input", { type: "text", id: "answer", maxlength: 100, required: true, autocomplete: "off" });
+  const input = h("input", {
+    type: "text",
+    id: "answer",
+    maxlength: 100,
+    required: true,
+    autocomplete: "off",
+  });
   input.value = first;
-  const dialog = h("dialog", { class: "question", "aria-labelledby": "answer-title" },
-    h("form", { method: "dialog" },
+  const dialog = h(
+    "dialog",
+    { class: "question", "aria-labelledby": "answer-title" },
+    h(
+      "form",
+      { method: "dialog" },
       h("h2", { id: "answer-title" }, question),
       h("div", { class: "field" }, h("label", { for: "answer" }, label), input),
-      h("div", { class: "row end" },
+      h(
+        "div",
+        { class: "row end" },
         h("button", { value: "yes", class: "button primary" }, "Take it"),
-        h("button", { value: "no", class: "button", formnovalidate: true }, "Leave"))));
+        h("button", { value: "no", class: "button", formnovalidate: true }, "Leave"),
+      ),
+    ),
+  );
   document.body.append(dialog);
   showModal(dialog);
   input.select();

@@ -3,7 +3,13 @@
 import { h, setAttribute, setText } from "./dom.js";
 import { fillFigures } from "./figure-list.js";
 import { Part } from "./part.js";
-import { bearingInWords, fixed, sentence as asSentence, speedWithBand, trackColour } from "./words.js";
+import {
+  bearingInWords,
+  fixed,
+  sentence as asSentence,
+  speedWithBand,
+  trackColour,
+} from "./words.js";
 
 const COLUMNS = ["Id", "Speed, m/s", "Truth", "Where"];
 
@@ -20,7 +26,11 @@ class ObstacleTable extends Part {
   build() {
     const head = h("tr", {}, ...COLUMNS.map((name) => h("th", { scope: "col" }, name)));
     this.#scroll.append(h("table", {}, h("thead", {}, head), this.#body));
-    this.append(h("div", { class: "pane-head" }, h("h2", {}, "Obstacles")), this.#scroll, this.#empty);
+    this.append(
+      h("div", { class: "pane-head" }, h("h2", {}, "Obstacles")),
+      this.#scroll,
+      this.#empty,
+    );
     this.hear("observation", () => this.#render());
     this.#render();
   }
@@ -59,9 +69,23 @@ class ObstacleTable extends Part {
  * @returns {[HTMLTableRowElement, HTMLTableRowElement]}
  */
 function makeRow(id, opened) {
-  const swatch = h("span", { class: "swatch", "data-track": trackColour(id), "aria-hidden": "true" });
+  const swatch = h("span", {
+    class: "swatch",
+    "data-track": trackColour(id),
+    "aria-hidden": "true",
+  });
   const cells = COLUMNS.slice(1).map(() => h("td"));
-  const more = h("button", { type: "button", class: "row-button", "aria-expanded": "false", title: "Why it counts as moving" }, swatch, String(id));
+  const more = h(
+    "button",
+    {
+      type: "button",
+      class: "row-button",
+      "aria-expanded": "false",
+      title: "Why it counts as moving",
+    },
+    swatch,
+    String(id),
+  );
   const figures = h("tr", {}, h("th", { scope: "row" }, more), ...cells);
   const behind = h("dl", { class: "figures", hidden: true });
   const why = h("tr", { class: "why" }, h("td", { colspan: COLUMNS.length }, h("p"), behind));
@@ -100,8 +124,13 @@ function fillRow([figures, why], obstacle, truth) {
   setAttribute(figures, "data-state", obstacle.state);
   const [sentence, behind] = why.cells[0]?.children ?? [];
   const state = obstacle.state === "coasting" ? "Not seen now" : STATES[obstacle.motion];
-  if (sentence) setText(sentence, `${state ?? obstacle.motion}. ${obstacle.why ? asSentence(obstacle.why) : ""}`);
-  if (behind instanceof HTMLDListElement && !behind.hidden) fillFigures(behind, figuresBehind(obstacle));
+  if (sentence)
+    setText(
+      sentence,
+      `${state ?? obstacle.motion}. ${obstacle.why ? asSentence(obstacle.why) : ""}`,
+    );
+  if (behind instanceof HTMLDListElement && !behind.hidden)
+    fillFigures(behind, figuresBehind(obstacle));
 }
 
 /** @param {import("./types.js").Obstacle} obstacle */
@@ -109,7 +138,10 @@ function figuresBehind({ points, significance, closing_speed, size, state }) {
   return [
     { term: "Stands out by", text: `${fixed(significance, 1)} σ` },
     { term: "Points that move", text: String(points) },
-    { term: "Comes nearer by", text: closing_speed === null ? "not known" : `${fixed(closing_speed, 2)} m/s` },
+    {
+      term: "Comes nearer by",
+      text: closing_speed === null ? "not known" : `${fixed(closing_speed, 2)} m/s`,
+    },
     { term: "Size seen", text: `${size.map((m) => fixed(m, 2)).join(" × ")} m` },
     { term: "State", text: state },
   ];

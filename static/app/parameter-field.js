@@ -40,12 +40,22 @@ export class ParameterField extends HTMLElement {
     this.#error.id = `${id}-error`;
     const reset = `Reset ${entry.title}`;
     this.#reset.setAttribute("aria-label", reset);
-    this.#reset.addEventListener("click", () => this.#commit(store.defaults[entry.name] ?? entry.default));
+    this.#reset.addEventListener("click", () =>
+      this.#commit(store.defaults[entry.name] ?? entry.default),
+    );
     this.append(
       h("div", { class: "parameter-head" }, h("label", { for: id }, entry.title), this.#reset),
       this.#controls(id),
       this.#error,
-      h("p", { class: "hint", id: `${id}-help` }, entry.help, " ", h("span", { class: "range" }, rangeInWords(entry)), " ", this.#idle),
+      h(
+        "p",
+        { class: "hint", id: `${id}-help` },
+        entry.help,
+        " ",
+        h("span", { class: "range" }, rangeInWords(entry)),
+        " ",
+        this.#idle,
+      ),
     );
   }
 
@@ -69,7 +79,9 @@ export class ParameterField extends HTMLElement {
 
   /** @param {string} message empty takes the error away */
   fail(message) {
-    const kept = message ? `Refused: ${message.replace(/\.$/, "")}. It stays at ${String(this.#shown)}.` : "";
+    const kept = message
+      ? `Refused: ${message.replace(/\.$/, "")}. It stays at ${String(this.#shown)}.`
+      : "";
     setText(this.#error, kept);
     for (const control of this.querySelectorAll("input, select")) {
       if (message) control.setAttribute("aria-invalid", "true");
@@ -127,8 +139,19 @@ export class ParameterField extends HTMLElement {
   #numberControls(id, described) {
     const entry = /** @type {ParameterEntry} */ (this.entry);
     const scale = scaleOf(entry);
-    const slider = h("input", { type: "range", "aria-label": `${entry.title}, slider`, ...scale.attributes });
-    const number = h("input", { type: "number", id, min: entry.minimum, max: entry.maximum, step: entry.step, ...described });
+    const slider = h("input", {
+      type: "range",
+      "aria-label": `${entry.title}, slider`,
+      ...scale.attributes,
+    });
+    const number = h("input", {
+      type: "number",
+      id,
+      min: entry.minimum,
+      max: entry.maximum,
+      step: entry.step,
+      ...described,
+    });
     const gesture = this.#gesture((value) => {
       number.value = tidy(value);
       slider.setAttribute("aria-valuetext", `${tidy(value)} ${entry.unit}`);
@@ -154,7 +177,13 @@ export class ParameterField extends HTMLElement {
       slider.value = String(scale.placeOf(Number(value)));
       slider.setAttribute("aria-valuetext", `${tidy(value)} ${entry.unit}`);
     };
-    return h("div", { class: "parameter-controls" }, slider, number, h("span", { class: "unit" }, entry.unit));
+    return h(
+      "div",
+      { class: "parameter-controls" },
+      slider,
+      number,
+      h("span", { class: "unit" }, entry.unit),
+    );
   }
 
   /**
@@ -216,7 +245,8 @@ function scaleOf({ minimum = 0, maximum = 1, step = 1, type }) {
   };
   return {
     attributes: { min: 0, max: SLIDER_STEPS, step: 1 },
-    valueAt: (/** @type {number} */ place) => allowed(minimum * Math.exp((ratio * place) / SLIDER_STEPS)),
+    valueAt: (/** @type {number} */ place) =>
+      allowed(minimum * Math.exp((ratio * place) / SLIDER_STEPS)),
     placeOf: (/** @type {number} */ value) =>
       Math.round((SLIDER_STEPS * Math.log(value / minimum)) / ratio),
     // A key moves by a few per cent, but always by one step at least.

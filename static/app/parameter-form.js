@@ -16,11 +16,36 @@ class ParameterForm extends Part {
   #store = new ParameterStore();
   #presets = new PresetPicker();
   #groups = new ParameterGroups("parameter", OPEN_AT_START);
-  #search = h("input", { type: "search", id: "parameter-search", placeholder: "Find a parameter", autocomplete: "off" });
+  #search = h("input", {
+    type: "search",
+    id: "parameter-search",
+    placeholder: "Find a parameter",
+    autocomplete: "off",
+  });
   #found = h("p", { class: "hint", role: "status" });
   #revision = h("p", { class: "hint figure revision" });
-  #undo = h("button", { type: "button", class: "button icon-button", "aria-label": "Undo", title: "Undo (Ctrl+Z)", "aria-keyshortcuts": "Control+Z" }, icon("undo"));
-  #redo = h("button", { type: "button", class: "button icon-button", "aria-label": "Redo", title: "Redo (Ctrl+Shift+Z)", "aria-keyshortcuts": "Control+Shift+Z" }, icon("redo"));
+  #undo = h(
+    "button",
+    {
+      type: "button",
+      class: "button icon-button",
+      "aria-label": "Undo",
+      title: "Undo (Ctrl+Z)",
+      "aria-keyshortcuts": "Control+Z",
+    },
+    icon("undo"),
+  );
+  #redo = h(
+    "button",
+    {
+      type: "button",
+      class: "button icon-button",
+      "aria-label": "Redo",
+      title: "Redo (Ctrl+Shift+Z)",
+      "aria-keyshortcuts": "Control+Shift+Z",
+    },
+    icon("redo"),
+  );
   #resetAll = h("button", { type: "button", class: "button" }, "Reset all");
 
   build() {
@@ -28,22 +53,33 @@ class ParameterForm extends Part {
     this.#presets.build(store);
     this.#undo.addEventListener("click", () => void store.undo());
     this.#redo.addEventListener("click", () => void store.redo());
-    this.#resetAll.addEventListener("click", () => void store.changeUndoably(store.differing(store.defaults)));
+    this.#resetAll.addEventListener(
+      "click",
+      () => void store.changeUndoably(store.differing(store.defaults)),
+    );
     this.#search.addEventListener("input", () => this.#filter());
     this.addEventListener("keydown", (event) => this.#keyed(event));
     this.append(
       h("h2", {}, "Parameters"),
       this.#presets,
-      h("div", { class: "row parameter-tools" },
+      h(
+        "div",
+        { class: "row parameter-tools" },
         h("label", { for: "parameter-search", class: "visually-hidden" }, "Find a parameter"),
-        this.#search, this.#undo, this.#redo, this.#resetAll),
+        this.#search,
+        this.#undo,
+        this.#redo,
+        this.#resetAll,
+      ),
       this.#revision,
       this.#found,
       this.#groups,
     );
     store.addEventListener("loaded", () => this.#groups.make(store.schema, store));
     store.addEventListener("values", () => this.#render());
-    store.addEventListener("refused", (event) => this.#refuse(/** @type {CustomEvent} */ (event).detail));
+    store.addEventListener("refused", (event) =>
+      this.#refuse(/** @type {CustomEvent} */ (event).detail),
+    );
     this.hear("status", () => void store.follow(this.hub.status?.parameters_revision ?? 0));
     this.hear("observation", () => this.#renderRevision());
     this.hear("reconnected", () => void this.#load());
@@ -71,7 +107,8 @@ class ParameterForm extends Part {
   #renderRevision() {
     const { revision, frame } = this.#store.state;
     const seen = this.hub.observation?.line.parameters_revision;
-    const force = seen === undefined ? "" : seen >= revision ? ", in force" : ", waiting for the next frame";
+    const force =
+      seen === undefined ? "" : seen >= revision ? ", in force" : ", waiting for the next frame";
     const since = frame === null ? "" : `, acts from frame ${frame}`;
     setText(this.#revision, `Revision ${revision}${since}${force}`);
   }
@@ -94,7 +131,8 @@ class ParameterForm extends Part {
     if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
     const target = event.target instanceof HTMLElement ? event.target : null;
     const field = target?.closest("observer-parameter");
-    const isText = target instanceof HTMLInputElement && ["text", "search", "number"].includes(target.type);
+    const isText =
+      target instanceof HTMLInputElement && ["text", "search", "number"].includes(target.type);
     if (isText && !(field instanceof ParameterField && !field.isEdited)) return;
     const key = event.key.toLowerCase();
     const redo = key === "y" || (key === "z" && event.shiftKey);

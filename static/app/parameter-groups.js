@@ -43,9 +43,12 @@ export class ParameterGroups extends HTMLElement {
     for (const entry of schema) {
       let group = groups.get(entry.group);
       if (!group) {
-        group = h("details", { open: this.#openAtStart.includes(entry.group) },
+        group = h(
+          "details",
+          { open: this.#openAtStart.includes(entry.group) },
           h("summary", {}, h("span", {}, titleOf(entry.group)), h("span", { class: "count" })),
-          h("p", { class: "hint" }, entry.group_help));
+          h("p", { class: "hint" }, entry.group_help),
+        );
         groups.set(entry.group, group);
       }
       const field = new ParameterField();

@@ -198,11 +198,14 @@ export class ParameterStore extends EventTarget {
     const innocent = batch.filter((waiting) => !named.some((name) => name in waiting.changes));
     // Changes of other fields that merely travelled in the same request are sent again.
     if (innocent.length < batch.length) this.#waiting.unshift(...innocent);
-    const guilty = innocent.length < batch.length ? batch.filter((w) => !innocent.includes(w)) : batch;
+    const guilty =
+      innocent.length < batch.length ? batch.filter((w) => !innocent.includes(w)) : batch;
     const known = named.some((name) => name in this.state.values);
     const fields = known
       ? error.fields
-      : Object.fromEntries(guilty.flatMap((w) => Object.keys(w.changes).map((n) => [n, error.message])));
+      : Object.fromEntries(
+          guilty.flatMap((w) => Object.keys(w.changes).map((n) => [n, error.message])),
+        );
     this.dispatchEvent(new Event("values"));
     this.dispatchEvent(new CustomEvent("refused", { detail: fields }));
     guilty.forEach((waiting) => waiting.done(false));

@@ -55,7 +55,11 @@ export class PixelQuestion extends Part {
     this.pick.addEventListener("keydown", (event) => this.#moved(event));
     const again = h("button", { type: "button", class: "button" }, "Ask again");
     again.addEventListener("click", () => void this.#ask());
-    const close = h("button", { type: "button", class: "quiet", "aria-label": "Close the answer" }, icon("close"));
+    const close = h(
+      "button",
+      { type: "button", class: "quiet", "aria-label": "Close the answer" },
+      icon("close"),
+    );
     close.addEventListener("click", () => this.#close());
     this.#words.append(this.#sentence, this.#obstacle, this.#change);
     this.#card.append(
@@ -116,7 +120,8 @@ export class PixelQuestion extends Part {
    */
   #place(u, v) {
     const [width, height] = this.#size;
-    const clamped = (/** @type {number} */ x, /** @type {number} */ size) => Math.min(size - 1, Math.max(0, Math.round(x)));
+    const clamped = (/** @type {number} */ x, /** @type {number} */ size) =>
+      Math.min(size - 1, Math.max(0, Math.round(x)));
     this.#px = [clamped(u, width), clamped(v, height)];
     this.#mark.style.left = `${(100 * (this.#px[0] + 0.5)) / width}%`;
     this.#mark.style.top = `${(100 * (this.#px[1] + 0.5)) / height}%`;
@@ -133,7 +138,8 @@ export class PixelQuestion extends Part {
       const answer = await request("GET", `/pixel?u=${u}&v=${v}`);
       if (asked === this.#asked) this.#show(answer);
     } catch (error) {
-      if (asked === this.#asked) this.#refuse(error instanceof Error ? error.message : String(error));
+      if (asked === this.#asked)
+        this.#refuse(error instanceof Error ? error.message : String(error));
     }
   }
 
@@ -185,7 +191,8 @@ export class PixelQuestion extends Part {
 
   /** @param {KeyboardEvent} event */
   #closeByKey(event) {
-    if (event.key !== "Escape" || event.defaultPrevented || document.querySelector("dialog[open]")) return;
+    if (event.key !== "Escape" || event.defaultPrevented || document.querySelector("dialog[open]"))
+      return;
     if (this.#mark.hidden) return;
     event.preventDefault();
     this.#close();

@@ -13,10 +13,42 @@ const SEND_EVERY_MS = 150;
 
 class PlaybackBar extends Part {
   #pause = h("button", { type: "button", class: "button icon-button" });
-  #step = h("button", { type: "button", class: "button icon-button", "aria-label": "One frame further", title: "One frame further (pauses)" }, icon("step"));
-  #restart = h("button", { type: "button", class: "button icon-button", "aria-label": "Restart from the first frame", title: "Restart from the first frame" }, icon("restart"));
-  #slider = h("input", { type: "range", id: "rate-slider", min: 0, max: SLIDER_STEPS, step: 1, "aria-label": "Playback rate" });
-  #number = h("input", { type: "number", id: "rate", min: RATE_MIN, max: RATE_MAX, step: 0.1, "aria-label": "Playback rate, times recorded speed" });
+  #step = h(
+    "button",
+    {
+      type: "button",
+      class: "button icon-button",
+      "aria-label": "One frame further",
+      title: "One frame further (pauses)",
+    },
+    icon("step"),
+  );
+  #restart = h(
+    "button",
+    {
+      type: "button",
+      class: "button icon-button",
+      "aria-label": "Restart from the first frame",
+      title: "Restart from the first frame",
+    },
+    icon("restart"),
+  );
+  #slider = h("input", {
+    type: "range",
+    id: "rate-slider",
+    min: 0,
+    max: SLIDER_STEPS,
+    step: 1,
+    "aria-label": "Playback rate",
+  });
+  #number = h("input", {
+    type: "number",
+    id: "rate",
+    min: RATE_MIN,
+    max: RATE_MAX,
+    step: 0.1,
+    "aria-label": "Playback rate, times recorded speed",
+  });
   #loop = h("input", { type: "checkbox", id: "loop" });
   #scrub = new ScrubBar();
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Position" });
@@ -34,11 +66,20 @@ class PlaybackBar extends Part {
     this.#step.addEventListener("click", () => void this.#send({ paused: true, step: 1 }));
     this.#restart.addEventListener("click", () => void this.#send({ restart: true }));
     this.#loop.addEventListener("change", () => void this.#send({ loop: this.#loop.checked }));
-    this.#slider.addEventListener("input", () => this.#rateChanged(rateAt(this.#slider.valueAsNumber)));
+    this.#slider.addEventListener("input", () =>
+      this.#rateChanged(rateAt(this.#slider.valueAsNumber)),
+    );
     this.#number.addEventListener("change", () => this.#numberChanged());
     this.#controls.append(
       h("div", { class: "row" }, this.#restart, this.#pause, this.#step),
-      h("div", { class: "row rate" }, h("label", { for: "rate" }, "Rate"), this.#slider, this.#number, h("span", { class: "unit" }, "×")),
+      h(
+        "div",
+        { class: "row rate" },
+        h("label", { for: "rate" }, "Rate"),
+        this.#slider,
+        this.#number,
+        h("span", { class: "unit" }, "×"),
+      ),
       h("label", { class: "check" }, this.#loop, "Loop"),
       h("div", { class: "row where" }, this.#scrub, this.#progress, this.#position),
     );
@@ -80,12 +121,16 @@ class PlaybackBar extends Part {
     // Where any frame can be gone to, the slider shows the place too.
     this.#progress.hidden = count === null || playback.seekable;
     if (count) this.#progress.value = Math.min(1, ((frame ?? -1) + 1) / count);
-    setText(this.#position, `frame ${frame ?? "–"}${count ? ` / ${count}` : ""}${slownessInWords(playback)}`);
+    setText(
+      this.#position,
+      `frame ${frame ?? "–"}${count ? ` / ${count}` : ""}${slownessInWords(playback)}`,
+    );
   }
 
   /** @param {number} rate */
   #showRate(rate) {
-    if (document.activeElement !== this.#number) this.#number.value = String(Number(rate.toFixed(2)));
+    if (document.activeElement !== this.#number)
+      this.#number.value = String(Number(rate.toFixed(2)));
     if (document.activeElement !== this.#slider) this.#slider.value = String(placeOf(rate));
     this.#slider.setAttribute("aria-valuetext", `${rate.toFixed(2)} times recorded speed`);
   }

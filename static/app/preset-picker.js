@@ -9,15 +9,35 @@ import { confirmed, notify, notifyError } from "./notice.js";
 export class PresetPicker extends HTMLElement {
   #select = h("select", { id: "preset", "aria-describedby": "preset-help" });
   #help = h("p", { class: "hint", id: "preset-help" });
-  #name = h("input", { type: "text", id: "preset-name", maxlength: 60, autocomplete: "off", "aria-describedby": "preset-error", required: true });
+  #name = h("input", {
+    type: "text",
+    id: "preset-name",
+    maxlength: 60,
+    autocomplete: "off",
+    "aria-describedby": "preset-error",
+    required: true,
+  });
   #error = h("p", { class: "field-error", id: "preset-error", role: "alert" });
-  #delete = h("button", { type: "button", class: "button icon-button", "aria-label": "Delete this preset", title: "Delete this preset" }, icon("trash"));
+  #delete = h(
+    "button",
+    {
+      type: "button",
+      class: "button icon-button",
+      "aria-label": "Delete this preset",
+      title: "Delete this preset",
+    },
+    icon("trash"),
+  );
 
   /** @param {ParameterStore} store */
   build(store) {
-    const save = h("form", { class: "row", novalidate: true },
-      h("label", { for: "preset-name", class: "visually-hidden" }, "Name of the new preset"), this.#name,
-      h("button", { type: "submit", class: "button" }, "Save preset"));
+    const save = h(
+      "form",
+      { class: "row", novalidate: true },
+      h("label", { for: "preset-name", class: "visually-hidden" }, "Name of the new preset"),
+      this.#name,
+      h("button", { type: "submit", class: "button" }, "Save preset"),
+    );
     this.#name.placeholder = "New preset's name";
     save.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -29,7 +49,13 @@ export class PresetPicker extends HTMLElement {
     });
     this.#delete.addEventListener("click", () => void this.#remove(store));
     this.append(
-      h("div", { class: "row" }, h("label", { for: "preset" }, "Preset"), this.#select, this.#delete),
+      h(
+        "div",
+        { class: "row" },
+        h("label", { for: "preset" }, "Preset"),
+        this.#select,
+        this.#delete,
+      ),
       this.#help,
       save,
       this.#error,
@@ -72,7 +98,14 @@ export class PresetPicker extends HTMLElement {
   /** @param {ParameterStore} store */
   async #remove(store) {
     const name = this.#select.value;
-    if (!(await confirmed(`Delete preset ${name}?`, "The values in force stay as they are.", "Delete preset"))) return;
+    if (
+      !(await confirmed(
+        `Delete preset ${name}?`,
+        "The values in force stay as they are.",
+        "Delete preset",
+      ))
+    )
+      return;
     try {
       await store.deletePreset(name);
     } catch (error) {

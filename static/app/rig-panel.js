@@ -24,13 +24,29 @@ const NUMBERS = [
 const DRIVE_ASKED_MS = 2000;
 
 class RigPanel extends Part {
-  #inputs = new Map(NUMBERS.map(([key]) => [key, h("input", { type: "text", inputmode: "decimal", id: `rig-${key}`, autocomplete: "off", placeholder: "unknown", "aria-describedby": `rig-help-${key} rig-error` })]));
+  #inputs = new Map(
+    NUMBERS.map(([key]) => [
+      key,
+      h("input", {
+        type: "text",
+        inputmode: "decimal",
+        id: `rig-${key}`,
+        autocomplete: "off",
+        placeholder: "unknown",
+        "aria-describedby": `rig-help-${key} rig-error`,
+      }),
+    ]),
+  );
   #notes = new Map(NUMBERS.map(([key]) => [key, h("span", { class: "hint" })]));
   #simulated = h("input", { type: "checkbox", id: "rig-simulated" });
   #inUse = h("p", { class: "hint", role: "status" });
   #error = h("p", { class: "field-error", role: "alert", id: "rig-error" });
   #floor = h("button", { type: "button", class: "button" }, "Estimate from the floor");
-  #drive = h("button", { type: "button", class: "button", "aria-pressed": "false" }, "Estimate from a drive");
+  #drive = h(
+    "button",
+    { type: "button", class: "button", "aria-pressed": "false" },
+    "Estimate from a drive",
+  );
   #words = h("p", { role: "status" });
   /** Asks how far the drive is, while one is noted. */
   #asking = 0;
@@ -43,19 +59,55 @@ class RigPanel extends Part {
   #driven = new Set();
 
   build() {
-    const form = h("form", { class: "stack", novalidate: true },
-      h("div", { class: "rig-fields" }, ...NUMBERS.map(([key, words, unit, , help]) => {
-        const input = this.#inputs.get(key);
-        return h("div", { class: "field" }, h("label", { for: `rig-${key}` }, `${words}, ${unit}`), input, h("p", { class: "hint", id: `rig-help-${key}` }, help), this.#notes.get(key));
-      })),
-      h("label", { class: "check", for: "rig-simulated" }, this.#simulated, "Use it for simulated sources too"),
+    const form = h(
+      "form",
+      { class: "stack", novalidate: true },
+      h(
+        "div",
+        { class: "rig-fields" },
+        ...NUMBERS.map(([key, words, unit, , help]) => {
+          const input = this.#inputs.get(key);
+          return h(
+            "div",
+            { class: "field" },
+            h("label", { for: `rig-${key}` }, `${words}, ${unit}`),
+            input,
+            h("p", { class: "hint", id: `rig-help-${key}` }, help),
+            this.#notes.get(key),
+          );
+        }),
+      ),
+      h(
+        "label",
+        { class: "check", for: "rig-simulated" },
+        this.#simulated,
+        "Use it for simulated sources too",
+      ),
       this.#error,
-      h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Use this rig"), this.#floor, this.#drive,
-        h("a", { class: "button", href: "/api/rig/file", download: "rig.yaml" }, "Download rig.yaml")),
-      this.#words);
-    this.append(h("h3", {}, "The rig"),
-      h("p", { class: "hint" }, "How the camera stands on its robot. It levels the 3D scene, gives one camera its scale, and tells the guard where the floor is."),
-      this.#inUse, form);
+      h(
+        "div",
+        { class: "row" },
+        h("button", { type: "submit", class: "button primary" }, "Use this rig"),
+        this.#floor,
+        this.#drive,
+        h(
+          "a",
+          { class: "button", href: "/api/rig/file", download: "rig.yaml" },
+          "Download rig.yaml",
+        ),
+      ),
+      this.#words,
+    );
+    this.append(
+      h("h3", {}, "The rig"),
+      h(
+        "p",
+        { class: "hint" },
+        "How the camera stands on its robot. It levels the 3D scene, gives one camera its scale, and tells the guard where the floor is.",
+      ),
+      this.#inUse,
+      form,
+    );
     for (const [key, input] of this.#inputs) {
       input.addEventListener("input", () => {
         this.#estimated.delete(key);
@@ -88,7 +140,11 @@ class RigPanel extends Part {
     this.#asking = 0;
     try {
       await this.#showDrive(ending ? "DELETE" : "POST");
-      if (!ending) this.#asking = setInterval(() => void this.#showDrive("GET").catch(() => {}), DRIVE_ASKED_MS);
+      if (!ending)
+        this.#asking = setInterval(
+          () => void this.#showDrive("GET").catch(() => {}),
+          DRIVE_ASKED_MS,
+        );
     } catch (error) {
       notifyError(error);
     }
@@ -147,9 +203,12 @@ class RigPanel extends Part {
 
   #renderInUse() {
     const mount = this.hub.status?.mount;
-    setText(this.#inUse, mount
-      ? `In use: ${fixed(mount.height_m, 2)} m above the floor, looking down by ${fixed((mount.tilt_rad * 180) / Math.PI, 1)}°.`
-      : "Unknown for the open source: the 3D scene is not levelled.");
+    setText(
+      this.#inUse,
+      mount
+        ? `In use: ${fixed(mount.height_m, 2)} m above the floor, looking down by ${fixed((mount.tilt_rad * 180) / Math.PI, 1)}°.`
+        : "Unknown for the open source: the 3D scene is not levelled.",
+    );
   }
 
   async #save() {
@@ -162,8 +221,9 @@ class RigPanel extends Part {
       const value = Number(text);
       const wrong = text !== "" && !Number.isFinite(value);
       if (input) setAttribute(input, "aria-invalid", wrong ? "true" : null);
-      if (wrong) return this.#refuse(key, `${words} must be a number, or empty where it is not known.`);
-      mount[key] = text === "" ? null : this.#estimated.get(key) ?? { value, sigma: null };
+      if (wrong)
+        return this.#refuse(key, `${words} must be a number, or empty where it is not known.`);
+      mount[key] = text === "" ? null : (this.#estimated.get(key) ?? { value, sigma: null });
     }
     try {
       /** @type {Rig} */
@@ -175,7 +235,10 @@ class RigPanel extends Part {
       const key = Object.keys(error.fields).find((each) => this.#inputs.has(each));
       const words = NUMBERS.find(([each]) => each === key)?.[1];
       // The sentence begins with the name that the file has for it.
-      this.#refuse(key, words && key ? error.message.replace(new RegExp(`^${key}`, "i"), words) : error.message);
+      this.#refuse(
+        key,
+        words && key ? error.message.replace(new RegExp(`^${key}`, "i"), words) : error.message,
+      );
     }
   }
 
@@ -196,7 +259,8 @@ class RigPanel extends Part {
       /** @type {Record<string, any>} */
       const found = await request("POST", "/rig/floor");
       for (const [key, , , digits] of NUMBERS.slice(0, 3)) this.#fill(key, found[key], digits);
-      const sentence = `${found.sentence.charAt(0).toUpperCase()}${found.sentence.slice(1)}`.replaceAll("+-", "±");
+      const sentence =
+        `${found.sentence.charAt(0).toUpperCase()}${found.sentence.slice(1)}`.replaceAll("+-", "±");
       setText(this.#words, `${sentence} Press “Use this rig” to take it over.`);
     } catch (error) {
       setText(this.#words, "");

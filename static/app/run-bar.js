@@ -25,12 +25,30 @@ const RECORDS = [
 
 class RunBar extends Part {
   #state = h("span", { class: "state-chip" });
-  #name = h("input", { type: "text", id: "run-name", maxlength: 80, placeholder: "Run name (optional)", autocomplete: "off" });
-  #record = h("select", { id: "run-record", "aria-label": "Images in the recording", title: "All else is recorded in any case" },
-    ...RECORDS.map(([value, words]) => h("option", { value }, words)));
+  #name = h("input", {
+    type: "text",
+    id: "run-name",
+    maxlength: 80,
+    placeholder: "Run name (optional)",
+    autocomplete: "off",
+  });
+  #record = h(
+    "select",
+    {
+      id: "run-record",
+      "aria-label": "Images in the recording",
+      title: "All else is recorded in any case",
+    },
+    ...RECORDS.map(([value, words]) => h("option", { value }, words)),
+  );
   #recording = h("span", { class: "record-chip figure", hidden: true });
   #start = h("button", { class: "button primary", type: "submit" }, icon("record"), "Start run");
-  #stop = h("button", { class: "button danger", type: "button", hidden: true }, icon("stop"), "Stop run");
+  #stop = h(
+    "button",
+    { class: "button danger", type: "button", hidden: true },
+    icon("stop"),
+    "Stop run",
+  );
   #running = h("span", { class: "run-clock figure", hidden: true });
   #busy = false;
   /** @type {number | null} */
@@ -62,7 +80,8 @@ class RunBar extends Part {
   #render() {
     const { status, connection } = this.hub;
     const state = connection === "open" && status ? status.engine.state : connection;
-    const words = { connecting: "Connecting", closed: "Reconnecting" }[state] ?? STATES[state] ?? state;
+    const words =
+      { connecting: "Connecting", closed: "Reconnecting" }[state] ?? STATES[state] ?? state;
     setText(this.#state, words);
     setAttribute(this.#state, "data-state", state);
     setAttribute(this.#state, "title", status?.engine.reason ?? null);
@@ -85,9 +104,18 @@ class RunBar extends Part {
     if (!recording) return;
     const { images, bytes, dropped, trouble } = recording;
     const lost = dropped > 0 ? `, ${dropped} lost` : "";
-    setText(this.#recording, trouble ? "Not recording" : `Recording ${size(bytes)}${images === "none" ? ", no images" : ""}${lost}`);
+    setText(
+      this.#recording,
+      trouble
+        ? "Not recording"
+        : `Recording ${size(bytes)}${images === "none" ? ", no images" : ""}${lost}`,
+    );
     setAttribute(this.#recording, "data-trouble", trouble || dropped > 0 ? "" : null);
-    setAttribute(this.#recording, "title", trouble ? sentence(trouble) : dropped > 0 ? "The disk did not keep up." : null);
+    setAttribute(
+      this.#recording,
+      "title",
+      trouble ? sentence(trouble) : dropped > 0 ? "The disk did not keep up." : null,
+    );
   }
 
   /** @param {number} restarts since the server was started */
@@ -101,7 +129,10 @@ class RunBar extends Part {
   async #begin() {
     const name = this.#name.value.trim();
     /** @type {import("./types.js").Run} */
-    const run = await request("POST", "/runs", { ...(name ? { name } : {}), record: this.#record.value });
+    const run = await request("POST", "/runs", {
+      ...(name ? { name } : {}),
+      record: this.#record.value,
+    });
     this.#name.value = "";
     notify(`Run ${run.name} started.`);
     this.hub.tell("runs");

@@ -16,17 +16,42 @@ const NEWEST = 8;
 
 class RunList extends Part {
   #list = h("ul", { class: "item-list" });
-  #items = new KeptList(this.#list, (/** @type {Run} */ run) => this.#item(run), () => this.#history);
-  #empty = h("p", { class: "empty" }, "No run yet. Start one at the top of the page; it is recorded and listed here.");
-  #history = h("a", { class: "button primary", href: "#history" }, "Find, compare and look at runs");
-  #ring = h("button", { type: "button", class: "button", "aria-describedby": "ring-help" }, "Save the last half minute");
+  #items = new KeptList(
+    this.#list,
+    (/** @type {Run} */ run) => this.#item(run),
+    () => this.#history,
+  );
+  #empty = h(
+    "p",
+    { class: "empty" },
+    "No run yet. Start one at the top of the page; it is recorded and listed here.",
+  );
+  #history = h(
+    "a",
+    { class: "button primary", href: "#history" },
+    "Find, compare and look at runs",
+  );
+  #ring = h(
+    "button",
+    { type: "button", class: "button", "aria-describedby": "ring-help" },
+    "Save the last half minute",
+  );
   /** @type {string | null} */
   #runId = null;
 
   build() {
-    this.append(h("h2", {}, "Runs"), h("div", { class: "row" }, this.#history, this.#ring),
-      h("p", { class: "hint", id: "ring-help" }, "Half a minute back is at hand of live cameras and of every run; it is also saved when the guard stops a robot."),
-      h("h3", {}, "Newest"), this.#empty, this.#list);
+    this.append(
+      h("h2", {}, "Runs"),
+      h("div", { class: "row" }, this.#history, this.#ring),
+      h(
+        "p",
+        { class: "hint", id: "ring-help" },
+        "Half a minute back is at hand of live cameras and of every run; it is also saved when the guard stops a robot.",
+      ),
+      h("h3", {}, "Newest"),
+      this.#empty,
+      this.#list,
+    );
     this.#ring.addEventListener("click", () => void this.#saveRing());
     this.hear("runs", () => void this.#load());
     this.hear("reconnected", () => void this.#load());
@@ -51,7 +76,9 @@ class RunList extends Part {
     try {
       /** @type {{file: string, bytes: number, seconds: number}} */
       const { file, bytes, seconds } = await request("POST", "/recording/ring");
-      notify(`The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}), listed under Find, compare and look at runs.`);
+      notify(
+        `The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}), listed under Find, compare and look at runs.`,
+      );
       this.hub.tell("rings");
     } catch (error) {
       notifyError(error);
@@ -60,16 +87,51 @@ class RunList extends Part {
 
   /** @param {Run} run */
   #item(run) {
-    const remove = h("button", { type: "button", class: "button icon-button", disabled: run.state === "running", "aria-label": `Delete run ${run.name}`, title: "Delete" }, icon("trash"));
+    const remove = h(
+      "button",
+      {
+        type: "button",
+        class: "button icon-button",
+        disabled: run.state === "running",
+        "aria-label": `Delete run ${run.name}`,
+        title: "Delete",
+      },
+      icon("trash"),
+    );
     remove.addEventListener("click", () => void removeRun(this.hub, run));
-    return h("li", {},
-      h("div", { class: "item-words" },
-        h("p", {}, h("a", { href: runHref(run.id) }, run.name), " ", h("span", { class: "state-chip", "data-state": run.state }, run.state)),
+    return h(
+      "li",
+      {},
+      h(
+        "div",
+        { class: "item-words" },
+        h(
+          "p",
+          {},
+          h("a", { href: runHref(run.id) }, run.name),
+          " ",
+          h("span", { class: "state-chip", "data-state": run.state }, run.state),
+        ),
         h("p", { class: "hint" }, facts(run)),
-        run.reason ? h("p", { class: "hint" }, sentence(run.reason)) : null),
-      h("div", { class: "row" },
-        h("a", { class: "button", href: `/api/runs/${encodeURIComponent(run.id)}/speeds?format=csv`, download: `${run.name}.csv`, "aria-label": `Speeds of run ${run.name} as CSV` }, icon("download"), "CSV"),
-        remove));
+        run.reason ? h("p", { class: "hint" }, sentence(run.reason)) : null,
+      ),
+      h(
+        "div",
+        { class: "row" },
+        h(
+          "a",
+          {
+            class: "button",
+            href: `/api/runs/${encodeURIComponent(run.id)}/speeds?format=csv`,
+            download: `${run.name}.csv`,
+            "aria-label": `Speeds of run ${run.name} as CSV`,
+          },
+          icon("download"),
+          "CSV",
+        ),
+        remove,
+      ),
+    );
   }
 }
 

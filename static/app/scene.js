@@ -6,7 +6,8 @@ import { paceFrames } from "./frame-pace.js";
 import { Part } from "./part.js";
 
 // Where the viewer draws nothing it shows its own ground, which follows the page's colours.
-const GROUND = '#root div[style*="background-color"]:has(canvas) { background-color: COLOUR !important }';
+const GROUND =
+  '#root div[style*="background-color"]:has(canvas) { background-color: COLOUR !important }';
 // The viewer's own panel of settings (a window, or a drawer where it is narrow) and its notices;
 // the page has its own. viser offers no setting for that.
 const HIDE_PANEL =

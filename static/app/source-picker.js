@@ -11,12 +11,25 @@ const PLACEHOLDER = /\b[A-Z]{3,}\b/;
 
 class SourcePicker extends Part {
   #list = h("div", { class: "source-list", role: "group", "aria-label": "Sources" });
-  #choices = new KeptList(this.#list, (/** @type {import("./types.js").SourceChoice} */ choice) => this.#choice(choice));
-  #spec = h("input", { type: "text", id: "source-spec", autocomplete: "off", spellcheck: "false", "aria-describedby": "source-help source-error", required: true });
+  #choices = new KeptList(this.#list, (/** @type {import("./types.js").SourceChoice} */ choice) =>
+    this.#choice(choice),
+  );
+  #spec = h("input", {
+    type: "text",
+    id: "source-spec",
+    autocomplete: "off",
+    spellcheck: "false",
+    "aria-describedby": "source-help source-error",
+    required: true,
+  });
   #calibration = h("select", { id: "source-calibration" });
   #open = h("button", { class: "button primary", type: "submit" }, "Open source");
   #error = h("p", { class: "field-error", id: "source-error", role: "alert" });
-  #calibrate = h("button", { class: "button", type: "button", hidden: true }, "Calibrate these cameras");
+  #calibrate = h(
+    "button",
+    { class: "button", type: "button", hidden: true },
+    "Calibrate these cameras",
+  );
   #inRun = h("p", { class: "hint", hidden: true }, "Stop the run to open another source.");
   #busy = false;
   #followed = "";
@@ -25,10 +38,24 @@ class SourcePicker extends Part {
     const form = h(
       "form",
       { class: "stack", novalidate: true },
-      h("div", { class: "field" }, h("label", { for: "source-spec" }, "Source"), this.#spec, this.#error,
-        h("p", { class: "hint", id: "source-help" },
-          "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path of a recording or of a folder with stereo images on the server.")),
-      h("div", { class: "field" }, h("label", { for: "source-calibration" }, "Calibration"), this.#calibration),
+      h(
+        "div",
+        { class: "field" },
+        h("label", { for: "source-spec" }, "Source"),
+        this.#spec,
+        this.#error,
+        h(
+          "p",
+          { class: "hint", id: "source-help" },
+          "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path of a recording or of a folder with stereo images on the server.",
+        ),
+      ),
+      h(
+        "div",
+        { class: "field" },
+        h("label", { for: "source-calibration" }, "Calibration"),
+        this.#calibration,
+      ),
       h("div", { class: "row" }, this.#open, this.#calibrate, this.#inRun),
     );
     form.addEventListener("submit", (event) => {
@@ -59,8 +86,13 @@ class SourcePicker extends Part {
 
   /** @param {import("./types.js").SourceChoice} choice */
   #choice({ spec, title, help }) {
-    const button = h("button", { type: "button", class: "source", "data-spec": spec },
-      h("b", {}, title), h("code", {}, spec), h("span", {}, help));
+    const button = h(
+      "button",
+      { type: "button", class: "source", "data-spec": spec },
+      h("b", {}, title),
+      h("code", {}, spec),
+      h("span", {}, help),
+    );
     button.addEventListener("click", () => {
       if (this.#busy) return;
       this.#spec.value = spec;
@@ -112,7 +144,10 @@ class SourcePicker extends Part {
     try {
       const source = this.#spec.value.trim();
       /** @type {import("./types.js").Status} */
-      const status = await request("PUT", "/source", { source, calibration: this.#calibration.value || null });
+      const status = await request("PUT", "/source", {
+        source,
+        calibration: this.#calibration.value || null,
+      });
       this.#followed = status.source?.spec ?? source;
       this.hub.takeStatus(status);
       notify(`${this.#followed} is open.`);

@@ -25,7 +25,11 @@ class SpeedChart extends Part {
   #host = h("div", { class: "chart", role: "img" });
   #legend = h("ul", { class: "legend" });
   #note = h("p", { class: "chart-note", role: "status", hidden: true });
-  #empty = h("p", { class: "empty" }, "No speed yet. Curves appear as soon as an obstacle moves or truth is known.");
+  #empty = h(
+    "p",
+    { class: "empty" },
+    "No speed yet. Curves appear as soon as an obstacle moves or truth is known.",
+  );
   #export = new ChartExport(() => this.#offers());
   #plot = new SpeedPlot(this.#host, {
     height: HEIGHT_PX,
@@ -48,9 +52,18 @@ class SpeedChart extends Part {
 
   build() {
     this.append(
-      h("div", { class: "pane-head" }, h("h2", {}, "Speed"),
-        h("span", { class: "hint" }, "m/s over the last 60 s of the source's time; bands of 95 %"), this.#export),
-      this.#note, this.#empty, this.#host, this.#legend);
+      h(
+        "div",
+        { class: "pane-head" },
+        h("h2", {}, "Speed"),
+        h("span", { class: "hint" }, "m/s over the last 60 s of the source's time; bands of 95 %"),
+        this.#export,
+      ),
+      this.#note,
+      this.#empty,
+      this.#host,
+      this.#legend,
+    );
     this.hear("observation", () => this.#observed());
     this.hear("robots", () => this.#history.addWheels(this.hub.robots?.wheels ?? []));
     this.hear("status", () => this.#renderStatus());
@@ -86,14 +99,17 @@ class SpeedChart extends Part {
 
   /** Newest values, or those under the pointer. */
   #renderLegend() {
-    const shown = this.#curves.filter((curve) => curve.kind !== "estimate" || this.#measured(curve, this.#at));
+    const shown = this.#curves.filter(
+      (curve) => curve.kind !== "estimate" || this.#measured(curve, this.#at),
+    );
     while (this.#legend.childElementCount > shown.length) this.#legend.lastElementChild?.remove();
     shown.forEach((curve, index) => {
       const item = this.#legend.children[index] ?? this.#legend.appendChild(makeLegendItem());
       const [swatch, words] = item.children;
       if (!swatch || !words) return;
       setAttribute(swatch, "data-kind", curve.kind);
-      if (swatch instanceof HTMLElement) swatch.style.setProperty("--swatch", `var(${curve.colour})`);
+      if (swatch instanceof HTMLElement)
+        swatch.style.setProperty("--swatch", `var(${curve.colour})`);
       setText(words, `${curve.label} ${withBand(this.#measured(curve, this.#at))}`);
     });
     const now = shown.map((curve) => `${curve.label} ${withBand(this.#measured(curve, null))}`);
@@ -107,7 +123,9 @@ class SpeedChart extends Part {
 
   #renderStatus() {
     const truth = this.hub.status?.truth ?? null;
-    const words = [truth?.sentence, truth?.trouble].flatMap((text) => (text ? [sentence(text)] : [])).join(" ");
+    const words = [truth?.sentence, truth?.trouble]
+      .flatMap((text) => (text ? [sentence(text)] : []))
+      .join(" ");
     this.#note.hidden = words === "";
     setAttribute(this.#note, "data-tone", truth?.aligned && !truth.trouble ? "calm" : "open");
     setText(this.#note, words);
@@ -122,23 +140,45 @@ class SpeedChart extends Part {
   #offers() {
     const { status } = this.hub;
     const last = status?.run || this.#last?.state === "running" ? null : this.#last;
-    const seen = this.#curves.length > 0
-      ? [{
-          words: `What is seen now${status?.run ? "; figures for a paper once the run is stopped" : ""}`,
-          files: [
-            { format: "csv", title: "Curves as a table", make: async () => this.#file("csv", speedsAsCsv(this.#history.curves.values(), this.#history.playing)) },
-            { format: "png", title: "Chart as an image", make: async () => this.#file("png", await this.#picture()) },
-          ],
-        }]
-      : [];
+    const seen =
+      this.#curves.length > 0
+        ? [
+            {
+              words: `What is seen now${status?.run ? "; figures for a paper once the run is stopped" : ""}`,
+              files: [
+                {
+                  format: "csv",
+                  title: "Curves as a table",
+                  make: async () =>
+                    this.#file(
+                      "csv",
+                      speedsAsCsv(this.#history.curves.values(), this.#history.playing),
+                    ),
+                },
+                {
+                  format: "png",
+                  title: "Chart as an image",
+                  make: async () => this.#file("png", await this.#picture()),
+                },
+              ],
+            },
+          ]
+        : [];
     return last ? [...seen, ofRun(last, null)] : seen;
   }
 
   #picture() {
     const { canvas } = this.#plot;
     if (!canvas) throw new Error("Nothing is drawn yet.");
-    const entries = this.#curves.map(({ kind, label, colour }) => ({ label, colour: this.#plot.resolved(colour), dash: DASHES[kind] ?? [] }));
-    return asPicture(canvas, entries, { ground: this.#plot.resolved("--surface"), text: this.#plot.resolved("--text") });
+    const entries = this.#curves.map(({ kind, label, colour }) => ({
+      label,
+      colour: this.#plot.resolved(colour),
+      dash: DASHES[kind] ?? [],
+    }));
+    return asPicture(canvas, entries, {
+      ground: this.#plot.resolved("--surface"),
+      text: this.#plot.resolved("--text"),
+    });
   }
 
   /** @param {string} format @param {Blob} blob */
@@ -158,14 +198,20 @@ class SpeedChart extends Part {
 }
 
 function makeLegendItem() {
-  return h("li", {}, h("span", { class: "swatch line", "aria-hidden": "true" }), h("span", { class: "figure" }));
+  return h(
+    "li",
+    {},
+    h("span", { class: "swatch line", "aria-hidden": "true" }),
+    h("span", { class: "figure" }),
+  );
 }
 
 /** Truth that is missing now is seen to be, before it comes back. @param {Curve} curve */
 function gapsUntilNow(curve) {
   const gaps = gapsIn(curve);
   const last = curve.speeds.findLastIndex((speed) => speed !== null);
-  if (last >= 0 && last < curve.speeds.length - 1) gaps.push({ begin: Number(curve.times[last]), end: 0 });
+  if (last >= 0 && last < curve.speeds.length - 1)
+    gaps.push({ begin: Number(curve.times[last]), end: 0 });
   return gaps;
 }
 

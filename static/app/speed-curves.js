@@ -33,7 +33,11 @@ export function joined(curves) {
   const rows = curves.flatMap((curve) => {
     const own = rowOf(curve.times, curve.speeds, times);
     if (!curve.banded) return [own];
-    return [rowOf(curve.times, edge(curve, 1), times), rowOf(curve.times, edge(curve, -1), times), own];
+    return [
+      rowOf(curve.times, edge(curve, 1), times),
+      rowOf(curve.times, edge(curve, -1), times),
+      own,
+    ];
   });
   return [times, ...rows];
 }
@@ -42,7 +46,9 @@ export function joined(curves) {
 function edge({ speeds, stds }, side) {
   return speeds.map((speed, i) => {
     const std = stds[i];
-    return speed === null || std === null || std === undefined ? null : Math.max(0, speed + side * BAND_95 * std);
+    return speed === null || std === null || std === undefined
+      ? null
+      : Math.max(0, speed + side * BAND_95 * std);
   });
 }
 
@@ -78,7 +84,9 @@ export function speedAt({ times, speeds, stds }, time, reach) {
   const near = [later - 1, later].filter((i) => typeof speeds[i] === "number");
   // Between two samples either speaks; beside a gap only what is near.
   const known = near.filter((i) => near.length === 2 || Math.abs(Number(times[i]) - time) <= reach);
-  const [best] = known.sort((a, b) => Math.abs(Number(times[a]) - time) - Math.abs(Number(times[b]) - time));
+  const [best] = known.sort(
+    (a, b) => Math.abs(Number(times[a]) - time) - Math.abs(Number(times[b]) - time),
+  );
   const speed = best === undefined ? null : speeds[best];
   if (best === undefined || typeof speed !== "number") return null;
   return { speed, std: stds[best] ?? null };

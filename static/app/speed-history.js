@@ -48,7 +48,11 @@ export class SpeedHistory {
    * ahead of its own clock.
    */
   get playing() {
-    return { begin: Math.max(this.newest - this.span_s, this.#playedFrom), end: this.newest, offset: this.#offset };
+    return {
+      begin: Math.max(this.newest - this.span_s, this.#playedFrom),
+      end: this.newest,
+      offset: this.#offset,
+    };
   }
 
   /** @param {import("./types.js").ObservationMessage} message */
@@ -64,8 +68,17 @@ export class SpeedHistory {
       const colour = `--track-${trackColour(obstacle.id)}`;
       // A speed belongs to the middle of its displacement; at the frame's time it would come late.
       const time = Math.min(now, obstacle.velocity_time + this.#offset);
-      if (!this.curves.has(key)) this.starts.push({ time, speed: obstacle.speed, words: String(obstacle.id), colour });
-      this.#put(key, "estimate", `Obstacle ${obstacle.id}`, colour, time, obstacle.speed, obstacle.speed_std);
+      if (!this.curves.has(key))
+        this.starts.push({ time, speed: obstacle.speed, words: String(obstacle.id), colour });
+      this.#put(
+        key,
+        "estimate",
+        `Obstacle ${obstacle.id}`,
+        colour,
+        time,
+        obstacle.speed,
+        obstacle.speed_std,
+      );
       told.add(key);
     }
     for (const body of truth) {
@@ -74,7 +87,15 @@ export class SpeedHistory {
       this.#put(`truth/${body.id}`, "truth", `Truth ${body.name}`, "--text", now, body.speed, null);
       told.add(`truth/${body.id}`);
       if (body.commanded_speed === null || body.commanded_speed === undefined) continue;
-      this.#put(`commanded/${body.id}`, "commanded", `Commanded ${body.name}`, "--muted", now, Math.abs(body.commanded_speed), null);
+      this.#put(
+        `commanded/${body.id}`,
+        "commanded",
+        `Commanded ${body.name}`,
+        "--muted",
+        now,
+        Math.abs(body.commanded_speed),
+        null,
+      );
       told.add(`commanded/${body.id}`);
     }
     for (const [key, curve] of this.curves) {
@@ -96,7 +117,16 @@ export class SpeedHistory {
       if (Math.abs(at - this.newest) > JUMP_S) continue;
       const colour = ROBOT_COLOURS[ROLES.indexOf(role)] ?? "--muted";
       this.#put(`sent/${role}`, "sent", `Sent to ${role}`, colour, at, Math.abs(sent_mps), null);
-      if (encoder_mps !== null) this.#put(`encoder/${role}`, "encoder", `Wheels of ${role}`, colour, at, Math.abs(encoder_mps), null);
+      if (encoder_mps !== null)
+        this.#put(
+          `encoder/${role}`,
+          "encoder",
+          `Wheels of ${role}`,
+          colour,
+          at,
+          Math.abs(encoder_mps),
+          null,
+        );
     }
   }
 
@@ -149,7 +179,16 @@ export class SpeedHistory {
   #put(key, kind, label, colour, time, speed, std) {
     let curve = this.curves.get(key);
     if (!curve) {
-      curve = { key, kind, label, colour, banded: kind === "estimate", times: [], speeds: [], stds: [] };
+      curve = {
+        key,
+        kind,
+        label,
+        colour,
+        banded: kind === "estimate",
+        times: [],
+        speeds: [],
+        stds: [],
+      };
       this.curves.set(key, curve);
     }
     const last = curve.times.at(-1);
@@ -183,7 +222,8 @@ function isOfRobot({ kind }) {
 /** Nothing was measured: a gap from the last sample to the next. @param {Curve} curve */
 function breakOff(curve) {
   const last = curve.times.at(-1);
-  if (last !== undefined && curve.speeds.at(-1) !== null) append(curve, last + BROKEN_AFTER_S, null, null);
+  if (last !== undefined && curve.speeds.at(-1) !== null)
+    append(curve, last + BROKEN_AFTER_S, null, null);
 }
 
 /**

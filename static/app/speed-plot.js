@@ -118,7 +118,8 @@ export class SpeedPlot {
   #resize() {
     if (!this.#plot) return this.#rebuild();
     const width = this.host.clientWidth;
-    if (width > 0 && width !== this.#plot.width) this.#plot.setSize({ width, height: this.options.height });
+    if (width > 0 && width !== this.#plot.width)
+      this.#plot.setSize({ width, height: this.options.height });
   }
 
   #rebuild() {
@@ -150,7 +151,11 @@ export class SpeedPlot {
           y: { range: () => [0, Math.max(topAtLeast, (top?.() ?? this.highest()) * HEADROOM)] },
         },
         axes: [
-          { ...axis(colour, xWords, xSpace), size: 32, ticks: { stroke: colour("--grid"), width: 1, size: 8 } },
+          {
+            ...axis(colour, xWords, xSpace),
+            size: 32,
+            ticks: { stroke: colour("--grid"), width: 1, size: 8 },
+          },
           { ...axis(colour, String, 36), size: 44 },
         ],
         series: [{}, ...this.#curves.flatMap((curve) => seriesOf(curve, colour))],
@@ -192,12 +197,19 @@ function pointed(plot) {
 /** A finger drags as the mouse does; up and down it still scrolls the page. @param {uPlot} plot */
 function touchAsMouse(plot) {
   plot.over.style.touchAction = "pan-y";
-  for (const [type, as] of [["pointerdown", "mousedown"], ["pointermove", "mousemove"], ["pointerup", "mouseup"], ["pointercancel", "mouseup"]]) {
+  for (const [type, as] of [
+    ["pointerdown", "mousedown"],
+    ["pointermove", "mousemove"],
+    ["pointerup", "mouseup"],
+    ["pointercancel", "mouseup"],
+  ]) {
     plot.over.addEventListener(String(type), (event) => {
       if (!(event instanceof PointerEvent) || event.pointerType === "mouse") return;
       const { clientX, clientY } = event;
       // uPlot passes over moves by nothing while it drags.
-      plot.over.dispatchEvent(new MouseEvent(String(as), { clientX, clientY, movementX: 1, button: 0, bubbles: true }));
+      plot.over.dispatchEvent(
+        new MouseEvent(String(as), { clientX, clientY, movementX: 1, button: 0, bubbles: true }),
+      );
     });
   }
 }
@@ -214,7 +226,8 @@ function axis(colour, words, space) {
     space,
     grid: { stroke: colour("--grid"), width: 1 },
     ticks: { stroke: colour("--grid"), width: 1, size: 4 },
-    values: (/** @type {unknown} */ _plot, /** @type {number[]} */ splits) => splits.map((value) => words(Number(value.toFixed(6)))),
+    values: (/** @type {unknown} */ _plot, /** @type {number[]} */ splits) =>
+      splits.map((value) => words(Number(value.toFixed(6)))),
   };
 }
 
@@ -225,8 +238,14 @@ function axis(colour, words, space) {
 function seriesOf({ kind, label, colour: name, banded }, colour) {
   const stroke = colour(name);
   const points = { show: false };
-  if (kind !== "estimate" && kind !== "stray") return [{ label, stroke, width: 1.5, dash: DASHES[kind] ?? [], points }];
-  const main = { label, stroke, width: kind === "stray" ? 1 : 2, points: { show: true, size: 3, width: 0, filter: lonely } };
+  if (kind !== "estimate" && kind !== "stray")
+    return [{ label, stroke, width: 1.5, dash: DASHES[kind] ?? [], points }];
+  const main = {
+    label,
+    stroke,
+    width: kind === "stray" ? 1 : 2,
+    points: { show: true, size: 3, width: 0, filter: lonely },
+  };
   if (!banded) return [main];
   const side = { stroke: "transparent", width: 0, points };
   return [{ ...side, label: `${label}, upper` }, { ...side, label: `${label}, lower` }, main];
@@ -302,7 +321,8 @@ function drawMarks({ ctx, bbox, valToPos }, { starts, changes, gaps }, colour) {
   for (const { begin, end } of gaps) {
     const from = Math.max(left, valToPos(begin, "x", true));
     const to = Math.min(left + width, valToPos(end, "x", true));
-    if (to > from) ctx.fillRect(from, top + height + dpr, Math.max(to - from, dpr), GAP_BAR_PX * dpr);
+    if (to > from)
+      ctx.fillRect(from, top + height + dpr, Math.max(to - from, dpr), GAP_BAR_PX * dpr);
   }
 
   // Where the label of each row of labels ends.

@@ -18,24 +18,41 @@ class StatusPanel extends Part {
   build() {
     this.append(
       h("h2", {}, "Status"),
-      h("dl", { class: "figures" },
+      h(
+        "dl",
+        { class: "figures" },
         this.#figure("rate", "Unique frames", "frames observed each second, each counted once"),
-        this.#figure("dense", "Dense cloud", "clouds and disparity views made each second, and the newest one's age"),
+        this.#figure(
+          "dense",
+          "Dense cloud",
+          "clouds and disparity views made each second, and the newest one's age",
+        ),
         this.#figure("median", "Exposure to page", "median from reception to painted here"),
         this.#figure("p95", "Exposure to page, 95 %", "19 of 20 frames are faster"),
         this.#figure("viewers", "Open pages", "that receive live data now"),
         this.#figure("restarts", "Engine restarts", "since the server was started"),
         this.#figure("frames_skipped", "Frames skipped", "that the source could not read"),
         this.#figure("observations_lost", "Observations lost", "between engine and server"),
-        this.#figure("live_messages_dropped", "Messages left out", "for pages slower than the frames"),
-        this.#figure("writes_dropped", "Not kept", "because the database was not to be had")),
+        this.#figure(
+          "live_messages_dropped",
+          "Messages left out",
+          "for pages slower than the frames",
+        ),
+        this.#figure("writes_dropped", "Not kept", "because the database was not to be had"),
+      ),
       this.#warnings,
       h("h3", {}, "Stage timings ", this.#total),
       this.#bars,
       h("h3", {}, "Skipped frames"),
       this.#noneSkipped,
       this.#skipped,
-      h("p", { class: "hint" }, this.#value("version"), " · ", h("a", { href: "/docs" }, "REST interface")),
+      h(
+        "p",
+        { class: "hint" },
+        this.#value("version"),
+        " · ",
+        h("a", { href: "/docs" }, "REST interface"),
+      ),
     );
     this.hear("status", () => this.#render());
     this.whenShown(() => this.#render());
@@ -48,7 +65,12 @@ class StatusPanel extends Part {
    * @param {string} help
    */
   #figure(key, term, help) {
-    return h("div", { title: help }, h("dt", {}, term), h("dd", { class: "figure" }, this.#value(key)));
+    return h(
+      "div",
+      { title: help },
+      h("dt", {}, term),
+      h("dd", { class: "figure" }, this.#value(key)),
+    );
   }
 
   /** @param {string} key */
@@ -67,7 +89,10 @@ class StatusPanel extends Part {
     }
     this.#renderBars(status.timings_ms);
     this.#noneSkipped.hidden = status.skipped.length > 0;
-    fillList(this.#skipped, status.skipped.map(({ index, reason }) => `Frame ${index}: ${reason}`));
+    fillList(
+      this.#skipped,
+      status.skipped.map(({ index, reason }) => `Frame ${index}: ${reason}`),
+    );
     fillList(this.#warnings, status.warnings);
   }
 
@@ -80,7 +105,15 @@ class StatusPanel extends Part {
     const longest = Math.max(1, ...stages.map(([, ms]) => ms));
     if (this.#bars.childElementCount !== stages.length) {
       this.#bars.replaceChildren(
-        ...stages.map(() => h("li", {}, h("span"), h("meter", { min: 0, max: 1, value: 0 }), h("span", { class: "figure" }))),
+        ...stages.map(() =>
+          h(
+            "li",
+            {},
+            h("span"),
+            h("meter", { min: 0, max: 1, value: 0 }),
+            h("span", { class: "figure" }),
+          ),
+        ),
       );
     }
     stages.forEach(([name, ms], index) => {

@@ -16,7 +16,14 @@ export class TapeCheck {
   #place = null;
   #mark = h("span", { class: "place-mark", hidden: true });
   #words = h("p", { role: "status" });
-  #measured = h("input", { type: "number", id: "tape-measured", min: 0.05, max: 100, step: "any", "aria-describedby": "tape-error" });
+  #measured = h("input", {
+    type: "number",
+    id: "tape-measured",
+    min: 0.05,
+    max: 100,
+    step: "any",
+    "aria-describedby": "tape-error",
+  });
   #check = h("button", { type: "button", class: "button" }, "Compare");
   #error = h("p", { class: "field-error", role: "alert", id: "tape-error" });
   #list = h("ul", { class: "plain-list" });
@@ -29,15 +36,31 @@ export class TapeCheck {
   constructor(calibration, canvas) {
     this.#path = `/calibrations/${encodeURIComponent(calibration.id)}`;
     this.#canvas = canvas;
-    const choose = h("button", { type: "button", class: "button", "aria-describedby": "tape-help" }, "Choose the middle");
+    const choose = h(
+      "button",
+      { type: "button", class: "button", "aria-describedby": "tape-help" },
+      "Choose the middle",
+    );
     choose.addEventListener("click", () => void this.#choose(canvas.width / 4, canvas.height / 2));
     this.element.append(
       h("summary", {}, "Check it with a tape measure"),
-      h("p", { class: "hint", id: "tape-help" }, "Click a flat place with texture in the left image, or choose its middle and move it by the arrow keys. Measure from the left lens straight to that place."),
+      h(
+        "p",
+        { class: "hint", id: "tape-help" },
+        "Click a flat place with texture in the left image, or choose its middle and move it by the arrow keys. Measure from the left lens straight to that place.",
+      ),
       h("div", { class: "row" }, choose),
       this.#words,
-      h("div", { class: "row" }, h("label", { for: "tape-measured" }, "By the tape, m"), this.#measured, this.#check),
-      this.#error, this.#list);
+      h(
+        "div",
+        { class: "row" },
+        h("label", { for: "tape-measured" }, "By the tape, m"),
+        this.#measured,
+        this.#check,
+      ),
+      this.#error,
+      this.#list,
+    );
     choose.addEventListener("keydown", (event) => this.#move(event));
     canvas.addEventListener("click", (event) => this.#clicked(event));
     this.#check.addEventListener("click", () => void this.#compare());
@@ -61,7 +84,12 @@ export class TapeCheck {
   /** @param {KeyboardEvent} event */
   #move(event) {
     /** @type {Record<string, [number, number]>} */
-    const steps = { ArrowLeft: [-STEP_PX, 0], ArrowRight: [STEP_PX, 0], ArrowUp: [0, -STEP_PX], ArrowDown: [0, STEP_PX] };
+    const steps = {
+      ArrowLeft: [-STEP_PX, 0],
+      ArrowRight: [STEP_PX, 0],
+      ArrowUp: [0, -STEP_PX],
+      ArrowDown: [0, STEP_PX],
+    };
     const step = steps[event.key];
     if (!step || !this.#place) return;
     event.preventDefault();
@@ -70,10 +98,10 @@ export class TapeCheck {
 
   /** @param {number} u @param {number} v pixels of the canvas */
   async #choose(u, v) {
-    const place = this.#place = [
+    const place = (this.#place = [
       Math.min(Math.max(u, 0), this.#canvas.width / 2 - 1),
       Math.min(Math.max(v, 0), this.#canvas.height - 1),
-    ];
+    ]);
     this.element.open = true;
     this.#drawMark();
     try {
@@ -102,7 +130,8 @@ export class TapeCheck {
     setText(this.#error, "");
     const measured_m = Number(this.#measured.value);
     if (!this.#place) return setText(this.#error, "Choose a place in the left image first.");
-    if (!(measured_m > 0)) return setText(this.#error, "Enter the measured distance in metres, as in 2.04.");
+    if (!(measured_m > 0))
+      return setText(this.#error, "Enter the measured distance in metres, as in 2.04.");
     const [u, v] = this.#place;
     try {
       this.#show(await request("POST", `${this.#path}/tape-checks`, { u, v, measured_m }));
@@ -114,6 +143,8 @@ export class TapeCheck {
 
   /** @param {Calibration} calibration */
   #show({ tape_checks }) {
-    this.#list.replaceChildren(...tape_checks.map((check) => h("li", {}, `${check.at.slice(0, 10)}: ${check.sentence}`)));
+    this.#list.replaceChildren(
+      ...tape_checks.map((check) => h("li", {}, `${check.at.slice(0, 10)}: ${check.sentence}`)),
+    );
   }
 }

@@ -66,7 +66,11 @@ export function firstLine(line, truth) {
   const moving = line.obstacles.filter((o) => o.motion === "moving");
   const nearest = [...moving].sort((a, b) => a.range - b.range)[0];
   if (nearest) {
-    return { text: movingLine(nearest, moving.length - 1, line, truth), id: nearest.id, tone: "moving" };
+    return {
+      text: movingLine(nearest, moving.length - 1, line, truth),
+      id: nearest.id,
+      tone: "moving",
+    };
   }
   const standing = line.obstacles[0];
   const missed = truth.find(

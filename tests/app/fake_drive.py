@@ -106,9 +106,7 @@ class FakeDrive:
         for callback in tuple(self.subscribers):
             callback(event)
 
-    async def request(
-        self, command: DriveProcessCommand, timeout_s: float = 1.0
-    ) -> dict[str, Any]:
+    async def request(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> dict[str, Any]:
         if not self.health.alive:
             raise ProcessUnavailable("the drive process is being replaced")
         self.commands.append(command)

@@ -39,9 +39,7 @@ def speed(t: Float64Array) -> Float64Array:
     return np.asarray(np.abs(way(t + 0.005) - way(t - 0.005)) / 0.01)
 
 
-def plant_run(
-    folder: Path, run_id: str = "20260101-120000-abcdef", *, heard: bool = False
-) -> Path:
+def plant_run(folder: Path, run_id: str = "20260101-120000-abcdef", *, heard: bool = False) -> Path:
     """A recording without images of a still camera before which one body drives to and fro.
 
     Args:

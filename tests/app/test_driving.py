@@ -198,9 +198,7 @@ def test_a_robot_that_did_not_answer_is_let_go_where_it_is_not_wanted_any_more(
     run(scenario())
 
 
-def test_a_stop_while_another_one_is_reset_holds(
-    peer: Any, drive: Any, storage: Storage
-) -> None:
+def test_a_stop_while_another_one_is_reset_holds(peer: Any, drive: Any, storage: Storage) -> None:
     async def scenario() -> None:
         async with started(peer, storage, drive=drive) as station:
             await until(lambda: drive.health.alive)
@@ -294,9 +292,7 @@ def test_speeds_are_on_the_sources_clock(peer: Any) -> None:
     assert len(log.since(0)) == 200
 
 
-def test_a_driven_roles_command_is_written_once(
-    peer: Any, drive: Any, storage: Storage
-) -> None:
+def test_a_driven_roles_command_is_written_once(peer: Any, drive: Any, storage: Storage) -> None:
     async def scenario() -> None:
         async with started(peer, storage, drive=drive):
             event = peer.observe()

@@ -86,9 +86,7 @@ def test_a_folder_in_its_place_is_refused_and_the_old_rig_stays(path: Path) -> N
     assert desk.rig is not FULL
 
 
-def test_a_full_disk_leaves_the_old_file_whole(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_leaves_the_old_file_whole(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     desk = loaded(path)
     desk.keep(FULL)
     before = path.read_text()

@@ -101,9 +101,7 @@ def test_the_database_is_locked(tmp_path: Path) -> None:
             answer = timed(lambda: server.request("POST", "/runs", {"name": "another"}))[1]
             assert isinstance(answer, Refused)
             assert answer.status == 503
-        ended = wait_until(
-            "the end is written", lambda: ended_run(server, run), timeout_s=15.0
-        )
+        ended = wait_until("the end is written", lambda: ended_run(server, run), timeout_s=15.0)
         rows = server.request("GET", f"/runs/{run}/speeds")
     times = sorted({row["time"] for row in rows if row["source"] == "truth"})
     gap = max(later - earlier for earlier, later in pairwise(times))

@@ -23,9 +23,7 @@ class AbsentDrive:
     async def stop(self) -> None:
         pass
 
-    async def request(
-        self, command: DriveProcessCommand, timeout_s: float = 1.0
-    ) -> dict[str, Any]:
+    async def request(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> dict[str, Any]:
         """Always refused.
 
         Raises:

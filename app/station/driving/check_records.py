@@ -144,9 +144,7 @@ def entry_of(name: str, record: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def advice(
-    newest: dict[str, Any] | None, now: Circumstances, today: datetime
-) -> str | None:
+def advice(newest: dict[str, Any] | None, now: Circumstances, today: datetime) -> str | None:
     """Why to check again, one sentence; None where the newest check still tells."""
     if newest is None:
         return "The guard was not checked yet: check it before you rely on it."

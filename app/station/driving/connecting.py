@@ -165,9 +165,7 @@ class Connecting:
         if complaint is not None:
             self.trouble[role] = f"the {role} is not connected: {complaint}"
 
-    async def _refusal(
-        self, command: DriveProcessCommand, timeout_s: float = 1.0
-    ) -> str | None:
+    async def _refusal(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> str | None:
         """Why a command was refused for good, None where it was not."""
         try:
             await ask_drive(self._drive, command, timeout_s=timeout_s)

@@ -44,9 +44,7 @@ class WheelLog:
         """Number of the newest sample; 0 before the first."""
         return self._numbered
 
-    def take(
-        self, event: WheelSpeedEvent, newest: ObservationEvent | None
-    ) -> WheelSample | None:
+    def take(self, event: WheelSpeedEvent, newest: ObservationEvent | None) -> WheelSample | None:
         """Keep a measurement.
 
         None where it is none, and while nothing tells what time it is on the source's clock.

@@ -71,9 +71,7 @@ async def list_calibrations(station: TheStation) -> list[dict[str, Any]]:
     responses=refusals(413, 415, 422, 503, 507),
 )
 async def post_calibration(
-    file: Annotated[
-        list[UploadFile], File(description="One file, or two that belong together.")
-    ],
+    file: Annotated[list[UploadFile], File(description="One file, or two that belong together.")],
     station: TheStation,
     size: Annotated[str | None, Form(description="As in 1280x720, where no file tells it.")] = None,
     unit: Annotated[Unit | None, Form(description="Of lengths; none: the format's own.")] = None,

@@ -40,6 +40,4 @@ async def get_history(
     offset: Annotated[int, Query(ge=0, le=1_000_000)] = 0,
 ) -> HistoryPage:
     """Newest first, in pages."""
-    return await station.history.page(
-        text, tag or (), deleted=deleted, limit=limit, offset=offset
-    )
+    return await station.history.page(text, tag or (), deleted=deleted, limit=limit, offset=offset)

@@ -24,9 +24,7 @@ class PortChoice(In):
 
 
 class Arming(In):
-    lease: Identifier | None = Field(
-        None, description="Of who drives it; None where nobody does."
-    )
+    lease: Identifier | None = Field(None, description="Of who drives it; None where nobody does.")
 
 
 class ProgrammeStart(In):

@@ -37,9 +37,7 @@ def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure
             [y for _, y in mine],
             linestyle="none", marker="o", markersize=6, color=colour, alpha=0.6, label=preset,
         )  # fmt: skip
-    front = sorted(
-        ((x, y, each) for each, x, y in points if each.best), key=lambda point: point[0]
-    )
+    front = sorted(((x, y, each) for each, x, y in points if each.best), key=lambda point: point[0])
     axes.plot(
         [x for x, _, _ in front],
         [y for _, y, _ in front],

@@ -1,10 +1,10 @@
 """A grid of parameters as YAML text, read strictly by the parameters' own declaration.
 
-    preset: [default, paper]          # default alone where it is left out
-    set:                              # the same in every combination
-      tracking.gate: 3.0
-    evidence.radius_px: [20, 26, 32]  # every value with every other
-    evidence.memory_s: [0.3, 0.5]
+preset: [default, paper]          # default alone where it is left out
+set:                              # the same in every combination
+  tracking.gate: 3.0
+evidence.radius_px: [20, 26, 32]  # every value with every other
+evidence.memory_s: [0.3, 0.5]
 """
 
 from __future__ import annotations

@@ -114,9 +114,7 @@ def write_parquet(sweep: Sweep, path: Path) -> None:
         **dict.fromkeys(("combination", "frames_planned"), "integer"),
         **dict.fromkeys(("preset", "source", "status", "error", "version"), "text"),
         **{name: declared[name] for name in sweep.grid.lists},
-        **{
-            f.name: "integer" if f.type in ("int", int) else "number" for f in fields(Evaluation)
-        },
+        **{f.name: "integer" if f.type in ("int", int) else "number" for f in fields(Evaluation)},
         **dict.fromkeys(("frames_observed", "frames_skipped"), "integer"),
         **dict.fromkeys(("median_ms", "cost_ratio", "cpu_s", "wall_s"), "number"),
     }

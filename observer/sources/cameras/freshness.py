@@ -48,9 +48,7 @@ class Period:
     @property
     def settled(self) -> bool:
         """Whether frames were seen for so long that a stream's beginning matters no more."""
-        return len(self._intervals) == _INTERVALS or (
-            self.measured and sum(self._intervals) >= 1.0
-        )
+        return len(self._intervals) == _INTERVALS or (self.measured and sum(self._intervals) >= 1.0)
 
     @property
     def seconds(self) -> float:

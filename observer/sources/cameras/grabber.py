@@ -155,9 +155,7 @@ class Grabber:
                 continue
             seq += 1
             until = arrival + _WAITING * period.seconds
-            self._notices.offer(
-                Grabbed(seq, arrival if stamp is None else stamp, arrival, until)
-            )
+            self._notices.offer(Grabbed(seq, arrival if stamp is None else stamp, arrival, until))
             if self._is_wanted(seq, until) and not self._deliver(seq, shared):
                 return
 

@@ -136,8 +136,7 @@ Command: TypeAlias = Open | Decode | Drop
 Notice: TypeAlias = Opened | Grabbed | Ready | Missed | Undecodable | Resized | Failed
 _COMMANDS: Mapping[str, type[Command]] = {each.__name__: each for each in (Open, Decode, Drop)}
 _NOTICES: Mapping[str, type[Notice]] = {
-    each.__name__: each
-    for each in (Opened, Grabbed, Ready, Missed, Undecodable, Resized, Failed)
+    each.__name__: each for each in (Opened, Grabbed, Ready, Missed, Undecodable, Resized, Failed)
 }
 
 

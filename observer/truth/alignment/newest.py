@@ -184,9 +184,7 @@ def _velocity(body: Trajectory, centre: Float64Array | None, stamp: float) -> Fl
             break
         first -= 1
     while last < len(times) and known[last]:
-        if times[last] - stamp > half or (
-            last > index and times[last] - times[last - 1] > widest
-        ):
+        if times[last] - stamp > half or (last > index and times[last] - times[last - 1] > widest):
             break
         last += 1
     if last - first < _FEWEST:

@@ -110,9 +110,7 @@ class OnlineAlignment:
         self.truth = AlignedTruth(capture, found, self.choices.sizes)
         return True
 
-    def capture(
-        self, to_source: Callable[[Float64Array], Float64Array] | None = None
-    ) -> Capture:
+    def capture(self, to_source: Callable[[Float64Array], Float64Array] | None = None) -> Capture:
         """The last minutes of all bodies."""
         bodies = {name: _joined(list(kept)) for name, kept in self._pieces.items()}
         if to_source is not None:
@@ -141,10 +139,14 @@ def _part(body: Trajectory, chosen: NDArray[np.bool_]) -> Trajectory:
 def _joined(parts: list[Trajectory]) -> Trajectory:
     rotations = None
     if any(part.rotations is not None for part in parts):
-        rotations = np.concatenate([
-            np.full((len(part.times), 3, 3), np.nan) if part.rotations is None else part.rotations
-            for part in parts
-        ])
+        rotations = np.concatenate(
+            [
+                np.full((len(part.times), 3, 3), np.nan)
+                if part.rotations is None
+                else part.rotations
+                for part in parts
+            ]
+        )
     return Trajectory(
         parts[0].name,
         np.concatenate([part.times for part in parts]),

@@ -22,9 +22,7 @@ class HeardCapture:
         clock: host's monotonic clock.
     """
 
-    def __init__(
-        self, intake: Intake, *, spec: str, name: str, clock: Callable[[], float]
-    ) -> None:
+    def __init__(self, intake: Intake, *, spec: str, name: str, clock: Callable[[], float]) -> None:
         self._intake = intake
         self._spec = spec
         self._clock = clock

@@ -12,7 +12,14 @@ const KEY = "dynamic-observer.board";
 /** @typedef {{kind: string, columns: number, rows: number, square_mm: number, paper: string, bar_mm: number}} BoardChoice */
 
 /** What fits on A4 with the white margin that detection needs. @type {BoardChoice} */
-const USUAL = { kind: "chessboard", columns: 9, rows: 6, square_mm: 21, paper: "A4", bar_mm: BAR_MM };
+const USUAL = {
+  kind: "chessboard",
+  columns: 9,
+  rows: 6,
+  square_mm: 21,
+  paper: "A4",
+  bar_mm: BAR_MM,
+};
 
 export class BoardStep extends Part {
   /**
@@ -22,51 +29,124 @@ export class BoardStep extends Part {
    */
   begun = () => {};
 
-  #kind = select("board-kind", [["chessboard", "Chessboard"], ["charuco", "ChArUco (may be seen in part)"]]);
+  #kind = select("board-kind", [
+    ["chessboard", "Chessboard"],
+    ["charuco", "ChArUco (may be seen in part)"],
+  ]);
   #columns = number("board-columns", 3, 30, 1);
   #rows = number("board-rows", 3, 30, 1);
   #square = number("board-square", 2, 500, "any");
-  #paper = select("board-paper", [["A4", "A4"], ["A3", "A3"], ["Letter", "US Letter"]]);
+  #paper = select("board-paper", [
+    ["A4", "A4"],
+    ["A3", "A3"],
+    ["Letter", "US Letter"],
+  ]);
   #bar = number("board-bar", 20, 300, "any");
-  #lens = select("board-lens", [["radtan", "Usual lens"], ["equidistant", "Fisheye lens"]]);
-  #source = h("input", { type: "text", id: "board-source", autocomplete: "off", spellcheck: "false" });
+  #lens = select("board-lens", [
+    ["radtan", "Usual lens"],
+    ["equidistant", "Fisheye lens"],
+  ]);
+  #source = h("input", {
+    type: "text",
+    id: "board-source",
+    autocomplete: "off",
+    spellcheck: "false",
+  });
   #svg = h("button", { class: "button", type: "button" }, icon("download"), "Board as SVG");
   #pdf = h("button", { class: "button", type: "button" }, icon("download"), "Board as PDF");
   #printing = h("p", { class: "field-error", role: "alert" });
   #scaled = h("p", { class: "hint", role: "status" });
   #error = h("p", { class: "field-error", role: "alert", id: "board-error" });
   #start = h("button", { class: "button primary", type: "submit" }, "Begin with these cameras");
-  #zip = h("input", { type: "file", id: "board-zip", accept: ".zip", "aria-describedby": "board-zip-help board-zip-error" });
+  #zip = h("input", {
+    type: "file",
+    id: "board-zip",
+    accept: ".zip",
+    "aria-describedby": "board-zip-help board-zip-error",
+  });
   #sending = h("p", { role: "status" });
   #unsent = h("p", { class: "field-error", role: "alert", id: "board-zip-error" });
   #busy = false;
   #suggested = "";
 
   build() {
-    const form = h("form", { class: "wizard-form", novalidate: true },
-      h("fieldset", { class: "wizard-block" },
+    const form = h(
+      "form",
+      { class: "wizard-form", novalidate: true },
+      h(
+        "fieldset",
+        { class: "wizard-block" },
         h("legend", {}, "Print a board"),
-        h("p", { class: "hint" }, "Count the inner corners, where four squares meet, not the squares. More columns than rows, one of them even, keeps left and right apart."),
-        h("div", { class: "wizard-fields" },
-          field("Kind", this.#kind), field("Columns", this.#columns), field("Rows", this.#rows),
-          field("Square, mm", this.#square), field("Paper", this.#paper)),
-        h("div", { class: "row" }, this.#pdf, this.#svg), this.#printing,
-        h("p", { class: "hint" }, "Print at 100 %, not fitted to the page, and glue it onto something flat and stiff: glass, a door, a clipboard.")),
-      h("fieldset", { class: "wizard-block" },
+        h(
+          "p",
+          { class: "hint" },
+          "Count the inner corners, where four squares meet, not the squares. More columns than rows, one of them even, keeps left and right apart.",
+        ),
+        h(
+          "div",
+          { class: "wizard-fields" },
+          field("Kind", this.#kind),
+          field("Columns", this.#columns),
+          field("Rows", this.#rows),
+          field("Square, mm", this.#square),
+          field("Paper", this.#paper),
+        ),
+        h("div", { class: "row" }, this.#pdf, this.#svg),
+        this.#printing,
+        h(
+          "p",
+          { class: "hint" },
+          "Print at 100 %, not fitted to the page, and glue it onto something flat and stiff: glass, a door, a clipboard.",
+        ),
+      ),
+      h(
+        "fieldset",
+        { class: "wizard-block" },
         h("legend", {}, "Measure it"),
-        h("div", { class: "wizard-fields single" }, field(`The printed bar of ${BAR_MM} mm measures, mm`, this.#bar)),
-        this.#scaled),
-      h("fieldset", { class: "wizard-block" },
+        h(
+          "div",
+          { class: "wizard-fields single" },
+          field(`The printed bar of ${BAR_MM} mm measures, mm`, this.#bar),
+        ),
+        this.#scaled,
+      ),
+      h(
+        "fieldset",
+        { class: "wizard-block" },
         h("legend", {}, "Which cameras"),
-        h("div", { class: "wizard-fields wide" }, field("Cameras", this.#source), field("Lenses", this.#lens)),
-        h("p", { class: "hint" }, "camera:0,1 for two webcams, camera:sbs:0 for one that shows both images, or two rtsp:// or http:// addresses with a comma between them. The tab Source lists what is plugged in."),
+        h(
+          "div",
+          { class: "wizard-fields wide" },
+          field("Cameras", this.#source),
+          field("Lenses", this.#lens),
+        ),
+        h(
+          "p",
+          { class: "hint" },
+          "camera:0,1 for two webcams, camera:sbs:0 for one that shows both images, or two rtsp:// or http:// addresses with a comma between them. The tab Source lists what is plugged in.",
+        ),
         this.#error,
-        h("div", { class: "row" }, this.#start)),
-      h("fieldset", { class: "wizard-block" },
+        h("div", { class: "row" }, this.#start),
+      ),
+      h(
+        "fieldset",
+        { class: "wizard-block" },
         h("legend", {}, "Or send in images"),
-        h("label", { for: "board-zip" }, "A ZIP archive with left/ and right/, equal file names in both"),
-        this.#zip, this.#sending, this.#unsent,
-        h("p", { class: "hint", id: "board-zip-help" }, "The board above is looked for in every pair; 15 to 30 pairs are enough.")));
+        h(
+          "label",
+          { for: "board-zip" },
+          "A ZIP archive with left/ and right/, equal file names in both",
+        ),
+        this.#zip,
+        this.#sending,
+        this.#unsent,
+        h(
+          "p",
+          { class: "hint", id: "board-zip-help" },
+          "The board above is looked for in every pair; 15 to 30 pairs are enough.",
+        ),
+      ),
+    );
     this.append(form);
     this.#fill();
     form.addEventListener("input", () => this.#changed());
@@ -112,9 +192,12 @@ export class BoardStep extends Part {
     localStorage.setItem(KEY, JSON.stringify(c));
     setText(this.#printing, "");
     const same = Math.abs(c.bar_mm - BAR_MM) < 0.05;
-    setText(this.#scaled, same
-      ? "The squares measure what is written on the board."
-      : `So a square measures ${fixed(squareOf(c), 2)} mm; that is used.`);
+    setText(
+      this.#scaled,
+      same
+        ? "The squares measure what is written on the board."
+        : `So a square measures ${fixed(squareOf(c), 2)} mm; that is used.`,
+    );
   }
 
   /** @returns {BoardChoice} */
@@ -132,12 +215,20 @@ export class BoardStep extends Part {
   /** @param {"svg" | "pdf"} format a board that does not fit the paper is refused in words */
   async #download(format) {
     const c = this.#choice();
-    const query = new URLSearchParams({ columns: String(c.columns), rows: String(c.rows), square_mm: String(c.square_mm), paper: c.paper });
+    const query = new URLSearchParams({
+      columns: String(c.columns),
+      rows: String(c.rows),
+      square_mm: String(c.square_mm),
+      paper: c.paper,
+    });
     setText(this.#printing, "");
     try {
       const { blob } = await requestImage(`/boards/${c.kind}.${format}?${query}`);
       const href = URL.createObjectURL(blob);
-      h("a", { href, download: `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}` }).click();
+      h("a", {
+        href,
+        download: `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}`,
+      }).click();
       setTimeout(() => URL.revokeObjectURL(href), 60_000);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
@@ -154,7 +245,13 @@ export class BoardStep extends Part {
     if (views > 0 && !(await confirmed("Begin anew?", consequence, "Begin anew"))) return;
     await this.#ask(this.#start, "Opening the cameras…", this.#error, async () => {
       /** @type {{calibrating: import("../types.js").Calibrating}} */
-      const begun = await request("POST", "/calibrating", { source, kind, columns, rows, square_mm });
+      const begun = await request("POST", "/calibrating", {
+        source,
+        kind,
+        columns,
+        rows,
+        square_mm,
+      });
       this.hub.uncalibrated = "";
       return begun;
     });
@@ -166,9 +263,12 @@ export class BoardStep extends Part {
     const choice = this.#choice();
     const form = new FormData();
     form.append("file", file);
-    for (const name of /** @type {const} */ (["kind", "columns", "rows"])) form.append(name, String(choice[name]));
+    for (const name of /** @type {const} */ (["kind", "columns", "rows"]))
+      form.append(name, String(choice[name]));
     form.append("square_mm", String(squareOf(choice)));
-    await this.#ask(this.#sending, "Looking for the board in every image…", this.#unsent, () => request("POST", "/calibrating/images", form));
+    await this.#ask(this.#sending, "Looking for the board in every image…", this.#unsent, () =>
+      request("POST", "/calibrating/images", form),
+    );
     this.#zip.value = "";
   }
 

@@ -33,7 +33,12 @@ export class CaptureStep extends Part {
   #next = h("p", { class: "capture-next" });
   #cameras = h("div", { class: "capture-cameras" });
   #bars = new Map(BARS.map(([name, words]) => [name, bar(words)]));
-  #covered = h("div", { class: "stack" }, h("h3", {}, "What is covered"), h("dl", { class: "coverage" }, ...this.#bars.values()));
+  #covered = h(
+    "div",
+    { class: "stack" },
+    h("h3", {}, "What is covered"),
+    h("dl", { class: "coverage" }, ...this.#bars.values()),
+  );
   #capture = h("button", { class: "button", type: "button" }, "Capture now");
   #undo = h("button", { class: "button", type: "button" }, icon("undo"), "Undo");
   #automatic = h("input", { type: "checkbox", id: "capture-automatic" });
@@ -41,11 +46,21 @@ export class CaptureStep extends Part {
   #cancel = h("button", { class: "button", type: "button" }, "Cancel");
   #progress = h("progress", { max: 1, "aria-label": "Computing" });
   #progressWords = h("span", { role: "status" });
-  #computing = h("div", { class: "row", hidden: true }, this.#progress, this.#progressWords, this.#cancel);
+  #computing = h(
+    "div",
+    { class: "row", hidden: true },
+    this.#progress,
+    this.#progressWords,
+    this.#cancel,
+  );
   #trouble = h("p", { class: "field-error", role: "alert" });
   #count = h("h3", {}, "No views yet");
   #list = h("ul", { class: "view-list", "aria-label": "Captured views" });
-  #items = new KeptList(this.#list, (/** @type {import("../types.js").CapturedView} */ view) => this.#item(view), () => this.#capture);
+  #items = new KeptList(
+    this.#list,
+    (/** @type {import("../types.js").CapturedView} */ view) => this.#item(view),
+    () => this.#capture,
+  );
   #refused = h("details", { hidden: true });
   #cover = new CoverQuestion();
   #shown = false;
@@ -58,17 +73,47 @@ export class CaptureStep extends Part {
 
   build() {
     this.#cover.attach(this.hub);
-    const controls = h("div", { class: "row capture-controls" }, this.#capture, this.#undo,
-      h("label", { class: "check", for: "capture-automatic" }, this.#automatic, "Capture by itself"));
+    const controls = h(
+      "div",
+      { class: "row capture-controls" },
+      this.#capture,
+      this.#undo,
+      h(
+        "label",
+        { class: "check", for: "capture-automatic" },
+        this.#automatic,
+        "Capture by itself",
+      ),
+    );
     this.append(
-      h("div", { class: "capture-main" }, this.#words, this.#next, this.#spoken, this.#cameras, controls),
-      h("div", { class: "capture-side" },
+      h(
+        "div",
+        { class: "capture-main" },
+        this.#words,
+        this.#next,
+        this.#spoken,
+        this.#cameras,
+        controls,
+      ),
+      h(
+        "div",
+        { class: "capture-side" },
         this.#covered,
-        this.#compute, this.#computing, this.#trouble,
-        this.#cover, this.#count, this.#list, this.#refused));
+        this.#compute,
+        this.#computing,
+        this.#trouble,
+        this.#cover,
+        this.#count,
+        this.#list,
+        this.#refused,
+      ),
+    );
     this.#capture.addEventListener("click", () => void this.#change({ capture: true }));
     this.#undo.addEventListener("click", () => void this.#change({ undo: true }));
-    this.#automatic.addEventListener("change", () => void this.#change({ automatic: this.#automatic.checked }));
+    this.#automatic.addEventListener(
+      "change",
+      () => void this.#change({ automatic: this.#automatic.checked }),
+    );
     this.#compute.addEventListener("click", () => this.compute());
     this.#cancel.addEventListener("click", () => void this.#end());
     this.hear("status", () => this.#render());
@@ -81,12 +126,14 @@ export class CaptureStep extends Part {
     this.#shown = shown;
     this.#cameras.replaceChildren();
     if (!shown) return;
-    this.#cameras.replaceChildren(...["camera_left", "camera_right"].map((name) => {
-      const view = new LiveView();
-      view.name = name;
-      view.attach(this.hub);
-      return view;
-    }));
+    this.#cameras.replaceChildren(
+      ...["camera_left", "camera_right"].map((name) => {
+        const view = new LiveView();
+        view.name = name;
+        view.attach(this.hub);
+        return view;
+      }),
+    );
     this.#render();
   }
 
@@ -137,7 +184,9 @@ export class CaptureStep extends Part {
    * @param {string | null} trouble what is wrong with the cameras
    */
   #say({ look, views }, trouble) {
-    const added = this.#known ? views.filter(({ name }) => !this.#known?.has(name)).at(-1) : undefined;
+    const added = this.#known
+      ? views.filter(({ name }) => !this.#known?.has(name)).at(-1)
+      : undefined;
     this.#known = new Set(views.map(({ name }) => name));
     const next = look?.next ?? "";
     // Where to go on stands below; it is not said twice.
@@ -151,7 +200,7 @@ export class CaptureStep extends Part {
       this.#heldUntil = time + (added ? CAPTURED_FOR_MS : SHOWN_FOR_MS);
     }
     setText(this.#next, next);
-    const spoken = captured ? `${captured}. ${next}` : trouble ?? (next || words);
+    const spoken = captured ? `${captured}. ${next}` : (trouble ?? (next || words));
     if (added || time - this.#spokenAt > SPOKEN_EVERY_MS) {
       this.#spokenAt = time;
       setText(this.#spoken, spoken);
@@ -169,17 +218,20 @@ export class CaptureStep extends Part {
     this.#refused.hidden = now.refused.length === 0;
     this.#refused.replaceChildren(
       h("summary", {}, `${now.refused.length} images were not used`),
-      h("ul", { class: "plain-list" }, ...now.refused.map((reason) => h("li", {}, reason))));
+      h("ul", { class: "plain-list" }, ...now.refused.map((reason) => h("li", {}, reason))),
+    );
   }
 
   /** @param {import("../types.js").CapturedView} view */
   #item(view) {
-    const remove = h("button", { class: "quiet", type: "button", "aria-label": `Remove view ${view.name}`, title: "Remove" }, icon("close"));
+    const remove = h(
+      "button",
+      { class: "quiet", type: "button", "aria-label": `Remove view ${view.name}`, title: "Remove" },
+      icon("close"),
+    );
     remove.addEventListener("click", () => void this.#change({ remove: view.name }));
     const path = `/api/calibrating/views/${encodeURIComponent(view.name)}`;
-    const picture = view.picture
-      ? h("img", { src: `${path}/left.jpg`, alt: "", width: 80 })
-      : null;
+    const picture = view.picture ? h("img", { src: `${path}/left.jpg`, alt: "", width: 80 }) : null;
     const seen = view.left && view.right ? "" : view.left ? "left only" : "right only";
     return h("li", {}, picture, h("span", {}, h("b", {}, view.name), " ", seen), remove);
   }
@@ -199,7 +251,8 @@ export class CaptureStep extends Part {
     this.#changing += 1;
     try {
       const { calibrating } = /** @type {{calibrating: import("../types.js").Calibrating}} */ (
-        await request("PATCH", "/calibrating", change));
+        await request("PATCH", "/calibrating", change)
+      );
       const { status } = this.hub;
       this.#changing -= 1;
       if (status) this.hub.takeStatus({ ...status, calibrating });
@@ -212,7 +265,12 @@ export class CaptureStep extends Part {
 
 /** @param {string} words */
 function bar(words) {
-  return h("div", {}, h("dt", {}, words), h("dd", {}, h("meter", { min: 0, max: 1, value: 0, "aria-label": words })));
+  return h(
+    "div",
+    {},
+    h("dt", {}, words),
+    h("dd", {}, h("meter", { min: 0, max: 1, value: 0, "aria-label": words })),
+  );
 }
 
 /** @param {HTMLElement} row @param {number} share */

@@ -9,14 +9,22 @@ import { Part } from "../part.js";
 export class CoverQuestion extends Part {
   #ask = h("button", { class: "button", type: "button" }, "Which camera is left?");
   #words = h("p", { role: "status" });
-  #swap = h("button", { class: "button primary", type: "button", hidden: true }, "Swap left and right");
+  #swap = h(
+    "button",
+    { class: "button primary", type: "button", hidden: true },
+    "Swap left and right",
+  );
   #done = h("button", { class: "button", type: "button", hidden: true }, "Done");
 
   build() {
     this.#ask.addEventListener("click", () => void this.#change(true));
     this.#done.addEventListener("click", () => void this.#change(false));
     this.#swap.addEventListener("click", () => void this.#swapCameras());
-    this.append(h("h3", {}, "Order of the cameras"), this.#words, h("div", { class: "row" }, this.#ask, this.#swap, this.#done));
+    this.append(
+      h("h3", {}, "Order of the cameras"),
+      this.#words,
+      h("div", { class: "row" }, this.#ask, this.#swap, this.#done),
+    );
     this.hear("status", () => this.#render());
   }
 
@@ -46,7 +54,8 @@ export class CoverQuestion extends Part {
 
 /** @param {string | null} covered the side whose image went dark */
 function words(covered) {
-  if (covered === "left") return "Right: the left image went dark. Left and right are as they should be.";
+  if (covered === "left")
+    return "Right: the left image went dark. Left and right are as they should be.";
   if (covered === "right") return "The right image went dark: the cameras are swapped.";
   if (covered === "both") return "Both images went dark. Cover the left lens only.";
   return "Cover the left lens with your hand, as seen from behind the cameras, for a second.";

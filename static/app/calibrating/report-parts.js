@@ -13,15 +13,44 @@ const HEIGHT = 96;
 
 /** @param {{rows: VerdictRow[], frame_rate: number}} verdict */
 export function verdictTable({ rows, frame_rate }) {
-  return h("div", { class: "scroll-x" },
-    h("table", { class: "verdict-table" },
-      h("caption", {}, `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`),
-      h("thead", {}, h("tr", {}, ...["At", "Depth error", "Slowest seen across", "Slowest seen towards"].map((text) => h("th", { scope: "col" }, text)))),
-      h("tbody", {}, ...rows.map((row) => h("tr", {},
-        h("th", { scope: "row" }, `${fixed(row.distance_m, 0)}\u00a0m`),
-        h("td", {}, `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`),
-        h("td", {}, detectable(row.across)),
-        h("td", {}, detectable(row.towards)))))));
+  return h(
+    "div",
+    { class: "scroll-x" },
+    h(
+      "table",
+      { class: "verdict-table" },
+      h(
+        "caption",
+        {},
+        `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`,
+      ),
+      h(
+        "thead",
+        {},
+        h(
+          "tr",
+          {},
+          ...["At", "Depth error", "Slowest seen across", "Slowest seen towards"].map((text) =>
+            h("th", { scope: "col" }, text),
+          ),
+        ),
+      ),
+      h(
+        "tbody",
+        {},
+        ...rows.map((row) =>
+          h(
+            "tr",
+            {},
+            h("th", { scope: "row" }, `${fixed(row.distance_m, 0)}\u00a0m`),
+            h("td", {}, `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`),
+            h("td", {}, detectable(row.across)),
+            h("td", {}, detectable(row.towards)),
+          ),
+        ),
+      ),
+    ),
+  );
 }
 
 /**
@@ -30,11 +59,18 @@ export function verdictTable({ rows, frame_rate }) {
  * @param {ViewError[]} views
  */
 export function viewChart(views) {
-  const used = views.flatMap(({ used, left_px, right_px }) => used ? [left_px ?? 0, right_px ?? 0] : []);
+  const used = views.flatMap(({ used, left_px, right_px }) =>
+    used ? [left_px ?? 0, right_px ?? 0] : [],
+  );
   // What was left out may be far off; it would make all others look alike.
   const most = Math.max(0.3, 1.3 * Math.max(0, ...used));
   const step = 2 * BAR_PX + 6;
-  const svg = element("svg", { viewBox: `0 0 ${Math.max(views.length * step, 10 * step)} ${HEIGHT + 14}`, class: "view-chart", role: "img", "aria-label": `Error of ${views.length} views, the largest used one ${fixed(Math.max(0, ...used), 2)} px` });
+  const svg = element("svg", {
+    viewBox: `0 0 ${Math.max(views.length * step, 10 * step)} ${HEIGHT + 14}`,
+    class: "view-chart",
+    role: "img",
+    "aria-label": `Error of ${views.length} views, the largest used one ${fixed(Math.max(0, ...used), 2)} px`,
+  });
   for (const [place, view] of views.entries()) {
     const group = element("g", view.used ? {} : { class: "refused" });
     const title = element("title", {});
@@ -42,9 +78,21 @@ export function viewChart(views) {
     group.append(title);
     for (const [side, px] of [view.left_px, view.right_px].entries()) {
       const height = Math.min(1, (px ?? 0) / most) * HEIGHT;
-      group.append(element("rect", { x: place * step + side * (BAR_PX + 1), y: HEIGHT - height, width: BAR_PX, height, class: side === 0 ? "left" : "right" }));
+      group.append(
+        element("rect", {
+          x: place * step + side * (BAR_PX + 1),
+          y: HEIGHT - height,
+          width: BAR_PX,
+          height,
+          class: side === 0 ? "left" : "right",
+        }),
+      );
     }
-    const label = element("text", { x: place * step + BAR_PX, y: HEIGHT + 11, "text-anchor": "middle" });
+    const label = element("text", {
+      x: place * step + BAR_PX,
+      y: HEIGHT + 11,
+      "text-anchor": "middle",
+    });
     label.textContent = view.name.slice(0, 4);
     group.append(label);
     svg.append(group);
@@ -53,9 +101,14 @@ export function viewChart(views) {
   svg.append(line);
   // Numbers that cannot be read are of no use: on a phone the chart scrolls.
   svg.style.minWidth = `${Math.max(views.length, 10) * step * 0.8}px`;
-  const caption = h("figcaption", { class: "hint" },
-    h("span", { class: "chart-key left" }), "left and ", h("span", { class: "chart-key right" }),
-    `right image of each view; the chart's height is ${fixed(most, 2)} px.`);
+  const caption = h(
+    "figcaption",
+    { class: "hint" },
+    h("span", { class: "chart-key left" }),
+    "left and ",
+    h("span", { class: "chart-key right" }),
+    `right image of each view; the chart's height is ${fixed(most, 2)} px.`,
+  );
   return h("figure", {}, h("div", { class: "scroll-x" }, svg), caption);
 }
 
@@ -66,7 +119,9 @@ function length(metres) {
 
 /** @param {Detectable} found */
 function detectable(found) {
-  return found ? `${fixed(found.speed_mps, 2)} m/s after ${fixed(found.delay_s, 1)} s` : "none in time";
+  return found
+    ? `${fixed(found.speed_mps, 2)} m/s after ${fixed(found.delay_s, 1)} s`
+    : "none in time";
 }
 
 /** @param {string} name @param {Record<string, string | number>} attributes */

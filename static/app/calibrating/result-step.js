@@ -23,19 +23,39 @@ export class ResultStep extends Part {
   #figures = h("dl", { class: "figures" });
   #chart = h("div");
   #refused = h("ul", { class: "plain-list" });
-  #canvas = h("canvas", { width: 4, height: 1, role: "img", "aria-label": "The rectified pair, left and right, with level lines across both" });
+  #canvas = h("canvas", {
+    width: 4,
+    height: 1,
+    role: "img",
+    "aria-label": "The rectified pair, left and right, with level lines across both",
+  });
   #rows = h("p", { class: "verdict", role: "status" });
-  #name = h("input", { type: "text", id: "result-name", maxlength: 100, required: true, autocomplete: "off" });
+  #name = h("input", {
+    type: "text",
+    id: "result-name",
+    maxlength: 100,
+    required: true,
+    autocomplete: "off",
+  });
   #error = h("p", { class: "field-error", role: "alert" });
   #use = h("button", { class: "button primary", type: "submit" }, "Save and use");
   #keep = h("button", { class: "button", type: "button" }, "Save for later");
   #again = h("button", { class: "button", type: "button" }, "Capture more");
   #recompute = h("button", { class: "button", type: "button", hidden: true }, "Compute again");
   #refresh = h("button", { class: "button", type: "button" }, "Newest pair");
-  #rectified = h("div", { class: "stack" },
-    h("h3", {}, "Rectified"), this.#canvas,
-    h("p", { class: "hint" }, "A point of the left image must lie on the same level line in the right one."),
-    this.#rows, h("div", { class: "row" }, this.#refresh));
+  #rectified = h(
+    "div",
+    { class: "stack" },
+    h("h3", {}, "Rectified"),
+    this.#canvas,
+    h(
+      "p",
+      { class: "hint" },
+      "A point of the left image must lie on the same level line in the right one.",
+    ),
+    this.#rows,
+    h("div", { class: "row" }, this.#refresh),
+  );
   #saving = false;
   #shown = false;
   #read = "";
@@ -43,17 +63,33 @@ export class ResultStep extends Part {
   #report = null;
 
   build() {
-    const form = h("form", { class: "stack" },
+    const form = h(
+      "form",
+      { class: "stack" },
       h("div", { class: "field" }, h("label", { for: "result-name" }, "Name"), this.#name),
       this.#error,
-      h("div", { class: "row" }, this.#use, this.#keep, this.#again));
+      h("div", { class: "row" }, this.#use, this.#keep, this.#again),
+    );
     this.append(
-      this.#sentence, this.#warnings,
-      h("div", { class: "result-columns" },
+      this.#sentence,
+      this.#warnings,
+      h(
+        "div",
+        { class: "result-columns" },
         h("div", { class: "stack" }, h("h3", {}, "What to expect"), this.#verdict, this.#figures),
-        h("div", { class: "stack" }, h("h3", {}, "Error of each view"), this.#chart, this.#refused, h("div", { class: "row" }, this.#recompute))),
+        h(
+          "div",
+          { class: "stack" },
+          h("h3", {}, "Error of each view"),
+          this.#chart,
+          this.#refused,
+          h("div", { class: "row" }, this.#recompute),
+        ),
+      ),
       this.#rectified,
-      h("h3", {}, "Keep it"), form);
+      h("h3", {}, "Keep it"),
+      form,
+    );
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       void this.#save(true);
@@ -83,10 +119,16 @@ export class ResultStep extends Part {
     const same = !now || names === now.views.map((view) => view.name).join("|");
     if (same) passFocus(this.#recompute, this.#again);
     this.#recompute.hidden = same || !now.views.length;
-    if (!same) setText(this.#recompute, `Compute again with ${now.views.length} ${now.views.length === 1 ? "view" : "views"}`);
+    if (!same)
+      setText(
+        this.#recompute,
+        `Compute again with ${now.views.length} ${now.views.length === 1 ? "view" : "views"}`,
+      );
     if (!this.#shown || !names || names === this.#read) return;
     this.#read = names;
-    const { report } = /** @type {{report: Record<string, any>}} */ (await request("GET", "/calibrating/result"));
+    const { report } = /** @type {{report: Record<string, any>}} */ (
+      await request("GET", "/calibrating/result")
+    );
     if (!this.#name.value) this.#name.value = suggestedName(now?.source ?? null);
     this.#show(report, new Set(now?.views.map((view) => view.name)));
     void this.#paint();
@@ -98,23 +140,50 @@ export class ResultStep extends Part {
     this.#report = report;
     this.#sentence.dataset.tone = verdict?.warnings.length ? "poor" : "good";
     setText(this.#sentence, verdict?.sentence ?? "");
-    this.#warnings.replaceChildren(...(verdict?.warnings ?? []).map((/** @type {string} */ text) => h("li", {}, text)));
+    this.#warnings.replaceChildren(
+      ...(verdict?.warnings ?? []).map((/** @type {string} */ text) => h("li", {}, text)),
+    );
     this.#verdict.replaceChildren(verdict ? verdictTable(verdict) : "");
     /** @type {[string, string][]} */
     const facts = [
       ["Stereo, RMS", `${fixed(report.rms_stereo_px, 2)} px`],
-      ["Left / right, RMS", `${fixed(report.rms_left_px, 2)} / ${fixed(report.rms_right_px, 2)} px`],
-      ["Rows, views held out", heldOut ? `${fixed(heldOut.median_px, 2)} px, 95 % within ${fixed(heldOut.p95_px, 2)} px` : "too few views"],
-      ["Baseline", `${fixed(report.baseline_m * 1000, 2)} ± ${fixed(uncertainty.baseline_m * 1000, 2)} mm`],
-      ["Field of view", `${fixed(report.field_of_view_deg[0], 1)}° × ${fixed(report.field_of_view_deg[1], 1)}°`],
-      ["Focal length", `${fixed(report.focal_px[0], 1)} ± ${fixed(uncertainty.focal_left_px, 1)} px`],
+      [
+        "Left / right, RMS",
+        `${fixed(report.rms_left_px, 2)} / ${fixed(report.rms_right_px, 2)} px`,
+      ],
+      [
+        "Rows, views held out",
+        heldOut
+          ? `${fixed(heldOut.median_px, 2)} px, 95 % within ${fixed(heldOut.p95_px, 2)} px`
+          : "too few views",
+      ],
+      [
+        "Baseline",
+        `${fixed(report.baseline_m * 1000, 2)} ± ${fixed(uncertainty.baseline_m * 1000, 2)} mm`,
+      ],
+      [
+        "Field of view",
+        `${fixed(report.field_of_view_deg[0], 1)}° × ${fixed(report.field_of_view_deg[1], 1)}°`,
+      ],
+      [
+        "Focal length",
+        `${fixed(report.focal_px[0], 1)} ± ${fixed(uncertainty.focal_left_px, 1)} px`,
+      ],
       ["Vergence", `± ${fixed(uncertainty.vergence_deg, 3)}°`],
       ["Views", `${report.pairs} pairs`],
     ];
-    this.#figures.replaceChildren(...facts.map(([term, value]) => h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value))));
+    this.#figures.replaceChildren(
+      ...facts.map(([term, value]) =>
+        h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value)),
+      ),
+    );
     this.#chart.replaceChildren(viewChart(report.views));
     const bad = report.views.filter((/** @type {{used: boolean}} */ view) => !view.used);
-    this.#refused.replaceChildren(...bad.map((/** @type {{name: string, reason: string}} */ view) => this.#badView(view, present)));
+    this.#refused.replaceChildren(
+      ...bad.map((/** @type {{name: string, reason: string}} */ view) =>
+        this.#badView(view, present),
+      ),
+    );
   }
 
   /** @param {{name: string, reason: string | null}} view @param {Set<string>} present */
@@ -129,7 +198,12 @@ export class ResultStep extends Part {
         notifyError(error);
       }
     });
-    return h("li", { class: "row" }, h("span", {}, `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`), present.has(view.name) ? remove : null);
+    return h(
+      "li",
+      { class: "row" },
+      h("span", {}, `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`),
+      present.has(view.name) ? remove : null,
+    );
   }
 
   async #paint() {
@@ -151,7 +225,10 @@ export class ResultStep extends Part {
     setText(button, activate ? "Saving and opening…" : "Saving…");
     try {
       /** @type {import("../types.js").Calibration} */
-      const saved = await request("POST", "/calibrating/save", { name: this.#name.value.trim(), activate });
+      const saved = await request("POST", "/calibrating/save", {
+        name: this.#name.value.trim(),
+        activate,
+      });
       notify(activate ? `${saved.name} is saved and in use.` : `${saved.name} is saved.`);
       this.hub.tell("calibrations");
       if (!activate) return;

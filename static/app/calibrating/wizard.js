@@ -19,7 +19,12 @@ const STEPS = [
 
 /** Takes the place of the scene and the live views while something is calibrated. */
 class CalibrationWizard extends Part {
-  #steps = new Map(STEPS.map(([step, text]) => [step, h("button", { type: "button", class: "wizard-step" }, text)]));
+  #steps = new Map(
+    STEPS.map(([step, text]) => [
+      step,
+      h("button", { type: "button", class: "wizard-step" }, text),
+    ]),
+  );
   #close = h("button", { class: "button", type: "button" }, "Leave");
   #title = h("h2", { tabindex: "-1", id: "wizard-title" }, "Calibrate");
   #board = new BoardStep();
@@ -46,15 +51,23 @@ class CalibrationWizard extends Part {
       void this.#compute();
     };
     this.#result.saved = () => void this.#saved();
-    for (const [step, button] of this.#steps) button.addEventListener("click", () => this.#go(step));
+    for (const [step, button] of this.#steps)
+      button.addEventListener("click", () => this.#go(step));
     for (const part of [this.#board, this.#views, this.#result]) part.attach(this.hub);
     this.#close.addEventListener("click", () => void this.#leave());
     setAttribute(this, "role", "region");
     setAttribute(this, "aria-labelledby", "wizard-title");
-    const steps = h("ol", { class: "wizard-steps" }, ...[...this.#steps.values()].map((button) => h("li", {}, button)));
+    const steps = h(
+      "ol",
+      { class: "wizard-steps" },
+      ...[...this.#steps.values()].map((button) => h("li", {}, button)),
+    );
     this.append(
       h("header", { class: "wizard-head" }, this.#title, steps, this.#close),
-      this.#board, this.#views, this.#result);
+      this.#board,
+      this.#views,
+      this.#result,
+    );
     this.hear("status", () => this.#follow());
     this.hear("calibrate", () => {
       this.#caller = document.activeElement;
@@ -67,7 +80,8 @@ class CalibrationWizard extends Part {
   #follow() {
     const { calibrating } = this.hub.status ?? {};
     if (calibrating && this.#step === null) this.#go("views", false);
-    if (!calibrating && (this.#step === "views" || this.#step === "result")) return this.#go(null, false);
+    if (!calibrating && (this.#step === "views" || this.#step === "result"))
+      return this.#go(null, false);
     const computed = calibrating?.result?.join("|") ?? "";
     const computing = Boolean(calibrating?.computing);
     // The same views with other lenses are another result, though of the same names.
@@ -102,7 +116,8 @@ class CalibrationWizard extends Part {
   #giveBack() {
     const caller = this.#caller;
     this.#caller = null;
-    const there = caller instanceof HTMLElement && caller !== document.body && caller.checkVisibility();
+    const there =
+      caller instanceof HTMLElement && caller !== document.body && caller.checkVisibility();
     const tab = document.querySelector('[role="tab"][aria-selected="true"]');
     const next = there ? caller : tab;
     if (next instanceof HTMLElement) next.focus();
@@ -125,7 +140,9 @@ class CalibrationWizard extends Part {
     const words = STEPS.find(([step]) => step === this.#step)?.[1].slice(2) ?? "";
     setText(this.#title, words ? `Calibrate: ${words}` : "Calibrate");
     for (const [step, button] of this.#steps) {
-      const possible = step === "board" || (step === "views" ? Boolean(calibrating) : Boolean(calibrating?.result));
+      const possible =
+        step === "board" ||
+        (step === "views" ? Boolean(calibrating) : Boolean(calibrating?.result));
       setAttribute(button, "aria-current", step === this.#step ? "step" : null);
       button.disabled = !possible;
     }

@@ -68,7 +68,9 @@ export class DriveLink extends EventTarget {
       });
       if (this.connection === "open") this.#ask(role);
       else {
-        this.#socket.url = socketUrl(this.name ? `${PATH}?name=${encodeURIComponent(this.name)}` : PATH);
+        this.#socket.url = socketUrl(
+          this.name ? `${PATH}?name=${encodeURIComponent(this.name)}` : PATH,
+        );
         this.#socket.open();
       }
     });
@@ -86,7 +88,14 @@ export class DriveLink extends EventTarget {
    * @param {import("./types.js").Velocity} velocity
    */
   drive(role, { speed_mps, turn_rate_radps }) {
-    this.#socket.send({ type: "drive", role, sequence: this.#next(), time: performance.now(), speed_mps, turn_rate_radps });
+    this.#socket.send({
+      type: "drive",
+      role,
+      sequence: this.#next(),
+      time: performance.now(),
+      speed_mps,
+      turn_rate_radps,
+    });
   }
 
   /** @param {Role} role */

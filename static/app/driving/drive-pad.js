@@ -21,8 +21,18 @@ const LINK_CHIPS = { good: "running", slow: "connecting", lost: "failed" };
 
 export class DrivePad extends Part {
   #knob = h("span", { class: "pad-knob", "aria-hidden": "true" });
-  #pad = h("div", { class: "drive-pad", tabindex: "0", role: "application", "aria-labelledby": "pad-name", "aria-describedby": "pad-help pad-state" },
-    h("span", { class: "pad-cross", "aria-hidden": "true" }), this.#knob);
+  #pad = h(
+    "div",
+    {
+      class: "drive-pad",
+      tabindex: "0",
+      role: "application",
+      "aria-labelledby": "pad-name",
+      "aria-describedby": "pad-help pad-state",
+    },
+    h("span", { class: "pad-cross", "aria-hidden": "true" }),
+    this.#knob,
+  );
   #ring = new SonarRing();
   #sonar = h("p", { class: "hint figure" });
   #state = h("p", { class: "pad-state", id: "pad-state", role: "status" });
@@ -41,17 +51,35 @@ export class DrivePad extends Part {
     const { driver } = this.hub;
     this.append(
       h("h3", { id: "pad-name" }, "Drive by hand"),
-      h("div", { class: "pad-row" },
-        h("div", { class: "pad-cell" }, this.#pad, h("p", { class: "hint" }, "Press, hold and drag")),
-        h("div", { class: "pad-cell" }, this.#ring.element, this.#sonar)),
+      h(
+        "div",
+        { class: "pad-row" },
+        h(
+          "div",
+          { class: "pad-cell" },
+          this.#pad,
+          h("p", { class: "hint" }, "Press, hold and drag"),
+        ),
+        h("div", { class: "pad-cell" }, this.#ring.element, this.#sonar),
+      ),
       this.#state,
-      h("div", { class: "field" },
-        h("label", { for: "drive-share" }, "Speed at full deflection ", this.#fastest), this.#share),
-      this.#sent, this.#limit,
+      h(
+        "div",
+        { class: "field" },
+        h("label", { for: "drive-share" }, "Speed at full deflection ", this.#fastest),
+        this.#share,
+      ),
+      this.#sent,
+      this.#limit,
       h("div", { class: "row" }, this.#link, this.#delay),
-      this.#guard, this.#guardNumbers,
-      h("p", { class: "hint", id: "pad-help" },
-        "It moves only while you hold: the pad, W A S D or the arrow keys, or a gamepad's shoulder button and left stick. Let go, and it stops. While a robot is armed, Space and Esc stop everything, also where you type."));
+      this.#guard,
+      this.#guardNumbers,
+      h(
+        "p",
+        { class: "hint", id: "pad-help" },
+        "It moves only while you hold: the pad, W A S D or the arrow keys, or a gamepad's shoulder button and left stick. Let go, and it stops. While a robot is armed, Space and Esc stop everything, also where you type.",
+      ),
+    );
     this.#share.value = String(Math.round(driver.share * 100));
     this.#share.addEventListener("input", () => {
       driver.share = Number(this.#share.value) / 100;
@@ -63,7 +91,8 @@ export class DrivePad extends Part {
     this.hear("change", () => this.#render(), driver);
     this.hear("robots", () => this.#render());
     this.whenShown(() => this.#render());
-    for (const type of ["gamepadconnected", "gamepaddisconnected"]) this.hear(type, () => this.#render(), window);
+    for (const type of ["gamepadconnected", "gamepaddisconnected"])
+      this.hear(type, () => this.#render(), window);
     this.#render();
   }
 
@@ -111,7 +140,8 @@ export class DrivePad extends Part {
   #drop() {
     const pointer = this.#pointer;
     this.#pointer = null;
-    if (pointer !== null && this.#pad.hasPointerCapture(pointer)) this.#pad.releasePointerCapture(pointer);
+    if (pointer !== null && this.#pad.hasPointerCapture(pointer))
+      this.#pad.releasePointerCapture(pointer);
   }
 
   #render() {
@@ -129,9 +159,30 @@ export class DrivePad extends Part {
     this.#knob.style.top = `${50 - way * forward}%`;
     this.#ring.show(robot);
     setText(this.#sonar, robot ? sonarInWords(robot) : "");
-    setText(this.#state, hold.barred || hindrance || driver.note || (hold.counts ? `Driving the ${driver.role}` : `Ready to drive the ${driver.role}${connected() ? ", gamepad too" : ""}`));
-    setAttribute(this.#state, "data-tone", hold.barred || (driver.note && !hindrance && !hold.counts) ? "bad" : hindrance ? "calm" : "ready");
-    setText(this.#fastest, fastest.speed_mps > 0 ? `${fixed(fastest.speed_mps, 2)} m/s, ${fixed(degrees(fastest.turn_rate_radps), 0)} °/s` : `${Math.round(driver.share * 100)} %`);
+    setText(
+      this.#state,
+      hold.barred ||
+        hindrance ||
+        driver.note ||
+        (hold.counts
+          ? `Driving the ${driver.role}`
+          : `Ready to drive the ${driver.role}${connected() ? ", gamepad too" : ""}`),
+    );
+    setAttribute(
+      this.#state,
+      "data-tone",
+      hold.barred || (driver.note && !hindrance && !hold.counts)
+        ? "bad"
+        : hindrance
+          ? "calm"
+          : "ready",
+    );
+    setText(
+      this.#fastest,
+      fastest.speed_mps > 0
+        ? `${fixed(fastest.speed_mps, 2)} m/s, ${fixed(degrees(fastest.turn_rate_radps), 0)} °/s`
+        : `${Math.round(driver.share * 100)} %`,
+    );
     this.#renderSent();
     this.#renderLink();
     this.#renderGuard(robot);
@@ -142,7 +193,12 @@ export class DrivePad extends Part {
     const robot = driver.robot();
     const reply = driver.hold.counts ? driver.link.sent.get(driver.role) : null;
     const sent = reply ?? robot?.sent;
-    setText(this.#sent, sent ? `Sent: ${fixed(sent.speed_mps, 2)} m/s, ${turnInWords(sent.turn_rate_radps)}` : "Sent: –");
+    setText(
+      this.#sent,
+      sent
+        ? `Sent: ${fixed(sent.speed_mps, 2)} m/s, ${turnInWords(sent.turn_rate_radps)}`
+        : "Sent: –",
+    );
     const limit = reply?.limited_by;
     setText(this.#limit, limit ? `Less than asked: ${limit}` : "");
     this.#limit.hidden = !limit;
@@ -156,7 +212,8 @@ export class DrivePad extends Part {
     setText(this.#link, LINKS[state] ?? "No link yet");
     setAttribute(this.#link, "data-state", LINK_CHIPS[state] ?? "idle");
     const parts = [];
-    if (open && quality?.rtt_ms != null) parts.push(`${fixed(quality.rtt_ms, 0)} ms there and back`);
+    if (open && quality?.rtt_ms != null)
+      parts.push(`${fixed(quality.rtt_ms, 0)} ms there and back`);
     if (open && quality?.sentence) parts.push(sentence(quality.sentence));
     setText(this.#delay, parts.join(" · "));
   }
@@ -166,13 +223,20 @@ export class DrivePad extends Part {
     const guard = robot?.guard ?? null;
     setAttribute(this.#guard, "data-level", guard?.level ?? null);
     const why = guard?.reason ? `: ${guard.reason}` : "";
-    setText(this.#guard, guard ? `Guard: ${LEVELS[guard.level] ?? guard.level}${why}` : "Guard: nothing told yet");
+    setText(
+      this.#guard,
+      guard ? `Guard: ${LEVELS[guard.level] ?? guard.level}${why}` : "Guard: nothing told yet",
+    );
     this.#guard.hidden = !robot;
     const sight = this.hub.robots?.sight;
     const parts = [];
     if (guard && guard.limit_mps !== null) parts.push(`at most ${fixed(guard.limit_mps, 2)} m/s`);
     if (this.hub.driver.role === "observer" && sight) {
-      parts.push(sight.age_s === null ? "no sight" : `sight ${fixed(1000 * sight.age_s, 0)} ms old${sight.status ? `, ${sight.status}` : ""}`);
+      parts.push(
+        sight.age_s === null
+          ? "no sight"
+          : `sight ${fixed(1000 * sight.age_s, 0)} ms old${sight.status ? `, ${sight.status}` : ""}`,
+      );
     }
     setText(this.#guardNumbers, parts.join(" · "));
     this.#guardNumbers.hidden = parts.length === 0;

@@ -39,13 +39,15 @@ export class Driver extends EventTarget {
     this.hold.addEventListener("pressed", () => this.#pressed());
     this.hold.addEventListener("released", () => this.#send(0, 0));
     this.hold.addEventListener("change", () => this.#tell("change"));
-    for (const type of ["lease", "sent", "link"]) this.link.addEventListener(type, () => this.#linkChanged());
+    for (const type of ["lease", "sent", "link"])
+      this.link.addEventListener(type, () => this.#linkChanged());
     this.link.addEventListener("refused", () => this.#bar(sentence(this.link.refusal)));
     hub.addEventListener("robots", () => this.#robotsChanged());
     hub.addEventListener("connection", () => this.#tell("change"));
     // Browsers slow the timers of what is not seen: it lets go, and then it is silent.
     document.addEventListener("visibilitychange", () => document.hidden && this.hold.forget());
-    for (const type of ["blur", "pagehide", "freeze"]) window.addEventListener(type, () => this.hold.forget());
+    for (const type of ["blur", "pagehide", "freeze"])
+      window.addEventListener(type, () => this.hold.forget());
   }
 
   /** Which robot is driven by hand. */
@@ -98,7 +100,10 @@ export class Driver extends EventTarget {
     if (connection !== "open") return "The server is not reached.";
     if (!robot) return "No robot is connected.";
     if (robots?.stopped) return "Everything is stopped: reset it first.";
-    if (!this.link.leases.has(this.role)) return robot.operator ? sentence(`${robot.operator} drives it: take over, or wait`) : "Arm it to drive it.";
+    if (!this.link.leases.has(this.role))
+      return robot.operator
+        ? sentence(`${robot.operator} drives it: take over, or wait`)
+        : "Arm it to drive it.";
     if (!isArmed(robot)) return "Arm it first.";
     if (robots?.programme) return "A programme drives: stop it first.";
     return "";
@@ -159,7 +164,8 @@ export class Driver extends EventTarget {
     const { fastest } = this;
     const held = this.hold.deflection;
     for (const role of this.link.leases.keys()) {
-      if (role === this.role && held) this.#send(held.forward * fastest.speed_mps, held.left * fastest.turn_rate_radps);
+      if (role === this.role && held)
+        this.#send(held.forward * fastest.speed_mps, held.left * fastest.turn_rate_radps);
       else this.link.present(role);
     }
   }
@@ -208,7 +214,10 @@ export class Driver extends EventTarget {
 function remembered() {
   try {
     const { role, share } = JSON.parse(localStorage.getItem(KEY) ?? "{}");
-    return { role: ROLES.includes(role) ? role : "observer", share: share >= 0.05 && share <= 1 ? share : 0.25 };
+    return {
+      role: ROLES.includes(role) ? role : "observer",
+      share: share >= 0.05 && share <= 1 ? share : 0.25,
+    };
   } catch {
     return { role: "observer", share: 0.25 };
   }

@@ -26,18 +26,33 @@ const STATES = {
 
 class GuardCheck extends Part {
   #whole = h("details", {}, h("summary", {}, "Check the guard"));
-  #what = h("p", { class: "hint" }, "You drive by hand and do what each step says: somebody walks in, covers a lens, unplugs a camera, you close the browser. How soon the robot is told zero, how soon it stands and how far it rolled goes into a dated record on the server.");
+  #what = h(
+    "p",
+    { class: "hint" },
+    "You drive by hand and do what each step says: somebody walks in, covers a lens, unplugs a camera, you close the browser. How soon the robot is told zero, how soon it stands and how far it rolled goes into a dated record on the server.",
+  );
   #advice = h("p", { class: "check-advice" });
   #note = h("input", { type: "text", id: "check-note", maxlength: "500", autocomplete: "off" });
   #start = h("button", { type: "submit", class: "button primary" }, "Start check");
-  #form = h("form", { class: "stack" }, field("Note for the record", this.#note), h("div", { class: "row" }, this.#start));
+  #form = h(
+    "form",
+    { class: "stack" },
+    field("Note for the record", this.#note),
+    h("div", { class: "row" }, this.#start),
+  );
   #title = h("p", { class: "figure" });
   #instruction = h("p", { class: "check-instruction", role: "status" });
   #told = h("p", { class: "check-told", role: "status" });
   #skip = h("button", { type: "button", class: "button" }, "Skip step");
   #giveUp = h("button", { type: "button", class: "button" }, "Give up");
-  #now = h("div", { class: "check-now", hidden: true }, this.#title, this.#instruction, this.#told,
-    h("div", { class: "row" }, this.#skip, this.#giveUp));
+  #now = h(
+    "div",
+    { class: "check-now", hidden: true },
+    this.#title,
+    this.#instruction,
+    this.#told,
+    h("div", { class: "row" }, this.#skip, this.#giveUp),
+  );
   #outcome = h("p", { role: "status" });
   #trouble = h("p", { class: "robot-trouble", role: "alert", hidden: true });
   #keep = h("button", { type: "button", class: "button", hidden: true }, "Keep the record");
@@ -55,14 +70,27 @@ class GuardCheck extends Part {
   #loaded = "";
 
   build() {
-    this.#whole.append(this.#what, this.#advice, this.#form, this.#now, this.#outcome, this.#trouble, this.#keep, this.#stepList, this.#earlier);
+    this.#whole.append(
+      this.#what,
+      this.#advice,
+      this.#form,
+      this.#now,
+      this.#outcome,
+      this.#trouble,
+      this.#keep,
+      this.#stepList,
+      this.#earlier,
+    );
     this.#earlier.append(h("h4", {}, "Earlier checks"), this.#none, this.#recordList);
     this.append(this.#whole);
     this.#form.addEventListener("submit", (event) => {
       event.preventDefault();
       void this.#do(() => this.#begin());
     });
-    this.#skip.addEventListener("click", () => void this.#do(() => request("POST", "/robots/check/skip", { name: this.#own })));
+    this.#skip.addEventListener(
+      "click",
+      () => void this.#do(() => request("POST", "/robots/check/skip", { name: this.#own })),
+    );
     this.#giveUp.addEventListener("click", () => void this.#do(() => this.#leave()));
     this.#keep.addEventListener("click", () => void this.#do(() => this.#end()));
     this.#whole.addEventListener("toggle", () => this.#render());
@@ -81,12 +109,23 @@ class GuardCheck extends Part {
   }
 
   async #begin() {
-    await request("POST", "/robots/check", { role: this.hub.driver.role, note: this.#note.value.trim() || null, name: this.#own });
+    await request("POST", "/robots/check", {
+      role: this.hub.driver.role,
+      note: this.#note.value.trim() || null,
+      name: this.#own,
+    });
     this.#note.value = "";
   }
 
   async #leave() {
-    if (await confirmed("Give the check up?", "What was measured so far is kept, and says so.", "Give up")) await this.#end();
+    if (
+      await confirmed(
+        "Give the check up?",
+        "What was measured so far is kept, and says so.",
+        "Give up",
+      )
+    )
+      await this.#end();
   }
 
   async #end() {
@@ -99,7 +138,9 @@ class GuardCheck extends Part {
     const { role } = this.hub.driver;
     try {
       const [{ advice }, records] = await Promise.all([
-        /** @type {Promise<{advice: string | null}>} */ (request("GET", `/robots/check?role=${role}`)),
+        /** @type {Promise<{advice: string | null}>} */ (
+          request("GET", `/robots/check?role=${role}`)
+        ),
         /** @type {Promise<CheckEntry[]>} */ (request("GET", "/robots/checks")),
       ]);
       // Another role was chosen meanwhile.
@@ -140,12 +181,18 @@ class GuardCheck extends Part {
       this.#now.hidden = true;
     }
     if (step && check) {
-      setText(this.#title, `${ROLE_WORDS[check.role]}, step ${(check.present ?? 0) + 1} of ${check.steps.length}: ${step.title}${step.state === "driving" ? " (driving)" : ""}`);
+      setText(
+        this.#title,
+        `${ROLE_WORDS[check.role]}, step ${(check.present ?? 0) + 1} of ${check.steps.length}: ${step.title}${step.state === "driving" ? " (driving)" : ""}`,
+      );
       setText(this.#instruction, step.instruction);
       setText(this.#told, step.told ? sentence(step.told) : "");
     }
     const outcome = check?.outcome;
-    setText(this.#outcome, outcome ? `This check: ${(STATES[outcome] ?? outcome).toLowerCase()}.` : "");
+    setText(
+      this.#outcome,
+      outcome ? `This check: ${(STATES[outcome] ?? outcome).toLowerCase()}.` : "",
+    );
     setText(this.#trouble, sentence(check?.trouble ?? ""));
     this.#trouble.hidden = !check?.trouble;
     this.#keep.hidden = !check?.trouble;
@@ -164,26 +211,61 @@ function chip(state) {
 /** @param {CheckStep} step */
 function stepItem({ title, state, figures, verdict, sentence: why, skipped_by }) {
   const words = figures ? `From ${fixed(figures.speed_mps, 2)} m/s: ${stopInWords(figures)}.` : "";
-  return h("li", {},
-    h("div", { class: "item-words" },
+  return h(
+    "li",
+    {},
+    h(
+      "div",
+      { class: "item-words" },
       h("p", {}, h("b", {}, title), " ", chip(state)),
       words ? h("p", { class: "figure" }, words) : null,
       verdict ? h("p", { class: "hint" }, sentence(verdict)) : null,
       why ? h("p", { class: "hint" }, sentence(why)) : null,
-      skipped_by ? h("p", { class: "hint" }, `Skipped by ${skipped_by}`) : null));
+      skipped_by ? h("p", { class: "hint" }, `Skipped by ${skipped_by}`) : null,
+    ),
+  );
 }
 
 /** @param {CheckEntry} entry */
 function recordItem({ name, role, started_at, outcome, note }) {
   const path = `/api/robots/checks/${encodeURIComponent(name)}`;
   const at = when(started_at);
-  return h("li", {},
-    h("div", { class: "item-words" },
+  return h(
+    "li",
+    {},
+    h(
+      "div",
+      { class: "item-words" },
       h("p", {}, h("b", {}, at), " ", chip(outcome)),
-      h("p", { class: "hint" }, [ROLE_WORDS[role], note].filter(Boolean).join(" · "))),
-    h("div", { class: "row" },
-      h("a", { class: "button", href: `${path}?format=markdown`, download: `${name}.md`, "aria-label": `Check of ${at} to read` }, icon("download"), "Text"),
-      h("a", { class: "button", href: path, download: `${name}.json`, "aria-label": `Check of ${at} as JSON` }, icon("download"), "JSON")));
+      h("p", { class: "hint" }, [ROLE_WORDS[role], note].filter(Boolean).join(" · ")),
+    ),
+    h(
+      "div",
+      { class: "row" },
+      h(
+        "a",
+        {
+          class: "button",
+          href: `${path}?format=markdown`,
+          download: `${name}.md`,
+          "aria-label": `Check of ${at} to read`,
+        },
+        icon("download"),
+        "Text",
+      ),
+      h(
+        "a",
+        {
+          class: "button",
+          href: path,
+          download: `${name}.json`,
+          "aria-label": `Check of ${at} as JSON`,
+        },
+        icon("download"),
+        "JSON",
+      ),
+    ),
+  );
 }
 
 customElements.define("observer-guard-check", GuardCheck);

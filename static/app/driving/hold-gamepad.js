@@ -35,7 +35,10 @@ export function followGamepad(driver) {
       seenReleased = true;
       hold.release("gamepad");
     } else if (seenReleased) {
-      hold.set("gamepad", { forward: -beyondStill(pad.axes[1] ?? 0), left: -beyondStill(pad.axes[0] ?? 0) });
+      hold.set("gamepad", {
+        forward: -beyondStill(pad.axes[1] ?? 0),
+        left: -beyondStill(pad.axes[0] ?? 0),
+      });
     }
   };
 

@@ -14,7 +14,8 @@ const DIRECTIONS = {
   ArrowRight: [0, -1],
 };
 // What the arrow keys move by themselves.
-const OWN_ARROWS = 'input, select, [role="tab"], [role="listbox"], [role="radio"], .pixel-pick, .uplot, dialog';
+const OWN_ARROWS =
+  'input, select, [role="tab"], [role="listbox"], [role="radio"], .pixel-pick, .uplot, dialog';
 
 /**
  * Follow the keys of a window as long as the page lives.
@@ -47,8 +48,13 @@ export function followKeys(driver) {
     if (!(event.code in DIRECTIONS) || event.defaultPrevented) return;
     const target = event.target instanceof HTMLElement ? event.target : document.body;
     if (writesText(target)) return;
-    if (target.closest(OWN_ARROWS) && (event.code.startsWith("Arrow") || target.closest("select, dialog"))) return;
-    const drives = down.size > 0 || driver.hindrance === "" || target.closest("observer-drive-pad") !== null;
+    if (
+      target.closest(OWN_ARROWS) &&
+      (event.code.startsWith("Arrow") || target.closest("select, dialog"))
+    )
+      return;
+    const drives =
+      down.size > 0 || driver.hindrance === "" || target.closest("observer-drive-pad") !== null;
     if (!drives) return;
     // The page is not scrolled meanwhile.
     event.preventDefault();

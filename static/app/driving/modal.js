@@ -10,7 +10,9 @@ import { h } from "../dom.js";
 export function showModal(dialog) {
   const stop = h("button", { type: "button", class: "button danger dialog-stop" }, "Stop robots");
   // The page behind the dialog takes no pointer, but its own stop button may be pressed for it.
-  stop.addEventListener("click", () => /** @type {HTMLElement | null} */ (document.querySelector("#stop-robots"))?.click());
+  stop.addEventListener("click", () =>
+    /** @type {HTMLElement | null} */ (document.querySelector("#stop-robots"))?.click(),
+  );
   dialog.append(stop);
   dialog.showModal();
 }

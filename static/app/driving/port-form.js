@@ -24,12 +24,24 @@ const ELSEWHERE = [
 /** @typedef {{path: string, by_id: string | null, description: string | null, usable: boolean, trouble: string | null}} SerialPort */
 
 export class PortForm extends Part {
-  #port = h("input", { type: "text", id: "robot-port", list: "robot-ports", autocomplete: "off", spellcheck: "false", required: true, "aria-describedby": "robot-port-error" });
+  #port = h("input", {
+    type: "text",
+    id: "robot-port",
+    list: "robot-ports",
+    autocomplete: "off",
+    spellcheck: "false",
+    required: true,
+    "aria-describedby": "robot-port-error",
+  });
   #ports = h("datalist", { id: "robot-ports" });
   #found = h("p", { class: "hint", role: "status" });
   #troubles = h("ul", { class: "plain-list warnings" });
   #again = h("button", { type: "button", class: "button" }, "Look for ports");
-  #model = h("select", { id: "robot-model" }, ...MODELS.map(([value, words]) => h("option", { value }, words ?? "")));
+  #model = h(
+    "select",
+    { id: "robot-model" },
+    ...MODELS.map(([value, words]) => h("option", { value }, words ?? "")),
+  );
   #error = h("p", { class: "field-error", role: "alert", id: "robot-port-error" });
   #connect = h("button", { type: "submit", class: "button primary" }, "Connect");
   #forget = h("button", { type: "button", class: "button" }, "Forget");
@@ -42,11 +54,22 @@ export class PortForm extends Part {
   #do = oneAtATime();
 
   build() {
-    const form = h("form", { class: "stack", novalidate: true },
-      field("Port", this.#port, "A serial port of the server, socket://HOST:8101, coppeliasim:HOST:PORT/OBJECT, or external:HOST:PORT?key=KEY for a robot of your own. A key that is kept is not shown; leave the port as it is to keep it."),
-      this.#ports, this.#found, this.#troubles,
-      field("Model", this.#model), this.#error,
-      h("div", { class: "row" }, this.#connect, this.#forget, this.#again), this.#own);
+    const form = h(
+      "form",
+      { class: "stack", novalidate: true },
+      field(
+        "Port",
+        this.#port,
+        "A serial port of the server, socket://HOST:8101, coppeliasim:HOST:PORT/OBJECT, or external:HOST:PORT?key=KEY for a robot of your own. A key that is kept is not shown; leave the port as it is to keep it.",
+      ),
+      this.#ports,
+      this.#found,
+      this.#troubles,
+      field("Model", this.#model),
+      this.#error,
+      h("div", { class: "row" }, this.#connect, this.#forget, this.#again),
+      this.#own,
+    );
     this.append(form);
     form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -71,11 +94,19 @@ export class PortForm extends Part {
     const ports = devices?.serial_ports ?? [];
     this.#ports.replaceChildren(
       ...ports.map((port) => h("option", { value: port.by_id ?? port.path }, wordsOf(port))),
-      ...ELSEWHERE.map(([value, words]) => h("option", { value }, words ?? "")));
-    setText(this.#found, !devices ? "The server does not tell which serial ports it has."
-      : ports.length === 0 ? "The server's machine has no serial port on USB."
-        : `On the server's machine: ${ports.map(wordsOf).join("; ")}.`);
-    this.#troubles.replaceChildren(...ports.flatMap(({ trouble }) => trouble ? [h("li", {}, trouble)] : []));
+      ...ELSEWHERE.map(([value, words]) => h("option", { value }, words ?? "")),
+    );
+    setText(
+      this.#found,
+      !devices
+        ? "The server does not tell which serial ports it has."
+        : ports.length === 0
+          ? "The server's machine has no serial port on USB."
+          : `On the server's machine: ${ports.map(wordsOf).join("; ")}.`,
+    );
+    this.#troubles.replaceChildren(
+      ...ports.flatMap(({ trouble }) => (trouble ? [h("li", {}, trouble)] : [])),
+    );
   }
 
   #render() {
@@ -88,7 +119,12 @@ export class PortForm extends Part {
     if (this.#role !== driver.role) this.#changed = false;
     this.#shown = key;
     this.#role = driver.role;
-    setText(this.#own, robot && robot.port !== kept?.port ? `The ${driver.role} at ${robot.port} belongs to the open source's own world.` : "");
+    setText(
+      this.#own,
+      robot && robot.port !== kept?.port
+        ? `The ${driver.role} at ${robot.port} belongs to the open source's own world.`
+        : "",
+    );
     // What was typed meanwhile is not lost.
     if (this.#changed) return;
     this.#fail("");
@@ -103,15 +139,21 @@ export class PortForm extends Part {
     this.#fail("");
     try {
       /** @type {import("./types.js").DrivingFacts} */
-      const robots = await request("PUT", `/robots/${role}/port`, { port, model: this.#model.value || null });
+      const robots = await request("PUT", `/robots/${role}/port`, {
+        port,
+        model: this.#model.value || null,
+      });
       // As it is shown from now on: a key that was typed is kept, and seen no more.
       const shown = robots.ports?.[role]?.port ?? "";
       if (this.#role === role && this.#port.value.trim() === port) {
         this.#port.value = shown;
         this.#changed = false;
       }
-      notify(robots.world === "real" ? `The ${role} is being connected at ${shown}.`
-        : `${shown} is kept for the ${role}: it is connected once live cameras are open.`);
+      notify(
+        robots.world === "real"
+          ? `The ${role} is being connected at ${shown}.`
+          : `${shown} is kept for the ${role}: it is connected once live cameras are open.`,
+      );
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       this.#fail(error.message);

@@ -19,13 +19,25 @@ class Programmes extends Part {
   #list = h("ul", { class: "item-list" });
   #kept = new KeptList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
   #empty = h("p", { class: "empty" }, "No programme could be read.");
-  #repeat = h("input", { type: "number", id: "programme-repeat", min: "1", max: "100", step: "1", value: "1" });
+  #repeat = h("input", {
+    type: "number",
+    id: "programme-repeat",
+    min: "1",
+    max: "100",
+    step: "1",
+    value: "1",
+  });
   #reverse = h("input", { type: "checkbox", id: "programme-reverse" });
   #running = h("div", { class: "programme-running", hidden: true });
   #words = h("p", { class: "figure" });
   #progress = h("progress", { max: "1", value: "0", "aria-label": "How far the programme is" });
   #stop = h("button", { type: "button", class: "button" }, icon("stop"), "Stop programme");
-  #text = h("textarea", { id: "programme-text", rows: "8", spellcheck: "false", "aria-describedby": "programme-error" });
+  #text = h("textarea", {
+    id: "programme-text",
+    rows: "8",
+    spellcheck: "false",
+    "aria-describedby": "programme-error",
+  });
   #file = h("input", { type: "file", id: "programme-file", accept: ".yaml,.yml,text/yaml" });
   #error = h("p", { class: "field-error", id: "programme-error", role: "alert" });
   #own = h("details", {}, h("summary", {}, "A programme of your own"));
@@ -38,22 +50,48 @@ class Programmes extends Part {
   #loaded = false;
 
   build() {
-    const form = h("form", { class: "stack", novalidate: true },
+    const form = h(
+      "form",
+      { class: "stack", novalidate: true },
       field("Take it from a file", this.#file),
-      field("YAML", this.#text, "Name, title, and for each role steps with seconds, speed_mps and turn_rate_radps. “Copy” beside a programme puts its text here."),
+      field(
+        "YAML",
+        this.#text,
+        "Name, title, and for each role steps with seconds, speed_mps and turn_rate_radps. “Copy” beside a programme puts its text here.",
+      ),
       this.#error,
-      h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Keep programme")));
+      h(
+        "div",
+        { class: "row" },
+        h("button", { type: "submit", class: "button primary" }, "Keep programme"),
+      ),
+    );
     this.#own.append(form);
     this.#running.append(this.#words, this.#progress, this.#stop);
     this.append(
       h("h3", {}, "Programmes"),
-      h("p", { class: "hint" }, "They go on as long as this page is open and in sight, every robot in them armed by you."),
-      this.#running, this.#ended,
-      h("div", { class: "row" },
-        h("label", { for: "programme-repeat" }, "Repeat"), this.#repeat,
-        h("label", { class: "check", for: "programme-reverse" }, this.#reverse, "Both directions")),
-      this.#empty, this.#list, this.#own);
-    this.#stop.addEventListener("click", () => void this.#do(() => request("DELETE", "/robots/programme")));
+      h(
+        "p",
+        { class: "hint" },
+        "They go on as long as this page is open and in sight, every robot in them armed by you.",
+      ),
+      this.#running,
+      this.#ended,
+      h(
+        "div",
+        { class: "row" },
+        h("label", { for: "programme-repeat" }, "Repeat"),
+        this.#repeat,
+        h("label", { class: "check", for: "programme-reverse" }, this.#reverse, "Both directions"),
+      ),
+      this.#empty,
+      this.#list,
+      this.#own,
+    );
+    this.#stop.addEventListener(
+      "click",
+      () => void this.#do(() => request("DELETE", "/robots/programme")),
+    );
     this.#file.addEventListener("change", () => void this.#readFile());
     form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -95,7 +133,8 @@ class Programmes extends Part {
 
   /** @param {RunningProgramme} running @returns {string} as in "0:05 of 0:14, round 2 of 3" */
   #place({ elapsed_s, duration_s, phase, round, repeat }) {
-    const at = phase === "gesture" ? "its opening gesture" : `${clock(elapsed_s)} of ${clock(duration_s)}`;
+    const at =
+      phase === "gesture" ? "its opening gesture" : `${clock(elapsed_s)} of ${clock(duration_s)}`;
     return `${at}${repeat > 1 ? `, round ${round} of ${repeat}` : ""}`;
   }
 
@@ -110,7 +149,8 @@ class Programmes extends Part {
     this.#running.hidden = !running;
     if (running) {
       setText(this.#words, `${this.#title(running)}: ${this.#place(running)}`);
-      this.#progress.value = running.duration_s > 0 ? Math.min(1, running.elapsed_s / running.duration_s) : 0;
+      this.#progress.value =
+        running.duration_s > 0 ? Math.min(1, running.elapsed_s / running.duration_s) : 0;
     }
     this.#empty.hidden = this.#programmes.length > 0 || !this.#loaded;
     this.#kept.show(this.#programmes, ({ name }) => name);
@@ -141,31 +181,61 @@ class Programmes extends Part {
   /** @param {ProgrammeEntry} entry */
   #item(entry) {
     const { name, title, help, roles, duration_s, own } = entry;
-    const start = h("button", { type: "button", class: "button start", "aria-label": `Start ${title}` }, icon("play"), "Start");
+    const start = h(
+      "button",
+      { type: "button", class: "button start", "aria-label": `Start ${title}` },
+      icon("play"),
+      "Start",
+    );
     start.addEventListener("click", () => void this.#do(() => this.#begin(entry)));
-    const copy = h("button", { type: "button", class: "button", "aria-label": `Copy ${title}`, title: "Copy its text into the field below" }, "Copy");
+    const copy = h(
+      "button",
+      {
+        type: "button",
+        class: "button",
+        "aria-label": `Copy ${title}`,
+        title: "Copy its text into the field below",
+      },
+      "Copy",
+    );
     copy.addEventListener("click", () => void this.#do(() => this.#copy(name)));
     const buttons = [start, copy];
     if (own) {
-      const remove = h("button", { type: "button", class: "button icon-button", "aria-label": `Delete ${title}`, title: "Delete" }, icon("trash"));
+      const remove = h(
+        "button",
+        {
+          type: "button",
+          class: "button icon-button",
+          "aria-label": `Delete ${title}`,
+          title: "Delete",
+        },
+        icon("trash"),
+      );
       remove.addEventListener("click", () => void this.#remove(entry));
       buttons.push(remove);
     }
     const who = roles.map((role) => ROLE_WORDS[role]).join(" and ");
-    return h("li", { class: "programme", "data-programme": name },
-      h("div", { class: "item-words" },
+    return h(
+      "li",
+      { class: "programme", "data-programme": name },
+      h(
+        "div",
+        { class: "item-words" },
         h("p", {}, h("b", {}, title)),
         h("p", { class: "hint figure" }, `${who} · ${lastsInWords(duration_s)}`),
         help ? h("p", { class: "hint" }, help) : null,
-        h("p", { class: "missing" })),
-      h("div", { class: "row" }, ...buttons));
+        h("p", { class: "missing" }),
+      ),
+      h("div", { class: "row" }, ...buttons),
+    );
   }
 
   /** @param {ProgrammeEntry} entry */
   async #begin({ name, title, roles }) {
     const { leases } = this.hub.driver.link;
     const repeat = Number(this.#repeat.value);
-    if (!Number.isInteger(repeat) || repeat < 1) throw new Error("Repeat must be a whole number from 1.");
+    if (!Number.isInteger(repeat) || repeat < 1)
+      throw new Error("Repeat must be a whole number from 1.");
     await request("POST", "/robots/programme", {
       name,
       repeat,
@@ -204,7 +274,10 @@ class Programmes extends Part {
 
   /** @param {ProgrammeEntry} entry */
   async #remove({ name, title }) {
-    if (!(await confirmed(`Delete ${title}?`, "Its text cannot be brought back.", "Delete programme"))) return;
+    if (
+      !(await confirmed(`Delete ${title}?`, "Its text cannot be brought back.", "Delete programme"))
+    )
+      return;
     await this.#do(() => request("DELETE", `/programmes/${encodeURIComponent(name)}`));
     await this.#load();
   }

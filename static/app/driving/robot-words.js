@@ -35,7 +35,8 @@ export function stateInWords(robot) {
  */
 export function standsBecause(role, robot, facts, ours) {
   if (!robot) return lackBecause(role, facts);
-  if (facts?.stopped) return `Stopped by ${facts.stopped.by}: reset it at the top of the page to go on.`;
+  if (facts?.stopped)
+    return `Stopped by ${facts.stopped.by}: reset it at the top of the page to go on.`;
   const { fault, trouble } = robot.report;
   if (fault) return sentence(fault);
   if (["connecting", "waiting", "refused"].includes(robot.state)) {
@@ -43,7 +44,10 @@ export function standsBecause(role, robot, facts, ours) {
   }
   if (robot.why) return sentence(robot.why);
   if (robot.state === "moving") return "It drives.";
-  if (robot.state === "armed") return ours ? "Armed: it waits for you to hold something." : "Armed, and somebody else drives it.";
+  if (robot.state === "armed")
+    return ours
+      ? "Armed: it waits for you to hold something."
+      : "Armed, and somebody else drives it.";
   return "Its motors are off: arm it to drive.";
 }
 
@@ -55,7 +59,9 @@ function lackBecause(role, facts) {
   if (facts.ports?.[role] && facts.world !== "real") {
     return "The open source is of another world: real robots are driven by the sight of live cameras only.";
   }
-  return facts.world === null ? "What is only replayed brings no robots: open live cameras or a simulated source." : "No robot is connected: give its port below.";
+  return facts.world === null
+    ? "What is only replayed brings no robots: open live cameras or a simulated source."
+    : "No robot is connected: give its port below.";
 }
 
 /**
@@ -88,19 +94,53 @@ export function figuresOf({ report, sent }) {
   const { odometry, limits, counters } = report;
   return [
     ["Speed sent", `${fixed(sent.speed_mps, 2)} m/s`, "what really goes to the robot"],
-    ["By its encoders", report.speed_mps === null ? "–" : `${fixed(report.speed_mps, 2)} m/s`, "as its wheels turn"],
+    [
+      "By its encoders",
+      report.speed_mps === null ? "–" : `${fixed(report.speed_mps, 2)} m/s`,
+      "as its wheels turn",
+    ],
     ["Turn sent", `${fixed(degrees(sent.turn_rate_radps), 0)} °/s`, "positive to the left"],
-    ["Turn measured", report.turn_rate_radps === null ? "–" : `${fixed(degrees(report.turn_rate_radps), 0)} °/s`, "positive to the left"],
-    ["Pose by its wheels", odometry ? `${fixed(odometry.x, 2)}, ${fixed(odometry.y, 2)} m, ${fixed(degrees(odometry.yaw), 0)}°` : "–", "since it was connected: ahead, to the left, heading"],
+    [
+      "Turn measured",
+      report.turn_rate_radps === null ? "–" : `${fixed(degrees(report.turn_rate_radps), 0)} °/s`,
+      "positive to the left",
+    ],
+    [
+      "Pose by its wheels",
+      odometry
+        ? `${fixed(odometry.x, 2)}, ${fixed(odometry.y, 2)} m, ${fixed(degrees(odometry.yaw), 0)}°`
+        : "–",
+      "since it was connected: ahead, to the left, heading",
+    ],
     ["Battery", batteryInWords(report), "averaged"],
     ["Motors", onOff(report.motors_enabled), "as the robot says"],
     ["Wheels", stallInWords(report.stalled), "a wheel stalls where something holds the robot"],
     ["Bumpers", bumpersInWords(report), "pressed ones by number, from the left"],
-    ["Hardware stop", report.stop_pressed === null ? "–" : report.stop_pressed ? "pressed" : "not pressed", "the button on the robot itself"],
-    ["Its own watchdog", report.watchdog_s === null ? "–" : `${fixed(report.watchdog_s, 1)} s`, "so long after the last command its firmware stops it by itself"],
-    ["Fastest permitted", limits ? `${fixed(limits.speed_mps, 2)} m/s` : "–", "the least of what robot, model and settings allow"],
-    ["Temperature", report.temperature_c === null ? "–" : `${fixed(report.temperature_c, 0)} °C`, "within the robot"],
-    ["Packets, bad ones", `${counters.packets ?? 0}, ${counters.bad_packets ?? 0}`, "status packets received, and those that were damaged"],
+    [
+      "Hardware stop",
+      report.stop_pressed === null ? "–" : report.stop_pressed ? "pressed" : "not pressed",
+      "the button on the robot itself",
+    ],
+    [
+      "Its own watchdog",
+      report.watchdog_s === null ? "–" : `${fixed(report.watchdog_s, 1)} s`,
+      "so long after the last command its firmware stops it by itself",
+    ],
+    [
+      "Fastest permitted",
+      limits ? `${fixed(limits.speed_mps, 2)} m/s` : "–",
+      "the least of what robot, model and settings allow",
+    ],
+    [
+      "Temperature",
+      report.temperature_c === null ? "–" : `${fixed(report.temperature_c, 0)} °C`,
+      "within the robot",
+    ],
+    [
+      "Packets, bad ones",
+      `${counters.packets ?? 0}, ${counters.bad_packets ?? 0}`,
+      "status packets received, and those that were damaged",
+    ],
   ];
 }
 
@@ -120,7 +160,9 @@ export function stopInWords({ zero_ms, stood_ms, distance_m, separation_m }) {
     zero_ms === null ? "zero never went out" : `zero after ${fixed(zero_ms, 0)} ms`,
     stood_ms === null ? "not seen to stand" : `stood after ${fixed(stood_ms, 0)} ms${way}`,
     separation_m === null ? null : `${fixed(separation_m, 2)} m left`,
-  ].filter(Boolean).join(", ");
+  ]
+    .filter(Boolean)
+    .join(", ");
 }
 
 /** @param {number} radians */
@@ -150,8 +192,13 @@ function stallInWords(stalled) {
 /** @param {RobotReport} report */
 function bumpersInWords({ front_bumpers, rear_bumpers }) {
   if (front_bumpers.length + rear_bumpers.length === 0) return "none fitted";
-  const words = [["front", front_bumpers], ["rear", rear_bumpers]].flatMap(([name, pressed]) => {
-    const numbers = /** @type {boolean[]} */ (pressed).flatMap((each, index) => (each ? [index + 1] : []));
+  const words = [
+    ["front", front_bumpers],
+    ["rear", rear_bumpers],
+  ].flatMap(([name, pressed]) => {
+    const numbers = /** @type {boolean[]} */ (pressed).flatMap((each, index) =>
+      each ? [index + 1] : [],
+    );
     return numbers.length ? [`${name} ${numbers.join(", ")}`] : [];
   });
   return words.join("; ") || "free";

@@ -8,7 +8,15 @@ import { sentence } from "../words.js";
 import { DrivePad } from "./drive-pad.js";
 import { oneAtATime } from "./one-at-a-time.js";
 import { PortForm } from "./port-form.js";
-import { batteryInWords, driverInWords, figuresOf, incidentInWords, ROLE_WORDS, standsBecause, stateInWords } from "./robot-words.js";
+import {
+  batteryInWords,
+  driverInWords,
+  figuresOf,
+  incidentInWords,
+  ROLE_WORDS,
+  standsBecause,
+  stateInWords,
+} from "./robot-words.js";
 import { isArmed, ROLES } from "./types.js";
 
 /** @typedef {import("./types.js").Role} Role */
@@ -19,16 +27,30 @@ class RobotsPanel extends Part {
   #arm = h("button", { type: "button", class: "button primary" }, "Arm");
   #disarm = h("button", { type: "button", class: "button" }, "Disarm");
   #takeOver = h("button", { type: "button", class: "button" }, "Take over");
-  #giveBack = h("button", { type: "button", class: "button", title: "It is stopped and disarmed; others may drive it" }, "Give back");
+  #giveBack = h(
+    "button",
+    { type: "button", class: "button", title: "It is stopped and disarmed; others may drive it" },
+    "Give back",
+  );
   #trouble = h("p", { class: "robot-trouble", role: "alert", hidden: true });
   #warnings = h("ul", { class: "plain-list warnings", "aria-label": "Warnings" });
   #figures = h("dl", { class: "figures" });
   #pad = new DrivePad();
   #incidents = h("ul", { class: "plain-list" });
-  #happened = h("details", { hidden: true }, h("summary", {}, "What stopped robots lately"), this.#incidents);
+  #happened = h(
+    "details",
+    { hidden: true },
+    h("summary", {}, "What stopped robots lately"),
+    this.#incidents,
+  );
   #port = new PortForm();
   #place = h("details", {}, h("summary", {}, "Port and model"), this.#port);
-  #name = h("input", { type: "text", id: "operator-name", maxlength: "40", autocomplete: "nickname" });
+  #name = h("input", {
+    type: "text",
+    id: "operator-name",
+    maxlength: "40",
+    autocomplete: "nickname",
+  });
   #do = oneAtATime(() => this.#render());
   #placed = false;
 
@@ -37,24 +59,44 @@ class RobotsPanel extends Part {
     this.append(
       h("h2", {}, "Robots"),
       this.#trouble,
-      h("fieldset", { class: "role-cards" }, h("legend", { class: "visually-hidden" }, "Which robot"),
-        ...[...this.#cards.values()].map(({ element }) => element)),
-      h("div", { class: "robot-act" },
-        this.#why, this.#warnings,
-        h("div", { class: "row" }, this.#arm, this.#disarm, this.#takeOver, this.#giveBack)),
+      h(
+        "fieldset",
+        { class: "role-cards" },
+        h("legend", { class: "visually-hidden" }, "Which robot"),
+        ...[...this.#cards.values()].map(({ element }) => element),
+      ),
+      h(
+        "div",
+        { class: "robot-act" },
+        this.#why,
+        this.#warnings,
+        h("div", { class: "row" }, this.#arm, this.#disarm, this.#takeOver, this.#giveBack),
+      ),
       this.#pad,
       h("details", {}, h("summary", {}, "Everything it tells"), this.#figures),
       this.#happened,
-      h("details", {}, h("summary", {}, "Your name"), field("What others see while you drive", this.#name, "From the next connection on.")),
-      this.#place);
+      h(
+        "details",
+        {},
+        h("summary", {}, "Your name"),
+        field("What others see while you drive", this.#name, "From the next connection on."),
+      ),
+      this.#place,
+    );
     for (const [role, { input }] of this.#cards) {
       input.addEventListener("change", () => {
         if (input.checked) driver.role = role;
       });
     }
     this.#arm.addEventListener("click", () => void this.#do(() => driver.arm(driver.role)));
-    this.#disarm.addEventListener("click", () => void this.#do(() => request("POST", `/robots/${driver.role}/disarm`)));
-    this.#takeOver.addEventListener("click", () => void this.#do(() => driver.take(driver.role, true)));
+    this.#disarm.addEventListener(
+      "click",
+      () => void this.#do(() => request("POST", `/robots/${driver.role}/disarm`)),
+    );
+    this.#takeOver.addEventListener(
+      "click",
+      () => void this.#do(() => driver.take(driver.role, true)),
+    );
     this.#giveBack.addEventListener("click", () => driver.link.release(driver.role));
     this.#name.value = driver.link.name;
     this.#name.addEventListener("change", () => {
@@ -78,14 +120,27 @@ class RobotsPanel extends Part {
       setText(card.name, robot ? (robot.name ?? robot.report.name ?? robot.port) : "");
       setText(card.state, stateInWords(robot));
       setAttribute(card.state, "data-state", robot?.state ?? "none");
-      setText(card.facts, [robot && batteryInWords(robot.report), driverInWords(robot, driver.link.leases.has(role))].filter(Boolean).join(" · "));
+      setText(
+        card.facts,
+        [robot && batteryInWords(robot.report), driverInWords(robot, driver.link.leases.has(role))]
+          .filter(Boolean)
+          .join(" · "),
+      );
     }
     const robot = driver.robot();
     const ours = driver.link.leases.has(driver.role);
     const others = Boolean(robot?.operator) && !ours;
     const armed = isArmed(robot);
     const lost = connection !== "open" || robots?.process?.alive === false;
-    setText(this.#trouble, connection !== "open" ? "The server is not reached: what is shown here is old." : sentence(robots?.process?.trouble ?? "the drive process is being started anew; the robots' own watchdogs stop them meanwhile"));
+    setText(
+      this.#trouble,
+      connection !== "open"
+        ? "The server is not reached: what is shown here is old."
+        : sentence(
+            robots?.process?.trouble ??
+              "the drive process is being started anew; the robots' own watchdogs stop them meanwhile",
+          ),
+    );
     this.#trouble.hidden = !lost || !robots;
     // What is old says nothing of why it stands, or whether it does.
     setAttribute(this, "data-old", lost ? "" : null);
@@ -95,7 +150,12 @@ class RobotsPanel extends Part {
     // Who pressed one of them by keyboard finds himself at what may be pressed now.
     const armable = !lost && robot?.state === "disarmed" && !robots?.stopped;
     if (armable) this.#arm.disabled = false;
-    const shown = new Map([[this.#arm, !armed && !others], [this.#disarm, armed], [this.#takeOver, others], [this.#giveBack, ours]]);
+    const shown = new Map([
+      [this.#arm, !armed && !others],
+      [this.#disarm, armed],
+      [this.#takeOver, others],
+      [this.#giveBack, ours],
+    ]);
     for (const [button, isShown] of shown) if (isShown) button.hidden = false;
     for (const [button, isShown] of shown) {
       if (isShown) continue;
@@ -117,7 +177,11 @@ class RobotsPanel extends Part {
   #renderFigures(robot) {
     const figures = robot ? figuresOf(robot) : [];
     if (this.#figures.childElementCount !== figures.length) {
-      this.#figures.replaceChildren(...figures.map(([term, , help]) => h("div", { title: help }, h("dt", {}, term), h("dd", { class: "figure" }))));
+      this.#figures.replaceChildren(
+        ...figures.map(([term, , help]) =>
+          h("div", { title: help }, h("dt", {}, term), h("dd", { class: "figure" })),
+        ),
+      );
     }
     figures.forEach(([, value], index) => {
       const node = this.#figures.children[index]?.lastElementChild;
@@ -132,7 +196,14 @@ function makeCard(role) {
   const name = h("span", { class: "role-name" });
   const state = h("span", { class: "state-chip" });
   const facts = h("span", { class: "hint figure" });
-  const element = h("label", { class: "role-card" }, input, h("span", { class: "role-head" }, h("b", {}, ROLE_WORDS[role]), state), name, facts);
+  const element = h(
+    "label",
+    { class: "role-card" },
+    input,
+    h("span", { class: "role-head" }, h("b", {}, ROLE_WORDS[role]), state),
+    name,
+    facts,
+  );
   return { input, name, state, facts, element };
 }
 

@@ -15,7 +15,11 @@ const OLD_S = 1;
 
 /** x is drawn upwards and y to the left, in metres. */
 export class SonarRing {
-  element = draw("svg", { viewBox: `${-REACH_M - 0.1} ${-REACH_M - 0.1} ${2 * REACH_M + 0.2} ${2 * REACH_M + 0.2}`, class: "sonar-ring", role: "img" });
+  element = draw("svg", {
+    viewBox: `${-REACH_M - 0.1} ${-REACH_M - 0.1} ${2 * REACH_M + 0.2} ${2 * REACH_M + 0.2}`,
+    class: "sonar-ring",
+    role: "img",
+  });
   #slow = draw("polygon", { class: "zone slow" });
   #stop = draw("polygon", { class: "zone stop" });
   #arcs = draw("g", {});
@@ -26,7 +30,11 @@ export class SonarRing {
     this.element.append(
       ...RINGS_M.map((r) => draw("circle", { r, class: "scale" })),
       ...RINGS_M.map((r) => label(r)),
-      this.#slow, this.#stop, this.#arcs, this.#body);
+      this.#slow,
+      this.#stop,
+      this.#arcs,
+      this.#body,
+    );
   }
 
   /** @param {RobotFacts | null} robot */
@@ -35,7 +43,10 @@ export class SonarRing {
     this.#zone(this.#slow, guard?.slow_zone, guard?.level);
     this.#zone(this.#stop, guard?.stop_zone, guard?.level);
     this.#showBody(robot);
-    const now = Math.max(report?.received ?? 0, ...(report?.sonars ?? []).map(({ received }) => received));
+    const now = Math.max(
+      report?.received ?? 0,
+      ...(report?.sonars ?? []).map(({ received }) => received),
+    );
     const heard = (report?.sonars ?? []).filter(({ range_m }) => range_m !== null);
     while (this.#arcs.childElementCount > heard.length) this.#arcs.lastElementChild?.remove();
     heard.forEach((reading, index) => {
@@ -43,7 +54,11 @@ export class SonarRing {
       const range = reading.range_m ?? 0;
       const age = now - reading.received;
       setAttribute(arc, "d", arcOf(reading, Math.min(range, REACH_M)));
-      setAttribute(arc, "data-range", range < NEAR_M ? "near" : range < CLOSE_M ? "close" : range > REACH_M ? "beyond" : "far");
+      setAttribute(
+        arc,
+        "data-range",
+        range < NEAR_M ? "near" : range < CLOSE_M ? "close" : range > REACH_M ? "beyond" : "far",
+      );
       setAttribute(arc, "data-old", age > OLD_S ? "" : null);
       setAttribute(arc, "opacity", Math.max(0.25, 1 - 0.6 * age).toFixed(2));
     });
@@ -62,7 +77,10 @@ export class SonarRing {
     const length = length_m ?? 2 * (radius_m ?? 0.2);
     this.#body.append(
       draw("rect", { x: -width / 2, y: -length / 2, width, height: length, rx: 0.08 }),
-      draw("path", { d: `M0 0V${-length / 2 - 0.22}M-0.1 ${-length / 2 - 0.1}L0 ${-length / 2 - 0.24}L0.1 ${-length / 2 - 0.1}` }));
+      draw("path", {
+        d: `M0 0V${-length / 2 - 0.22}M-0.1 ${-length / 2 - 0.1}L0 ${-length / 2 - 0.24}L0.1 ${-length / 2 - 0.1}`,
+      }),
+    );
   }
 
   /**
@@ -71,7 +89,11 @@ export class SonarRing {
    * @param {string | undefined} level
    */
   #zone(polygon, places, level) {
-    setAttribute(polygon, "points", (places ?? []).map(([x = 0, y = 0]) => `${(-y).toFixed(3)},${(-x).toFixed(3)}`).join(" "));
+    setAttribute(
+      polygon,
+      "points",
+      (places ?? []).map(([x = 0, y = 0]) => `${(-y).toFixed(3)},${(-x).toFixed(3)}`).join(" "),
+    );
     setAttribute(polygon, "data-level", level ?? null);
   }
 }
@@ -93,7 +115,8 @@ export function sonarInWords(robot) {
 
 /** @param {SonarReading} reading @param {number} range */
 function arcOf({ x, y, heading }, range) {
-  const at = (/** @type {number} */ angle) => `${(-(y + range * Math.sin(angle))).toFixed(3)} ${(-(x + range * Math.cos(angle))).toFixed(3)}`;
+  const at = (/** @type {number} */ angle) =>
+    `${(-(y + range * Math.sin(angle))).toFixed(3)} ${(-(x + range * Math.cos(angle))).toFixed(3)}`;
   // From right to left is clockwise negative on the screen.
   return `M${at(heading - HALF_CONE_RAD)}A${range.toFixed(3)} ${range.toFixed(3)} 0 0 0 ${at(heading + HALF_CONE_RAD)}`;
 }

@@ -12,13 +12,33 @@ const CONFIRMED_MS = 1000;
 const KEYS = "Space and Esc press it; while a robot is armed they do so everywhere on this page.";
 
 class StopBar extends Part {
-  #stop = h("button", { type: "button", class: "stop-button", id: "stop-robots", title: `${WHAT_IT_IS}. ${KEYS}`, "aria-describedby": "stop-what", "aria-keyshortcuts": "Space Escape" },
-    icon("stop"), h("span", {}, "Stop robots"));
+  #stop = h(
+    "button",
+    {
+      type: "button",
+      class: "stop-button",
+      id: "stop-robots",
+      title: `${WHAT_IT_IS}. ${KEYS}`,
+      "aria-describedby": "stop-what",
+      "aria-keyshortcuts": "Space Escape",
+    },
+    icon("stop"),
+    h("span", {}, "Stop robots"),
+  );
   #what = h("p", { class: "stop-what", id: "stop-what" }, WHAT_IT_IS);
   #keys = h("p", { class: "stop-keys" });
   #stopped = h("span", { class: "stop-state" });
-  #reset = h("button", { type: "button", class: "button", title: "Robots may be armed again; none starts by itself" }, "Reset");
-  #latched = h("div", { class: "stop-latched", hidden: true, role: "alert" }, this.#stopped, this.#reset);
+  #reset = h(
+    "button",
+    { type: "button", class: "button", title: "Robots may be armed again; none starts by itself" },
+    "Reset",
+  );
+  #latched = h(
+    "div",
+    { class: "stop-latched", hidden: true, role: "alert" },
+    this.#stopped,
+    this.#reset,
+  );
   /** Pressed here and not answered yet. */
   #pressed = false;
   #patience = 0;
@@ -27,10 +47,18 @@ class StopBar extends Part {
     const { driver } = this.hub;
     this.#stop.addEventListener("click", () => void driver.stop().catch(() => {}));
     this.#reset.addEventListener("click", () => void this.#resetStop());
-    this.append(this.#latched, h("div", { class: "stop-words" }, this.#what, this.#keys), this.#stop);
+    this.append(
+      this.#latched,
+      h("div", { class: "stop-words" }, this.#what, this.#keys),
+      this.#stop,
+    );
     listenForStop(window, driver);
     this.hear("stopping", () => this.#begin(), driver);
-    this.hear("stop-failed", () => this.#failed("The stop did not reach the server: use the hardware switch."), driver);
+    this.hear(
+      "stop-failed",
+      () => this.#failed("The stop did not reach the server: use the hardware switch."),
+      driver,
+    );
     this.hear("robots", () => this.#mark(this.#pressed && !this.hub.robots?.stopped));
     this.hear("connection", () => this.#render());
     this.#render();
@@ -40,7 +68,10 @@ class StopBar extends Part {
     clearTimeout(this.#patience);
     this.#mark(true);
     // A server that hangs takes the request and never answers it.
-    this.#patience = setTimeout(() => this.#failed("The server does not confirm the stop: use the hardware switch."), CONFIRMED_MS);
+    this.#patience = setTimeout(
+      () => this.#failed("The server does not confirm the stop: use the hardware switch."),
+      CONFIRMED_MS,
+    );
   }
 
   /** @param {boolean} pressed */
@@ -67,7 +98,10 @@ class StopBar extends Part {
     this.#latched.hidden = !stopped;
     setText(this.#stopped, stopped ? `Stopped by ${stopped.by}` : "");
     setAttribute(this.#stopped, "title", stopped ? `Stopped by ${stopped.by}` : null);
-    setText(this.#keys, robotsState === "armed" ? "Armed: Space and Esc always stop" : "Space or Esc");
+    setText(
+      this.#keys,
+      robotsState === "armed" ? "Armed: Space and Esc always stop" : "Space or Esc",
+    );
   }
 
   async #resetStop() {

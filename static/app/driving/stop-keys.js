@@ -27,20 +27,28 @@ export function writesText(element) {
  */
 export function listenForStop(inside, driver) {
   let taken = "";
-  inside.addEventListener("keydown", (event) => {
-    if (!isStop(event) || !driver.anyArmed) return;
-    event.preventDefault();
-    event.stopImmediatePropagation();
-    taken = event.code;
-    if (!event.repeat) void driver.stop().catch(() => {});
-  }, { capture: true });
+  inside.addEventListener(
+    "keydown",
+    (event) => {
+      if (!isStop(event) || !driver.anyArmed) return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      taken = event.code;
+      if (!event.repeat) void driver.stop().catch(() => {});
+    },
+    { capture: true },
+  );
   // A button is pressed at the release of Space.
-  inside.addEventListener("keyup", (event) => {
-    if (event.code !== taken) return;
-    taken = "";
-    event.preventDefault();
-    event.stopImmediatePropagation();
-  }, { capture: true });
+  inside.addEventListener(
+    "keyup",
+    (event) => {
+      if (event.code !== taken) return;
+      taken = "";
+      event.preventDefault();
+      event.stopImmediatePropagation();
+    },
+    { capture: true },
+  );
   // Behind everything else that wants these keys.
   inside.addEventListener("keydown", (event) => {
     if (!isStop(event) || event.defaultPrevented || event.repeat || !driver.anyConnected) return;
@@ -54,5 +62,10 @@ export function listenForStop(inside, driver) {
 
 /** @param {KeyboardEvent} event */
 function isStop(event) {
-  return (event.code === "Space" || event.key === "Escape") && !event.ctrlKey && !event.metaKey && !event.altKey;
+  return (
+    (event.code === "Space" || event.key === "Escape") &&
+    !event.ctrlKey &&
+    !event.metaKey &&
+    !event.altKey
+  );
 }

@@ -36,10 +36,34 @@ export class AlignmentPanel extends Part {
   #busy = false;
 
   build() {
-    this.#bodies.append(field("The observer is", this.#observer), this.#camera, h("div", { class: "named-part" }, h("span", { class: "field-name" }, "Compared bodies"), this.#compared));
-    const file = h("div", { class: "stack" }, this.#picker, this.#bodies, h("div", { class: "row" }, this.#align));
+    this.#bodies.append(
+      field("The observer is", this.#observer),
+      this.#camera,
+      h(
+        "div",
+        { class: "named-part" },
+        h("span", { class: "field-name" }, "Compared bodies"),
+        this.#compared,
+      ),
+    );
+    const file = h(
+      "div",
+      { class: "stack" },
+      this.#picker,
+      this.#bodies,
+      h("div", { class: "row" }, this.#align),
+    );
     this.#another.append(file);
-    this.append(this.#heading, this.#sentence, this.#figures, this.#notes, this.#matches, this.#error, this.#state, this.#another);
+    this.append(
+      this.#heading,
+      this.#sentence,
+      this.#figures,
+      this.#notes,
+      this.#matches,
+      this.#error,
+      this.#state,
+      this.#another,
+    );
     this.#matches.corrected = (key, body) => void this.#correct(key, body);
     this.#picker.chosen = (chosen) => this.#renderBodies(chosen);
     this.#picker.attach(this.hub);
@@ -67,7 +91,10 @@ export class AlignmentPanel extends Part {
       if (!this.#busy) setText(this.#state, "");
       this.#renderBodies(this.#picker.file);
     }
-    setText(this.#sentence, sentence(chart.sentence ?? (chart.aligned ? "aligned" : "there is no truth to compare with")));
+    setText(
+      this.#sentence,
+      sentence(chart.sentence ?? (chart.aligned ? "aligned" : "there is no truth to compare with")),
+    );
     setAttribute(this.#sentence, "class", chart.aligned ? "" : "hint");
     const { alignment } = chart;
     this.#camera.found = alignment?.camera_on_body ?? null;
@@ -83,32 +110,43 @@ export class AlignmentPanel extends Part {
   /** @param {TruthFile | null} file */
   #renderBodies(file) {
     const { live } = this.#picker;
-    const same = live ? this.#chart?.run.truth_id === null : file !== null && file.id === this.#chart?.run.truth_id;
+    const same = live
+      ? this.#chart?.run.truth_id === null
+      : file !== null && file.id === this.#chart?.run.truth_id;
     const roles = (same && this.#chart?.alignment?.roles) || {};
     const aligned = Object.keys(roles).length > 0;
-    const names = live ? Object.keys(roles) : file?.info.bodies.map(({ name }) => name) ?? [];
+    const names = live ? Object.keys(roles) : (file?.info.bodies.map(({ name }) => name) ?? []);
     this.#bodies.hidden = names.length === 0;
     setAttribute(this.#align, "aria-disabled", file || live ? null : "true");
-    this.#observer.replaceChildren(h("option", { value: "" }, "found out by its motion"), ...names.map((name) => h("option", { value: name }, name)));
+    this.#observer.replaceChildren(
+      h("option", { value: "" }, "found out by its motion"),
+      ...names.map((name) => h("option", { value: name }, name)),
+    );
     this.#observer.value = names.find((name) => roles[name] === "observer") ?? "";
-    this.#compared.replaceChildren(...names.map((name) => {
-      const box = h("input", { type: "checkbox", value: name });
-      box.checked = !aligned || name in roles;
-      return h("label", {}, box, name);
-    }));
+    this.#compared.replaceChildren(
+      ...names.map((name) => {
+        const box = h("input", { type: "checkbox", value: name });
+        box.checked = !aligned || name in roles;
+        return h("label", {}, box, name);
+      }),
+    );
   }
 
   /** With all else as it was, and with what a person said of other tracks before. */
   async #correct(/** @type {string} */ key, /** @type {string | null} */ body) {
     const { run, alignment, choices } = /** @type {Chart} */ (this.#chart);
-    const said = Object.entries(alignment?.matches ?? {}).flatMap(([each, match]) => match.by === "person" ? [[each, match.body]] : []);
+    const said = Object.entries(alignment?.matches ?? {}).flatMap(([each, match]) =>
+      match.by === "person" ? [[each, match.body]] : [],
+    );
     const roles = alignment?.roles ?? {};
     await this.#ask({
       truth_id: run.truth_id,
       observer: alignment?.observer ?? null,
       expected_offset_s: choices?.expected_offset_s ?? null,
       camera_on_body: choices?.camera_on_body ?? null,
-      ignore: (this.#picker.find(run.truth_id)?.info.bodies ?? []).flatMap(({ name }) => name in roles ? [] : [name]),
+      ignore: (this.#picker.find(run.truth_id)?.info.bodies ?? []).flatMap(({ name }) =>
+        name in roles ? [] : [name],
+      ),
       matches: { ...Object.fromEntries(said), [key]: body },
     });
   }
@@ -122,9 +160,17 @@ export class AlignmentPanel extends Part {
     } catch (error) {
       return this.#refuse(/** @type {RangeError} */ (error).message);
     }
-    const left = /** @type {NodeListOf<HTMLInputElement>} */ (this.#compared.querySelectorAll("input:not(:checked)"));
+    const left = /** @type {NodeListOf<HTMLInputElement>} */ (
+      this.#compared.querySelectorAll("input:not(:checked)")
+    );
     setText(this.#align, "Aligning…");
-    await this.#ask({ truth_id: file?.id ?? null, observer: this.#observer.value || null, ignore: [...left].map(({ value }) => value), matches: {}, camera_on_body: camera });
+    await this.#ask({
+      truth_id: file?.id ?? null,
+      observer: this.#observer.value || null,
+      ignore: [...left].map(({ value }) => value),
+      matches: {},
+      camera_on_body: camera,
+    });
     setText(this.#align, "Align");
     this.#tell();
   }
@@ -164,7 +210,10 @@ export class AlignmentPanel extends Part {
       if (!(error instanceof ApiError)) throw error;
       setText(this.#state, "");
       this.#showMatches();
-      setText(this.#error, `${error.message} ${this.#chart?.aligned ? "The alignment stays as it was." : ""}`.trim());
+      setText(
+        this.#error,
+        `${error.message} ${this.#chart?.aligned ? "The alignment stays as it was." : ""}`.trim(),
+      );
     } finally {
       this.#setBusy(false);
     }
@@ -173,7 +222,10 @@ export class AlignmentPanel extends Part {
 
 /** @param {Alignment} alignment how well it fits, in figures */
 function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time }) {
-  const drift = time.drift_sigma_ppm === null ? "not told apart" : `${fixed(time.drift_ppm, 0)} ± ${fixed(time.drift_sigma_ppm, 0)} ppm`;
+  const drift =
+    time.drift_sigma_ppm === null
+      ? "not told apart"
+      : `${fixed(time.drift_ppm, 0)} ± ${fixed(time.drift_sigma_ppm, 0)} ppm`;
   /** @type {[string, string][]} */
   const figures = [
     ["Time offset", `${fixed(1000 * time.offset_s, 1)} ± ${fixed(1000 * time.sigma_s, 1)} ms`],

@@ -16,7 +16,19 @@ const NUMBERS = [
 ];
 
 export class CameraOnBody extends HTMLElement {
-  #inputs = new Map(NUMBERS.map(([key]) => [key, h("input", { type: "text", inputmode: "decimal", id: `camera-on-body-${key}`, autocomplete: "off", placeholder: "found out", "aria-describedby": `camera-on-body-help-${key}` })]));
+  #inputs = new Map(
+    NUMBERS.map(([key]) => [
+      key,
+      h("input", {
+        type: "text",
+        inputmode: "decimal",
+        id: `camera-on-body-${key}`,
+        autocomplete: "off",
+        placeholder: "found out",
+        "aria-describedby": `camera-on-body-help-${key}`,
+      }),
+    ]),
+  );
   #fill = h("button", { type: "button", class: "button" }, "Fill in what was found");
   #empty = h("button", { type: "button", class: "button" }, "Leave it to be found out");
   #details = h("details", {}, h("summary", {}, "Where the camera sits on that body"));
@@ -25,11 +37,31 @@ export class CameraOnBody extends HTMLElement {
 
   connectedCallback() {
     if (this.firstChild) return;
-    this.#details.append(h("div", { class: "stack" },
-      h("p", { class: "hint" }, "Of the left camera, in the body's axes. Empty: it is found out by the drive, or as the rig says. With all angles 0 it looks along the body's x with the body's z above."),
-      h("div", { class: "rig-fields" }, ...NUMBERS.map(([key, words, unit, help]) => h("div", { class: "field" },
-        h("label", { for: `camera-on-body-${key}` }, `${words}, ${unit}`), this.#inputs.get(key), h("p", { class: "hint", id: `camera-on-body-help-${key}` }, help)))),
-      h("div", { class: "row" }, this.#fill, this.#empty)));
+    this.#details.append(
+      h(
+        "div",
+        { class: "stack" },
+        h(
+          "p",
+          { class: "hint" },
+          "Of the left camera, in the body's axes. Empty: it is found out by the drive, or as the rig says. With all angles 0 it looks along the body's x with the body's z above.",
+        ),
+        h(
+          "div",
+          { class: "rig-fields" },
+          ...NUMBERS.map(([key, words, unit, help]) =>
+            h(
+              "div",
+              { class: "field" },
+              h("label", { for: `camera-on-body-${key}` }, `${words}, ${unit}`),
+              this.#inputs.get(key),
+              h("p", { class: "hint", id: `camera-on-body-help-${key}` }, help),
+            ),
+          ),
+        ),
+        h("div", { class: "row" }, this.#fill, this.#empty),
+      ),
+    );
     this.append(this.#details);
     this.#fill.addEventListener("click", () => this.#write(this.#found));
     this.#empty.addEventListener("click", () => this.#write(null));
@@ -52,18 +84,31 @@ export class CameraOnBody extends HTMLElement {
    * @throws {RangeError} some of it is missing or no number; one sentence
    */
   get place() {
-    const texts = NUMBERS.map(([key, words]) => ({ key, words, text: this.#inputs.get(key)?.value.trim().replace(",", ".") ?? "" }));
+    const texts = NUMBERS.map(([key, words]) => ({
+      key,
+      words,
+      text: this.#inputs.get(key)?.value.trim().replace(",", ".") ?? "",
+    }));
     if (texts.every(({ text }) => text === "")) return null;
     for (const { words, text } of texts) {
-      if (text === "") throw new RangeError(`The camera on its body lacks ${words}; fill in all six numbers, or none.`);
-      if (!Number.isFinite(Number(text))) throw new RangeError(`${words} of the camera on its body must be a number, not ${text.slice(0, 40)}.`);
+      if (text === "")
+        throw new RangeError(
+          `The camera on its body lacks ${words}; fill in all six numbers, or none.`,
+        );
+      if (!Number.isFinite(Number(text)))
+        throw new RangeError(
+          `${words} of the camera on its body must be a number, not ${text.slice(0, 40)}.`,
+        );
     }
-    return /** @type {CameraPlace} */ (Object.fromEntries(texts.map(({ key, text }) => [key, Number(text)])));
+    return /** @type {CameraPlace} */ (
+      Object.fromEntries(texts.map(({ key, text }) => [key, Number(text)]))
+    );
   }
 
   /** @param {CameraPlace | null} place */
   #write(place) {
-    for (const [key, input] of this.#inputs) input.value = place ? String(Number(place[key].toFixed(key.endsWith("_m") ? 4 : 2))) : "";
+    for (const [key, input] of this.#inputs)
+      input.value = place ? String(Number(place[key].toFixed(key.endsWith("_m") ? 4 : 2))) : "";
   }
 }
 

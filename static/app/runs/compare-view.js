@@ -52,14 +52,20 @@ export class CompareView extends Part {
     const asked = ++this.#asked;
     try {
       /** @type {Chart[]} */
-      const charts = await Promise.all(ids.map((id) => /** @type {Promise<Chart>} */ (request("GET", `/runs/${encodeURIComponent(id)}/chart`))));
+      const charts = await Promise.all(
+        ids.map(
+          (id) =>
+            /** @type {Promise<Chart>} */ (request("GET", `/runs/${encodeURIComponent(id)}/chart`)),
+        ),
+      );
       if (asked !== this.#asked) return;
       setText(this.#waiting, "");
       this.named(`${charts.map(({ run }) => run.name).join(" and ")} compared`);
       this.#chart.show(charts);
       this.#table.replaceChildren(settingsTable(charts));
       this.#again += 1;
-      if (awaitsTruth(charts) && this.#again < ASKED_AT_MOST) this.#timer = setTimeout(() => void this.#load(), AGAIN_MS);
+      if (awaitsTruth(charts) && this.#again < ASKED_AT_MOST)
+        this.#timer = setTimeout(() => void this.#load(), AGAIN_MS);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       if (asked !== this.#asked) return;
@@ -71,15 +77,19 @@ export class CompareView extends Part {
 
 /** @param {Chart[]} charts */
 function awaitsTruth(charts) {
-  const aligned = new Set(charts.flatMap(({ run, aligned }) => aligned ? [run.id] : []));
-  return charts.some(({ run, aligned: there }) => !there && run.rerun_of !== null && aligned.has(run.rerun_of));
+  const aligned = new Set(charts.flatMap(({ run, aligned }) => (aligned ? [run.id] : [])));
+  return charts.some(
+    ({ run, aligned: there }) => !there && run.rerun_of !== null && aligned.has(run.rerun_of),
+  );
 }
 
 /** @param {Chart[]} charts what is not the same in all of them */
 function settingsTable(charts) {
   const runs = charts.map(({ run }) => run);
   const names = [...new Set(runs.flatMap(({ parameters }) => Object.keys(parameters)))].sort();
-  const differing = names.filter((name) => new Set(runs.map(({ parameters }) => parameters[name])).size > 1);
+  const differing = names.filter(
+    (name) => new Set(runs.map(({ parameters }) => parameters[name])).size > 1,
+  );
   /** @type {[string, (chart: Chart) => string][]} */
   const rows = [
     ["Source", ({ run }) => run.source],
@@ -88,12 +98,49 @@ function settingsTable(charts) {
     ["Frames", ({ run }) => String(run.frames)],
     ["Segments", ({ run }) => String(run.segments)],
     ["Truth", ({ aligned, sentence }) => sentence ?? (aligned ? "aligned" : "none")],
-    ...differing.map((name) => /** @type {[string, (chart: Chart) => string]} */ ([name, ({ run }) => String(run.parameters[name] ?? "–")])),
+    ...differing.map(
+      (name) =>
+        /** @type {[string, (chart: Chart) => string]} */ ([
+          name,
+          ({ run }) => String(run.parameters[name] ?? "–"),
+        ]),
+    ),
   ];
-  return h("table", { class: "compared" },
-    h("caption", {}, differing.length === 0 ? "All parameters are the same." : "Parameters that differ, and what is known of each run."),
-    h("thead", {}, h("tr", {}, h("td", {}), ...runs.map((run) => h("th", { scope: "col" }, h("a", { href: runHref(run.id) }, run.name))))),
-    h("tbody", {}, ...rows.map(([name, text]) => h("tr", {}, h("th", { scope: "row" }, name), ...charts.map((chart) => h("td", {}, text(chart)))))));
+  return h(
+    "table",
+    { class: "compared" },
+    h(
+      "caption",
+      {},
+      differing.length === 0
+        ? "All parameters are the same."
+        : "Parameters that differ, and what is known of each run.",
+    ),
+    h(
+      "thead",
+      {},
+      h(
+        "tr",
+        {},
+        h("td", {}),
+        ...runs.map((run) =>
+          h("th", { scope: "col" }, h("a", { href: runHref(run.id) }, run.name)),
+        ),
+      ),
+    ),
+    h(
+      "tbody",
+      {},
+      ...rows.map(([name, text]) =>
+        h(
+          "tr",
+          {},
+          h("th", { scope: "row" }, name),
+          ...charts.map((chart) => h("td", {}, text(chart))),
+        ),
+      ),
+    ),
+  );
 }
 
 customElements.define("observer-run-compare", CompareView);

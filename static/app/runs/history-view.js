@@ -24,7 +24,13 @@ class HistoryView extends Part {
   build() {
     setAttribute(this, "role", "region");
     setAttribute(this, "aria-labelledby", "history-title");
-    this.append(h("header", { class: "history-head" }, this.#title, this.#all, this.#leave), this.#search, this.#rings, this.#run, this.#compare);
+    this.append(
+      h("header", { class: "history-head" }, this.#title, this.#all, this.#leave),
+      this.#search,
+      this.#rings,
+      this.#run,
+      this.#compare,
+    );
     this.#leave.addEventListener("click", () => this.#close(true));
     for (const part of [this.#search, this.#rings, this.#run, this.#compare]) part.attach(this.hub);
     this.#run.named = this.#compare.named = (words) => this.#name(words);
@@ -56,7 +62,7 @@ class HistoryView extends Part {
     this.#all.hidden = view === "list";
     this.#search.show(view === "list");
     this.#rings.show(view === "list");
-    this.#run.show(view === "run" ? ids[0] ?? "" : null);
+    this.#run.show(view === "run" ? (ids[0] ?? "") : null);
     this.#compare.show(view === "compare" ? ids : []);
     this.#name(view === "compare" ? "Runs compared" : view === "run" ? "Run" : "Runs");
     if (!moved) return;
@@ -69,7 +75,11 @@ class HistoryView extends Part {
   #giveBack() {
     const caller = this.#caller;
     this.#caller = null;
-    const there = caller instanceof HTMLElement && caller !== document.body && caller.isConnected && caller.checkVisibility();
+    const there =
+      caller instanceof HTMLElement &&
+      caller !== document.body &&
+      caller.isConnected &&
+      caller.checkVisibility();
     const next = there ? caller : document.querySelector('[role="tab"][aria-selected="true"]');
     if (next instanceof HTMLElement) next.focus();
   }

@@ -22,21 +22,44 @@ export class MatchTable extends HTMLElement {
   show(alignment, curves) {
     const keys = Object.keys(alignment?.matches ?? {});
     if (!alignment || keys.length === 0) return this.replaceChildren();
-    const bodies = Object.entries(alignment.roles).flatMap(([name, role]) => role === "observer" ? [] : [name]);
+    const bodies = Object.entries(alignment.roles).flatMap(([name, role]) =>
+      role === "observer" ? [] : [name],
+    );
     const { activeElement } = document;
-    const focused = this.contains(activeElement) ? activeElement?.getAttribute("data-choice") : null;
+    const focused = this.contains(activeElement)
+      ? activeElement?.getAttribute("data-choice")
+      : null;
     this.replaceChildren(
-      h("div", { class: "scroll-x" },
-        h("table", { class: "matches" },
+      h(
+        "div",
+        { class: "scroll-x" },
+        h(
+          "table",
+          { class: "matches" },
           h("caption", {}, "Which body each track is; choose another to correct it."),
-          h("thead", {}, h("tr", {}, ...["Track", "Seen", "Body", "Found"].map((text) => h("th", { scope: "col" }, text)))),
-          h("tbody", {}, ...keys.map((key) => this.#row(key, alignment, bodies, curves))))));
-    if (focused) /** @type {HTMLElement | null} */ (this.querySelector(`[data-choice="${CSS.escape(focused)}"]`))?.focus();
+          h(
+            "thead",
+            {},
+            h(
+              "tr",
+              {},
+              ...["Track", "Seen", "Body", "Found"].map((text) => h("th", { scope: "col" }, text)),
+            ),
+          ),
+          h("tbody", {}, ...keys.map((key) => this.#row(key, alignment, bodies, curves))),
+        ),
+      ),
+    );
+    if (focused)
+      /** @type {HTMLElement | null} */ (
+        this.querySelector(`[data-choice="${CSS.escape(focused)}"]`)
+      )?.focus();
   }
 
   /** @param {boolean} busy what is asked for now would have to wait */
   setBusy(busy) {
-    for (const choice of this.querySelectorAll("button, select")) setAttribute(choice, "aria-disabled", busy ? "true" : null);
+    for (const choice of this.querySelectorAll("button, select"))
+      setAttribute(choice, "aria-disabled", busy ? "true" : null);
   }
 
   /**
@@ -49,18 +72,37 @@ export class MatchTable extends HTMLElement {
     const [segment = 0, track = 0] = key.split(":").map(Number);
     const match = alignment.matches[key];
     const now = match?.body ?? null;
-    const curve = curves.find((each) => each.kind === "estimate" && each.segment === segment && each.track_id === track);
+    const curve = curves.find(
+      (each) => each.kind === "estimate" && each.segment === segment && each.track_id === track,
+    );
     const first = curve?.times[0];
-    const seen = curve && first !== undefined ? `${fixed(first, 1)}–${fixed(curve.times.at(-1), 1)} s` : "–";
+    const seen =
+      curve && first !== undefined ? `${fixed(first, 1)}–${fixed(curve.times.at(-1), 1)} s` : "–";
     const name = segment > 0 ? `${track} of segment ${segment}` : String(track);
     const label = `Body of track ${name}`;
     const distance = match?.distance_m;
-    const how = match ? `${BY[match.by] ?? match.by}${distance === null || distance === undefined ? "" : `, ${fixed(distance, 2)} m apart`}` : "–";
-    return h("tr", {},
-      h("th", { scope: "row", "data-track": trackColour(track) }, h("span", { class: "swatch" }), name),
+    const how = match
+      ? `${BY[match.by] ?? match.by}${distance === null || distance === undefined ? "" : `, ${fixed(distance, 2)} m apart`}`
+      : "–";
+    return h(
+      "tr",
+      {},
+      h(
+        "th",
+        { scope: "row", "data-track": trackColour(track) },
+        h("span", { class: "swatch" }),
+        name,
+      ),
       h("td", {}, seen),
-      h("td", {}, bodies.length > MOST_BUTTONS ? this.#list(key, label, bodies, now) : this.#buttons(key, label, bodies, now)),
-      h("td", {}, how));
+      h(
+        "td",
+        {},
+        bodies.length > MOST_BUTTONS
+          ? this.#list(key, label, bodies, now)
+          : this.#buttons(key, label, bodies, now),
+      ),
+      h("td", {}, how),
+    );
   }
 
   /**
@@ -71,7 +113,11 @@ export class MatchTable extends HTMLElement {
    */
   #buttons(key, label, bodies, now) {
     const choices = [...bodies, null].map((body) => {
-      const button = h("button", { type: "button", "aria-pressed": String(body === now), "data-choice": `${key} ${body}` }, body ?? NONE);
+      const button = h(
+        "button",
+        { type: "button", "aria-pressed": String(body === now), "data-choice": `${key} ${body}` },
+        body ?? NONE,
+      );
       button.addEventListener("click", () => {
         if (body !== now) this.corrected(key, body);
       });
@@ -87,8 +133,12 @@ export class MatchTable extends HTMLElement {
    * @param {string | null} now
    */
   #list(key, label, bodies, now) {
-    const list = h("select", { "aria-label": label, "data-choice": key },
-      h("option", { value: "" }, NONE), ...bodies.map((body) => h("option", { value: body }, body)));
+    const list = h(
+      "select",
+      { "aria-label": label, "data-choice": key },
+      h("option", { value: "" }, NONE),
+      ...bodies.map((body) => h("option", { value: body }, body)),
+    );
     list.value = now ?? "";
     list.addEventListener("change", () => this.corrected(key, list.value || null));
     return list;

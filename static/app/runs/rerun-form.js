@@ -32,16 +32,29 @@ class Draft extends EventTarget {
 
   /** What differs from where it began. @returns {Values} */
   get differing() {
-    return Object.fromEntries(Object.entries(this.values).filter(([name, value]) => this.defaults[name] !== value));
+    return Object.fromEntries(
+      Object.entries(this.values).filter(([name, value]) => this.defaults[name] !== value),
+    );
   }
 }
 
 export class RerunForm extends Part {
   #draft = new Draft();
   #groups = new ParameterGroups("rerun");
-  #name = h("input", { type: "text", id: "rerun-name", maxlength: 100, autocomplete: "off", placeholder: "optional" });
+  #name = h("input", {
+    type: "text",
+    id: "rerun-name",
+    maxlength: 100,
+    autocomplete: "off",
+    placeholder: "optional",
+  });
   #preset = h("select", { id: "rerun-preset" });
-  #search = h("input", { type: "search", id: "rerun-search", placeholder: "Find a parameter", autocomplete: "off" });
+  #search = h("input", {
+    type: "search",
+    id: "rerun-search",
+    placeholder: "Find a parameter",
+    autocomplete: "off",
+  });
   #differing = h("ul", { class: "plain-list" });
   #differs = h("p", { class: "hint", role: "status" });
   #start = h("button", { type: "submit", class: "button primary" }, "Observe again");
@@ -61,18 +74,43 @@ export class RerunForm extends Part {
 
   build() {
     this.#form.append(
-      h("p", { class: "hint" }, "The recording is observed once through, as fast as it goes. What is open now is closed for it, the robots stand meanwhile, and its parameters stay in force."),
-      h("div", { class: "rerun-fields" }, field("Name", this.#name), field("Begin with", this.#preset)),
-      h("details", {}, h("summary", {}, "Other parameters"),
-        h("div", { class: "stack" }, h("label", { for: "rerun-search", class: "visually-hidden" }, "Find a parameter"), this.#search, this.#groups)),
-      this.#differs, this.#differing, this.#error, h("div", { class: "row" }, this.#start));
+      h(
+        "p",
+        { class: "hint" },
+        "The recording is observed once through, as fast as it goes. What is open now is closed for it, the robots stand meanwhile, and its parameters stay in force.",
+      ),
+      h(
+        "div",
+        { class: "rerun-fields" },
+        field("Name", this.#name),
+        field("Begin with", this.#preset),
+      ),
+      h(
+        "details",
+        {},
+        h("summary", {}, "Other parameters"),
+        h(
+          "div",
+          { class: "stack" },
+          h("label", { for: "rerun-search", class: "visually-hidden" }, "Find a parameter"),
+          this.#search,
+          this.#groups,
+        ),
+      ),
+      this.#differs,
+      this.#differing,
+      this.#error,
+      h("div", { class: "row" }, this.#start),
+    );
     this.append(h("h3", {}, "Run again"), this.#without, this.#form, this.#progress);
     this.#form.addEventListener("submit", (event) => {
       event.preventDefault();
       void this.#begin();
     });
     this.#preset.addEventListener("change", () => void this.#draft.change(this.#startingValues()));
-    this.#search.addEventListener("input", () => this.#groups.filter(this.#search.value.trim().toLowerCase()));
+    this.#search.addEventListener("input", () =>
+      this.#groups.filter(this.#search.value.trim().toLowerCase()),
+    );
     this.#draft.addEventListener("values", () => this.#render());
     this.hear("status", () => this.#renderProgress());
   }
@@ -84,7 +122,14 @@ export class RerunForm extends Part {
     const possible = hasImages(run);
     this.#form.hidden = !possible;
     this.#without.hidden = possible;
-    setText(this.#without, run.state === "running" ? "Possible once the run has ended." : run.rerun_of ? "Its images are in the recording of the run it was made from; observe that one again." : "Its recording holds no images, so it cannot be observed again.");
+    setText(
+      this.#without,
+      run.state === "running"
+        ? "Possible once the run has ended."
+        : run.rerun_of
+          ? "Its images are in the recording of the run it was made from; observe that one again."
+          : "Its recording holds no images, so it cannot be observed again.",
+    );
     if (!other) return;
     this.#begun = null;
     this.#name.value = "";
@@ -99,7 +144,10 @@ export class RerunForm extends Part {
     }
     this.#presets = await request("GET", "/presets").catch(() => []);
     this.#groups.make(this.#schema, this.#draft);
-    this.#preset.replaceChildren(h("option", { value: "" }, "the values of this run"), ...this.#presets.map(({ name }) => h("option", { value: name }, `preset ${name}`)));
+    this.#preset.replaceChildren(
+      h("option", { value: "" }, "the values of this run"),
+      ...this.#presets.map(({ name }) => h("option", { value: name }, `preset ${name}`)),
+    );
     const declared = Object.fromEntries(this.#schema.map((entry) => [entry.name, entry.default]));
     this.#draft.values = {};
     this.#draft.defaults = { ...declared, ...this.#run?.parameters };
@@ -110,14 +158,24 @@ export class RerunForm extends Part {
   #startingValues() {
     const preset = this.#presets.find(({ name }) => name === this.#preset.value);
     if (!preset) return this.#draft.defaults;
-    return { ...Object.fromEntries(this.#schema.map((entry) => [entry.name, entry.default])), ...preset.values };
+    return {
+      ...Object.fromEntries(this.#schema.map((entry) => [entry.name, entry.default])),
+      ...preset.values,
+    };
   }
 
   #render() {
     const { values, defaults, differing } = this.#draft;
     this.#groups.show(values);
-    const lines = Object.entries(differing).map(([name, value]) => `${name}: ${defaults[name]} → ${value}`);
-    setText(this.#differs, lines.length === 0 ? "The same values as in this run." : `${counted(lines.length, "value")} will differ from this run:`);
+    const lines = Object.entries(differing).map(
+      ([name, value]) => `${name}: ${defaults[name]} → ${value}`,
+    );
+    setText(
+      this.#differs,
+      lines.length === 0
+        ? "The same values as in this run."
+        : `${counted(lines.length, "value")} will differ from this run:`,
+    );
     fillList(this.#differing, lines);
   }
 
@@ -130,9 +188,15 @@ export class RerunForm extends Part {
     const name = this.#name.value.trim();
     const preset = this.#preset.value;
     const begin = this.#startingValues();
-    const parameters = Object.fromEntries(Object.entries(this.#draft.values).filter(([each, value]) => begin[each] !== value));
+    const parameters = Object.fromEntries(
+      Object.entries(this.#draft.values).filter(([each, value]) => begin[each] !== value),
+    );
     try {
-      this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, { ...(name ? { name } : {}), ...(preset ? { preset } : {}), parameters });
+      this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
+        ...(name ? { name } : {}),
+        ...(preset ? { preset } : {}),
+        parameters,
+      });
       this.hub.tell("runs");
       this.#renderProgress();
     } catch (error) {
@@ -151,15 +215,20 @@ export class RerunForm extends Part {
     if (status.run?.id === begun.id) {
       const { frame, frame_count: count } = status.playback ?? {};
       // Told in tenths, or nobody could listen to it.
-      const share = frame !== null && frame !== undefined && count ? `, ${Math.floor((10 * (frame + 1)) / count) * 10} % of it done` : "";
+      const share =
+        frame !== null && frame !== undefined && count
+          ? `, ${Math.floor((10 * (frame + 1)) / count) * 10} % of it done`
+          : "";
       return setText(this.#progress, `${begun.name} is being observed${share}.`);
     }
     // The status may be older than the beginning of the run.
     if (Date.now() - Date.parse(begun.started_at) < 1500) return;
     this.#begun = null;
     this.#progress.replaceChildren(
-      h("a", { href: runHref(begun.id) }, begun.name), " has ended. ",
-      h("a", { href: compareHref([this.#run.id, begun.id]) }, "Compare both side by side"));
+      h("a", { href: runHref(begun.id) }, begun.name),
+      " has ended. ",
+      h("a", { href: compareHref([this.#run.id, begun.id]) }, "Compare both side by side"),
+    );
   }
 }
 

@@ -16,7 +16,11 @@ export class RingList extends Part {
 
   #heading = h("h3", { tabindex: "-1" }, "Saved half minutes");
   #list = h("ul", { class: "item-list" });
-  #items = new KeptList(this.#list, (/** @type {Ring} */ ring) => this.#item(ring), () => this.#heading);
+  #items = new KeptList(
+    this.#list,
+    (/** @type {Ring} */ ring) => this.#item(ring),
+    () => this.#heading,
+  );
   #shown = false;
 
   build() {
@@ -47,17 +51,57 @@ export class RingList extends Part {
   #item(ring) {
     const { name, run_id: run, bytes } = ring;
     const at = when(ring.saved_at);
-    const play = h("button", { type: "button", class: "button", "aria-label": `Play the half minute until ${at}` }, icon("play"), "Play");
-    const remove = h("button", { type: "button", class: "button icon-button", "aria-label": `Delete the half minute until ${at}`, title: "Delete" }, icon("trash"));
+    const play = h(
+      "button",
+      { type: "button", class: "button", "aria-label": `Play the half minute until ${at}` },
+      icon("play"),
+      "Play",
+    );
+    const remove = h(
+      "button",
+      {
+        type: "button",
+        class: "button icon-button",
+        "aria-label": `Delete the half minute until ${at}`,
+        title: "Delete",
+      },
+      icon("trash"),
+    );
     play.addEventListener("click", () => void this.#open(ring));
     remove.addEventListener("click", () => void this.#delete(ring));
-    return h("li", {},
-      h("div", { class: "item-words" },
+    return h(
+      "li",
+      {},
+      h(
+        "div",
+        { class: "item-words" },
         h("p", {}, `Until ${at}`),
-        h("p", { class: "hint" }, size(bytes), run ? ", " : null, run ? h("a", { href: runHref(run) }, "of this run") : null)),
-      h("div", { class: "row" }, play,
-        h("a", { class: "button", href: `/api/recording/rings/${encodeURIComponent(name)}`, download: `${name}.mcap`, "aria-label": `Download the half minute until ${at}` }, icon("download"), "MCAP"),
-        remove));
+        h(
+          "p",
+          { class: "hint" },
+          size(bytes),
+          run ? ", " : null,
+          run ? h("a", { href: runHref(run) }, "of this run") : null,
+        ),
+      ),
+      h(
+        "div",
+        { class: "row" },
+        play,
+        h(
+          "a",
+          {
+            class: "button",
+            href: `/api/recording/rings/${encodeURIComponent(name)}`,
+            download: `${name}.mcap`,
+            "aria-label": `Download the half minute until ${at}`,
+          },
+          icon("download"),
+          "MCAP",
+        ),
+        remove,
+      ),
+    );
   }
 
   /** @param {Ring} ring */
@@ -73,7 +117,14 @@ export class RingList extends Part {
 
   /** @param {Ring} ring */
   async #delete(ring) {
-    if (!(await confirmed(`Delete the half minute until ${when(ring.saved_at)}?`, "It cannot be had back.", "Delete half minute"))) return;
+    if (
+      !(await confirmed(
+        `Delete the half minute until ${when(ring.saved_at)}?`,
+        "It cannot be had back.",
+        "Delete half minute",
+      ))
+    )
+      return;
     try {
       await request("DELETE", `/recording/rings/${encodeURIComponent(ring.name)}`);
     } catch (error) {

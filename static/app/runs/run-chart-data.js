@@ -56,15 +56,21 @@ export function panelsOf(charts, overlaid) {
   const shared = sameRecording(charts);
   const curves = charts.flatMap((chart, run) =>
     curvesOf(chart, run, Number(origins[run]), { colour: runColour(run), shared }).filter(
-      (curve) => !shared || run === 0 || isTrack(curve)));
-  return [{
-    title: charts.map(({ run }) => run.name).join(" and "),
-    charts,
-    curves: inOrder(inLanes(curves)),
-    starts: [],
-    changes: charts.flatMap((chart, run) => changesOf(chart, Number(origins[run]), runColour(run))),
-    gaps: gapsOf(curves),
-  }];
+      (curve) => !shared || run === 0 || isTrack(curve),
+    ),
+  );
+  return [
+    {
+      title: charts.map(({ run }) => run.name).join(" and "),
+      charts,
+      curves: inOrder(inLanes(curves)),
+      starts: [],
+      changes: charts.flatMap((chart, run) =>
+        changesOf(chart, Number(origins[run]), runColour(run)),
+      ),
+      gaps: gapsOf(curves),
+    },
+  ];
 }
 
 /** @param {number} run its place @returns {string} a colour's name in tokens.css */
@@ -115,7 +121,9 @@ export function readingsAt(curves, time, reach) {
     const measured = speedAt(curve, time, reach);
     if (!measured) return [];
     const part = curve.parts.find(({ begin, end }) => time >= begin - reach && time <= end + reach);
-    return [{ ...measured, label: part?.label ?? curve.label, colour: curve.colour, kind: curve.kind }];
+    return [
+      { ...measured, label: part?.label ?? curve.label, colour: curve.colour, kind: curve.kind },
+    ];
   });
 }
 
@@ -132,32 +140,36 @@ export function trackInWords(track) {
  * @returns {ChosenCurve[]}
  */
 function curvesOf(chart, run, origin, overlay) {
-  const known = chart.curves.some(({ kind, body }) => kind === "estimate" && body !== null && body !== "");
-  return chart.curves.filter(({ times }) => times.length > 0).map((stored, at) => {
-    const choice = choiceOf(stored, known);
-    const kind = choice === "stray" ? "stray" : stored.kind;
-    // Without colours too it is told whose it is.
-    const own = overlay && (stored.kind === "estimate" || !overlay.shared);
-    const label = own ? `${chart.run.name}: ${labelOf(stored)}` : labelOf(stored);
-    const broken = withGaps(stored);
-    const times = broken.times.map((time) => time - origin);
-    /** @type {ChosenCurve} */
-    const curve = {
-      key: `${run}/${at}`,
-      kind,
-      label,
-      colour: overlay && stored.kind === "estimate" ? overlay.colour : colourOf(stored, choice),
-      banded: choice === "matched",
-      times,
-      speeds: broken.speeds,
-      stds: broken.stds,
-      choice,
-      words: String(stored.track_id ?? ""),
-      run: chart.run.name,
-      parts: [{ begin: Number(times[0]), end: Number(times.at(-1)), label }],
-    };
-    return curve;
-  });
+  const known = chart.curves.some(
+    ({ kind, body }) => kind === "estimate" && body !== null && body !== "",
+  );
+  return chart.curves
+    .filter(({ times }) => times.length > 0)
+    .map((stored, at) => {
+      const choice = choiceOf(stored, known);
+      const kind = choice === "stray" ? "stray" : stored.kind;
+      // Without colours too it is told whose it is.
+      const own = overlay && (stored.kind === "estimate" || !overlay.shared);
+      const label = own ? `${chart.run.name}: ${labelOf(stored)}` : labelOf(stored);
+      const broken = withGaps(stored);
+      const times = broken.times.map((time) => time - origin);
+      /** @type {ChosenCurve} */
+      const curve = {
+        key: `${run}/${at}`,
+        kind,
+        label,
+        colour: overlay && stored.kind === "estimate" ? overlay.colour : colourOf(stored, choice),
+        banded: choice === "matched",
+        times,
+        speeds: broken.speeds,
+        stds: broken.stds,
+        choice,
+        words: String(stored.track_id ?? ""),
+        run: chart.run.name,
+        parts: [{ begin: Number(times[0]), end: Number(times.at(-1)), label }],
+      };
+      return curve;
+    });
 }
 
 /** @param {StoredCurve} curve @param {boolean} known whether any track has a body @returns {Choice} */
@@ -242,11 +254,16 @@ function withGaps({ times, speeds, stds }) {
 
 /** Where tracks begin, so that changes of identity are seen. @param {ChosenCurve[]} curves not yet in lanes */
 function startsOf(curves) {
-  return curves.filter((curve) => isTrack(curve) && curve.times.length >= NAMED_FROM).flatMap(({ times, speeds, colour, choice, words }) => {
-    const first = speeds.findIndex((speed) => speed !== null);
-    const speed = speeds[first];
-    return typeof speed === "number" ? [{ time: Number(times[first]), speed, words, colour, choice }] : [];
-  }).sort((a, b) => a.time - b.time);
+  return curves
+    .filter((curve) => isTrack(curve) && curve.times.length >= NAMED_FROM)
+    .flatMap(({ times, speeds, colour, choice, words }) => {
+      const first = speeds.findIndex((speed) => speed !== null);
+      const speed = speeds[first];
+      return typeof speed === "number"
+        ? [{ time: Number(times[first]), speed, words, colour, choice }]
+        : [];
+    })
+    .sort((a, b) => a.time - b.time);
 }
 
 /** @param {StoredChart} chart @param {number} origin @param {string} colour */
@@ -262,7 +279,9 @@ function changesOf({ run, changes }, origin, colour) {
 
 /** @param {ChosenCurve[]} curves */
 function gapsOf(curves) {
-  return curves.filter(({ choice }) => choice === "truth").flatMap((curve) => gapsIn(curve).map((gap) => ({ ...gap, run: curve.run })));
+  return curves
+    .filter(({ choice }) => choice === "truth")
+    .flatMap((curve) => gapsIn(curve).map((gap) => ({ ...gap, run: curve.run })));
 }
 
 /** @param {ChosenCurve[]} curves the last is drawn on top */
@@ -272,5 +291,8 @@ function inOrder(curves) {
 
 /** @param {(number | undefined)[]} values */
 function least(values) {
-  return values.reduce((best, value) => (value !== undefined && (best === undefined || value < best) ? value : best), undefined);
+  return values.reduce(
+    (best, value) => (value !== undefined && (best === undefined || value < best) ? value : best),
+    undefined,
+  );
 }

@@ -28,12 +28,23 @@ const WHAT = `An error is the speed by the observer less the true one at the ins
 export function errorSection(charts, coloured) {
   const several = charts.length > 1;
   const known = charts.some((chart) => errorsOf(chart).some(({ samples }) => samples > 0));
-  return h("section", { class: "chart-errors", "aria-label": "Errors of speed" },
+  return h(
+    "section",
+    { class: "chart-errors", "aria-label": "Errors of speed" },
     h("h3", {}, "Errors of speed"),
     known
       ? h("p", { class: "hint" }, WHAT)
-      : h("p", { class: "empty" }, "No errors can be told: no truth is known at the times of these speeds."),
-    known ? (several ? comparison(charts, coloured) : ofOne(charts[0] ? errorsOf(charts[0]) : [])) : null);
+      : h(
+          "p",
+          { class: "empty" },
+          "No errors can be told: no truth is known at the times of these speeds.",
+        ),
+    known
+      ? several
+        ? comparison(charts, coloured)
+        : ofOne(charts[0] ? errorsOf(charts[0]) : [])
+      : null,
+  );
 }
 
 /** @param {StoredChart} chart @returns {SpeedErrors[]} */
@@ -44,48 +55,103 @@ function errorsOf({ errors }) {
 /** @param {SpeedErrors[]} errors */
 function ofOne(errors) {
   const tracks = errors.filter(({ group }) => group === "track");
-  const rows = (/** @type {SpeedErrors[]} */ some) => some.map((each) => h("tr", {}, h("th", { scope: "row" }, inWords(each)), ...cells(each, false)));
-  return h("div", { class: "stack" },
+  const rows = (/** @type {SpeedErrors[]} */ some) =>
+    some.map((each) =>
+      h("tr", {}, h("th", { scope: "row" }, inWords(each)), ...cells(each, false)),
+    );
+  return h(
+    "div",
+    { class: "stack" },
     table(["", ...COLUMNS], rows(errors.filter(({ group }) => group !== "track"))),
     tracks.length
-      ? h("details", {}, h("summary", {}, tracks.length === 1 ? "The one track" : `Each of ${tracks.length} tracks`), table(["", ...COLUMNS], rows(tracks)))
-      : null);
+      ? h(
+          "details",
+          {},
+          h(
+            "summary",
+            {},
+            tracks.length === 1 ? "The one track" : `Each of ${tracks.length} tracks`,
+          ),
+          table(["", ...COLUMNS], rows(tracks)),
+        )
+      : null,
+  );
 }
 
 /** Each group once, with a line for every run; tracks have nothing to do with each other. @param {StoredChart[]} charts @param {boolean} coloured */
 function comparison(charts, coloured) {
-  const groups = new Set(charts.flatMap((chart) => errorsOf(chart).filter(({ group }) => group !== "track").map(inWords)));
+  const groups = new Set(
+    charts.flatMap((chart) =>
+      errorsOf(chart)
+        .filter(({ group }) => group !== "track")
+        .map(inWords),
+    ),
+  );
   const bodies = [...groups].map((words) => {
-    const found = charts.map((chart) => errorsOf(chart).find((each) => each.group !== "track" && inWords(each) === words));
+    const found = charts.map((chart) =>
+      errorsOf(chart).find((each) => each.group !== "track" && inWords(each) === words),
+    );
     const best = Math.min(...found.map((each) => each?.rmse_mps ?? Infinity));
-    return h("tbody", {}, ...charts.map(({ run }, at) => {
-      const swatch = h("span", { class: "swatch line", "data-kind": "estimate", "aria-hidden": "true" });
-      swatch.style.setProperty("--swatch", `var(${runColour(at)})`);
-      const each = found[at];
-      return h("tr", {},
-        at === 0 ? h("th", { scope: "rowgroup", rowspan: charts.length }, words) : null,
-        h("th", { scope: "row" }, h("span", { class: "of-run" }, coloured ? swatch : null, run.name)),
-        ...(each ? cells(each, charts.length > 1 && each.rmse_mps === best) : COLUMNS.map(() => h("td", { class: "number" }, "–"))));
-    }));
+    return h(
+      "tbody",
+      {},
+      ...charts.map(({ run }, at) => {
+        const swatch = h("span", {
+          class: "swatch line",
+          "data-kind": "estimate",
+          "aria-hidden": "true",
+        });
+        swatch.style.setProperty("--swatch", `var(${runColour(at)})`);
+        const each = found[at];
+        return h(
+          "tr",
+          {},
+          at === 0 ? h("th", { scope: "rowgroup", rowspan: charts.length }, words) : null,
+          h(
+            "th",
+            { scope: "row" },
+            h("span", { class: "of-run" }, coloured ? swatch : null, run.name),
+          ),
+          ...(each
+            ? cells(each, charts.length > 1 && each.rmse_mps === best)
+            : COLUMNS.map(() => h("td", { class: "number" }, "–"))),
+        );
+      }),
+    );
   });
   return table(["", "run", ...COLUMNS], bodies);
 }
 
 /** @param {string[]} header @param {HTMLElement[]} content rows, or bodies of rows */
 function table(header, content) {
-  const rows = content.some((each) => each.localName === "tbody") ? content : [h("tbody", {}, ...content)];
-  const of = (/** @type {string} */ words) => h("th", { scope: "col", class: COLUMNS.includes(words) ? "number" : null }, words || h("span", { class: "visually-hidden" }, "of"));
-  return h("div", { class: "scroll-x", tabindex: 0, role: "group", "aria-label": "Table of errors" }, h("table", {}, h("thead", {}, h("tr", {}, ...header.map(of))), ...rows));
+  const rows = content.some((each) => each.localName === "tbody")
+    ? content
+    : [h("tbody", {}, ...content)];
+  const of = (/** @type {string} */ words) =>
+    h(
+      "th",
+      { scope: "col", class: COLUMNS.includes(words) ? "number" : null },
+      words || h("span", { class: "visually-hidden" }, "of"),
+    );
+  return h(
+    "div",
+    { class: "scroll-x", tabindex: 0, role: "group", "aria-label": "Table of errors" },
+    h("table", {}, h("thead", {}, h("tr", {}, ...header.map(of))), ...rows),
+  );
 }
 
 /** @param {SpeedErrors} each @param {boolean} best */
 function cells(each, best) {
   const covered = each.coverage === null ? null : `of ${each.covered_of} that state a band`;
-  const number = (/** @type {string} */ words, /** @type {Record<string, unknown>} */ more = {}) => h("td", { class: "number", ...more }, words);
+  const number = (/** @type {string} */ words, /** @type {Record<string, unknown>} */ more = {}) =>
+    h("td", { class: "number", ...more }, words);
   return [
     number(String(each.samples)),
     number(fixed(each.bias_mps, 3)),
-    number(fixed(each.rmse_mps, 3), { "data-best": best, title: best ? "The smallest of these runs" : null }),
+    number(fixed(each.rmse_mps, 3), {
+      "data-best": best,
+      title: best ? "The smallest of these runs" : null,
+    }),
     number(fixed(each.maximum_mps, 3)),
     number(percent(each.coverage), { title: covered }),
     number(percent(each.seen_share)),
@@ -100,7 +166,8 @@ function percent(share) {
 /** @param {SpeedErrors} errors @returns {string} */
 function inWords({ group, label, body }) {
   if (group === "all") return "Whole run";
-  if (group === "direction") return label === "at rest" ? "At rest" : `Moving ${directionInWords(label)}`;
+  if (group === "direction")
+    return label === "at rest" ? "At rest" : `Moving ${directionInWords(label)}`;
   if (group === "way") return `Driving ${label}`;
   if (group === "track") return `Track ${label} of ${body ?? "no body"}`;
   return `Body ${label}`;

@@ -11,7 +11,12 @@ import { fixed } from "../words.js";
  * @property {{format: string, title: string, make: () => Promise<{blob: Blob, name: string}>}[]} files
  */
 
-const FORMATS = { csv: "Curves as a table", png: "Figure as an image", svg: "Figure to edit or embed", pdf: "Figure for a paper" };
+const FORMATS = {
+  csv: "Curves as a table",
+  png: "Figure as an image",
+  svg: "Figure to edit or embed",
+  pdf: "Figure for a paper",
+};
 
 /**
  * What the server makes of a stored run.
@@ -29,7 +34,9 @@ export function ofRun({ id, name }, range) {
       format,
       title,
       make: async () => {
-        const { blob, headers } = await requestImage(`/runs/${encodeURIComponent(id)}/chart.${format}${query}`);
+        const { blob, headers } = await requestImage(
+          `/runs/${encodeURIComponent(id)}/chart.${format}${query}`,
+        );
         return { blob, name: fileName(headers) ?? `${name}.${format}` };
       },
     })),
@@ -37,8 +44,18 @@ export function ofRun({ id, name }, range) {
 }
 
 export class ChartExport extends HTMLElement {
-  #open = h("button", { type: "button", class: "button", "aria-expanded": "false" }, icon("download"), "Export");
-  #box = h("div", { class: "menu-box", role: "group", "aria-label": "Export what is seen of the chart", hidden: true });
+  #open = h(
+    "button",
+    { type: "button", class: "button", "aria-expanded": "false" },
+    icon("download"),
+    "Export",
+  );
+  #box = h("div", {
+    class: "menu-box",
+    role: "group",
+    "aria-label": "Export what is seen of the chart",
+    hidden: true,
+  });
   #offers;
   #busy = false;
 
@@ -54,7 +71,8 @@ export class ChartExport extends HTMLElement {
       this.#open.focus();
     });
     this.addEventListener("focusout", (event) => {
-      if (event.relatedTarget instanceof Node && !this.contains(event.relatedTarget)) this.#toggle(false);
+      if (event.relatedTarget instanceof Node && !this.contains(event.relatedTarget))
+        this.#toggle(false);
     });
   }
 
@@ -83,11 +101,20 @@ export class ChartExport extends HTMLElement {
   #entry({ words, files }) {
     const buttons = files.map(({ format, title, make }) => {
       const name = format.toUpperCase();
-      const button = h("button", { type: "button", class: "button", title, "aria-label": `${name}. ${words}` }, name);
+      const button = h(
+        "button",
+        { type: "button", class: "button", title, "aria-label": `${name}. ${words}` },
+        name,
+      );
       button.addEventListener("click", () => void this.#save(make));
       return button;
     });
-    return h("div", { class: "stack" }, h("p", { class: "hint" }, words), h("div", { class: "row" }, ...buttons));
+    return h(
+      "div",
+      { class: "stack" },
+      h("p", { class: "hint" }, words),
+      h("div", { class: "row" }, ...buttons),
+    );
   }
 
   /** @param {Offer["files"][number]["make"]} make */

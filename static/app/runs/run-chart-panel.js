@@ -30,10 +30,16 @@ const ZOOM = 2;
 const REACH = 0.005;
 const LISTED_AT_MOST = 6;
 const READING = "Point at the chart to read values, or use the arrow keys.";
-const KEYS_IN_WORDS = "Arrow keys read values, with Shift they move what is seen; plus and minus zoom; 0 shows all.";
+const KEYS_IN_WORDS =
+  "Arrow keys read values, with Shift they move what is seen; plus and minus zoom; 0 shows all.";
 
 export class ChartPanel {
-  #host = h("div", { class: "chart", tabindex: 0, role: "application", "aria-roledescription": "chart" });
+  #host = h("div", {
+    class: "chart",
+    tabindex: 0,
+    role: "application",
+    "aria-roledescription": "chart",
+  });
   #reading = h("p", { class: "chart-reading figure" }, READING);
   // Said after a key only: the pointer reads faster than anybody can listen.
   #said = h("p", { class: "visually-hidden", role: "status" });
@@ -64,18 +70,23 @@ export class ChartPanel {
     });
     this.#host.addEventListener("keydown", (event) => this.#pressed(event));
     this.#host.addEventListener("blur", () => shared.read(null));
-    this.element = h("section", { class: "chart-panel", "aria-label": `Speeds of ${panel.title}` },
+    this.element = h(
+      "section",
+      { class: "chart-panel", "aria-label": `Speeds of ${panel.title}` },
       several && panel.charts.length === 1 ? h("h3", {}, panel.title) : null,
       ...panel.charts.map((chart) => noteOf(chart, panel.charts.length > 1)),
       ...(panel.curves.length > 0
         ? [this.#host, this.#reading, this.#said, factsOf(panel)]
-        : [h("p", { class: "empty" }, "No speed is known of this run.")]));
+        : [h("p", { class: "empty" }, "No speed is known of this run.")]),
+    );
   }
 
   /** @param {Set<Choice>} choices what is shown */
   draw(choices) {
     const { curves, starts, changes, gaps } = this.panel;
-    this.#shown = curves.filter(({ choice }) => choices.has(choice)).map((curve) => ({ ...curve, banded: curve.banded && choices.has("band") }));
+    this.#shown = curves
+      .filter(({ choice }) => choices.has(choice))
+      .map((curve) => ({ ...curve, banded: curve.banded && choices.has("band") }));
     this.#plot.draw(this.#shown, {
       starts: starts.filter(({ choice }) => choices.has(choice)),
       changes: choices.has("matched") ? changes : [],
@@ -88,7 +99,11 @@ export class ChartPanel {
   rescale() {
     this.#plot.rescale();
     const [begin, end] = this.shared.range();
-    setAttribute(this.#host, "aria-label", `Speed over time of ${this.panel.title}, ${fixed(begin, 1)} to ${fixed(end, 1)} seconds. ${KEYS_IN_WORDS}`);
+    setAttribute(
+      this.#host,
+      "aria-label",
+      `Speed over time of ${this.panel.title}, ${fixed(begin, 1)} to ${fixed(end, 1)} seconds. ${KEYS_IN_WORDS}`,
+    );
   }
 
   /** m/s, of the curves that are seen. */
@@ -113,7 +128,10 @@ export class ChartPanel {
       swatch.style.setProperty("--swatch", `var(${colour})`);
       return h("span", {}, swatch, ` ${label} ${withBand({ speed, std })}`);
     });
-    this.#reading.replaceChildren(h("b", {}, `${fixed(time, 2)} s`), ...(values.length ? values : [h("span", {}, "nothing measured")]));
+    this.#reading.replaceChildren(
+      h("b", {}, `${fixed(time, 2)} s`),
+      ...(values.length ? values : [h("span", {}, "nothing measured")]),
+    );
   }
 
   focus() {
@@ -130,7 +148,10 @@ export class ChartPanel {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     const [begin, end] = this.shared.range();
     const span = end - begin;
-    const at = this.#time !== null && this.#time >= begin && this.#time <= end ? this.#time : (begin + end) / 2;
+    const at =
+      this.#time !== null && this.#time >= begin && this.#time <= end
+        ? this.#time
+        : (begin + end) / 2;
     const side = event.key === "ArrowRight" ? 1 : -1;
     if (event.key === "ArrowLeft" || event.key === "ArrowRight") {
       if (event.shiftKey) this.shared.zoom(begin + side * PAN * span, end + side * PAN * span);
@@ -151,7 +172,10 @@ export class ChartPanel {
   #readAt(time) {
     this.shared.read(time);
     this.#plot.point(time);
-    setText(this.#said, [...this.#reading.children].map(({ textContent }) => textContent?.trim()).join(", "));
+    setText(
+      this.#said,
+      [...this.#reading.children].map(({ textContent }) => textContent?.trim()).join(", "),
+    );
   }
 }
 
@@ -164,15 +188,28 @@ function noteOf({ run, aligned, sentence: told }, named) {
 /** Changes of identity and gaps in truth, in words. @param {Panel} panel */
 function factsOf({ charts, changes, gaps }) {
   const of = (/** @type {string} */ run) => (charts.length > 1 ? ` in ${run}` : "");
-  const changed = changes.map(({ time, body, words, run }) => `${fixed(time, 1)} s (${body}: ${words}${of(run)})`);
-  const missing = gaps.map(({ begin, end, run }) => `${fixed(begin, 1)} to ${fixed(end, 1)} s${of(run)}`);
-  return h("ul", { class: "chart-facts hint" },
-    changed.length ? h("li", { "data-fact": "changes" }, `Identity changes: ${listed(changed)}.`) : null,
-    missing.length ? h("li", { "data-fact": "gaps" }, `Truth is missing: ${listed(missing)}.`) : null);
+  const changed = changes.map(
+    ({ time, body, words, run }) => `${fixed(time, 1)} s (${body}: ${words}${of(run)})`,
+  );
+  const missing = gaps.map(
+    ({ begin, end, run }) => `${fixed(begin, 1)} to ${fixed(end, 1)} s${of(run)}`,
+  );
+  return h(
+    "ul",
+    { class: "chart-facts hint" },
+    changed.length
+      ? h("li", { "data-fact": "changes" }, `Identity changes: ${listed(changed)}.`)
+      : null,
+    missing.length
+      ? h("li", { "data-fact": "gaps" }, `Truth is missing: ${listed(missing)}.`)
+      : null,
+  );
 }
 
 /** @param {string[]} words */
 function listed(words) {
   const shown = words.slice(0, LISTED_AT_MOST).join(", ");
-  return words.length > LISTED_AT_MOST ? `${shown} and ${words.length - LISTED_AT_MOST} more` : shown;
+  return words.length > LISTED_AT_MOST
+    ? `${shown} and ${words.length - LISTED_AT_MOST} more`
+    : shown;
 }

@@ -34,8 +34,18 @@ let made = 0;
 
 export class RunChart extends HTMLElement {
   #name = `run-chart-${(made += 1)}`;
-  #begin = h("input", { type: "number", step: "any", id: `${this.#name}-begin`, "aria-label": "Seen from, seconds" });
-  #end = h("input", { type: "number", step: "any", id: `${this.#name}-end`, "aria-label": "Seen to, seconds" });
+  #begin = h("input", {
+    type: "number",
+    step: "any",
+    id: `${this.#name}-begin`,
+    "aria-label": "Seen from, seconds",
+  });
+  #end = h("input", {
+    type: "number",
+    step: "any",
+    id: `${this.#name}-end`,
+    "aria-label": "Seen to, seconds",
+  });
   #layout = h("fieldset", { class: "chips", hidden: true });
   #clock = h("span", { class: "hint" });
   #panelHost = h("div", { class: "chart-panels" });
@@ -81,28 +91,69 @@ export class RunChart extends HTMLElement {
   }
 
   #build() {
-    const zoomOut = h("button", { type: "button", class: "button icon-button", "aria-label": "Zoom out", title: "Zoom out" }, "−");
-    const zoomIn = h("button", { type: "button", class: "button icon-button", "aria-label": "Zoom in", title: "Zoom in" }, "+");
-    const all = h("button", { type: "button", class: "button", title: "Show all (double click)" }, "All");
+    const zoomOut = h(
+      "button",
+      { type: "button", class: "button icon-button", "aria-label": "Zoom out", title: "Zoom out" },
+      "−",
+    );
+    const zoomIn = h(
+      "button",
+      { type: "button", class: "button icon-button", "aria-label": "Zoom in", title: "Zoom in" },
+      "+",
+    );
+    const all = h(
+      "button",
+      { type: "button", class: "button", title: "Show all (double click)" },
+      "All",
+    );
     zoomOut.addEventListener("click", () => this.#zoomBy(ZOOM));
     zoomIn.addEventListener("click", () => this.#zoomBy(1 / ZOOM));
     all.addEventListener("click", () => this.#zoom(...this.#extent));
-    this.#begin.addEventListener("change", () => this.#typed(this.#begin.valueAsNumber, this.#range[1]));
-    this.#end.addEventListener("change", () => this.#typed(this.#range[0], this.#end.valueAsNumber));
-    this.#layout.append(h("legend", { class: "visually-hidden" }, "How runs are compared"),
+    this.#begin.addEventListener("change", () =>
+      this.#typed(this.#begin.valueAsNumber, this.#range[1]),
+    );
+    this.#end.addEventListener("change", () =>
+      this.#typed(this.#range[0], this.#end.valueAsNumber),
+    );
+    this.#layout.append(
+      h("legend", { class: "visually-hidden" }, "How runs are compared"),
       ...["Side by side", "Overlaid"].map((words, at) => {
-        const input = h("input", { type: "radio", name: `${this.#name}-layout`, checked: at === 0 });
+        const input = h("input", {
+          type: "radio",
+          name: `${this.#name}-layout`,
+          checked: at === 0,
+        });
         input.addEventListener("change", () => {
           this.#overlaid = at === 1;
           this.#rebuild();
         });
         return h("label", {}, input, words);
-      }));
+      }),
+    );
     this.append(
-      h("div", { class: "chart-tools" }, this.#layout,
-        h("div", { class: "row" }, h("span", { class: "from" }, "From"), this.#begin, h("span", {}, "to"), this.#end, h("span", { class: "unit" }, "s"), zoomOut, zoomIn, all),
-        new ChartExport(() => this.#offers())),
-      this.#panelHost, this.#legend, this.#clock, this.#errors);
+      h(
+        "div",
+        { class: "chart-tools" },
+        this.#layout,
+        h(
+          "div",
+          { class: "row" },
+          h("span", { class: "from" }, "From"),
+          this.#begin,
+          h("span", {}, "to"),
+          this.#end,
+          h("span", { class: "unit" }, "s"),
+          zoomOut,
+          zoomIn,
+          all,
+        ),
+        new ChartExport(() => this.#offers()),
+      ),
+      this.#panelHost,
+      this.#legend,
+      this.#clock,
+      this.#errors,
+    );
   }
 
   #clear() {
@@ -111,22 +162,36 @@ export class RunChart extends HTMLElement {
   }
 
   #rebuild() {
-    const focused = this.#panels.findIndex(({ element }) => element.contains(document.activeElement));
+    const focused = this.#panels.findIndex(({ element }) =>
+      element.contains(document.activeElement),
+    );
     const opened = this.#errors.querySelector("details")?.open ?? false;
     this.#clear();
     const several = this.#charts.length > 1;
     this.toggleAttribute("data-empty", this.#charts.length === 0);
     const panels = panelsOf(this.#charts, several && this.#overlaid);
     this.#layout.hidden = !several;
-    this.#panels = panels.map((panel) => new ChartPanel(panel, {
-      range: () => this.#range,
-      extent: () => this.#extent,
-      zoom: (begin, end) => this.#zoom(begin, end),
-      read: (time) => this.#read(time),
-      top: () => Math.max(...this.#panels.map((each) => each.highest())),
-    }, several));
+    this.#panels = panels.map(
+      (panel) =>
+        new ChartPanel(
+          panel,
+          {
+            range: () => this.#range,
+            extent: () => this.#extent,
+            zoom: (begin, end) => this.#zoom(begin, end),
+            read: (time) => this.#read(time),
+            top: () => Math.max(...this.#panels.map((each) => each.highest())),
+          },
+          several,
+        ),
+    );
     this.#panelHost.replaceChildren(...this.#panels.map(({ element }) => element));
-    setText(this.#clock, sameRecording(this.#charts) ? "m/s over seconds on the source's clock. Drag over a stretch to zoom in, double click for all." : "m/s over seconds since each run's first speed. Drag over a stretch to zoom in, double click for all.");
+    setText(
+      this.#clock,
+      sameRecording(this.#charts)
+        ? "m/s over seconds on the source's clock. Drag over a stretch to zoom in, double click for all."
+        : "m/s over seconds since each run's first speed. Drag over a stretch to zoom in, double click for all.",
+    );
     this.#renderLegend();
     this.#draw();
     this.#zoom(...this.#range);
@@ -143,21 +208,41 @@ export class RunChart extends HTMLElement {
 
   /** Only what these runs have; pressing one hides or shows it. */
   #renderLegend() {
-    const has = new Set(this.#panels.flatMap(({ panel }) => panel.curves.map(({ choice }) => choice)));
+    const has = new Set(
+      this.#panels.flatMap(({ panel }) => panel.curves.map(({ choice }) => choice)),
+    );
     if (has.has("matched")) has.add("band");
     const several = this.#overlaid && this.#charts.length > 1;
     const first = this.#panels[0]?.panel.curves.find(({ choice }) => choice === "matched")?.colour;
-    const entries = CHOICES.filter(({ choice }) => has.has(choice)).map(({ choice, label, kind, colour }) => {
-      const input = h("input", { type: "checkbox", checked: this.#choices.has(choice) });
-      input.addEventListener("change", () => {
-        if (input.checked) this.#choices.add(choice);
-        else this.#choices.delete(choice);
-        this.#draw();
-      });
-      return h("label", {}, input, several && (kind === "estimate" || kind === "band") ? null : swatch(kind, colour ?? first ?? "--muted"), label);
-    });
-    const runs = several ? this.#charts.map(({ run }, at) => h("span", { class: "of-run" }, swatch("estimate", runColour(at)), run.name)) : [];
-    this.#legend.replaceChildren(h("legend", { class: "visually-hidden" }, "Curves"), ...runs, ...entries);
+    const entries = CHOICES.filter(({ choice }) => has.has(choice)).map(
+      ({ choice, label, kind, colour }) => {
+        const input = h("input", { type: "checkbox", checked: this.#choices.has(choice) });
+        input.addEventListener("change", () => {
+          if (input.checked) this.#choices.add(choice);
+          else this.#choices.delete(choice);
+          this.#draw();
+        });
+        return h(
+          "label",
+          {},
+          input,
+          several && (kind === "estimate" || kind === "band")
+            ? null
+            : swatch(kind, colour ?? first ?? "--muted"),
+          label,
+        );
+      },
+    );
+    const runs = several
+      ? this.#charts.map(({ run }, at) =>
+          h("span", { class: "of-run" }, swatch("estimate", runColour(at)), run.name),
+        )
+      : [];
+    this.#legend.replaceChildren(
+      h("legend", { class: "visually-hidden" }, "Curves"),
+      ...runs,
+      ...entries,
+    );
   }
 
   /** @param {number | null} time */

@@ -9,8 +9,18 @@ import { size } from "./run-words.js";
 
 /** Path below the run's, ending of the file, words, help. @type {[string, string, string, string][]} */
 const FILES = [
-  ["report", "html", "Report", "One page with the paper's figures redone from this run, its errors, parameters and calibration."],
-  ["export?format=zip", "zip", "Everything, ZIP", "Tables, video and cloud with a README of the columns."],
+  [
+    "report",
+    "html",
+    "Report",
+    "One page with the paper's figures redone from this run, its errors, parameters and calibration.",
+  ],
+  [
+    "export?format=zip",
+    "zip",
+    "Everything, ZIP",
+    "Tables, video and cloud with a README of the columns.",
+  ],
   ["export?format=csv", "csv", "Table, CSV", "The table that is chosen below."],
   ["export?format=parquet", "parquet", "Table, Parquet", "The same for pandas and Polars."],
   ["export?format=mp4", "mp4", "Video, MP4", "The left image with what was found."],
@@ -31,7 +41,11 @@ const TABLES = [
 
 export class RunFiles extends Part {
   #list = h("ul", { class: "file-list" });
-  #table = h("select", { id: "file-table" }, ...TABLES.map(([value, words]) => h("option", { value }, words)));
+  #table = h(
+    "select",
+    { id: "file-table" },
+    ...TABLES.map(([value, words]) => h("option", { value }, words)),
+  );
   #open = h("a", { target: "_blank", rel: "noopener" }, "Open the report in a new tab");
   #state = h("p", { role: "status" });
   #cancel = h("button", { type: "button", class: "button", hidden: true }, "Cancel");
@@ -47,15 +61,31 @@ export class RunFiles extends Part {
 
   build() {
     for (const [path, ending, words, help] of FILES) {
-      const button = h("button", { type: "button", class: "button", "aria-describedby": `file-${ending}` }, icon("download"), words);
+      const button = h(
+        "button",
+        { type: "button", class: "button", "aria-describedby": `file-${ending}` },
+        icon("download"),
+        words,
+      );
       button.addEventListener("click", () => void this.#make(path, ending, words));
-      this.#list.append(h("li", {}, button, h("span", { class: "hint", id: `file-${ending}` }, help)));
+      this.#list.append(
+        h("li", {}, button, h("span", { class: "hint", id: `file-${ending}` }, help)),
+      );
     }
-    this.#more.append(field("Table of CSV and Parquet", this.#table), h("p", {}, this.#open, h("span", { class: "hint" }, " (up to a minute)")));
+    this.#more.append(
+      field("Table of CSV and Parquet", this.#table),
+      h("p", {}, this.#open, h("span", { class: "hint" }, " (up to a minute)")),
+    );
     this.#cancel.addEventListener("click", () => this.#making?.abort());
-    this.append(h("h3", {}, "Report and files"), this.#without, this.#list, this.#more,
+    this.append(
+      h("h3", {}, "Report and files"),
+      this.#without,
+      this.#list,
+      this.#more,
       h("div", { class: "row" }, this.#speeds, this.#recording),
-      this.#error, h("div", { class: "row" }, this.#state, this.#cancel));
+      this.#error,
+      h("div", { class: "row" }, this.#state, this.#cancel),
+    );
   }
 
   /** @param {Run} run */
@@ -71,10 +101,19 @@ export class RunFiles extends Part {
     this.#list.hidden = this.#more.hidden = !recorded;
     setAttribute(this.#open, "href", `${path}/report`);
     this.#without.hidden = recorded;
-    setText(this.#without, run.state === "running" ? "Made from the recording once the run has ended." : "It has no recording to make them from.");
+    setText(
+      this.#without,
+      run.state === "running"
+        ? "Made from the recording once the run has ended."
+        : "It has no recording to make them from.",
+    );
     this.#recording.hidden = !recorded;
     setAttribute(this.#recording, "href", `${path}/recording`);
-    setAttribute(this.#recording, "title", `${run.recording_bytes === null ? "" : `${size(run.recording_bytes)}; `}opens in Foxglove and Lichtblick, and as a source`);
+    setAttribute(
+      this.#recording,
+      "title",
+      `${run.recording_bytes === null ? "" : `${size(run.recording_bytes)}; `}opens in Foxglove and Lichtblick, and as a source`,
+    );
     setAttribute(this.#speeds, "href", `${path}/speeds?format=csv`);
   }
 
@@ -88,7 +127,8 @@ export class RunFiles extends Part {
   async #make(path, ending, words) {
     const run = this.#run;
     if (!run) return;
-    if (this.#making) return setText(this.#error, "Something is being made already; wait for it or cancel it.");
+    if (this.#making)
+      return setText(this.#error, "Something is being made already; wait for it or cancel it.");
     const table = ["csv", "parquet"].includes(ending) ? this.#table.value : "";
     const making = new AbortController();
     this.#making = making;
@@ -97,7 +137,10 @@ export class RunFiles extends Part {
     setText(this.#state, `${words} is being made…`);
     let end = "";
     try {
-      const { blob } = await requestImage(`/runs/${encodeURIComponent(run.id)}/${path}${table ? `&table=${table}` : ""}`, making.signal);
+      const { blob } = await requestImage(
+        `/runs/${encodeURIComponent(run.id)}/${path}${table ? `&table=${table}` : ""}`,
+        making.signal,
+      );
       save(blob, `${run.name}${table ? ` ${table}` : ""}.${ending}`);
       end = `${words} is made: ${size(blob.size)}.`;
     } catch (error) {

@@ -14,8 +14,19 @@ export class RunLabels extends Part {
   #name = h("input", { type: "text", id: "run-label-name", maxlength: 100, autocomplete: "off" });
   #notes = h("textarea", { id: "run-label-notes", rows: 4, maxlength: 20000 });
   #list = h("ul", { class: "tag-list", "aria-label": "Tags" });
-  #tags = new KeptList(this.#list, (/** @type {string} */ tag) => this.#tag(tag), () => this.#add);
-  #add = h("input", { type: "text", id: "run-label-tag", list: "run-label-tags", maxlength: 300, autocomplete: "off", placeholder: "Add a tag" });
+  #tags = new KeptList(
+    this.#list,
+    (/** @type {string} */ tag) => this.#tag(tag),
+    () => this.#add,
+  );
+  #add = h("input", {
+    type: "text",
+    id: "run-label-tag",
+    list: "run-label-tags",
+    maxlength: 300,
+    autocomplete: "off",
+    placeholder: "Add a tag",
+  });
   #known = h("datalist", { id: "run-label-tags" });
   #state = h("p", { class: "hint", role: "status" });
   #error = h("p", { class: "field-error", role: "alert" });
@@ -23,11 +34,28 @@ export class RunLabels extends Part {
   #run = null;
 
   build() {
-    const form = h("form", { class: "row tag-form" }, h("label", { for: "run-label-tag", class: "visually-hidden" }, "Add a tag"), this.#add, this.#known,
-      h("button", { type: "submit", class: "button" }, "Add"));
-    this.append(h("h3", {}, "Name, tags and notes"), field("Name", this.#name),
-      h("div", { class: "named-part" }, h("span", { class: "field-name" }, "Tags"), this.#list, form),
-      field("Notes", this.#notes), this.#error, this.#state);
+    const form = h(
+      "form",
+      { class: "row tag-form" },
+      h("label", { for: "run-label-tag", class: "visually-hidden" }, "Add a tag"),
+      this.#add,
+      this.#known,
+      h("button", { type: "submit", class: "button" }, "Add"),
+    );
+    this.append(
+      h("h3", {}, "Name, tags and notes"),
+      field("Name", this.#name),
+      h(
+        "div",
+        { class: "named-part" },
+        h("span", { class: "field-name" }, "Tags"),
+        this.#list,
+        form,
+      ),
+      field("Notes", this.#notes),
+      this.#error,
+      this.#state,
+    );
     this.#name.addEventListener("change", () => {
       const name = this.#name.value.trim();
       if (name) void this.#keep({ name });
@@ -51,7 +79,10 @@ export class RunLabels extends Part {
       this.#add.value = "";
     }
     // What is being typed is not overwritten by what was kept before.
-    for (const [input, text] of /** @type {const} */ ([[this.#name, run.name], [this.#notes, run.notes]])) {
+    for (const [input, text] of /** @type {const} */ ([
+      [this.#name, run.name],
+      [this.#notes, run.notes],
+    ])) {
       if (other || document.activeElement !== input) input.value = text;
     }
     this.#tags.show(run.tags, (tag) => tag);
@@ -59,14 +90,24 @@ export class RunLabels extends Part {
 
   /** @param {string} tag */
   #tag(tag) {
-    const remove = h("button", { type: "button", class: "quiet", "aria-label": `Remove tag ${tag}` }, icon("close"));
-    remove.addEventListener("click", () => void this.#keep({ tags: (this.#run?.tags ?? []).filter((each) => each !== tag) }));
+    const remove = h(
+      "button",
+      { type: "button", class: "quiet", "aria-label": `Remove tag ${tag}` },
+      icon("close"),
+    );
+    remove.addEventListener(
+      "click",
+      () => void this.#keep({ tags: (this.#run?.tags ?? []).filter((each) => each !== tag) }),
+    );
     return h("li", { class: "tag-chip plain" }, tag, remove);
   }
 
   /** Several at once stand with commas between them. */
   async #addTags() {
-    const added = this.#add.value.split(",").map((tag) => tag.trim()).filter(Boolean);
+    const added = this.#add.value
+      .split(",")
+      .map((tag) => tag.trim())
+      .filter(Boolean);
     if (added.length === 0) return;
     const taken = await this.#keep({ tags: [...new Set([...(this.#run?.tags ?? []), ...added])] });
     if (taken) this.#add.value = "";
@@ -75,7 +116,9 @@ export class RunLabels extends Part {
   async #suggest() {
     /** @type {import("./types.js").History | null} */
     const found = await request("GET", "/history?limit=1&offset=0").catch(() => null);
-    this.#known.replaceChildren(...Object.keys(found?.tags ?? {}).map((tag) => h("option", { value: tag })));
+    this.#known.replaceChildren(
+      ...Object.keys(found?.tags ?? {}).map((tag) => h("option", { value: tag })),
+    );
   }
 
   /** @param {{name?: string, tags?: string[], notes?: string}} change */

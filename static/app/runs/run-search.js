@@ -17,15 +17,28 @@ const ASK_AFTER_MS = 200;
 const MOST_COMPARED = 4;
 
 export class RunSearch extends Part {
-  #words = h("input", { type: "search", id: "history-words", placeholder: "Name, note or tag", autocomplete: "off" });
+  #words = h("input", {
+    type: "search",
+    id: "history-words",
+    placeholder: "Name, note or tag",
+    autocomplete: "off",
+  });
   #tags = h("div", { class: "chips", role: "group", "aria-label": "Only runs with these tags" });
-  #chips = new KeptList(this.#tags, (/** @type {[string, number]} */ tag) => this.#tag(...tag), () => this.#words);
+  #chips = new KeptList(
+    this.#tags,
+    (/** @type {[string, number]} */ tag) => this.#tag(...tag),
+    () => this.#words,
+  );
   #deleted = h("input", { type: "checkbox", id: "history-deleted" });
   #found = h("p", { class: "hint", role: "status" });
   #disk = h("p", { class: "hint" });
   #compare = h("button", { type: "button", class: "button" }, "Compare");
   #list = h("ul", { class: "run-rows" });
-  #rows = new KeptList(this.#list, (/** @type {Run} */ run) => this.#row(run), () => this.#words);
+  #rows = new KeptList(
+    this.#list,
+    (/** @type {Run} */ run) => this.#row(run),
+    () => this.#words,
+  );
   #more = h("button", { type: "button", class: "button" }, "Show more");
   #empty = h("p", { class: "empty" });
   #shown = false;
@@ -42,10 +55,20 @@ export class RunSearch extends Part {
 
   build() {
     this.append(
-      h("div", { class: "history-tools" },
-        h("label", { for: "history-words", class: "visually-hidden" }, "Find runs"), this.#words,
-        h("label", { class: "check" }, this.#deleted, "Deleted"), this.#compare),
-      this.#tags, h("div", { class: "history-counts" }, this.#found, this.#disk), this.#empty, this.#list, h("div", { class: "row" }, this.#more));
+      h(
+        "div",
+        { class: "history-tools" },
+        h("label", { for: "history-words", class: "visually-hidden" }, "Find runs"),
+        this.#words,
+        h("label", { class: "check" }, this.#deleted, "Deleted"),
+        this.#compare,
+      ),
+      this.#tags,
+      h("div", { class: "history-counts" }, this.#found, this.#disk),
+      this.#empty,
+      this.#list,
+      h("div", { class: "row" }, this.#more),
+    );
     this.#words.addEventListener("input", () => this.#soon());
     this.#deleted.addEventListener("change", () => void this.#load());
     this.#more.addEventListener("click", () => {
@@ -103,14 +126,26 @@ export class RunSearch extends Part {
     const searched = this.#words.value.trim() !== "" || this.#wantedTags.size > 0;
     const there = this.#deleted.checked ? "deleted run" : "run";
     setText(this.#found, searched ? `${counted(total, there)} found` : counted(total, there));
-    setText(this.#disk, `The data folder takes ${size(disk.used_bytes)}; ${size(disk.free_bytes)} are free.`);
+    setText(
+      this.#disk,
+      `The data folder takes ${size(disk.used_bytes)}; ${size(disk.free_bytes)} are free.`,
+    );
     this.#empty.hidden = total > 0;
-    setText(this.#empty, searched ? "No run is like that."
-      : this.#deleted.checked ? `Nothing was deleted within the last ${counted(Math.round(days), "day")}.`
-        : "No run yet. Start one at the top of the page; it is recorded and listed here.");
+    setText(
+      this.#empty,
+      searched
+        ? "No run is like that."
+        : this.#deleted.checked
+          ? `Nothing was deleted within the last ${counted(Math.round(days), "day")}.`
+          : "No run yet. Start one at the top of the page; it is recorded and listed here.",
+    );
     // A tag that no run bears any more can still be taken out of the question.
     const known = { ...Object.fromEntries([...this.#wantedTags].map((tag) => [tag, 0])), ...tags };
-    this.#chips.show(Object.entries(known), ([tag]) => tag, ([tag, count]) => `${tag} ${count} ${this.#wantedTags.has(tag)}`);
+    this.#chips.show(
+      Object.entries(known),
+      ([tag]) => tag,
+      ([tag, count]) => `${tag} ${count} ${this.#wantedTags.has(tag)}`,
+    );
     this.#rows.show(runs, ({ id }) => id);
     this.#more.hidden = runs.length >= total;
     this.#compare.hidden = this.#deleted.checked;
@@ -121,7 +156,13 @@ export class RunSearch extends Part {
    * @param {number} count
    */
   #tag(tag, count) {
-    const button = h("button", { type: "button", class: "tag-chip", "aria-pressed": String(this.#wantedTags.has(tag)) }, tag, " ", h("span", { class: "figure" }, count));
+    const button = h(
+      "button",
+      { type: "button", class: "tag-chip", "aria-pressed": String(this.#wantedTags.has(tag)) },
+      tag,
+      " ",
+      h("span", { class: "figure" }, count),
+    );
     button.addEventListener("click", () => {
       if (!this.#wantedTags.delete(tag)) this.#wantedTags.add(tag);
       this.#limit = PAGE;
@@ -132,38 +173,73 @@ export class RunSearch extends Part {
 
   /** @param {Run} run */
   #row(run) {
-    const choose = h("input", { type: "checkbox", "aria-label": `Choose run ${run.name} to compare`, "data-run": run.id });
+    const choose = h("input", {
+      type: "checkbox",
+      "aria-label": `Choose run ${run.name} to compare`,
+      "data-run": run.id,
+    });
     choose.checked = this.#chosen.has(run.id);
     choose.addEventListener("change", () => {
       if (choose.checked) this.#chosen.set(run.id, run.name);
       else this.#chosen.delete(run.id);
       this.#renderChosen();
     });
-    return h("li", {},
+    return h(
+      "li",
+      {},
       run.deleted_at ? null : choose,
-      h("div", { class: "item-words" },
-        h("p", { class: "run-line" }, run.deleted_at ? h("b", {}, run.name) : h("a", { href: runHref(run.id) }, run.name),
+      h(
+        "div",
+        { class: "item-words" },
+        h(
+          "p",
+          { class: "run-line" },
+          run.deleted_at ? h("b", {}, run.name) : h("a", { href: runHref(run.id) }, run.name),
           h("span", { class: "state-chip", "data-state": run.state }, run.state),
           run.aligned ? h("span", { class: "mark-chip" }, "aligned with truth") : null,
           run.rerun_of ? h("span", { class: "mark-chip" }, "re-run") : null,
-          ...run.tags.map((tag) => h("span", { class: "tag-chip plain" }, tag))),
+          ...run.tags.map((tag) => h("span", { class: "tag-chip plain" }, tag)),
+        ),
         h("p", { class: "hint" }, facts(run)),
         run.reason ? h("p", { class: "hint" }, sentence(run.reason)) : null,
         run.notes ? h("p", { class: "run-notes" }, run.notes) : null,
-        run.deleted_at ? h("p", { class: "hint" }, `Deleted ${when(run.deleted_at)}; gone for good ${counted(Math.round(this.#undoDays), "day")} later.`) : null),
-      run.deleted_at ? this.#bringBack(run) : this.#remover(run));
+        run.deleted_at
+          ? h(
+              "p",
+              { class: "hint" },
+              `Deleted ${when(run.deleted_at)}; gone for good ${counted(Math.round(this.#undoDays), "day")} later.`,
+            )
+          : null,
+      ),
+      run.deleted_at ? this.#bringBack(run) : this.#remover(run),
+    );
   }
 
   /** @param {Run} run */
   #remover(run) {
-    const button = h("button", { type: "button", class: "button icon-button", disabled: run.state === "running", "aria-label": `Delete run ${run.name}`, title: "Delete" }, icon("trash"));
+    const button = h(
+      "button",
+      {
+        type: "button",
+        class: "button icon-button",
+        disabled: run.state === "running",
+        "aria-label": `Delete run ${run.name}`,
+        title: "Delete",
+      },
+      icon("trash"),
+    );
     button.addEventListener("click", () => void this.#remove(run));
     return button;
   }
 
   /** @param {Run} run */
   #bringBack(run) {
-    const button = h("button", { type: "button", class: "button", "aria-label": `Bring back run ${run.name}` }, icon("undo"), "Bring back");
+    const button = h(
+      "button",
+      { type: "button", class: "button", "aria-label": `Bring back run ${run.name}` },
+      icon("undo"),
+      "Bring back",
+    );
     button.addEventListener("click", () => void recover(this.hub, run));
     return button;
   }
@@ -181,12 +257,17 @@ export class RunSearch extends Part {
     setText(this.#compare, count > 0 ? `Compare ${counted(count, "run")}` : "Compare");
     // Not disabled: it tells what it waits for.
     setAttribute(this.#compare, "aria-disabled", possible ? null : "true");
-    setAttribute(this.#compare, "title", possible ? [...this.#chosen.values()].join(", ") : `Choose two to ${MOST_COMPARED} runs.`);
+    setAttribute(
+      this.#compare,
+      "title",
+      possible ? [...this.#chosen.values()].join(", ") : `Choose two to ${MOST_COMPARED} runs.`,
+    );
   }
 
   #goCompare() {
     const count = this.#chosen.size;
-    if (count < 2 || count > MOST_COMPARED) return notify(`Choose two to ${MOST_COMPARED} runs by the boxes before their names.`);
+    if (count < 2 || count > MOST_COMPARED)
+      return notify(`Choose two to ${MOST_COMPARED} runs by the boxes before their names.`);
     location.hash = compareHref([...this.#chosen.keys()]);
   }
 }

@@ -51,11 +51,26 @@ export class RunView extends Part {
   #running = null;
 
   build() {
-    const head = h("div", { class: "run-head" }, this.#state, this.#facts, this.#original, h("div", { class: "row" }, this.#play, this.#remove));
-    this.#body.append(head, this.#reason, this.#waiting, this.#chart,
-      h("div", { class: "run-columns" },
+    const head = h(
+      "div",
+      { class: "run-head" },
+      this.#state,
+      this.#facts,
+      this.#original,
+      h("div", { class: "row" }, this.#play, this.#remove),
+    );
+    this.#body.append(
+      head,
+      this.#reason,
+      this.#waiting,
+      this.#chart,
+      h(
+        "div",
+        { class: "run-columns" },
         h("div", { class: "stack" }, this.#truth, this.#files),
-        h("div", { class: "stack" }, this.#labels, this.#rerun, this.#settings)));
+        h("div", { class: "stack" }, this.#labels, this.#rerun, this.#settings),
+      ),
+    );
     this.append(this.#error, this.#body);
     for (const part of [this.#labels, this.#truth, this.#rerun, this.#files]) part.attach(this.hub);
     this.#labels.changed = (run) => this.#takeRun(run);
@@ -93,7 +108,8 @@ export class RunView extends Part {
       const run = await request("GET", path);
       if (asked !== this.#asked) return;
       this.#takeRun(run);
-      if (this.#shown !== id) setText(this.#waiting, "The speeds are being read from the recording…");
+      if (this.#shown !== id)
+        setText(this.#waiting, "The speeds are being read from the recording…");
       /** @type {Chart} */
       const chart = await request("GET", `${path}/chart`);
       if (asked !== this.#asked) return;
@@ -102,7 +118,8 @@ export class RunView extends Part {
       this.#takeRun(chart.run);
       this.#chart.show([chart]);
       this.#truth.show(chart);
-      if (chart.run.state === "running") this.#timer = setTimeout(() => void this.#load(), AGAIN_MS);
+      if (chart.run.state === "running")
+        this.#timer = setTimeout(() => void this.#load(), AGAIN_MS);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       if (asked !== this.#asked) return;
@@ -168,10 +185,29 @@ function settingsOf(run) {
     ["Recorded images", record ?? "no recording"],
     ...Object.entries(versions),
   ];
-  const table = (/** @type {[string, string][]} */ rows) => h("table", { class: "settings" }, h("tbody", {}, ...rows.map(([name, value]) => h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, value)))));
-  return h("details", {}, h("summary", {}, "Settings of this run"),
+  const table = (/** @type {[string, string][]} */ rows) =>
+    h(
+      "table",
+      { class: "settings" },
+      h(
+        "tbody",
+        {},
+        ...rows.map(([name, value]) =>
+          h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, value)),
+        ),
+      ),
+    );
+  return h(
+    "details",
+    {},
+    h("summary", {}, "Settings of this run"),
     h("div", { class: "scroll-x" }, table(lines)),
-    h("div", { class: "scroll-x" }, table(Object.entries(parameters).map(([name, value]) => [name, String(value)]))));
+    h(
+      "div",
+      { class: "scroll-x" },
+      table(Object.entries(parameters).map(([name, value]) => [name, String(value)])),
+    ),
+  );
 }
 
 customElements.define("observer-run", RunView);

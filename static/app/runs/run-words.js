@@ -35,7 +35,9 @@ export function facts(run) {
     counted(run.frames, "frame"),
     run.segments > 1 ? counted(run.segments, "segment") : null,
     run.recording_bytes ? size(run.recording_bytes) : null,
-  ].filter(Boolean).join(" · ");
+  ]
+    .filter(Boolean)
+    .join(" · ");
 }
 
 /** Whether its recording can be played and observed again. @param {Run} run */

@@ -16,15 +16,41 @@ export class TruthPicker extends Part {
   /** Called when something else is chosen; null: no file. @type {(file: TruthFile | null) => void} */
   chosen = () => {};
 
-  #file = h("input", { type: "file", id: "truth-file", accept: ".csv,.c3d,.txt,.tum,.tsv", "aria-describedby": "truth-help truth-error" });
-  #rate = h("input", { type: "number", id: "truth-rate", min: 1, max: 10000, step: "any", placeholder: "as the file says" });
+  #file = h("input", {
+    type: "file",
+    id: "truth-file",
+    accept: ".csv,.c3d,.txt,.tum,.tsv",
+    "aria-describedby": "truth-help truth-error",
+  });
+  #rate = h("input", {
+    type: "number",
+    id: "truth-rate",
+    min: 1,
+    max: 10000,
+    step: "any",
+    placeholder: "as the file says",
+  });
   #drop = h("div", { class: "drop" });
   #select = h("select", { id: "truth-select" });
-  #remove = h("button", { type: "button", class: "button icon-button", "aria-label": "Delete this truth file", title: "Delete this truth file" }, icon("trash"));
+  #remove = h(
+    "button",
+    {
+      type: "button",
+      class: "button icon-button",
+      "aria-label": "Delete this truth file",
+      title: "Delete this truth file",
+    },
+    icon("trash"),
+  );
   #choice = h("div", { class: "field" });
   #sending = h("p", { class: "hint", role: "status" });
   #error = h("p", { class: "field-error", id: "truth-error", role: "alert" });
-  #angles = h("div", { class: "row", role: "group", "aria-label": "How the angles are meant", hidden: true });
+  #angles = h("div", {
+    class: "row",
+    role: "group",
+    "aria-label": "How the angles are meant",
+    hidden: true,
+  });
   #understood = h("div", { class: "stack understood" });
   /** @type {TruthFile[]} */
   #all = [];
@@ -33,17 +59,42 @@ export class TruthPicker extends Part {
   #busy = false;
 
   build() {
-    this.#choice.append(h("label", { for: "truth-select" }, "Truth"), h("div", { class: "row" }, this.#select, this.#remove));
-    const helical = h("button", { type: "button", class: "button" }, "Helical, as Tracker writes them");
+    this.#choice.append(
+      h("label", { for: "truth-select" }, "Truth"),
+      h("div", { class: "row" }, this.#select, this.#remove),
+    );
+    const helical = h(
+      "button",
+      { type: "button", class: "button" },
+      "Helical, as Tracker writes them",
+    );
     const euler = h("button", { type: "button", class: "button" }, "Euler angles XYZ");
     helical.addEventListener("click", () => void this.#send(this.#unclear, "helical"));
     euler.addEventListener("click", () => void this.#send(this.#unclear, "euler_xyz"));
     this.#angles.append(helical, euler);
     this.#drop.append(
-      h("label", { for: "truth-file" }, icon("upload"), "Choose a file of motion capture, or drop it here"), this.#file,
-      h("p", { class: "hint", id: "truth-help" }, "Vicon Tracker or Nexus CSV, C3D, CSV with t,x,y,z in seconds and metres, or TUM; recognised by content."),
-      h("details", {}, h("summary", {}, "Where the file tells no rate"), field("Rate, Hz", this.#rate)),
-      this.#error, this.#angles, this.#sending);
+      h(
+        "label",
+        { for: "truth-file" },
+        icon("upload"),
+        "Choose a file of motion capture, or drop it here",
+      ),
+      this.#file,
+      h(
+        "p",
+        { class: "hint", id: "truth-help" },
+        "Vicon Tracker or Nexus CSV, C3D, CSV with t,x,y,z in seconds and metres, or TUM; recognised by content.",
+      ),
+      h(
+        "details",
+        {},
+        h("summary", {}, "Where the file tells no rate"),
+        field("Rate, Hz", this.#rate),
+      ),
+      this.#error,
+      this.#angles,
+      this.#sending,
+    );
     this.append(this.#choice, this.#understood, this.#drop);
     this.#file.addEventListener("change", () => void this.#send(this.#file.files?.[0] ?? null));
     this.#select.addEventListener("change", () => this.#tell());
@@ -73,7 +124,7 @@ export class TruthPicker extends Part {
 
   /** @param {string | null} id */
   #choose(id) {
-    this.#select.value = id === LIVE || this.find(id) ? id ?? "" : "";
+    this.#select.value = id === LIVE || this.find(id) ? (id ?? "") : "";
     this.#tell();
   }
 
@@ -100,7 +151,10 @@ export class TruthPicker extends Part {
     this.#select.replaceChildren(
       h("option", { value: "" }, "Choose one, or send one in below"),
       h("option", { value: LIVE }, "What was received live with the run"),
-      ...all.map((file) => h("option", { value: file.id }, `${file.name} (${when(file.created_at)})`)));
+      ...all.map((file) =>
+        h("option", { value: file.id }, `${file.name} (${when(file.created_at)})`),
+      ),
+    );
     this.#choose(chosen);
   }
 
@@ -146,7 +200,15 @@ export class TruthPicker extends Part {
 
   async #delete() {
     const { file } = this;
-    if (!file || !(await confirmed(`Delete ${file.name}?`, "Runs that were aligned with it keep their results.", "Delete file"))) return;
+    if (
+      !file ||
+      !(await confirmed(
+        `Delete ${file.name}?`,
+        "Runs that were aligned with it keep their results.",
+        "Delete file",
+      ))
+    )
+      return;
     try {
       await request("DELETE", `/truth/${encodeURIComponent(file.id)}`);
     } catch (error) {
@@ -173,21 +235,51 @@ function naming(message, name) {
  */
 function understood({ format, info }) {
   const { bodies, notes, rate_hz: rate, duration_s: seconds } = info;
-  const facts = [format, rate === null ? null : `${Number(rate.toFixed(2))} Hz`, seconds === null ? null : `${fixed(seconds, 1)} s`, counted(bodies.length, "body").replace("bodys", "bodies")];
+  const facts = [
+    format,
+    rate === null ? null : `${Number(rate.toFixed(2))} Hz`,
+    seconds === null ? null : `${fixed(seconds, 1)} s`,
+    counted(bodies.length, "body").replace("bodys", "bodies"),
+  ];
   const heads = ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"];
   return [
     h("p", {}, "Understood as ", h("b", {}, facts.filter(Boolean).join(", ")), "."),
-    h("div", { class: "scroll-x", role: "region", "aria-label": "What the file holds", tabindex: "0" },
-      h("table", {},
+    h(
+      "div",
+      { class: "scroll-x", role: "region", "aria-label": "What the file holds", tabindex: "0" },
+      h(
+        "table",
+        {},
         h("thead", {}, h("tr", {}, ...heads.map((text) => h("th", { scope: "col" }, text)))),
-        h("tbody", {}, ...bodies.map((body) => h("tr", {},
-          h("th", { scope: "row" }, body.name),
-          h("td", {}, body.has_orientation ? "known" : "not known"),
-          h("td", {}, body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`),
-          h("td", {}, body.gaps),
-          h("td", {}, body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–"),
-          h("td", {}, fixed(body.highest_speed_mps, 2))))))),
-    ...(notes.length > 0 ? [h("ul", { class: "plain-list" }, ...notes.map((note) => h("li", {}, sentence(note))))] : []),
+        h(
+          "tbody",
+          {},
+          ...bodies.map((body) =>
+            h(
+              "tr",
+              {},
+              h("th", { scope: "row" }, body.name),
+              h("td", {}, body.has_orientation ? "known" : "not known"),
+              h(
+                "td",
+                {},
+                body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
+              ),
+              h("td", {}, body.gaps),
+              h(
+                "td",
+                {},
+                body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
+              ),
+              h("td", {}, fixed(body.highest_speed_mps, 2)),
+            ),
+          ),
+        ),
+      ),
+    ),
+    ...(notes.length > 0
+      ? [h("ul", { class: "plain-list" }, ...notes.map((note) => h("li", {}, sentence(note))))]
+      : []),
   ];
 }
 

@@ -50,9 +50,7 @@ def test_simulate_then_observe_then_evaluate(shell: Shell, tmp_path: Path) -> No
     }
     seen = shell("observe", str(folder), "--output", str(tracks))
     assert seen.code == 0, seen.err
-    judged = shell(
-        "evaluate", str(tracks), "--truth", str(folder / "truth.csv"), "--json"
-    )
+    judged = shell("evaluate", str(tracks), "--truth", str(folder / "truth.csv"), "--json")
     assert judged.code == 0, judged.err
     figures = json.loads(judged.out)
     assert 0 <= figures["recall"] <= 1

@@ -167,6 +167,7 @@ def test_a_server_that_goes_away_ends_it_in_one_sentence(
 ) -> None:
     script = ScriptedServer()
     with running(script) as server:
+
         def hang_up(elapsed: float) -> None:
             if elapsed > 0.25 and server.socket is not None:
                 server.act = lambda _: None

@@ -43,9 +43,7 @@ def test_a_killed_command_leaves_nothing_that_says_it_is_there(server: ScriptedS
     server.kept["mine"] = "name: mine\nsteps: {obstacle: [{seconds: 30, speed_mps: 0.5}]}"
     command = [sys.executable, "-m", "app.cli", "drive", "mine", "--token", TOKEN,
                "--server", f"http://127.0.0.1:{server.port}/"]  # fmt: skip
-    with subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ) as process:
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         while server.programme is None:
             assert process.poll() is None
             time.sleep(0.02)

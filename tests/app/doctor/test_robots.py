@@ -49,9 +49,7 @@ class Bench:
         (self.data / "rig.yaml").write_text(f"ports: {{{lines}}}\n")
 
     def look(self) -> list[Finding]:
-        machine = Machine(
-            self.files.root, self.kernel, User("ada", frozenset({54321})), lambda: {}
-        )
+        machine = Machine(self.files.root, self.kernel, User("ada", frozenset({54321})), lambda: {})
         return list(examine_robots(Settings(data=self.data), machine))
 
 

@@ -193,9 +193,7 @@ class Bench:
     def drive(self, role: Role, speed: float, turn: float = 0.0, *, age_s: float = 0.0) -> Any:
         self.sequence += 1
         issued = self.now - age_s
-        return self.take(
-            DriveCommand(role, self.leases[role], self.sequence, issued, speed, turn)
-        )
+        return self.take(DriveCommand(role, self.leases[role], self.sequence, issued, speed, turn))
 
     def present(self, role: Role) -> None:
         self.sequence += 1

@@ -168,9 +168,7 @@ def test_wheels_of_the_last_second_are_shared_while_it_is_connected(turning: Tur
     turning.ready("obstacle")
     robot = turning.bench.robots["obstacle"]
     for number in range(20):
-        robot.change(
-            odometry=Odometry(0.03 * number, 0.0, 0.1), received=turning.bench.now + 0.02
-        )
+        robot.change(odometry=Odometry(0.03 * number, 0.0, 0.1), received=turning.bench.now + 0.02)
         turning.turn(5)
     path = turning.wheels[-1]["obstacle"]
     assert len(path) == 10

@@ -286,9 +286,7 @@ def test_what_needs_an_observer_is_refused_or_waits(bench: Bench) -> None:
     assert bench.value(SetParameters({}, 3)) == {"frame": None}
     bench.wait(BoardLookEvent)
     # A result is tried out on the cameras that are being calibrated.
-    text = calibration_text(
-        StereoCalibration.rectified(*SIZE, 300.0, 300.0, 159.5, 119.5, 0.1)
-    )
+    text = calibration_text(StereoCalibration.rectified(*SIZE, 300.0, 300.0, 159.5, 119.5, 0.1))
     preview = bench.value(PreviewCalibration(text))
     assert preview["jpeg"].startswith(b"\xff\xd8")
     assert preview["vertical_error_px"] < 0.5

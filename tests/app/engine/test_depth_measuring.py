@@ -18,9 +18,7 @@ from observer.types import StereoFrame
 
 WIDTH, HEIGHT, FOCAL, BASELINE = 320, 200, 300.0, 0.1
 CENTRE = ((WIDTH - 1) / 2, (HEIGHT - 1) / 2)
-TEXT = calibration_text(
-    StereoCalibration.rectified(WIDTH, HEIGHT, FOCAL, FOCAL, *CENTRE, BASELINE)
-)
+TEXT = calibration_text(StereoCalibration.rectified(WIDTH, HEIGHT, FOCAL, FOCAL, *CENTRE, BASELINE))
 
 
 def textured(disparity: np.ndarray, seed: int = 0) -> StereoFrame:
@@ -147,6 +145,4 @@ def test_outside_the_image(u: float, v: float) -> None:
 def test_a_calibration_of_another_size_is_refused() -> None:
     other = calibration_text(StereoCalibration.rectified(640, 480, 500, 500, 319.5, 239.5, 0.1))
     with pytest.raises(CalibrationError, match="640x480"):
-        measure_depth(
-            textured(np.full((HEIGHT, WIDTH), 20.0)), other, 100, 100, lambda: None
-        )
+        measure_depth(textured(np.full((HEIGHT, WIDTH), 20.0)), other, 100, 100, lambda: None)

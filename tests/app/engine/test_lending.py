@@ -27,9 +27,7 @@ SPEC, SWAPPED = "camera:0,1", "camera:1,0"
 
 
 def calibration(width: int = WIDTH) -> str:
-    return calibration_text(
-        StereoCalibration.rectified(width, HEIGHT, 60.0, 60.0, 32.0, 24.0, 0.1)
-    )
+    return calibration_text(StereoCalibration.rectified(width, HEIGHT, 60.0, 60.0, 32.0, 24.0, 0.1))
 
 
 class Cameras:
@@ -237,5 +235,3 @@ def test_other_sources_are_opened_beside_the_cameras(desk: Desk, cameras: Camera
     assert cameras.open == 0
     desk.ask(observed())
     assert cameras.opened == [SPEC, SPEC]
-
-

@@ -63,8 +63,9 @@ def test_identities_are_drawn_apart_and_truth_has_its_gap(gathered: Gathered) ->
 def test_tracks_of_no_body_are_said_to_be(gathered: Gathered) -> None:
     stray = [replace(gathered.seen[1], body="")]
     labels = _lines(
-        speed_figure([("x", replace(gathered, seen=gathered.seen[:1], unmatched=tuple(stray)))])
-        .axes[0]
+        speed_figure(
+            [("x", replace(gathered, seen=gathered.seen[:1], unmatched=tuple(stray)))]
+        ).axes[0]
     )
     assert {"by the observer", "of no known body"} <= set(labels)
 

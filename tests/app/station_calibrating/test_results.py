@@ -340,9 +340,7 @@ def test_saving_again_keeps_what_was_measured(
     run(scenario())
 
 
-def test_a_new_name_is_told_everywhere(
-    peer: Any, storage: Storage, computing: Computing
-) -> None:
+def test_a_new_name_is_told_everywhere(peer: Any, storage: Storage, computing: Computing) -> None:
     async def scenario() -> None:
         async with started(peer, storage) as station:
             await computed(peer, station, computing)

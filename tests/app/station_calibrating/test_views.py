@@ -195,9 +195,7 @@ def test_engines_lost_hours_apart_are_not_three_in_a_row(peer: Any, storage: Sto
             for _ in range(3):
                 peer.lose()
                 peer.start_process()
-                await until(
-                    lambda: peer.calibrating or "in a row" in str(station.state.reason)
-                )
+                await until(lambda: peer.calibrating or "in a row" in str(station.state.reason))
             assert station.state.state is EngineState.FAILED
             assert f"3 times in a row over {CAMERAS}" in str(station.state.reason)
             # The views are there still, and so is the way out.

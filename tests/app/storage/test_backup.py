@@ -273,6 +273,7 @@ def remake(source: Path, change: Callable[[dict[str, bytes]], None]) -> None:
 
 def listed(name: str, content: bytes) -> Callable[[dict[str, bytes]], None]:
     """A file that the manifest lists with all its marks."""
+
     def change(files: dict[str, bytes]) -> None:
         manifest = json.loads(files["manifest.json"])
         entry = {"size": len(content), "sha256": hashlib.sha256(content).hexdigest()}
@@ -399,9 +400,7 @@ def test_rows_that_a_server_refuses_change_nothing(
 
 def test_what_cannot_be_backed_up_is_told_and_leaves_nothing(tmp_path: Path) -> None:
     def back_up_of(data: Path, target: Path) -> None:
-        write_backup(
-            target, data, data / "observer.sqlite", recordings=True, application="1"
-        )
+        write_backup(target, data, data / "observer.sqlite", recordings=True, application="1")
 
     with pytest.raises(BackupError, match="there is no database"):
         back_up_of(tmp_path / "nothing", tmp_path / "a.zip")

@@ -162,9 +162,7 @@ def test_what_the_server_refuses_is_an_error_of_ours(
     with Storage(new_database(), folder=tmp_path) as storage:
         given: dict[str, Any] = {"calibration_id": "nothing"} if count == 0 else {}
         with pytest.raises(problem):
-            storage.create_run(
-                name="n" * count, source="s", parameters={}, versions={}, **given
-            )
+            storage.create_run(name="n" * count, source="s", parameters={}, versions={}, **given)
         assert storage.list_runs() == []
 
 

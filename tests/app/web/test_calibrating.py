@@ -280,9 +280,7 @@ def test_fields_beside_the_images_are_checked(serve: Any) -> None:
         http = served.http
         for key, values in bad.items():
             for value in values:
-                answer = await http.post(
-                    "/api/calibrating/images", **images(b"x", **{key: value})
-                )
+                answer = await http.post("/api/calibrating/images", **images(b"x", **{key: value}))
                 assert answer.status_code == 422, (key, value, answer.text)
                 assert answer.json()["detail"][0]["loc"] == ["body", key], (key, value)
         assert (await http.post("/api/calibrating/images", data=BOARD)).status_code in (415, 422)
@@ -439,9 +437,7 @@ def test_boards_that_cannot_be_printed_are_refused(serve: Any) -> None:
     run(serve, scenario)
 
 
-def test_devices_of_a_machine_without_cameras(
-    serve: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_devices_of_a_machine_without_cameras(serve: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     async def scenario(served: Any) -> None:
         answer = await served.http.get("/api/devices")
         assert answer.status_code == 200

@@ -282,9 +282,7 @@ def test_what_is_no_measurement_is_refused(serve: Any) -> None:
         for key in plain:
             for value in ("NaN", "1e999", "true", '"1"', "-1", "null", "1e6"):
                 body = ", ".join(f'"{k}": {value if k == key else v}' for k, v in plain.items())
-                answer = await http.post(
-                    f"{path}/tape-checks", content=f"{{{body}}}", headers=JSON
-                )
+                answer = await http.post(f"{path}/tape-checks", content=f"{{{body}}}", headers=JSON)
                 assert answer.status_code == 422, body
                 assert answer.json()["detail"][0]["loc"] == ["body", key], body
         for query in ("", "u=1", "u=nan&v=1", "u=1&v=1e999", "u=true&v=1", "u=-1&v=1"):

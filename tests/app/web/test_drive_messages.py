@@ -94,8 +94,10 @@ def test_garbage_is_none_of_these(text: str) -> None:
 
 _JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
-    lambda inner: st.lists(inner, max_size=3)
-    | st.dictionaries(st.sampled_from(list(DRIVE)), inner, max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(st.sampled_from(list(DRIVE)), inner, max_size=4)
+    ),
     max_leaves=8,
 )
 

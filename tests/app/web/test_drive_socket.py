@@ -309,9 +309,7 @@ def test_with_the_drive_process_all_leases_go(serve: Any, drive: Any, eventually
     run(serve, scenario)
 
 
-def test_too_much_at_once_is_refused_and_nothing_is_kept_for_later(
-    serve: Any, drive: Any
-) -> None:
+def test_too_much_at_once_is_refused_and_nothing_is_kept_for_later(serve: Any, drive: Any) -> None:
     async def scenario(served: Any) -> None:
         async with hand(served) as page:
             await page.take()

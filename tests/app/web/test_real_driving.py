@@ -87,9 +87,7 @@ def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
             try:
                 await until(lambda: page.lease, "a lease")
                 while (
-                    armed := await http.post(
-                        "/api/robots/obstacle/arm", json={"lease": page.lease}
-                    )
+                    armed := await http.post("/api/robots/obstacle/arm", json={"lease": page.lease})
                 ).status_code != 200:
                     assert armed.status_code in (404, 409), armed.text
                     await asyncio.sleep(0.1)

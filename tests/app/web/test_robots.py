@@ -314,9 +314,7 @@ def test_programmes_are_listed_kept_driven_and_forgotten(
 
 
 @pytest.mark.usefixtures("world")
-def test_a_run_begins_and_ends_with_its_programme(
-    serve: Any, drive: Any, eventually: Any
-) -> None:
+def test_a_run_begins_and_ends_with_its_programme(serve: Any, drive: Any, eventually: Any) -> None:
     async def scenario(served: Any) -> None:
         http = served.http
         await eventually(lambda: drive.robots)

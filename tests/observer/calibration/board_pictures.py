@@ -63,5 +63,3 @@ def write_pairs(folder: Path, board: Board, count: int) -> None:
     for number in range(1, count + 1):
         for side, image in zip(("left", "right"), pictures(board, number), strict=True):
             cv2.imwrite(str(folder / f"{side}{number:02d}.png"), image)
-
-

@@ -67,9 +67,7 @@ def test_finds_the_pair_that_took_the_views(seed: int, noise_px: float) -> None:
 def projected_errors(found: StereoCalibration, seed: int) -> np.ndarray:
     """Vertical errors, px, of corners without noise that the fit never saw."""
     views = views_of(TRUE, 8, seed, 0.0)
-    return np.abs(
-        np.concatenate([vertical_errors(found, v.left.px, v.right.px) for v in views])
-    )
+    return np.abs(np.concatenate([vertical_errors(found, v.left.px, v.right.px) for v in views]))
 
 
 def test_says_how_sure_it_is_and_is_right_about_that() -> None:
@@ -324,9 +322,7 @@ def sightings(draw: st.DrawFn) -> BoardSighting | None:
     return BoardSighting(ids, np.array(wild, dtype=np.float64).reshape(-1, 2))
 
 
-@settings(
-    max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
-)
+@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     st.lists(st.tuples(sightings(), sightings()), max_size=9),
     st.integers(0, 7),

@@ -63,9 +63,7 @@ def test_directions_and_ways_are_told_apart() -> None:
     speeds = np.where(np.array(directions) == AT_REST, 0.0, 0.3)
     indexes = np.r_[0:40, 60:80]
     errors = np.where(indexes < 50, 0.02, -0.04)
-    found = speed_errors(
-        [seen_motion(indexes, errors)], [true_motion(speeds, directions, ways)]
-    )
+    found = speed_errors([seen_motion(indexes, errors)], [true_motion(speeds, directions, ways)])
     assert of(found, "direction", "towards").bias_mps == pytest.approx(0.02)
     assert of(found, "direction", "left").bias_mps == pytest.approx(-0.04)
     assert of(found, "way", "backward").samples == 20

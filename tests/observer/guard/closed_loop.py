@@ -53,9 +53,7 @@ class Crosser:
         along, sign = (phase, 1) if phase < self.way else (2 * self.way - phase, -1)
         c, s = math.cos(self.heading), math.sin(self.heading)
         v = sign * self.speed
-        return PlanarState(
-            self.x + c * along, self.y + s * along, self.heading, c * v, s * v, 0.0
-        )
+        return PlanarState(self.x + c * along, self.y + s * along, self.heading, c * v, s * v, 0.0)
 
     def outline(self, time: float) -> Outline:
         state = self.state(time)

@@ -147,9 +147,7 @@ def test_the_robot_in_front_is_a_surface() -> None:
 
 
 @pytest.mark.parametrize("covered", ["both", "left", "right", "grey", "shifted"])
-def test_images_that_tell_nothing_leave_everything_unknown(
-    drive: Scene, covered: str
-) -> None:
+def test_images_that_tell_nothing_leave_everything_unknown(drive: Scene, covered: str) -> None:
     left, right = drive.pair(1.0)
     rng = np.random.default_rng(0)
     dark = [rng.integers(0, 12, left.shape).astype(np.uint8) for _ in range(2)]

@@ -50,15 +50,11 @@ class SimulatedLab(Lab):
         self._driven = Driven(world.observer.motion, threading.RLock())
         self._driven.begin(-1e-3, self.state())
         crosser = world.obstacles[0]
-        world.move(
-            {world.observer.id: self._driven, crosser.id: Later(crosser.motion, since_s)}
-        )
+        world.move({world.observer.id: self._driven, crosser.id: Later(crosser.motion, since_s)})
         self._world, self._crosser = world, world.obstacles[0]
         room = world.scenario.room
         self._room = (*room.x, *room.y)
-        self.boxes = tuple(
-            _outline(body, 0.0) for body in world.bodies if body.role == "scenery"
-        )
+        self.boxes = tuple(_outline(body, 0.0) for body in world.bodies if body.role == "scenery")
         self._source = SimulatedSource(world)
         self._mount = self._source.info.mount
         p = Parameters()

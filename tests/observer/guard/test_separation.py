@@ -46,9 +46,7 @@ def test_the_share_that_stops_within_a_way_is_the_inverse_of_the_way(
     stopping = Stopping.of(*wanted, P)
     assert stopping.share_within(stopping.way_s(share)) == pytest.approx(share)
     end = np.array([[P.reaction_s + share * stopping.braking_s]])
-    assert stopping.progress(np.array([[share]]), end)[0, 0] == pytest.approx(
-        stopping.way_s(share)
-    )
+    assert stopping.progress(np.array([[share]]), end)[0, 0] == pytest.approx(stopping.way_s(share))
     assert stopping.share_within(0.0) == 0.0
     assert stopping.share_within(100.0) == 1.0
 

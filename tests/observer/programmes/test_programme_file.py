@@ -62,8 +62,10 @@ def test_a_name_may_come_from_the_file() -> None:
         programme_from_text(text)
 
 
-lines = st.text(max_size=60).filter(lambda text: text.isprintable()).map(
-    lambda text: " ".join(text.split())
+lines = (
+    st.text(max_size=60)
+    .filter(lambda text: text.isprintable())
+    .map(lambda text: " ".join(text.split()))
 )
 steps = st.builds(
     Step,

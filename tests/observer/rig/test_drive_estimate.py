@@ -241,9 +241,7 @@ def test_a_simulated_robot_by_its_own_eyes_and_wheels() -> None:
     samples = []
     while (frame := source.read()) is not None:
         seen = observer.observe(frame)
-        samples.append(
-            DriveSample(seen.time, seen.segment, seen.T_world_camera, frame.odometry)
-        )
+        samples.append(DriveSample(seen.time, seen.segment, seen.T_world_camera, frame.odometry))
     estimate = told(estimate_drive(samples))
     assert estimate.still_needed == ()
     near(estimate.forward_m, 0.15, 0.015)

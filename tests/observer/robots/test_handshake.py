@@ -65,9 +65,7 @@ def answered(
     scripted: Callable[..., Any], piloted: Callable[..., Any], heard: Heard
 ) -> Callable[..., Any]:
     """Gives a driver at a port where ``heard`` answers so."""
-    return lambda answer: piloted(
-        scripted(lambda connection: heard.serve(connection, answer)).port
-    )
+    return lambda answer: piloted(scripted(lambda connection: heard.serve(connection, answer)).port)
 
 
 def echo(number: int) -> bytes:

@@ -108,9 +108,7 @@ def test_one_device_that_shows_both_images(left: Path) -> None:
         source.close()
 
 
-def test_images_without_contrast_are_left_to_the_observers_health(
-    watch: Watch, left: Path
-) -> None:
+def test_images_without_contrast_are_left_to_the_observers_health(watch: Watch, left: Path) -> None:
     write_script(left, mode="black")
     watch.read_until(lambda: watch.frames and not watch.frames[-1].left.any())
     watch.read_frames(20)
