@@ -1,8 +1,8 @@
 """The observer: what an observing robot does with each pair of images, from top to bottom.
 
 How moving obstacles are found is a method: ``observer.methods.planar`` is the paper's,
-``observer.methods.rigid`` motion in space by stereo, ``observer.methods.one_camera`` motion in
-space by the left camera alone; the parameter ``ego_motion.model`` chooses.
+``observer.methods.rigid`` motion in space by stereo, ``observer.methods.monocular`` motion in space
+by the left camera alone; the parameter ``ego_motion.model`` chooses.
 
 Names a trace receives (absent where a frame did not come that far, or the method has no such):
 
@@ -47,15 +47,15 @@ from typing import Literal
 
 from observer.camera import StereoCalibration, StereoCamera, as_gray
 from observer.geometry import Pose
-from observer.health_watch import HealthWatch
 from observer.methods.contract import Method, View
-from observer.methods.one_camera import OneCameraMethod
-from observer.methods.planar import PlanarMethod
-from observer.methods.rigid import RigidMethod
+from observer.methods.monocular.method import OneCameraMethod
+from observer.methods.planar.method import PlanarMethod
+from observer.methods.rigid.method import RigidMethod
 from observer.mount import CameraMount
 from observer.parameters import Parameters
-from observer.stages.rectification import Rectification
 from observer.types import NoTrace, Observation, Obstacle, Status, StereoFrame, Trace
+from observer.vision.image_health import HealthWatch
+from observer.vision.rectification import Rectification
 
 _NO_TRACE = NoTrace()
 

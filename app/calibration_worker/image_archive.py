@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from observer.errors import CalibrationError
-from observer.sources.image_files import IMAGE_SUFFIXES
-from observer.sources.listing import natural_order
+from observer.image_files.listing import natural_order
+from observer.image_files.reading import IMAGE_SUFFIXES
 
 MAX_ENTRIES = 1000
 MAX_IMAGE_BYTES = 40 * 1024 * 1024

@@ -29,7 +29,7 @@ from observer.calibration.report import fit_report
 from observer.calibration.verdict import judge
 from observer.calibration.views import BoardSighting
 from observer.errors import CalibrationError, DynamicObserverError
-from observer.sources.image_files import decoded_image
+from observer.image_files.reading import decoded_image
 
 
 def do_job(job: Job, send: Callable[[Message], None]) -> None:

@@ -68,7 +68,7 @@ def align(
     data: DataOption = None,
 ) -> None:
     """Align motion capture with a run: clocks, room and which track is which body."""
-    from app.reporting.comparison import (
+    from app.reports.comparison import (
         ComparedRecording,
         Comparison,
         TruthFile,
@@ -76,7 +76,7 @@ def align(
         recorded_capture,
         true_speeds,
     )
-    from app.reporting.whole_files import write_file
+    from app.reports.whole_files import write_file
     from observer.recording.reader import Recording
     from observer.recording.run_folder import find_recording
     from observer.truth.alignment.alignment import align as solve

@@ -32,10 +32,10 @@ def chart(
     database: DatabaseOption = None,
 ) -> None:
     """Draw the speed by the observer, by truth, as commanded and by encoders over time."""
-    from app.reporting.comparison import gather_compared
-    from app.reporting.run_chart import chart_csv, chart_values
-    from app.reporting.stretches import during
-    from app.reporting.whole_files import write_file
+    from app.reports.comparison import gather_compared
+    from app.reports.run_chart import chart_csv, chart_values
+    from app.reports.stretches import during
+    from app.reports.whole_files import write_file
     from observer.recording.reader import Recording
 
     ending = output.suffix.lower()
@@ -54,8 +54,8 @@ def chart(
             with Recording(path) as recording:
                 title = recording.facts.name or recording.facts.id
         # What draws takes as long to import as all else.
-        from app.reporting.drawing import figure_bytes
-        from app.reporting.speed_figure import speed_figure
+        from app.reports.drawing import figure_bytes
+        from app.reports.speed_figure import speed_figure
 
         figure = speed_figure([(title, gathered)])
         if begin is not None or end is not None:

@@ -54,7 +54,7 @@ def drive(
     are there: Ctrl-C, a closed terminal or a lost connection stop the robots within 300 ms. This
     is a software stop; keep the robots' own switch in reach.
     """
-    from app.operating.server_api import ServerApi, read_token
+    from app.client.server_api import ServerApi, read_token
 
     if stop == (programme is not None):
         raise InputError("name a programme to drive, or give --stop alone")
@@ -80,8 +80,8 @@ def programmes(
     ] = False,
 ) -> None:
     """List the programmes that come with the project; a server may keep more."""
-    from observer.programmes.library import library_text, load_programme, programme_names
-    from observer.programmes.playing import duration_s
+    from observer.motion_profiles.library import library_text, load_programme, programme_names
+    from observer.motion_profiles.playing import duration_s
 
     if name is not None:
         typer.echo(library_text(name), nl=False)
@@ -108,8 +108,8 @@ def programmes(
 def _play(
     api: Any, programme: str, repeat: int, reverse: bool, takeover: bool, as_json: bool
 ) -> None:
-    from app.operating.programme_drive import PlayRequest, ProgrammeDrive
-    from observer.programmes.playing import duration_s
+    from app.client.programme_drive import PlayRequest, ProgrammeDrive
+    from observer.motion_profiles.playing import duration_s
 
     chosen = _chosen(api, programme)
     request = PlayRequest(
@@ -133,8 +133,8 @@ def _play(
 
 def _chosen(api: Any, programme: str) -> Any:
     """The programme as the server has it; a file is brought to it first."""
-    from observer.programmes.library import read_programme
-    from observer.programmes.programme_file import programme_from_text, programme_text
+    from observer.motion_profiles.library import read_programme
+    from observer.motion_profiles.profile_file import programme_from_text, programme_text
 
     if "/" in programme or Path(programme).suffix in (".yaml", ".yml"):
         chosen = read_programme(Path(programme))

@@ -21,9 +21,9 @@ from observer.parameters import Parameters
 from observer.recording.payloads import Images, ParameterRevision, RunFacts
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame, SourceInfo
-from observer.stages.rectification import Rectification
 from observer.truth.contract import Truth
 from observer.types import Observation, StereoFrame
+from observer.vision.rectification import Rectification
 
 _FALLBACK_RATE = 15.0
 

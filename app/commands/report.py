@@ -32,10 +32,10 @@ def report(
     database: DatabaseOption = None,
 ) -> None:
     """Write one self-contained page: figures 9-11 and 13-17, errors, parameters, calibration."""
-    from app.reporting.experiments import beside_published
-    from app.reporting.page import report_html
-    from app.reporting.report import make_report, write_figures
-    from app.reporting.whole_files import write_file
+    from app.reports.experiments import beside_published
+    from app.reports.page import report_html
+    from app.reports.report import make_report, write_figures
+    from app.reports.whole_files import write_file
 
     path, comparison = chosen_run(run, compared, data, database)
     with progress_bar("report") as progress:

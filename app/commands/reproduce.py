@@ -11,7 +11,7 @@ import typer
 from app.commands.progress import progress_bar
 
 if TYPE_CHECKING:
-    from app.reporting.report import Report
+    from app.reports.report import Report
 
 PROGRAMMES = ("figure17_a", "figure17_b")
 
@@ -25,12 +25,12 @@ def reproduce(
     are observed once more by the method as published. The robots are stopped where frames come too
     late, as on a machine that does much else: then both are driven anew, some times at most.
     """
-    from app.reporting.experiments import observed_as_published
-    from app.reporting.page import report_html
-    from app.reporting.report import write_figures
-    from app.reporting.reproduction import play_experiments, reproduction_report
-    from app.reporting.whole_files import write_file
-    from observer.programmes.library import library_text, load_programme
+    from app.reports.experiments import observed_as_published
+    from app.reports.page import report_html
+    from app.reports.report import write_figures
+    from app.reports.reproduction import play_experiments, reproduction_report
+    from app.reports.whole_files import write_file
+    from observer.motion_profiles.library import library_text, load_programme
 
     for name in PROGRAMMES:
         # First, so that a folder that cannot be written is told before everything is driven.

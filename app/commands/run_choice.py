@@ -11,7 +11,7 @@ from app.commands.storage_options import storage_settings
 from observer.recording.run_folder import find_recording
 
 if TYPE_CHECKING:
-    from app.reporting.comparison import Comparison
+    from app.reports.comparison import Comparison
 
 RunArgument = Annotated[
     str,
@@ -36,7 +36,7 @@ def chosen_run(
         SourceError: there is no such recording. TruthError, InputError: ``compared`` is no use.
         StorageError: the database cannot be read.
     """
-    from app.reporting.comparison import Comparison
+    from app.reports.comparison import Comparison
 
     if compared is not None or Path(run).exists():
         # A file or a folder may be of anywhere, so no database is asked about it.

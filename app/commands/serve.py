@@ -38,7 +38,7 @@ def serve(
     tls_key: Annotated[Path | None, typer.Option(help="Private key, PEM.")] = None,
 ) -> None:
     """Serve the panel; prints the link to open."""
-    from app.web.run_server import run
+    from app.http.run_server import run
 
     given: dict[str, Any] = {
         "source": source,

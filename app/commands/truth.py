@@ -25,7 +25,7 @@ def truth(
     ] = None,
 ) -> None:
     """Say what a file of motion capture holds: its bodies, rate, units, angles and gaps."""
-    from app.reporting.whole_files import write_file
+    from app.reports.whole_files import write_file
     from observer.truth.files.angles import AnglesUnclear
 
     try:
@@ -50,7 +50,7 @@ def truth(
 
 
 def _understood(file: Path, rate: float | None, angles: AngleReading | None) -> dict[str, Any]:
-    from app.reporting.comparison import ALIGNED_ALREADY
+    from app.reports.comparison import ALIGNED_ALREADY
     from observer.truth.csv_file import CsvTruth
     from observer.truth.files.description import describe_capture
     from observer.truth.files.recognition import file_kind, read_capture

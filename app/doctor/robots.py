@@ -9,12 +9,12 @@ from app.doctor.finding import Finding
 from app.doctor.machine import Machine
 from app.doctor.serial_ports import port_trouble
 from app.drive.priority import permitted_priority
+from app.server.rig.rig_desk import FILE_NAME
 from app.settings import Settings
-from app.station.rig_desk import FILE_NAME
 from observer.errors import InputError
 from observer.rig.rig import ROLES, Rig, Role
 from observer.rig.rig_file import read_rig
-from observer.robots.opening import shown_port
+from observer.robot_opening import shown_port
 
 _SECTION = "Robots"
 _ALLOW_IT = (

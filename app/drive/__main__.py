@@ -16,7 +16,7 @@ def main() -> None:
     die_with_parent(arguments.parent, signal.SIGTERM)
 
     from app.drive.process import run_drive
-    from observer.robots.opening import open_robot
+    from observer.robot_opening import open_robot
 
     run_drive(arguments, open_robot=open_robot)
 

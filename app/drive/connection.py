@@ -14,7 +14,7 @@ class Connection:
     """A role's robot.
 
     Attributes:
-        port: as people may see it, see ``observer.robots.opening.shown_port``.
+        port: as people may see it, see ``observer.robot_opening.shown_port``.
         world, name: as asked for.
         robot: None until it is opened.
         trouble: one sentence of why it could not be, None while nothing is wrong.

@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from app.drive.attending import AttendantThread
 from app.drive.driven_role import DrivenRole
 from app.drive.facts import drive_facts, outline_of_facts, role_facts
 from app.drive.jitter import Jitter, Lateness
 from app.drive.messages import ArmRobot, DisarmRobot, DriveEvent, LeaveDrive, WheelSpeedEvent
 from app.drive.priority import Priority, tidy
+from app.drive.robot_opener import AttendantThread
 from app.drive.roles import DriveAnswer, Roles
 from app.drive.stopping import Stopping
 from app.drive.wheels import Wheels

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from observer.programmes.programme import Programme
+from observer.motion_profiles.profile import Programme
 from observer.rig.rig import Role
 
 # Slots of latest values, beside the engine's views.
@@ -36,7 +36,7 @@ class ConnectRobot:
     """Connect the robot of a role; one that was connected before is let go first.
 
     Attributes:
-        port: as ``observer.robots.opening.open_robot`` takes it.
+        port: as ``observer.robot_opening.open_robot`` takes it.
         model: of ``observer.robots.models``; None: as the robot says of itself.
         world: in which it drives, as ``Sight.world``.
         name: shown to people.

@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from app.drive.consent import ZERO, Velocity
-from observer.programmes.playing import progress_at, velocity_at
-from observer.programmes.programme import Programme
+from observer.motion_profiles.playing import progress_at, velocity_at
+from observer.motion_profiles.profile import Programme
 from observer.rig.rig import Role
 
 

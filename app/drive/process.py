@@ -12,7 +12,6 @@ from typing import NoReturn
 
 from app.channel.latest import LatestReader, LatestWriter
 from app.channel.pipe import MessageSender
-from app.drive.attending import AttendantThread, RobotOpener
 from app.drive.loop import DriveLoop, Inbox
 from app.drive.messages import (
     SIGHT_NAME,
@@ -23,6 +22,7 @@ from app.drive.messages import (
     WheelSpeedEvent,
 )
 from app.drive.priority import calm_interpreter, raise_priority
+from app.drive.robot_opener import AttendantThread, RobotOpener
 from app.drive.roles import Roles
 from app.drive.sight_feed import SightFeed
 from app.processes.arguments import ProcessArguments

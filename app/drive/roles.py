@@ -36,12 +36,12 @@ from app.drive.messages import (
 from app.drive.playing import Playing
 from app.processes.errors import ProcessRefused
 from observer.guard.sight import Sight
+from observer.motion_profiles.playing import duration_s
 from observer.parameters import GuardParameters
-from observer.programmes.playing import duration_s
 from observer.rig.rig import ROLES, Role
+from observer.robot_opening import check_port, shown_port
 from observer.robots.contract import Robot
 from observer.robots.models import robot_spec
-from observer.robots.opening import check_port, shown_port
 
 _log = logging.getLogger(__name__)
 

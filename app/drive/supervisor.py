@@ -30,7 +30,7 @@ DRIVE_LIMITS = SupervisorLimits(
 
 
 class DriveSupervisor(ProcessSupervisor[DriveProcessCommand, DriveEvents]):
-    """Fulfils ``app.station.contracts.Drive``. All methods belong to the event loop's thread."""
+    """Fulfils ``app.server.contracts.Drive``. All methods belong to the event loop's thread."""
 
     what: ClassVar[str] = "drive process"
     heartbeat = DriveEvent

@@ -16,8 +16,8 @@ from observer.calibration.detection import detect_board, same_numbering
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import as_gray
 from observer.geometry import Float64Array
-from observer.stages.rectification import Rectification
 from observer.types import Image, StereoFrame
+from observer.vision.rectification import Rectification
 
 _FEATURES = 1500
 _LINES = 12

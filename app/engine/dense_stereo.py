@@ -18,8 +18,8 @@ from app.engine.watched import Observed
 from observer.camera import StereoCamera, as_gray
 from observer.geometry import Pose
 from observer.parameters import StereoParameters
-from observer.stages.stereo import disparity_map, point_cloud
 from observer.types import Image
+from observer.vision.stereo import disparity_map, point_cloud
 
 # On a link of 20 Mbit/s this many points ten times a second lag 75 ms, 50000 lag seconds.
 MAX_POINTS = 20_000

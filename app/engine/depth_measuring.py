@@ -13,9 +13,9 @@ from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import as_gray
 from observer.errors import InputError
 from observer.parameters import StereoParameters
-from observer.stages.rectification import Rectification
-from observer.stages.stereo import disparity_map
 from observer.types import Image, StereoFrame
+from observer.vision.rectification import Rectification
+from observer.vision.stereo import disparity_map
 
 # The place is judged by its surroundings: pixels each way.
 _REACH_PX = 7

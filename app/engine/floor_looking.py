@@ -9,8 +9,8 @@ import numpy as np
 from app.engine.errors import NotNow
 from app.engine.watched import Observed
 from observer.camera import as_gray
-from observer.rig.floor_views import floor_points
-from observer.stages.stereo import disparity_map
+from observer.rig.ground_views import floor_points
+from observer.vision.stereo import disparity_map
 
 # The estimator draws no more than that from a view; the rest would only be carried.
 _MOST_POINTS = 20_000

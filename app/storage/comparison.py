@@ -16,7 +16,7 @@ _FOUND = "time"
 def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
     """The truth that was laid over a run, which must have one.
 
-    It is what ``app.reporting.comparison.Comparison.of_dict`` takes.
+    It is what ``app.reports.comparison.Comparison.of_dict`` takes.
 
     Raises:
         StorageMissing: the truth's file is gone.

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import structlog
 
 from app.messages import CLOUD_NAME
-from app.station import Station
+from app.server import Station
 from app.viewer.picture import make_picture, read_cloud
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from observer.calibration.detection import detect_board, same_numbering, size_sh
 from observer.calibration.views import BoardSighting, BoardView
 from observer.camera import as_gray
 from observer.errors import CalibrationError, InputError
-from observer.sources.image_files import IMAGE_SUFFIXES, decoded_image
-from observer.sources.listing import natural_order
+from observer.image_files.listing import natural_order
+from observer.image_files.reading import IMAGE_SUFFIXES, decoded_image
 from observer.types import Image
 
 # More than any calibration needs, and a sign that the pattern is wrong.

@@ -8,9 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Corners, Rig, adjust
-from observer.calibration.beginning import FIRST_SOFT_PX, begin_camera, begin_pair, with_poses
 from observer.calibration.board import Board
-from observer.calibration.doubtful import (
+from observer.calibration.flatness import board_bend
+from observer.calibration.held_out import (
+    Folds,
+    fit_folds,
+    held_out,
+    jackknife,
+    reprojection,
+    richer_is_better,
+)
+from observer.calibration.initialization import FIRST_SOFT_PX, begin_camera, begin_pair, with_poses
+from observer.calibration.lens import DISTORTION_SIZE
+from observer.calibration.outlier_views import (
     Refusal,
     doubtful,
     explained,
@@ -22,16 +32,6 @@ from observer.calibration.doubtful import (
     view_errors,
     whole_errors,
 )
-from observer.calibration.flatness import board_bend
-from observer.calibration.held_out import (
-    Folds,
-    fit_folds,
-    held_out,
-    jackknife,
-    reprojection,
-    richer_is_better,
-)
-from observer.calibration.lens import DISTORTION_SIZE
 from observer.calibration.plausible import check_camera, check_pair
 from observer.calibration.sightings import corners_of, refused_sightings, without
 from observer.calibration.stereo_fit import DepthBias, StereoFit, ViewError

@@ -1,16 +1,16 @@
 """Which speeds a rig can tell from standing still, and how soon: by the method's own statistics.
 
 A thing that stood still begins to move. What each frame then tells of it goes, without noise but
-with the variances that noise has, into the very sums and the filter that motion in space uses
-(``observer.motion_sums``, ``observer.obstacles``), and the moment is taken at which all of its
-conditions are met:
+with the variances that noise has, into the very filters that the rigid method uses
+(``observer.methods.rigid``), and the moment is taken at which all of its conditions are met:
 
 1. The evidence of m neighbours is pooled: the variance of one point's velocity, made larger for
    the bend between rest and motion, times (1 + s (m - 1)) / m with the shared error s, plus what
    the camera's own motion adds. v^2 / variance + 3 (what noise adds on average) must exceed the
    quantile of chi-squared at the declared rate of false alarms.
 2. All n points together begin a track. Its velocity must stay significant, faster than what
-   counts as stopped, and seen by enough points for some frames (``observer.obstacles.life``).
+   counts as stopped, and seen by enough points for some frames
+   (``observer.methods.rigid.bodies.lifecycle``).
 
 A point is known to Z sigma / f across. Along the line of sight its disparity tells it to
 Z^2 sigma_d / (f B); but what comes nearer also grows, and a point at the distance r from the axis
@@ -28,16 +28,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.camera import StereoCamera
-from observer.chi_square import upper_quantile
 from observer.geometry import Float64Array
-from observer.motion_sums import MotionSums
-from observer.obstacles.body import BodyTrack
-from observer.obstacles.life import judge
-from observer.obstacles.motion_filter import ObstacleMotion
-from observer.obstacles.shape import ObstacleShape
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.lifecycle import judge
+from observer.methods.rigid.bodies.motion_filter import ObstacleMotion
+from observer.methods.rigid.bodies.shape import ObstacleShape
+from observer.methods.rigid.bodies.tracker import BodyTracker
+from observer.methods.rigid.position_velocity_filter import MotionSums
 from observer.parameters import Parameters
-from observer.stages.obstacle_tracking import BodyTracker
 from observer.types import TrackState
+from observer.vision.chi_square import upper_quantile
 
 # Seconds of rest before it moves: several memories.
 _REST_S = 2.0

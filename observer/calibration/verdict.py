@@ -15,7 +15,7 @@ from observer.calibration.stereo_fit import DepthBias, StereoFit
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
 from observer.parameters import Parameters
-from observer.stages.rectification import Rectification
+from observer.vision.rectification import Rectification
 
 DISTANCES_M = (1.0, 3.0, 5.0)
 # A thing is of use if it is reported within this time, seconds.

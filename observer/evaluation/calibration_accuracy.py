@@ -31,9 +31,9 @@ from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import load_scenario
 from observer.simulation.visibility import cast
 from observer.simulation.world import World
-from observer.stages.rectification import Rectification
-from observer.stages.stereo import disparity_map
 from observer.types import Image
+from observer.vision.rectification import Rectification
+from observer.vision.stereo import disparity_map
 
 BOARD_SCENARIO = "calibration"
 # The same cameras elsewhere.

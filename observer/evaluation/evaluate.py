@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from observer.chi_square import quantile
 from observer.evaluation.lines import Line, checked_lines
 from observer.evaluation.tally import GATE_M, Episode, Sample, Tally, tally
 from observer.truth.contract import Truth
+from observer.vision.chi_square import quantile
 
 # Three components of velocity, 95 %.
 _MAHALANOBIS2_95 = quantile(0.95, df=3)

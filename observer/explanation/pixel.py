@@ -9,9 +9,9 @@ import numpy as np
 
 from observer.camera import StereoCamera, as_gray
 from observer.explanation.answer import PixelAnswer, PixelVerdict, limits
-from observer.explanation.gathered import explain_by_evidence
-from observer.explanation.one_camera import explain_by_rays
+from observer.explanation.monocular import explain_by_rays
 from observer.explanation.planar import explain_by_flow
+from observer.explanation.rigid import explain_by_evidence
 from observer.parameters import Parameters
 from observer.types import Status
 

@@ -24,8 +24,8 @@ from observer.explanation.answer import (
 )
 from observer.explanation.texture import why_no_feature
 from observer.geometry import Float64Array, map_pixels
+from observer.methods.planar.clustering import detect_obstacles, group_points
 from observer.parameters import ClusteringParameters, MotionParameters, Parameters
-from observer.stages.clustering import detect_obstacles, group_points
 from observer.types import Detection, PointMotions
 
 _THRESHOLD = "flow.residual_threshold_px"

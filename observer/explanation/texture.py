@@ -12,8 +12,8 @@ from observer.camera import as_gray
 from observer.explanation.answer import Nearby, below, count_of, distances, limits
 from observer.geometry import Float64Array
 from observer.parameters import FeaturesParameters, FlowParameters, Parameters
-from observer.stages.features import corners, detect_features
 from observer.types import Image
+from observer.vision.features import corners, detect_features
 
 # OpenCV gives the smaller eigenvalue of the mean gradient matrix in 1/1024 (grey levels/px)^2.
 _EIGENVALUE_UNIT = 1024.0

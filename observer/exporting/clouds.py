@@ -17,8 +17,8 @@ from observer.jsonl import line_pose
 from observer.parameters import Parameters, StereoParameters
 from observer.recording import topics
 from observer.recording.reader import Recording
-from observer.stages.rectification import Rectification
-from observer.stages.stereo import disparity_map, point_cloud
+from observer.vision.rectification import Rectification
+from observer.vision.stereo import disparity_map, point_cloud
 
 Frame = Literal["camera", "world"]
 # More than any screen shows; a pair of 640x480 has a third of it.

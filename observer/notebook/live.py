@@ -17,9 +17,9 @@ from observer.observer import Observer
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
 from observer.sources.contract import NoFrame, SkippedFrame, SourceInfo
-from observer.stages.rectification import Rectification
 from observer.truth.contract import TrueBody, Truth
 from observer.types import Image, Observation, Obstacle, StereoFrame
+from observer.vision.rectification import Rectification
 
 
 @dataclass(frozen=True, eq=False)

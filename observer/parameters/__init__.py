@@ -8,7 +8,7 @@ from observer.parameters.common import EgoMotionParameters, FeaturesParameters, 
 from observer.parameters.fields import MODELS, ParameterValue
 from observer.parameters.groups import Parameters, describe_range, parameter_schema
 from observer.parameters.guard import GuardParameters
-from observer.parameters.one_camera import OneCameraParameters
+from observer.parameters.monocular import OneCameraParameters
 from observer.parameters.planar import (
     ClusteringParameters,
     FlowParameters,

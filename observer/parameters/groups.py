@@ -13,7 +13,7 @@ from observer.errors import InputError, ParameterError
 from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters
 from observer.parameters.fields import ParameterValue, Stage
 from observer.parameters.guard import GuardParameters
-from observer.parameters.one_camera import OneCameraParameters
+from observer.parameters.monocular import OneCameraParameters
 from observer.parameters.planar import (
     ClusteringParameters,
     FlowParameters,
@@ -27,7 +27,7 @@ from observer.parameters.rigid import (
     FollowingParameters,
     ObstacleParameters,
 )
-from observer.surf import surf_missing
+from observer.vision.surf import surf_missing
 
 
 class Parameters(Stage):

@@ -16,7 +16,7 @@ import numpy as np
 from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount, level_pose
-from observer.stages.rectification import Rectification
+from observer.vision.rectification import Rectification
 
 DistortionModel = Literal["plumb_bob", "rational_polynomial", "equidistant"]
 # What REP-104 and Foxglove expect of plumb_bob.

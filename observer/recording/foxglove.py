@@ -18,8 +18,8 @@ from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
 from observer.recording.camera_frames import camera_model, fixed_frames
 from observer.recording.images import RAW_DATA, field_head
-from observer.stages.rectification import Rectification
 from observer.types import Image, Odometry
+from observer.vision.rectification import Rectification
 
 _MOVING = fox.Color(r=1.0, g=0.85, b=0.0, a=0.45)
 _STOPPED = fox.Color(r=0.3, g=0.6, b=1.0, a=0.45)

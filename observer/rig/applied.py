@@ -9,7 +9,7 @@ from dataclasses import replace
 from observer.mount import CameraMount
 from observer.rig.drive_estimate import DriveEstimate
 from observer.rig.estimates import Estimated
-from observer.rig.floor_estimate import FloorEstimate
+from observer.rig.ground_estimate import FloorEstimate
 from observer.rig.rig import Rig, RigValue, camera_mount
 from observer.sources.contract import SourceInfo
 

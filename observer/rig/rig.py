@@ -35,7 +35,7 @@ _LARGEST_BODY_OFFSET_M = 10.0
 # As mocap systems name bodies; no quotes, backslashes or control characters.
 _BODY_NAME = re.compile(r"[\w][\w .:/()#+-]{0,63}")
 _CALIBRATION_ID = re.compile(r"[0-9A-Za-z][0-9A-Za-z._:-]{0,127}")
-# Paths and addresses; which of them name a port is known to ``observer.robots.opening``.
+# Paths and addresses; which of them name a port is known to ``observer.robot_opening``.
 _PORT = re.compile(r"(?=\S)[^\x00-\x1f\x7f\"\\]{1,200}(?<=\S)")
 
 
@@ -118,7 +118,7 @@ class Rig:
             body's axes.
         models: of the robots by role; a role without a model is unknown.
         ports: by which real robots are reached, by role, as
-            ``observer.robots.opening.open_robot`` takes them.
+            ``observer.robot_opening.open_robot`` takes them.
         for_simulated: whether simulated sources, which know their own mount exactly, take this
             rig's instead; to try the rig out.
 

@@ -190,7 +190,7 @@ class RobotPort:
     """A robot that belongs to a source's own world, as a simulated one does.
 
     Attributes:
-        role: which of the two. port: as ``observer.robots.opening.open_robot`` takes it.
+        role: which of the two. port: as ``observer.robot_opening.open_robot`` takes it.
         model: of ``observer.robots.models``. name: shown to people.
     """
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from observer.calibration.formats.euroc_file import read_euroc
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
+from observer.image_files.listing import read_lines
 from observer.sources.file_pairs import FilePair, FilePairSource, MissingPair
-from observer.sources.listing import read_lines
 
 
 def open_euroc(folder: Path) -> FilePairSource:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, SourceError
+from observer.image_files.reading import read_image
 from observer.sources.contract import SkippedFrame, SourceInfo
-from observer.sources.image_files import read_image
 from observer.types import Image, StereoFrame
 
 # Gives the calibration that fits images of this width and height, None where there is none.

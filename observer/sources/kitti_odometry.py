@@ -7,8 +7,8 @@ from pathlib import Path
 from observer.calibration.formats.kitti_file import read_kitti_odometry
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
+from observer.image_files.listing import pairs_by_name, read_times
 from observer.sources.file_pairs import FilePairSource
-from observer.sources.listing import pairs_by_name, read_times
 
 
 def open_kitti_odometry(folder: Path) -> FilePairSource:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from observer.calibration.formats.opencv_file import read_calibration_file
 from observer.camera import StereoCalibration
+from observer.image_files.listing import pairs_by_name, read_times
 from observer.sources.file_pairs import FilePairSource
-from observer.sources.listing import pairs_by_name, read_times
 
 
 def open_stereo_folder(folder: Path) -> FilePairSource:

@@ -33,7 +33,7 @@ from app.drive.messages import (
 )
 from app.processes.errors import ProcessRefused, ProcessUnavailable
 from observer.rig.rig import ROLES, Role
-from observer.robots.opening import shown_port
+from observer.robot_opening import shown_port
 
 
 @dataclass
@@ -47,7 +47,7 @@ class FakeHealth:
 
 
 class FakeDrive:
-    """Fulfils ``app.station.contracts.Drive``.
+    """Fulfils ``app.server.contracts.Drive``.
 
     Attributes:
         commands: all that were taken. robots: connected, by role.

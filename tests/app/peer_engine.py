@@ -52,7 +52,7 @@ JPEG = b"\xff\xd8\xff\xe0 not a picture, but carried like one \xff\xd9"
 
 
 class PeerEngine:
-    """Fulfils ``app.station.Engine`` by keeping state instead of observing.
+    """Fulfils ``app.server.Engine`` by keeping state instead of observing.
 
     Sources: ``simulated:lab`` and anything else opens; ``missing`` is refused as input and
     ``no room`` as on a full disk.

@@ -38,7 +38,7 @@ from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.parameters import preset
 
-from .stations import run
+from .server.servers import run
 
 HERE = Path(__file__).parent
 FAKE = (sys.executable, str(HERE / "fake_engine.py"))

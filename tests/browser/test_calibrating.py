@@ -20,8 +20,8 @@ from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import load_scenario
 from observer.simulation.visibility import left_rays, render_depth
 from observer.simulation.world import World
-from observer.stages.rectification import Rectification
-from observer.stages.stereo import disparity_map
+from observer.vision.rectification import Rectification
+from observer.vision.stereo import disparity_map
 
 _NAME = "Two webcams by keyboard"
 # The same board in quick hands, which hold each of the 28 poses just long enough, and cameras of

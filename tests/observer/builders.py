@@ -6,8 +6,8 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.motion_sums import MotionSums
-from observer.points import Points
+from observer.methods.rigid.position_velocity_filter import MotionSums
+from observer.methods.rigid.tracked_points import Points
 from observer.types import Image
 
 LAB = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)

@@ -10,15 +10,15 @@ import pytest
 
 from observer.camera import StereoCalibration, StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.motion_sums import MotionSums
-from observer.obstacles.body import BodyTrack
-from observer.obstacles.motion_filter import ObstacleMotion, yaw_matrix
-from observer.obstacles.shape import Box, ObstacleShape
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.motion_filter import ObstacleMotion, yaw_matrix
+from observer.methods.rigid.bodies.shape import Box, ObstacleShape
+from observer.methods.rigid.bodies.tracker import BodyTracker
+from observer.methods.rigid.motion_test import group_dynamic, pooled_motion
+from observer.methods.rigid.position_velocity_filter import MotionSums
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, Points
 from observer.opening import open_source
 from observer.parameters import Parameters
-from observer.points import NO_OBSTACLE, Points
-from observer.stages.evidence import group_dynamic, pooled_motion
-from observer.stages.obstacle_tracking import BodyTracker
 from observer.truth.contract import Truth
 from observer.types import StereoFrame
 

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from observer.methods.monocular.ground import Floor
 from observer.mount import CameraMount
-from observer.one_camera.floor import Floor
-from observer.one_camera.odometry_way import driven_step
 from observer.types import Odometry
+from observer.vision.wheel_odometry import driven_step
 
 AHEAD = np.array([0.0, 0.0, 1.0])
 RIGHT = np.array([1.0, 0.0, 0.0])

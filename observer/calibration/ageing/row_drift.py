@@ -1,7 +1,7 @@
 """Watches over minutes and hours how far the rows of left and right are apart.
 
-``observer.health_watch`` tells at once when rows are too far apart to be used; this tells long
-before, and by how much it grows, while the frames are still as good as ever.
+``observer.vision.image_health`` tells at once when rows are too far apart to be used; this tells
+long before, and by how much it grows, while the frames are still as good as ever.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
-from observer.stages.health import VerticalError, vertical_error
+from observer.vision.image_checks import VerticalError, vertical_error
 
 # Rows further apart than this are warned of; the warning ends below the second.
 WARN_PX = 0.5

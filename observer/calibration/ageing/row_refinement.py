@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from observer.camera import StereoCalibration, StereoCamera, as_gray
 from observer.geometry import Float64Array
-from observer.stages.rectification import Rectification
 from observer.types import Image
+from observer.vision.rectification import Rectification
 
 # Fewer matches do not tell two angles from the mismatches among them.
 _MIN_MATCHES = 200

@@ -17,8 +17,8 @@ from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.methods.contract import StereoRows
 from observer.mount import CameraMount
-from observer.one_camera.odometry_way import driven_step, driven_way
 from observer.types import Odometry
+from observer.vision.wheel_odometry import driven_step, driven_way
 
 # Metres between the two views of a pair, and radians: a longer way loses the points, a turn makes
 # the way depend on where the camera is mounted.

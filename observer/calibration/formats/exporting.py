@@ -11,7 +11,7 @@ from observer.calibration.formats.understanding import NamedFile
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
-from observer.stages.rectification import Rectification
+from observer.vision.rectification import Rectification
 
 ExportKind = Literal["opencv", "ros", "kalibr"]
 

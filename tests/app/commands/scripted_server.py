@@ -16,11 +16,11 @@ import uvicorn
 from fastapi import FastAPI, HTTPException, Request, WebSocket
 from starlette.websockets import WebSocketDisconnect
 
+from app.http.run_server import server_config
 from app.settings import Settings
-from app.web.run_server import server_config
-from observer.programmes.playing import duration_s, velocity_at
-from observer.programmes.programme import Programme
-from observer.programmes.programme_file import programme_from_text
+from observer.motion_profiles.playing import duration_s, velocity_at
+from observer.motion_profiles.profile import Programme
+from observer.motion_profiles.profile_file import programme_from_text
 
 TOKEN = "a-token-of-the-tests-with-256-bits-more-or-less"
 # Of the clock between two looks at it: who is held up for longer misses nothing.

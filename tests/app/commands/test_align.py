@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.reporting.comparison import Comparison, TruthFile, gather_compared
-from app.reporting.run_chart import chart_values
+from app.reports.comparison import Comparison, TruthFile, gather_compared
+from app.reports.run_chart import chart_values
 from observer.truth.alignment.result import Alignment
 
 from ..planted_runs import OFFSET_S, plant_run, speed, truth_csv

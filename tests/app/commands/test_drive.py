@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from app.cli import main
-from observer.programmes.programme_file import programme_from_text
+from observer.motion_profiles.profile_file import programme_from_text
 
 from .scripted_server import TOKEN, ScriptedServer, running
 
@@ -127,7 +127,7 @@ def test_a_robot_that_cannot_be_armed_is_said_in_the_servers_words(
 def test_a_programme_that_never_goes_is_not_said_to_be_driven(
     server: ScriptedServer, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.operating.programme_drive._APPEARS_WITHIN_S", 0.9)
+    monkeypatch.setattr("app.client.programme_drive._APPEARS_WITHIN_S", 0.9)
     server.act = lambda _: server.end("nobody was present for the observer")
     code, _, err = shell("mine")
     assert code == 1
@@ -183,7 +183,7 @@ def test_a_server_that_goes_away_ends_it_in_one_sentence(
 def test_a_server_that_gives_no_lease_is_not_waited_for(
     server: ScriptedServer, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.operating.operator_socket._ANSWER_WITHIN_S", 0.3)
+    monkeypatch.setattr("app.client.operator_socket._ANSWER_WITHIN_S", 0.3)
     server.silent = True
     code, _, err = shell("mine")
     assert code == 1

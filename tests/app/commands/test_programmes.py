@@ -8,7 +8,7 @@ import pytest
 
 from app.cli import main
 from observer.errors import InputError
-from observer.programmes.programme_file import programme_from_text
+from observer.motion_profiles.profile_file import programme_from_text
 
 
 def test_programmes_are_listed_and_printed(capsys: pytest.CaptureFixture[str]) -> None:

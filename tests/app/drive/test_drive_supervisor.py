@@ -26,12 +26,12 @@ from app.drive.messages import (
 from app.drive.supervisor import DriveSupervisor
 from app.processes.errors import ProcessRefused, ProcessUnavailable
 from app.processes.supervisor import SupervisorLimits
-from app.station.contracts import Drive
+from app.server.contracts import Drive
 from app.supervisor import Supervisor
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import serve_tcp
 
-from ..stations import run
+from ..server.servers import run
 
 PATIENCE_S = 20.0
 

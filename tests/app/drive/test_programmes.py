@@ -14,7 +14,7 @@ from app.drive.messages import (
     StopRobots,
 )
 from app.processes.errors import ProcessRefused
-from observer.programmes.programme import Programme, Step
+from observer.motion_profiles.profile import Programme, Step
 from observer.robots.contract import RobotPhase
 
 BOTH = ("observer", "obstacle")

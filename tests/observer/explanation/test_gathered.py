@@ -11,11 +11,11 @@ import pytest
 from scipy.stats import chi2
 
 from observer.camera import StereoCamera
-from observer.evidence import Evidence
 from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel
 from observer.geometry import Pose
+from observer.methods.planar.ego_motion import PlanarEgoMotion
+from observer.methods.rigid.point_evidence import Evidence
 from observer.parameters import Parameters
-from observer.stages.ego_motion import PlanarEgoMotion
 from observer.types import Status
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)

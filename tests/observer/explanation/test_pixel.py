@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from observer.camera import StereoCamera
 from observer.explanation import PixelVerdict, explain_pixel
 from observer.explanation.answer import above, below
+from observer.methods.planar.ego_motion import estimate_ego_motion
 from observer.parameters import Parameters
-from observer.stages.ego_motion import estimate_ego_motion
 from observer.types import Matches
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)

@@ -13,11 +13,11 @@ import pytest
 from observer.camera import StereoCalibration, StereoCamera
 from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel
 from observer.geometry import Pose, map_pixels
+from observer.methods.planar.clustering import detect_obstacles
+from observer.methods.planar.ego_motion import PlanarEgoMotion
+from observer.methods.planar.motion import measure_motion
 from observer.observer import Observer
 from observer.parameters import Parameters
-from observer.stages.clustering import detect_obstacles
-from observer.stages.ego_motion import PlanarEgoMotion
-from observer.stages.motion import measure_motion
 from observer.types import FullTrace, ResidualFlow, Status, StereoFrame
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)

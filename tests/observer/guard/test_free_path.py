@@ -18,7 +18,7 @@ from observer.parameters import GuardParameters
 from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import load_scenario
 from observer.simulation.world import World
-from observer.stages.rectification import Rectification
+from observer.vision.rectification import Rectification
 
 P = GuardParameters()
 MAX_DISPARITY_PX = 96

@@ -13,7 +13,7 @@ from observer.mount import CameraMount
 from observer.opening import open_source
 from observer.recording import foxglove, topics
 from observer.recording.topics import Topic
-from observer.stages.rectification import Rectification
+from observer.vision.rectification import Rectification
 
 
 def decoded(topic: Topic, data: bytes) -> Any:

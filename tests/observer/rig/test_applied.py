@@ -10,7 +10,7 @@ from observer.mount import CameraMount
 from observer.rig.applied import mount_for, with_drive, with_floor
 from observer.rig.drive_estimate import DriveEstimate
 from observer.rig.estimates import Estimated
-from observer.rig.floor_estimate import FloorEstimate
+from observer.rig.ground_estimate import FloorEstimate
 from observer.rig.rig import Rig, RigMount, RigValue
 from observer.rig.rig_file import read_rig, rig_text
 from observer.sources.contract import SourceInfo

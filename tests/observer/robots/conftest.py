@@ -13,13 +13,13 @@ import pytest
 
 from observer.robots import handshake, pioneer
 from observer.robots.contract import RobotPhase, RobotReport
-from observer.robots.external import ExternalRobot, open_external
+from observer.robots.network.address import ExternalRobot, open_external
 from observer.robots.pioneer import Pioneer
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving, serve_pty, serve_tcp
 
-from .external_sides import Wire
-from .external_sides import until as until_it_holds
+from .network.sides import Wire
+from .network.sides import until as until_it_holds
 
 DRIVE_S = 0.02
 

@@ -15,7 +15,7 @@ from observer.camera import StereoCamera
 from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import scenario_from_text
 from observer.simulation.world import World
-from observer.stages.rectification import Rectification
+from observer.vision.rectification import Rectification
 
 CAMERA = StereoCamera(640, 480, 500.0, 500.0, 319.5, 239.5, 0.12)
 DT = 0.5

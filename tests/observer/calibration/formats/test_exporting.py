@@ -14,7 +14,7 @@ from observer.calibration.formats.exporting import ExportKind, export_calibratio
 from observer.calibration.formats.recognition import read_any
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
-from observer.stages.rectification import Rectification
+from observer.vision.rectification import Rectification
 
 KINDS: tuple[ExportKind, ...] = ("opencv", "ros", "kalibr")
 NUMBERS = ("K1", "D1", "K2", "D2", "R", "T")

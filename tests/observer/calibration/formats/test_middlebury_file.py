@@ -8,7 +8,7 @@ import pytest
 from observer.calibration.formats.recognition import read_any
 from observer.calibration.formats.understanding import NamedFile, UnderstoodCalibration
 from observer.errors import CalibrationError
-from observer.stages.rectification import Rectification
+from observer.vision.rectification import Rectification
 
 FOCAL, DOFFS, BASELINE_MM = 3979.911, 124.343, 193.001
 TEXT = (

@@ -1,0 +1,156 @@
+"""Playing a programme by a running server: take, arm, start, be present, end disarmed."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from app.client.errors import DrivingFailed
+from app.client.operator_socket import OperatorSocket
+from app.client.server_api import ServerApi
+from app.client.travelled import Travelled
+from observer.errors import DynamicObserverError
+from observer.rig.rig import Role
+
+_POLL_S = 0.1
+# The facts are up to a tenth of a second behind, more on a busy machine.
+_APPEARS_WITHIN_S = 2.0
+_CLOSE_TO_END_S = 1.0
+# A robot's stop and others' come with the end of a programme.
+_NEWEST_INCIDENTS = 5
+
+
+@dataclass(frozen=True)
+class PlayRequest:
+    """What shall be driven.
+
+    Attributes:
+        name: as the server knows it. roles: those it moves. duration_s: of the whole.
+        takeover: take the roles from who has them.
+    """
+
+    name: str
+    roles: Sequence[Role]
+    duration_s: float
+    repeat: int
+    reverse: bool
+    takeover: bool
+
+
+# Called with the server's facts of ``programme`` and of ``robots`` while it is driven.
+Watch = Callable[[dict[str, Any], dict[str, Any]], None]
+
+
+class ProgrammeDrive:
+    """One playing of a programme, and what became of it."""
+
+    def __init__(self, api: ServerApi, request: PlayRequest, watch: Watch) -> None:
+        self._api = api
+        self._request = request
+        self._watch = watch
+        self._travelled = {role: Travelled() for role in request.roles}
+        self._elapsed_s = 0.0
+
+    def run(self) -> None:
+        """Drive it to its end. However this ends, the robots that it took are disarmed, or
+        left to stop.
+
+        Raises:
+            InputError, DrivingFailed: one sentence of why it did not begin or did not end.
+        """
+        roles = self._request.roles
+        asked = False
+        with OperatorSocket(self._api) as socket:
+            try:
+                leases = {
+                    role: socket.take(role, takeover=self._request.takeover) for role in roles
+                }
+                for role in roles:
+                    self._api.post("robots", role, "arm", body={"lease": leases[role]})
+                # Before it is asked for, so that it cannot end earlier than it seems to.
+                began, asked = time.monotonic(), True
+                self._start(leases)
+                self._follow(socket, began)
+            finally:
+                # The quickest way first; it stops and disarms, and the rest is for certainty.
+                # What somebody else drives, from the beginning or by now, is left alone.
+                self._disarm(socket.release(), asked)
+
+    def summary(self) -> dict[str, Any]:
+        """How far it came, by role; ready for JSON."""
+        return {
+            "programme": self._request.name,
+            "repeat": self._request.repeat,
+            "reverse": self._request.reverse,
+            "duration_s": round(self._request.duration_s, 3),
+            "elapsed_s": round(self._elapsed_s, 3),
+            "robots": {role: each.summary() for role, each in self._travelled.items()},
+        }
+
+    def _start(self, leases: dict[Role, str]) -> None:
+        self._api.post(
+            "robots",
+            "programme",
+            body={
+                "name": self._request.name,
+                "repeat": self._request.repeat,
+                "reverse": self._request.reverse,
+                "leases": leases,
+            },
+        )
+
+    def _follow(self, socket: OperatorSocket, began: float) -> None:
+        seen = False
+        while True:
+            socket.check()
+            facts = self._api.get("robots")
+            now = time.monotonic()
+            robots, playing = facts["robots"], facts["programme"]
+            for role, each in self._travelled.items():
+                each.add(robots.get(role) or {}, now)
+            if playing is not None:
+                seen = True
+                self._elapsed_s = playing["elapsed_s"]
+                self._watch(playing, robots)
+            elif seen or now - began > _APPEARS_WITHIN_S:
+                self._judge_end(facts, now - began)
+                return
+            time.sleep(max(0.0, now + _POLL_S - time.monotonic()))
+
+    def _judge_end(self, facts: dict[str, Any], since_start_s: float) -> None:
+        """Raises:
+        DrivingFailed: it did not end by itself.
+        """
+        whole = self._request.duration_s
+        nearly = whole - min(_CLOSE_TO_END_S, whole / 2)
+        in_time = since_start_s >= whole and self._elapsed_s >= nearly
+        if in_time and facts["stopped"] is None:
+            self._elapsed_s = whole
+            return
+        reasons = [
+            each["why"] for each in facts["robots"].values() if each is not None and each.get("why")
+        ]
+        if facts["stopped"] is not None:
+            reasons.insert(0, f"stopped by {facts['stopped']['by']}")
+        if not reasons:
+            # What hindered it may be over by now.
+            newest = facts.get("incidents", ())[-_NEWEST_INCIDENTS:]
+            told = [each["sentence"] for each in newest if each["kind"] == "programme"]
+            reasons = [each for each in told[-1:] if self._request.name in each]
+        raise DrivingFailed(
+            f"{self._request.name} ended after {self._elapsed_s:.1f} of {whole:.1f} s: "
+            f"{'; '.join(reasons) or 'the server does not say why'}"
+        )
+
+    def _disarm(self, held: Sequence[Role], asked: bool) -> None:
+        # A server that does not answer has lost this operator, and stops by itself.
+        # Nor need a programme be going.
+        if held and asked:
+            with contextlib.suppress(DynamicObserverError):
+                self._api.delete("robots", "programme")
+        for role in held:
+            with contextlib.suppress(DynamicObserverError):
+                self._api.post("robots", role, "disarm")

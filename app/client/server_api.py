@@ -1,0 +1,179 @@
+"""A running server's REST, asked by one thread over one connection that is kept."""
+
+from __future__ import annotations
+
+import http.client
+import json
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlsplit
+
+from app.client.errors import DrivingFailed
+from observer.errors import InputError
+
+# Arming waits for a robot's answer; nothing takes longer.
+_TIMEOUT_S = 5.0
+_LONGEST_TOKEN = 512
+# What the caller asked is wrong; anything else is the server's or a robot's state. 404 is either.
+_WRONG_INPUT = (400, 401, 403, 413, 415, 422)
+
+
+class ServerApi:
+    """See the module.
+
+    Args:
+        server: as in ``http://127.0.0.1:8080``, or https.
+        token: what the server printed at its start, or keeps in its token file.
+
+    Raises:
+        InputError: the address is none.
+    """
+
+    def __init__(self, server: str, token: str) -> None:
+        parts = urlsplit(server if "//" in server else f"//{server}", scheme="http")
+        try:
+            port = parts.port
+        except ValueError:
+            port = -1
+        if parts.scheme not in ("http", "https") or not parts.hostname or port == -1:
+            raise InputError(
+                f"{server[:80]!r} is no server's address; give one such as http://127.0.0.1:8080"
+            )
+        if parts.path.strip("/") or parts.query or parts.username:
+            raise InputError(
+                f"give the server's address alone, such as {parts.scheme}://{parts.hostname}"
+            )
+        self._tls = parts.scheme == "https"
+        self._host, self._port = parts.hostname, port or (443 if self._tls else 80)
+        self._headers = {"Authorization": f"Bearer {token}"}
+        self._connection: http.client.HTTPConnection | None = None
+
+    @property
+    def address(self) -> str:
+        """Without a path."""
+        host = f"[{self._host}]" if ":" in self._host else self._host
+        return f"{'https' if self._tls else 'http'}://{host}:{self._port}"
+
+    @property
+    def headers(self) -> dict[str, str]:
+        """By which the server knows its operator."""
+        return dict(self._headers)
+
+    def socket_address(self, path: str) -> str:
+        """Of a WebSocket."""
+        return f"ws{self.address.removeprefix('http')}{path}"
+
+    def get(self, *path: str) -> Any:
+        """The decoded answer; raises as ``request``."""
+        return self.request("GET", *path)
+
+    def post(self, *path: str, body: Any = None) -> Any:
+        """The decoded answer; raises as ``request``."""
+        return self.request("POST", *path, body={} if body is None else body)
+
+    def delete(self, *path: str) -> Any:
+        """The decoded answer; raises as ``request``."""
+        return self.request("DELETE", *path)
+
+    def request(self, method: str, *path: str, body: Any = None) -> Any:
+        """One call.
+
+        Args:
+            path: the parts below ``/api``; quoted here.
+
+        Returns:
+            The decoded JSON of the answer; None where it has none.
+
+        Raises:
+            InputError: the server refused what was asked; the sentence is the server's.
+            DrivingFailed: it refused for its state, is not there, or did not answer in time.
+        """
+        target = "/api/" + "/".join(quote(part, safe="") for part in path)
+        headers = self._headers
+        text = None
+        if body is not None:
+            headers = {**headers, "Content-Type": "application/json"}
+            text = json.dumps(body, allow_nan=False)
+        try:
+            connection = self._connection or self._connect()
+            connection.request(method, target, text, headers)
+            answer = connection.getresponse()
+            content = answer.read()
+        except (OSError, http.client.HTTPException) as error:
+            self.close()
+            raise DrivingFailed(
+                f"{self.address} does not answer ({_why(error)}); start the server with "
+                f"dynamic-observer serve, or name another one with --server"
+            ) from None
+        except BaseException:
+            # An answer that was not waited for must not be taken for the next one.
+            self.close()
+            raise
+        if answer.will_close:
+            self.close()
+        if answer.status < 300:
+            return self._decoded(content) if content else None
+        sentence = self._sentence(content, f"{method} {target} was answered {answer.status}")
+        unknown = answer.status == 404 and path[0] == "programmes"
+        raise (InputError if unknown or answer.status in _WRONG_INPUT else DrivingFailed)(sentence)
+
+    def close(self) -> None:
+        """Let the connection go; the next request makes a new one."""
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
+
+    def _connect(self) -> http.client.HTTPConnection:
+        kind = http.client.HTTPSConnection if self._tls else http.client.HTTPConnection
+        self._connection = kind(self._host, self._port, timeout=_TIMEOUT_S)
+        return self._connection
+
+    def _decoded(self, content: bytes) -> Any:
+        try:
+            return json.loads(content)
+        except ValueError:
+            raise DrivingFailed(
+                f"{self.address} is no Dynamic Observer; name its address with --server"
+            ) from None
+
+    def _sentence(self, content: bytes, otherwise: str) -> str:
+        try:
+            detail = json.loads(content)["detail"]
+        except (ValueError, KeyError, TypeError):
+            return otherwise
+        if isinstance(detail, str):
+            return detail
+        problems = [each.get("msg") for each in detail if isinstance(each, dict)]
+        return f"{otherwise}: {'; '.join(filter(None, problems))}" if problems else otherwise
+
+
+def read_token(token: str | None, file: Path | None) -> str:
+    """The token as given, or out of the server's token file.
+
+    Raises:
+        InputError: none or both are given, or the file cannot be read.
+    """
+    if token is not None and file is not None:
+        raise InputError("give --token or --token-file, not both")
+    if file is not None:
+        try:
+            token = file.read_bytes()[: _LONGEST_TOKEN + 2].decode("ascii").strip()
+        except (OSError, UnicodeDecodeError):
+            raise InputError(
+                f"the token file {file} cannot be read; name the one that the server was "
+                f"started with"
+            ) from None
+    if token is None:
+        raise InputError(
+            "a token is needed: --token-file FILE, as the server was started with, or --token and "
+            "what stands behind token= in the link that it printed"
+        )
+    if not (0 < len(token) <= _LONGEST_TOKEN and token.isascii() and token.isprintable()):
+        raise InputError("this cannot be a server's token; copy it from the link that it printed")
+    return token
+
+
+def _why(error: Exception) -> str:
+    if isinstance(error, TimeoutError):
+        return f"for {_TIMEOUT_S:g} s"
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__

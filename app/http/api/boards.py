@@ -1,0 +1,46 @@
+"""Boards to print, in true scale."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Path, Query, Response
+
+from app.http.api.calibration_models import BoardKind
+from app.http.api.refusals import refusals
+from app.server import FieldError
+from app.server.calibrating.session import board_of
+from observer.calibration.printing import board_pdf, board_svg
+from observer.errors import CalibrationError
+
+router = APIRouter(tags=["calibrating"])
+
+_KINDS = {"svg": "image/svg+xml", "pdf": "application/pdf"}
+
+
+@router.get(
+    "/boards/{kind}.{format}",
+    summary="A board to print, with a bar to measure",
+    response_class=Response,
+    responses={
+        200: {"content": {kind: {} for kind in _KINDS.values()}},
+        **refusals(422),
+    },
+)
+def get_board(
+    kind: BoardKind,
+    format: Annotated[Literal["svg", "pdf"], Path()],
+    columns: Annotated[int, Query(ge=3, le=30, description="Inner corners across.")] = 9,
+    rows: Annotated[int, Query(ge=3, le=30)] = 6,
+    square_mm: Annotated[float, Query(ge=2, le=500, allow_inf_nan=False)] = 25.0,
+    paper: Literal["A4", "A3", "Letter"] = "A4",
+) -> Response:
+    """Print it at 100 %. Refused where it does not fit; the sentence says what would."""
+    board = board_of(kind, columns, rows, square_mm)
+    try:
+        content = board_svg(board, paper) if format == "svg" else board_pdf(board, paper)
+    except CalibrationError as error:
+        raise FieldError(("query", "square_mm"), str(error)) from error
+    name = f"board-{kind}-{columns}x{rows}-{square_mm:g}mm.{format}"
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return Response(content, media_type=_KINDS[format], headers=headers)

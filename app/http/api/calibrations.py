@@ -1,0 +1,233 @@
+"""Calibrations: upload, look at, use."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from functools import partial
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, File, Form, Path, Query, Response, UploadFile
+
+from app.http.api.calibration_models import (
+    Calibration,
+    CalibrationChange,
+    PlaceDepth,
+    TapeCheckStart,
+)
+from app.http.api.common import TheStation, plain_name
+from app.http.api.models import Status
+from app.http.api.previews import PREVIEW_RESPONSES, preview_response
+from app.http.api.refusals import refusals
+from app.server import FieldError, Station
+from app.server.calibrating.library import (
+    check_by_tape,
+    exported,
+    find_calibration,
+    find_kept_calibration,
+    keep_upload,
+    measure_depth,
+    preview_text,
+    refine_rows,
+)
+from app.server.status import status
+from app.storage import CalibrationRecord
+from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
+
+router = APIRouter(prefix="/calibrations", tags=["calibrations"])
+
+CalibrationId = Annotated[str, Path(max_length=100)]
+# More than any calibration has; what more there is, is refused by its number.
+_MOST = 10
+
+
+def entry(record: CalibrationRecord, station: Station) -> dict[str, Any]:
+    """A calibration as it is listed."""
+    active = station.wanted.calibration
+    return {
+        "id": record.id,
+        "name": record.name,
+        "created_at": record.created_at,
+        "active": active is not None and active.id == record.id,
+        "devices": record.info.get("bound", {}).get("devices", []),
+        **record.info,
+    }
+
+
+@router.get(
+    "", response_model=list[Calibration], summary="All calibrations", responses=refusals(503)
+)
+async def list_calibrations(station: TheStation) -> list[dict[str, Any]]:
+    """Newest first."""
+    records = await asyncio.to_thread(station.storage.list_calibrations)
+    return [entry(record, station) for record in records]
+
+
+@router.post(
+    "",
+    status_code=201,
+    response_model=Calibration,
+    summary="Upload a calibration",
+    responses=refusals(413, 415, 422, 503, 507),
+)
+async def post_calibration(
+    file: Annotated[list[UploadFile], File(description="One file, or two that belong together.")],
+    station: TheStation,
+    size: Annotated[str | None, Form(description="As in 1280x720, where no file tells it.")] = None,
+    unit: Annotated[Unit | None, Form(description="Of lengths; none: the format's own.")] = None,
+    cameras: Annotated[Cameras | None, Form(description="KITTI's pair.")] = None,
+) -> dict[str, Any]:
+    """Every usual format is recognised by content: OpenCV, ROS, Kalibr, KITTI, MATLAB,
+    Middlebury, ZED, EuRoC. It is kept, not used yet; the same content is the same calibration.
+    """
+    files = [
+        NamedFile(plain_name(each.filename, "calibration.yaml"), await each.read())
+        for each in file[:_MOST]
+    ]
+    keep = partial(
+        keep_upload, station.storage, files, size=_size(size), unit=unit, cameras=cameras
+    )
+    return entry(await asyncio.to_thread(keep), station)
+
+
+@router.post(
+    "/deactivate",
+    response_model=Status,
+    summary="Go back to the source's own calibration",
+    responses=refusals(409, 422, 503),
+)
+async def deactivate(station: TheStation) -> dict[str, Any]:
+    await station.activate_calibration(None)
+    return status(station)
+
+
+@router.post(
+    "/refine",
+    status_code=201,
+    response_model=Calibration,
+    summary="Set the rows of the calibration in use straight by the scene",
+    responses=refusals(409, 503, 507),
+)
+async def refine(station: TheStation) -> dict[str, Any]:
+    """Pitch and roll between the cameras, as a new calibration; nothing is replaced."""
+    active = station.wanted.calibration
+    return entry(await refine_rows(station.engine, station.storage, active), station)
+
+
+@router.patch(
+    "/{id}",
+    response_model=Calibration,
+    summary="Rename a calibration",
+    responses=refusals(404, 415, 422, 503),
+)
+async def rename(
+    id: CalibrationId, change: CalibrationChange, station: TheStation
+) -> dict[str, Any]:
+    return entry(await station.rename_calibration(id, change.name), station)
+
+
+@router.post(
+    "/{id}/activate",
+    response_model=Status,
+    summary="Use a calibration",
+    responses=refusals(404, 409, 422, 503),
+)
+async def activate(id: CalibrationId, station: TheStation) -> dict[str, Any]:
+    """The open source begins again with it. Refused where the image size differs."""
+    await station.activate_calibration(id)
+    return status(station)
+
+
+@router.get(
+    "/{id}/file",
+    summary="The file as it was uploaded, or as a run used it",
+    response_class=Response,
+    responses={200: {"content": {"application/yaml": {}}}, **refusals(404, 503)},
+)
+async def get_file(id: CalibrationId, station: TheStation) -> Response:
+    record = await asyncio.to_thread(find_kept_calibration, station.storage, id)
+    headers = {"Content-Disposition": f'attachment; filename="calibration-{record.id[:12]}.yaml"'}
+    return Response(record.text, media_type="application/yaml", headers=headers)
+
+
+@router.get(
+    "/{id}/export/{kind}",
+    summary="The calibration as another tool reads it",
+    response_class=Response,
+    responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404, 503)},
+)
+async def get_export(
+    id: CalibrationId, kind: Literal["opencv", "ros", "kalibr"], station: TheStation
+) -> Response:
+    """``opencv`` and ``kalibr`` are one file, ``ros`` a ZIP archive of left.yaml and right.yaml."""
+    record = await asyncio.to_thread(find_kept_calibration, station.storage, id)
+    file = await asyncio.to_thread(exported, record, kind)
+    headers = {"Content-Disposition": f'attachment; filename="{file.name}"'}
+    return Response(file.content, media_type="application/octet-stream", headers=headers)
+
+
+@router.get(
+    "/{id}/preview",
+    summary="The newest pair rectified with a calibration",
+    response_class=Response,
+    responses=PREVIEW_RESPONSES,
+)
+async def get_preview(id: CalibrationId, station: TheStation) -> Response:
+    """Both images with the same horizontal lines: a point must lie on the same line in both."""
+    record = await asyncio.to_thread(find_calibration, station.storage, id)
+    return preview_response(await preview_text(station.engine, record.text))
+
+
+@router.get(
+    "/{id}/depth",
+    response_model=PlaceDepth,
+    summary="How far a place of the newest pair is by a calibration",
+    responses=refusals(404, 409, 422, 503),
+)
+async def get_depth(
+    id: CalibrationId,
+    station: TheStation,
+    u: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
+    v: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
+) -> dict[str, Any]:
+    """``u``, ``v`` are pixels of the rectified left image, as the preview shows it."""
+    record = await asyncio.to_thread(find_calibration, station.storage, id)
+    return await measure_depth(station.engine, record, u, v, field=("query", "u"))
+
+
+@router.post(
+    "/{id}/tape-checks",
+    status_code=201,
+    response_model=Calibration,
+    summary="Hold the depth of a place against a tape measure",
+    responses=refusals(404, 409, 415, 422, 503, 507),
+)
+async def post_tape_check(
+    id: CalibrationId, check: TapeCheckStart, station: TheStation
+) -> dict[str, Any]:
+    """The result is kept beside the calibration."""
+    record = await asyncio.to_thread(find_calibration, station.storage, id)
+    checked = await check_by_tape(
+        station.engine, station.storage, record, check.u, check.v, check.measured_m
+    )
+    return entry(checked, station)
+
+
+@router.delete(
+    "/{id}",
+    status_code=204,
+    summary="Take a calibration off the list",
+    responses=refusals(404, 409, 503),
+)
+async def delete_calibration(id: CalibrationId, station: TheStation) -> None:
+    """Runs that used it stay repeatable."""
+    await station.delete_calibration(id)
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    if text is None or not text.strip():
+        return None
+    found = re.fullmatch(r"\s*(\d{1,5})\s*[x×]\s*(\d{1,5})\s*", text, re.ASCII)
+    if found is None:
+        raise FieldError(("body", "size"), "a size is given as WIDTHxHEIGHT, as in 1280x720")
+    return int(found.group(1)), int(found.group(2))

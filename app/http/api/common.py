@@ -1,0 +1,56 @@
+"""What the routers share: the station, who asks, names in paths."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import Depends, Path, Request
+from fastapi.requests import HTTPConnection
+
+from app.http.sockets.view_feed import ViewFeed
+from app.server import Station
+
+_LONGEST_NAME = 100
+
+
+def _station(connection: HTTPConnection) -> Station:
+    station = connection.app.state.station
+    assert isinstance(station, Station)
+    return station
+
+
+TheStation = Annotated[Station, Depends(_station)]
+
+
+def _feeds(connection: HTTPConnection) -> dict[str, ViewFeed]:
+    feeds: dict[str, ViewFeed] = connection.app.state.feeds
+    return feeds
+
+
+Feeds = Annotated[dict[str, ViewFeed], Depends(_feeds)]
+
+# In a path.
+RunId = Annotated[str, Path(max_length=100)]
+
+
+def who(request: Request, name: str | None = None) -> str:
+    """Who asks, in words: there is one token for all, so it is where they are.
+
+    Args:
+        name: as they call themselves.
+    """
+    where = "the host itself" if request.client is None else request.client.host
+    if name is not None:
+        return f"{name} ({where})"
+    return where if request.client is None else f"somebody at {where}"
+
+
+def plain_name(name: str | None, otherwise: str) -> str:
+    """An uploaded file's name without its folders and without what is no text.
+
+    Args:
+        otherwise: where nothing of it is left.
+    """
+    last = (name or "").replace("\\", "/").rpartition("/")[2]
+    plain = "".join(c for c in last if c.isprintable())[:_LONGEST_NAME]
+    return plain or otherwise

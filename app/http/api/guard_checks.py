@@ -1,0 +1,107 @@
+"""Guided checks of what stops a robot, and their records."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Body, Path, Query, Request
+from fastapi.responses import Response
+
+from app.http.api.common import TheStation, who
+from app.http.api.refusals import refusals
+from app.http.api.robot_models import By, CheckEntry, CheckNow, ChecksNow, CheckStart, RoleName
+from app.http.errors import SafeJSON
+from app.server import Conflict, Station
+
+router = APIRouter(prefix="/robots", tags=["robots"])
+
+CheckName = Annotated[str, Path(max_length=100)]
+_NOW: dict[int | str, dict[str, Any]] = {200: {"model": CheckNow}}
+_FORMATS = {"json": ("json", "application/json"), "markdown": ("md", "text/markdown")}
+
+
+def _facts(station: Station) -> Response:
+    return SafeJSON(station.driving.checks.facts())
+
+
+@router.get("/check", response_model=None, responses={200: {"model": ChecksNow}})
+async def get_check(
+    station: TheStation, role: Annotated[RoleName, Query(description="Of the advice.")] = "observer"
+) -> Response:
+    """The guided check that goes on or ended last, and whether to check again."""
+    checks = station.driving.checks
+    return SafeJSON({**await checks.outlook(role), "check": checks.facts()})
+
+
+@router.post(
+    "/check",
+    status_code=201,
+    response_model=None,
+    responses={201: {"model": CheckNow}, **refusals(409, 415, 422)},
+    summary="Begin a guided check",
+)
+async def start_check(
+    request: Request, station: TheStation, wanted: Annotated[CheckStart | None, Body()] = None
+) -> Response:
+    """It moves nothing: somebody drives by hand and does as each step says, stops are measured."""
+    wanted = wanted or CheckStart()
+    if station.driving.robot(wanted.role) is None:
+        raise Conflict(f"no robot is connected as the {wanted.role}")
+    station.driving.checks.start(wanted.role, wanted.note or None, who(request, wanted.name))
+    return SafeJSON(station.driving.checks.facts(), 201)
+
+
+@router.post(
+    "/check/skip",
+    response_model=None,
+    responses={**_NOW, **refusals(409, 415, 422, 507)},
+    summary="Leave the present step out",
+)
+async def skip_step(
+    request: Request, station: TheStation, by: Annotated[By | None, Body()] = None
+) -> Response:
+    """The record tells who did."""
+    await station.driving.checks.skip(who(request, None if by is None else by.name))
+    return _facts(station)
+
+
+@router.delete(
+    "/check",
+    response_model=None,
+    responses={**_NOW, **refusals(409, 422, 507)},
+    summary="Give the check up",
+)
+async def give_up_check(
+    request: Request,
+    station: TheStation,
+    name: Annotated[str | None, Query(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")] = None,
+) -> Response:
+    """What there is so far is kept, and says so. ``name``: who asks."""
+    await station.driving.checks.give_up(who(request, name or None))
+    return _facts(station)
+
+
+@router.get("/checks", response_model=list[CheckEntry], summary="Records of checks")
+async def list_checks(station: TheStation) -> list[dict[str, Any]]:
+    """Newest first, a hundred at most."""
+    return await asyncio.to_thread(station.driving.checks.records.all)
+
+
+@router.get(
+    "/checks/{name}",
+    summary="One record",
+    response_class=Response,
+    responses={
+        200: {"content": {"application/json": {}, "text/markdown": {}}},
+        **refusals(404, 422),
+    },
+)
+async def get_check_record(
+    name: CheckName, station: TheStation, format: Literal["json", "markdown"] = "json"
+) -> Response:
+    """As it was kept: JSON for programs, Markdown for people."""
+    suffix, media = _FORMATS[format]
+    text = await asyncio.to_thread(station.driving.checks.records.text, name, suffix)
+    headers = {"Content-Disposition": f'attachment; filename="{name}.{suffix}"'}
+    return Response(text, media_type=media, headers=headers)

@@ -1,0 +1,43 @@
+"""The history: runs found again."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+
+from app.http.api.common import TheStation
+from app.http.api.refusals import refusals
+from app.http.api.run_models import History
+from app.http.api.values import Tag
+from app.server.runs.history import HistoryPage
+
+router = APIRouter(prefix="/history", tags=["runs"])
+
+_MOST_TAGS = 20
+# PostgreSQL has no NUL in texts.
+_TEXT = r"^[^\x00]*$"
+
+
+@router.get("", response_model=History, summary="Find runs", responses=refusals(422, 503))
+async def get_history(
+    station: TheStation,
+    text: Annotated[
+        str,
+        Query(
+            max_length=200,
+            pattern=_TEXT,
+            description="Words; all are in name, notes or tags.",
+        ),
+    ] = "",
+    tag: Annotated[
+        list[Tag] | None, Query(max_length=_MOST_TAGS, description="Runs bear all of them.")
+    ] = None,
+    deleted: Annotated[
+        bool, Query(description="Those that can be had back, in place of the others.")
+    ] = False,
+    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    offset: Annotated[int, Query(ge=0, le=1_000_000)] = 0,
+) -> HistoryPage:
+    """Newest first, in pages."""
+    return await station.history.page(text, tag or (), deleted=deleted, limit=limit, offset=offset)

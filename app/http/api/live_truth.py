@@ -1,0 +1,50 @@
+"""Live motion capture: what is listened to, and how it is aligned with what is observed."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter
+from pydantic import Field
+
+from app.http.api.common import TheStation
+from app.http.api.live_truth_models import LiveTruthStatus
+from app.http.api.refusals import refusals
+from app.http.api.values import In, Name, Spec
+from app.messages import LiveTruthOrder
+
+router = APIRouter(prefix="/truth/live", tags=["truth"])
+
+_MOST_BODIES = 200
+
+
+class LiveTruthChoice(In):
+    spec: Spec | None = Field(
+        description="``vrpn:HOST[:PORT][/NAME,NAME]`` or ``vicon-udp:PORT``; null listens to none."
+    )
+    observer: Name | None = Field(
+        None, description="The body that carries the camera; null: it is found out."
+    )
+    ignore: Annotated[list[Name], Field(max_length=_MOST_BODIES)] = Field(
+        default=[], description="Bodies that are neither observer nor obstacle."
+    )
+
+
+@router.get("", response_model=LiveTruthStatus | None, summary="Live motion capture")
+async def get_live_truth(station: TheStation) -> dict[str, Any] | None:
+    """As in the status; null where none is listened to."""
+    return station.state.truth
+
+
+@router.put(
+    "",
+    response_model=LiveTruthStatus | None,
+    summary="Listen to live motion capture",
+    responses=refusals(413, 415, 422, 503, 507),
+)
+async def put_live_truth(choice: LiveTruthChoice, station: TheStation) -> dict[str, Any] | None:
+    """What is open stays open, also in a run. It is kept over restarts of the server."""
+    order = None
+    if choice.spec is not None:
+        order = LiveTruthOrder(choice.spec, choice.observer, tuple(choice.ignore))
+    return await station.choose_live_truth(order)

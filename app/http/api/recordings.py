@@ -1,0 +1,82 @@
+"""The last half minute, kept when something has happened."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path
+from fastapi.responses import FileResponse
+from pydantic import BaseModel, Field
+
+from app.http.api.common import TheStation
+from app.http.api.refusals import refusals
+from app.storage.saved_clips import SavedRing
+
+router = APIRouter(prefix="/recording", tags=["runs"])
+
+
+Name = Annotated[str, Path(max_length=100)]
+
+
+class RingFile(BaseModel):
+    file: str = Field(description="Within the data folder; it opens as any recording does.")
+    bytes: int
+    seconds: float = Field(description="How far back it reaches.")
+
+
+@router.post(
+    "/ring",
+    status_code=201,
+    response_model=RingFile,
+    summary="Save the last half minute",
+    responses=refusals(409, 503, 507),
+)
+async def save_ring(station: TheStation) -> dict[str, Any]:
+    """Of live cameras at any time, and of every run; beside the run, or in the folder rings."""
+    return await station.rings.save()
+
+
+class RingEntry(BaseModel):
+    """A saved half minute."""
+
+    name: str
+    run_id: str | None = Field(description="Of the run that was going.")
+    saved_at: str
+    bytes: int
+    source: str = Field(description="Opens it as a source.")
+
+
+@router.get("/rings", response_model=list[RingEntry], summary="All saved half minutes")
+async def list_rings(station: TheStation) -> list[dict[str, Any]]:
+    """Newest first."""
+    return [_entry(ring) for ring in await station.rings.all()]
+
+
+@router.get(
+    "/rings/{name}",
+    summary="A saved half minute, MCAP",
+    response_class=FileResponse,
+    responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404)},
+)
+async def get_ring(name: Name, station: TheStation) -> FileResponse:
+    """Opens in Foxglove and Lichtblick, and as a source."""
+    ring = await station.rings.find(name)
+    return FileResponse(ring.path, filename=ring.path.name)
+
+
+@router.delete(
+    "/rings/{name}",
+    status_code=204,
+    summary="Delete a saved half minute for good",
+    responses=refusals(404, 503),
+)
+async def delete_ring(name: Name, station: TheStation) -> None:
+    """The recording of the run that was going stays."""
+    await station.rings.delete(name)
+
+
+def _entry(ring: SavedRing) -> dict[str, Any]:
+    return {
+        "name": ring.name, "run_id": ring.run_id, "saved_at": ring.saved_at, "bytes": ring.bytes,
+        "source": str(ring.path),
+    }  # fmt: skip

@@ -1,0 +1,131 @@
+"""What is made of a run: its chart, its report, and files for other tools."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Request, Response
+
+from app.http.api.common import RunId, TheStation
+from app.http.api.refusals import refusals
+from app.http.api.run_models import Run, RunChart
+from app.http.cancel_on_disconnect import while_there
+from app.http.gate.headers import REPORT_POLICY
+from app.http.made_file import MadeFileResponse
+from app.server.errors import FieldError
+from app.server.runs.files import ChartFormat, ExportFormat
+from app.server.runs.truths import AlignChoices
+
+router = APIRouter(prefix="/runs", tags=["runs"])
+
+Instant = Annotated[
+    float | None,
+    Query(ge=-1e12, le=1e12, allow_inf_nan=False, description="Source time, s; none: its end."),
+]
+_CHART_KINDS = {
+    "csv": "text/csv; charset=utf-8",
+    "png": "image/png",
+    "svg": "image/svg+xml",
+    "pdf": "application/pdf",
+}
+_EXPORT_KINDS = {
+    "zip": "application/zip",
+    "csv": "text/csv; charset=utf-8",
+    "parquet": "application/vnd.apache.parquet",
+    "mp4": "video/mp4",
+    "ply": "application/octet-stream",
+    "ros2": "application/zip",
+}
+_TABLES = ("csv", "parquet")
+
+
+def _file(*kinds: str) -> dict[int | str, dict[str, Any]]:
+    """What a route answers that makes a file."""
+    return {
+        200: {"content": {kind.partition(";")[0]: {} for kind in kinds}},
+        **refusals(404, 409, 422, 503, 507),
+    }
+
+
+@router.get(
+    "/{id}/chart",
+    response_model=RunChart,
+    summary="Speeds by the observer, by truth, as commanded and by encoders, and their errors",
+    responses=refusals(404, 409, 503),
+)
+async def get_chart(id: RunId, station: TheStation, request: Request) -> Response:
+    """Gaps are null. While the run is going, and without a recording, there are no errors."""
+    run = await station.runs.find(id)
+    values = await while_there(request, station.run_files.chart(run))
+    about = Run.model_validate(run, from_attributes=True).model_dump_json().encode()
+    choices = None
+    if run.alignment is not None:
+        choices = AlignChoices.of_alignment(run.alignment).as_dict()
+    # The values are JSON already and may be long.
+    begin = b'{"run":' + about + b',"choices":' + json.dumps(choices).encode() + b","
+    return Response(begin + values[1:], media_type="application/json")
+
+
+@router.get(
+    "/{id}/chart.{format}",
+    summary="The chart, or its values, of the visible range",
+    response_class=Response,
+    responses=_file(*_CHART_KINDS.values()),
+)
+async def get_chart_file(
+    id: RunId,
+    format: ChartFormat,
+    station: TheStation,
+    request: Request,
+    begin: Instant = None,
+    end: Instant = None,
+) -> Response:
+    if begin is not None and end is not None and begin >= end:
+        raise FieldError(("query", "end"), "the end must lie behind the beginning")
+    run = await station.runs.find(id)
+    made = await while_there(request, station.run_files.chart_file(run, format, begin, end))
+    return MadeFileResponse(made, _CHART_KINDS[format])
+
+
+@router.get(
+    "/{id}/report",
+    summary="The paper's figures redone from the run, on one page",
+    response_class=Response,
+    responses=_file("text/html"),
+)
+async def get_report(id: RunId, station: TheStation, request: Request) -> Response:
+    """It takes up to a minute, and stands for itself: images, data and style are in it."""
+    run = await station.runs.find(id)
+    made = await while_there(request, station.run_files.report(run))
+    headers = {"content-security-policy": REPORT_POLICY}
+    return MadeFileResponse(made, "text/html; charset=utf-8", inline=True, headers=headers)
+
+
+@router.get(
+    "/{id}/export",
+    summary="The run for other tools",
+    response_class=Response,
+    responses=_file(*_EXPORT_KINDS.values()),
+)
+async def get_export(
+    id: RunId,
+    station: TheStation,
+    request: Request,
+    format: Annotated[
+        ExportFormat,
+        Query(description="zip: all of it; ros2: a zip of a bag that ros2 bag play takes."),
+    ] = "zip",
+    table: Annotated[
+        Literal["obstacles", "frames", "truth", "matched_truth", "odometry", "robots", "parameters"]
+        | None,
+        Query(description="Of csv and parquet; none: obstacles."),
+    ] = None,
+) -> Response:
+    if table is not None and format not in _TABLES:
+        raise FieldError(("query", "table"), "only csv and parquet are one table")
+    run = await station.runs.find(id)
+    if table is None and format in _TABLES:
+        table = "obstacles"
+    made = await while_there(request, station.run_files.export(run, format, table))
+    return MadeFileResponse(made, _EXPORT_KINDS[format])

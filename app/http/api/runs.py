@@ -1,0 +1,170 @@
+"""Runs: observations that are kept."""
+
+from __future__ import annotations
+
+import asyncio
+import csv
+import io
+import json
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Response
+from fastapi.responses import FileResponse
+
+from app.http.api.common import RunId, TheStation
+from app.http.api.programmes import programme_command
+from app.http.api.refusals import refusals
+from app.http.api.robot_models import RobotIncident
+from app.http.api.run_models import Run, RunChange, RunStart, SpeedEntry
+from app.storage import IncidentRecord, RunRecord, SpeedRow
+
+router = APIRouter(prefix="/runs", tags=["runs"])
+
+_COLUMNS = ("time", "role", "source", "track_id", "speed", "std", "segment")
+
+
+@router.post(
+    "",
+    status_code=201,
+    response_model=Run,
+    summary="Start a run",
+    responses=refusals(409, 415, 422, 503, 507),
+)
+async def start_run(wanted: RunStart, station: TheStation) -> RunRecord:
+    """Keep what is observed from now on, from the source's beginning, with all its settings.
+
+    One run at a time. A recording's run ends with the recording.
+    """
+    programme = None
+    if wanted.programme is not None:
+        programme = await programme_command(station, wanted.programme)
+    return await station.start_run(
+        name=wanted.name,
+        source=wanted.source,
+        calibration_id=wanted.calibration,
+        preset=wanted.preset,
+        parameters=wanted.parameters,
+        programme=programme,
+        record=wanted.record,
+    )
+
+
+@router.get("", response_model=list[Run], summary="All runs", responses=refusals(503))
+async def list_runs(station: TheStation) -> list[RunRecord]:
+    """Newest first."""
+    return await station.runs.newest()
+
+
+@router.get("/{id}", response_model=Run, summary="One run", responses=refusals(404, 503))
+async def get_run(id: RunId, station: TheStation) -> RunRecord:
+    return await station.runs.find(id)
+
+
+@router.patch(
+    "/{id}",
+    response_model=Run,
+    summary="Name, tags and notes of a run",
+    responses=refusals(404, 415, 422, 503, 507),
+)
+async def change_run(id: RunId, change: RunChange, station: TheStation) -> RunRecord:
+    return await station.history.annotate(
+        id, name=change.name, tags=change.tags, notes=change.notes
+    )
+
+
+@router.delete(
+    "/{id}",
+    status_code=204,
+    summary="Delete a run",
+    responses=refusals(404, 409, 503),
+)
+async def delete_run(id: RunId, station: TheStation) -> None:
+    """It is hidden, and deleted for good some days later; see ``undo_days`` of the history."""
+    await station.delete_run(id)
+
+
+@router.post(
+    "/{id}/recover", response_model=Run, summary="Undo a deletion", responses=refusals(404, 503)
+)
+async def recover_run(id: RunId, station: TheStation) -> RunRecord:
+    return await station.history.recover(id)
+
+
+@router.post(
+    "/{id}/stop", response_model=Run, summary="End a run", responses=refusals(404, 409, 503)
+)
+async def stop_run(id: RunId, station: TheStation) -> RunRecord:
+    """Its source stays open."""
+    return await station.stop_run(id)
+
+
+@router.get(
+    "/{id}/recording",
+    summary="A run's recording, MCAP",
+    response_class=FileResponse,
+    responses={
+        200: {"content": {"application/octet-stream": {}}},
+        206: {"description": "The part that was asked for by the header Range."},
+        416: {"description": "There is no such part."},
+        **refusals(404, 409, 503),
+    },
+)
+async def get_recording(id: RunId, station: TheStation) -> FileResponse:
+    """Everything that happened in a run; opens in Foxglove and Lichtblick, and as a source."""
+    path = await station.runs.recording(id)
+    return FileResponse(path, filename=f"{_file_name(id)}.mcap")
+
+
+@router.get(
+    "/{id}/speeds",
+    response_model=list[SpeedEntry],
+    summary="Speeds over time",
+    responses={
+        200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
+        **refusals(404, 422, 503),
+    },
+)
+async def get_speeds(
+    id: RunId,
+    station: TheStation,
+    format: Annotated[Literal["json", "csv"], Query(description="csv is for download.")] = "json",
+) -> Response:
+    """Estimates, truth, commands and encoders; the unknown is null in JSON and empty in CSV."""
+    rows = await station.runs.speeds(id)
+    if format == "csv":
+        text = await asyncio.to_thread(_csv, rows)
+        headers = {"Content-Disposition": f'attachment; filename="{_file_name(id)}.csv"'}
+        return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
+    return Response(await asyncio.to_thread(_json, rows), media_type="application/json")
+
+
+@router.get(
+    "/{id}/incidents",
+    response_model=list[RobotIncident],
+    summary="What stopped robots during a run",
+    responses=refusals(404, 503),
+)
+async def get_incidents(id: RunId, station: TheStation) -> list[IncidentRecord]:
+    """Oldest first."""
+    return await station.runs.incidents(id)
+
+
+def _entries(rows: Sequence[SpeedRow]) -> list[dict[str, Any]]:
+    return [{name: getattr(row, name) for name in _COLUMNS} for row in rows]
+
+
+def _json(rows: Sequence[SpeedRow]) -> str:
+    return json.dumps(_entries(rows), allow_nan=False)
+
+
+def _csv(rows: Sequence[SpeedRow]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(_entries(rows))
+    return text.getvalue()
+
+
+def _file_name(id: str) -> str:
+    return "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in id)

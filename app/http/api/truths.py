@@ -1,0 +1,71 @@
+"""Truth files: upload, list, take off the list."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, File, Form, Path, UploadFile
+from pydantic import BaseModel, Field
+
+from app.http.api.common import TheStation, plain_name
+from app.http.api.refusals import refusals
+from app.storage import TruthRecord
+
+router = APIRouter(prefix="/truth", tags=["truth"])
+
+
+class TruthEntry(BaseModel):
+    """A truth file."""
+
+    id: str = Field(description="SHA-256 of its content.")
+    name: str
+    format: str = Field(description="What it was recognised as.")
+    info: dict[str, Any] = Field(
+        description="What was understood: rate_hz, duration_s, bodies, notes, and reading as asked."
+    )
+    created_at: str
+
+
+@router.get("", response_model=list[TruthEntry], summary="All truths", responses=refusals(503))
+async def list_truths(station: TheStation) -> list[TruthRecord]:
+    """Newest first."""
+    return await station.truths.all()
+
+
+@router.post(
+    "",
+    status_code=201,
+    response_model=TruthEntry,
+    summary="Upload a truth file",
+    responses=refusals(413, 415, 422, 503, 507),
+)
+async def post_truth(
+    file: Annotated[UploadFile, File(description="Motion capture, or a truth.csv.")],
+    station: TheStation,
+    rate_hz: Annotated[
+        float | None,
+        Form(gt=0, le=100_000, allow_inf_nan=False, description="Where no file tells it."),
+    ] = None,
+    angles: Annotated[
+        Literal["helical", "euler_xyz"] | None,
+        Form(description="How Vicon's three angles are meant, where that cannot be found out."),
+    ] = None,
+) -> TruthRecord:
+    """Vicon Tracker and Nexus CSV, C3D, plain CSV and TUM are recognised by content.
+
+    Where angles can be read in two ways, the refusal of the field ``angles`` says so with figures
+    of both; send the file again with one of them.
+    """
+    name = plain_name(file.filename, "truth.csv")
+    return await station.truths.upload(file.file, name, rate_hz, angles)
+
+
+@router.delete(
+    "/{id}",
+    status_code=204,
+    summary="Take a truth off the list",
+    responses=refusals(404, 503),
+)
+async def delete_truth(id: Annotated[str, Path(max_length=100)], station: TheStation) -> None:
+    """Runs that were compared with it still are."""
+    await station.truths.delete(id)

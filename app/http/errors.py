@@ -1,0 +1,102 @@
+"""From the application's errors to HTTP: the only place that knows both.
+
+Whatever was wrong, the answer is JSON that any client can read: ``{"detail": sentence}``, or for
+values ``{"detail": [{"loc": [...], "msg": sentence, "type": kind}]}``. What was sent is never
+echoed: it may be no JSON (NaN, an infinity) or no text.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import structlog
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from app.processes.errors import ProcessUnavailable
+from app.server import Conflict, FieldError, NotAvailable, NotThere
+from app.storage import StorageError, StorageExists, StorageFull, StorageMissing
+from observer.errors import DynamicObserverError, InputError, ParameterError
+
+log = structlog.get_logger(__name__)
+
+_LONGEST_TEXT = 200
+_MOST_PROBLEMS = 50
+# Several match where one class stands above another, so the narrower ones come first.
+_STATUS: tuple[tuple[type[DynamicObserverError], int], ...] = (
+    (NotThere, 404),
+    (Conflict, 409),
+    (NotAvailable, 503),
+    (ProcessUnavailable, 503),
+    (StorageFull, 507),
+    (StorageMissing, 404),
+    (StorageExists, 409),
+    (StorageError, 503),
+)
+
+
+class SafeJSON(Response):
+    """JSON in ASCII, so that no text of a client (half a surrogate pair) can break the answer."""
+
+    media_type = "application/json"
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
+
+
+def problem(loc: Sequence[str | int], msg: str, kind: str) -> dict[str, Any]:
+    """One entry of a 422 answer."""
+    places = [part[:_LONGEST_TEXT] if isinstance(part, str) else part for part in loc]
+    return {"loc": places, "msg": msg, "type": kind}
+
+
+def install_error_handlers(app: FastAPI) -> None:
+    """Have the application answer its errors as described above."""
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(DynamicObserverError, _ours)
+    app.add_exception_handler(Exception, _unexpected)
+
+
+def _answer(status: int, detail: Any, headers: dict[str, str] | None = None) -> SafeJSON:
+    return SafeJSON({"detail": detail}, status, headers)
+
+
+async def _invalid(_: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    problems = [
+        problem(detail["loc"], str(detail["msg"]), str(detail["type"]))
+        for detail in error.errors()[:_MOST_PROBLEMS]
+    ]
+    return _answer(422, problems)
+
+
+async def _http(_: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    headers = dict(error.headers) if error.headers else None
+    return _answer(error.status_code, error.detail, headers)
+
+
+async def _ours(request: Request, error: Exception) -> Response:
+    if isinstance(error, ParameterError):
+        problems = [
+            problem(("body", name), text, "parameter") for name, text in error.problems.items()
+        ]
+        return _answer(422, problems[:_MOST_PROBLEMS])
+    if isinstance(error, FieldError):
+        return _answer(422, [problem(error.field, str(error), "value")])
+    if isinstance(error, InputError):
+        return _answer(422, [problem(("body",), str(error), "value")])
+    status = next((status for kind, status in _STATUS if isinstance(error, kind)), 500)
+    if status == 500:
+        log.error("request_failed", path=request.url.path, reason=str(error))
+    return _answer(status, str(error), {"Retry-After": "2"} if status == 503 else None)
+
+
+async def _unexpected(_: Request, __: Exception) -> Response:
+    # The server's log holds the cause; the client is told nothing of its inside.
+    return _answer(500, "the server failed at this request; its log says why")

@@ -1,0 +1,316 @@
+"""The gate in front of everything: every route, mount and WebSocket passes it, new ones too.
+
+Pure ASGI, because framework middleware for HTTP never sees WebSockets and dependencies never see
+mounts. The order: name (400), origin (403), token (401, 429), kind of body (415), size (413).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from urllib.parse import parse_qsl
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.http.gate.bodies import LimitedBody, accepts_kind
+from app.http.gate.headers import RawHeaders, page_policy, secured
+from app.http.gate.origins import Names, NetworkName, parse_host
+from app.http.gate.token import COOKIE_NAME, TokenGuard, Verdict
+
+PUBLIC_PATHS = frozenset({"/healthz", "/readyz", "/sign-in"})
+_SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+# A multipart body has boundaries and headers around the file.
+_UPLOAD_OVERHEAD = 16 * 1024
+# More than a browser sends of one cookie; a request is no place for trying a list of tokens.
+_MOST_CANDIDATES = 4
+_COOKIE_SECONDS = 30 * 24 * 3600
+_QUOTED = 80
+# How long, and for how much, a refused sender is listened to so that it hears the answer.
+_LINGER_S = 1.0
+_LINGER_BYTES = 8 * 1024 * 1024
+
+_SIGN_IN_FIRST = (
+    "sign in first: open the link that the server printed at its start, or send the header "
+    "Authorization: Bearer TOKEN; --token-file keeps the token over restarts"
+)
+_WRONG_TOKEN = "this is not the server's token; open the link that it printed at its start"
+_TOO_MANY = "too many wrong tokens from this address; wait a minute (the right token still works)"
+
+
+@dataclass(frozen=True)
+class Policy:
+    """Who may come in, and with how much.
+
+    Attributes:
+        names: the names the server answers to.
+        guard: knows the token.
+        token: put into the cookie of a browser that showed it.
+        body_max_bytes: largest body. uploads: largest file of each path that takes files.
+        sign_in_page: shown to a browser that comes without a token.
+    """
+
+    names: Names
+    guard: TokenGuard
+    token: str
+    body_max_bytes: int
+    uploads: Mapping[str, int]
+    sign_in_page: str
+
+    def cookie(self) -> str:
+        """``Set-Cookie`` of a browser that showed the right token."""
+        secure = "; Secure" if self.names.tls else ""
+        return (
+            f"{COOKIE_NAME}={self.token}; Path=/; Max-Age={_COOKIE_SECONDS}; "
+            f"HttpOnly; SameSite=Strict{secure}"
+        )
+
+    def check_token(self, scope: Scope, candidates: list[str]) -> Refusal | None:
+        """Why the tokens of a request do not open the server, or None where they do."""
+        client = scope.get("client")
+        verdict = self.guard.check(client[0] if client else None, candidates[:_MOST_CANDIDATES])
+        if verdict is Verdict.RIGHT:
+            return None
+        if verdict is Verdict.LIMITED:
+            return Refusal(429, _TOO_MANY, ((b"retry-after", b"60"),))
+        text = _SIGN_IN_FIRST if verdict is Verdict.MISSING else _WRONG_TOKEN
+        return Refusal(401, text, ((b"www-authenticate", b"Bearer"),))
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """An answer in place of the application's."""
+
+    status: int
+    detail: str
+    headers: tuple[tuple[bytes, bytes], ...] = ()
+
+
+class Gate:
+    """ASGI middleware that lets in whom the policy lets in."""
+
+    def __init__(self, app: ASGIApp, policy: Policy) -> None:
+        self._app = app
+        self._policy = policy
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await self._websocket(scope, receive, send)
+        else:
+            await self._http(scope, receive, _with_security_headers(send))
+
+    async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        refusal = self._refuse_sender(scope) or self._policy.check_token(
+            scope, list(_tokens(scope))
+        )
+        if refusal is None:
+            await self._app(scope, receive, send)
+        else:
+            await _deny(scope, refusal, send)
+
+    async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
+        refusal = self._refuse_sender(scope)
+        if refusal is not None:
+            await _refuse(scope, receive, send, refusal)
+            return
+        path, method = scope["path"], scope["method"]
+        if path == "/" and method in ("GET", "HEAD"):
+            query = parse_qsl(scope["query_string"].decode("latin-1"))
+            linked = [value for key, value in query if key == "token"]
+            if linked:
+                await self._follow_link(scope, linked, send)
+                return
+        if path not in PUBLIC_PATHS:
+            refusal = self._policy.check_token(scope, list(_tokens(scope)))
+            if refusal is not None and method == "GET" and _wants_page(scope):
+                await _send_page(send, refusal, self._policy.sign_in_page)
+                return
+        refusal = refusal or self._refuse_body(scope)
+        if refusal is not None:
+            await _refuse(scope, receive, send, refusal)
+            return
+        most_bytes = self._most_bytes(path)
+        body = LimitedBody(receive, send, most_bytes)
+        if await body.run(self._app, scope):
+            await _refuse(scope, receive, send, _too_large(most_bytes))
+
+    async def _follow_link(self, scope: Scope, tokens: list[str], send: Send) -> None:
+        """Turn the token in the link into a cookie, and take it out of the address."""
+        refusal = self._policy.check_token(scope, tokens)
+        if refusal is not None:
+            await _send_page(send, refusal, self._policy.sign_in_page)
+            return
+        await _answer_raw(
+            send,
+            303,
+            [(b"location", b"/"), (b"set-cookie", self._policy.cookie().encode())],
+            b"",
+        )
+
+    def _refuse_sender(self, scope: Scope) -> Refusal | None:
+        """By the name that was addressed, and by the page that sends."""
+        names = self._policy.names
+        hosts = _values(scope, b"host")
+        host = parse_host(hosts[0]) if len(hosts) == 1 else None
+        if host is None:
+            return Refusal(400, "the request needs one Host header with the server's name")
+        if not names.answers_to(host):
+            return Refusal(
+                400,
+                f"this server does not answer to the name {host.name[:_QUOTED]}; "
+                f"start it with --allowed-host {host.name[:_QUOTED]} if it should",
+            )
+        return self._refuse_page(scope, host)
+
+    def _refuse_page(self, scope: Scope, host: NetworkName) -> Refusal | None:
+        origins = _values(scope, b"origin")
+        for origin in origins:
+            if not self._policy.names.accepts_origin(origin, host):
+                return Refusal(
+                    403,
+                    f"pages of {_printable(origin)} may not use this server; "
+                    f"start it with --allowed-host NAME to serve it under that name",
+                )
+        acts = scope["type"] == "websocket" or scope["method"] not in _SAFE_METHODS
+        # Browsers state this themselves; it also covers requests for which they hide the origin.
+        sites = _values(scope, b"sec-fetch-site")
+        if acts and not origins and any(site not in ("same-origin", "none") for site in sites):
+            return Refusal(
+                403,
+                "pages of other sites may not use this server; open its own page, or start it "
+                "with --allowed-host NAME to serve it under that name",
+            )
+        return None
+
+    def _refuse_body(self, scope: Scope) -> Refusal | None:
+        if scope["method"] in _SAFE_METHODS:
+            return None
+        kinds = _values(scope, b"content-type")
+        kind = kinds[0] if kinds else None
+        if len(kinds) > 1 or not accepts_kind(scope["path"], kind, _has_body(scope)):
+            return Refusal(415, "send the body as application/json, and say so in Content-Type")
+        most_bytes = self._most_bytes(scope["path"])
+        return _too_large(most_bytes) if _announced_bytes(scope) > most_bytes else None
+
+    def _most_bytes(self, path: str) -> int:
+        file_bytes = self._policy.uploads.get(path)
+        if file_bytes is None:
+            return self._policy.body_max_bytes
+        return file_bytes + _UPLOAD_OVERHEAD
+
+
+def _too_large(most_bytes: int) -> Refusal:
+    return Refusal(413, f"the request's body is too large; at most {most_bytes} bytes are taken")
+
+
+def _values(scope: Scope, name: bytes) -> list[str]:
+    return [value.decode("latin-1") for key, value in scope["headers"] if key.lower() == name]
+
+
+def _tokens(scope: Scope) -> Iterator[str]:
+    """The tokens a request carries: as Bearer, and as cookie."""
+    for value in _values(scope, b"authorization"):
+        scheme, _, token = value.partition(" ")
+        if scheme.lower() == "bearer" and token.strip():
+            yield token.strip()
+    for value in _values(scope, b"cookie"):
+        for part in value.split(";"):
+            name, _, token = part.strip().partition("=")
+            if name == COOKIE_NAME and token:
+                yield token
+
+
+def _announced_bytes(scope: Scope) -> int:
+    lengths = _values(scope, b"content-length")
+    return int(lengths[0]) if lengths and lengths[0].isdecimal() else 0
+
+
+def _has_body(scope: Scope) -> bool:
+    return _announced_bytes(scope) > 0 or bool(_values(scope, b"transfer-encoding"))
+
+
+def _wants_page(scope: Scope) -> bool:
+    return any("text/html" in value for value in _values(scope, b"accept"))
+
+
+def _printable(text: str) -> str:
+    return "".join(c for c in text[:_QUOTED] if c.isprintable())
+
+
+def _with_security_headers(send: Send) -> Send:
+    async def wrapped(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message = {**message, "headers": secured(message.get("headers", ()))}
+        await send(message)
+
+    return wrapped
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:
+    body = json.dumps({"detail": refusal.detail}).encode()
+    headers = [(b"content-type", b"application/json"), *refusal.headers]
+    if not _has_body(scope):
+        await _answer_raw(send, refusal.status, headers, body)
+        return
+    # The body is not wanted, so the connection serves no other request. A client that is still
+    # sending would have the answer torn away by an immediate end: wait a moment for it.
+    headers.append((b"connection", b"close"))
+    await _answer_raw(send, refusal.status, headers, body, more=True)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_LINGER_S):
+            await _discard(receive, _LINGER_BYTES)
+    await send({"type": "http.response.body", "body": b""})
+
+
+async def _discard(receive: Receive, most_bytes: int) -> None:
+    while most_bytes > 0:
+        message = await receive()
+        if message["type"] != "http.request" or not message.get("more_body", False):
+            return
+        most_bytes -= len(message.get("body", b""))
+
+
+async def _send_page(send: Send, refusal: Refusal, page: str) -> None:
+    headers = [
+        (b"content-type", b"text/html; charset=utf-8"),
+        (b"content-security-policy", page_policy(page).encode()),
+        # With "no-referrer" browsers would hide the form's origin, which we insist on.
+        (b"referrer-policy", b"same-origin"),
+        *refusal.headers,
+    ]
+    await _answer_raw(send, refusal.status, headers, page.encode())
+
+
+async def _answer_raw(
+    send: Send, status: int, headers: RawHeaders, body: bytes, *, more: bool = False
+) -> None:
+    headers = [*headers, (b"content-length", str(len(body)).encode())]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": body, "more_body": more})
+
+
+async def _deny(scope: Scope, refusal: Refusal, send: Send) -> None:
+    """Refuse a WebSocket within its handshake, with status and reason where the server can."""
+    if "websocket.http.response" not in scope.get("extensions", {}):
+        await send({"type": "websocket.close", "code": 1008, "reason": refusal.detail[:100]})
+        return
+    body = json.dumps({"detail": refusal.detail}).encode()
+    headers = secured(
+        [
+            (b"content-type", b"application/json"),
+            (b"content-length", str(len(body)).encode()),
+            *refusal.headers,
+        ]
+    )
+    await send(
+        {
+            "type": "websocket.http.response.start",
+            "status": refusal.status,
+            "headers": headers,
+        }
+    )
+    await send({"type": "websocket.http.response.body", "body": body})

@@ -1,0 +1,121 @@
+"""Pages and files: the panel, signing in, the description of the interface, health."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from urllib.parse import parse_qs
+
+from fastapi import APIRouter, FastAPI, Request
+from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+from starlette.staticfiles import StaticFiles
+from starlette.types import Scope
+
+import app as app_package
+from app.http.errors import SafeJSON
+from app.http.gate.headers import DOCS_POLICY, page_policy
+from app.http.gate.security import Policy
+from app.server import Station
+
+_ASSETS = Path(__file__).parent / "assets"
+_PLAIN_SIGN_IN = """<!doctype html>
+<html lang="en">
+  <head><meta charset="utf-8"><title>Sign in</title></head>
+  <body>
+    <h1>Dynamic Observer</h1>
+    <p>Open the link that the server printed when it started, or enter the token at its end.</p>
+    <form method="get" action="/">
+      <label>Token <input name="token" type="password" required autofocus></label>
+      <button>Sign in</button>
+    </form>
+  </body>
+</html>
+"""
+
+
+def static_folder() -> Path:
+    """The panel's files: inside the installed package, or beside it in a source tree."""
+    inside = Path(app_package.__file__).parent / "static"
+    if (inside / "index.html").is_file():
+        return inside
+    return inside.parents[1] / "static"
+
+
+def sign_in_page(folder: Path) -> str:
+    """The page shown to those who come without a token; it brings everything within itself."""
+    page = folder / "sign-in.html"
+    return page.read_text(encoding="utf-8") if page.is_file() else _PLAIN_SIGN_IN
+
+
+class PanelFiles(StaticFiles):
+    """Files that browsers ask for again each time and mostly need not load again."""
+
+    def file_response(
+        self,
+        full_path: str | os.PathLike[str],
+        stat_result: os.stat_result,
+        scope: Scope,
+        status_code: int = 200,
+    ) -> Response:
+        response = super().file_response(full_path, stat_result, scope, status_code)
+        response.headers["Cache-Control"] = "no-cache"
+        return response
+
+
+def add_pages(app: FastAPI, station: Station, policy: Policy, folder: Path) -> None:
+    """Everything that is no part of the REST interface, the viewer excepted."""
+    router = APIRouter(include_in_schema=False)
+
+    @router.get("/", name="panel")
+    async def panel() -> Response:
+        page = folder / "index.html"
+        if not page.is_file():
+            return HTMLResponse("<p>The panel's files are missing; run make setup.</p>", 503)
+        return FileResponse(page, headers={"Cache-Control": "no-cache"})
+
+    @router.get("/sign-in", name="sign-in")
+    async def show_sign_in() -> Response:
+        headers = {
+            "Content-Security-Policy": page_policy(policy.sign_in_page),
+            # With "no-referrer" browsers would hide the form's origin, which we insist on.
+            "Referrer-Policy": "same-origin",
+        }
+        return HTMLResponse(policy.sign_in_page, headers=headers)
+
+    @router.post("/sign-in", name="sign in")
+    async def sign_in(request: Request) -> Response:
+        form = parse_qs((await request.body()).decode("latin-1"), max_num_fields=10)
+        refusal = policy.check_token(dict(request.scope), form.get("token", []))
+        if refusal is not None:
+            headers = {k.decode(): v.decode() for k, v in refusal.headers}
+            return SafeJSON({"detail": refusal.detail}, refusal.status, headers)
+        return RedirectResponse("/", 303, headers={"Set-Cookie": policy.cookie()})
+
+    @router.get("/healthz", name="alive")
+    async def alive() -> Response:
+        return SafeJSON({"status": "ok"})
+
+    @router.get("/readyz", name="ready")
+    async def ready() -> Response:
+        if station.engine.health.alive:
+            return SafeJSON({"status": "ready"})
+        return SafeJSON({"status": "the engine is being started"}, 503, {"Retry-After": "1"})
+
+    @router.get("/docs", name="docs")
+    async def docs() -> Response:
+        if not (folder / "vendor" / "swagger-ui" / "swagger-ui-bundle.js").is_file():
+            return HTMLResponse(
+                "<p>Swagger UI is not installed; run make setup. The description itself is at "
+                '<a href="/openapi.json">/openapi.json</a>.</p>',
+                404,
+            )
+        headers = {"Content-Security-Policy": DOCS_POLICY}
+        return FileResponse(_ASSETS / "docs.html", headers=headers)
+
+    @router.get("/docs/start.js", name="docs script")
+    async def docs_script() -> Response:
+        return FileResponse(_ASSETS / "docs-start.js", media_type="text/javascript")
+
+    app.include_router(router)
+    if folder.is_dir():
+        app.mount("/static", PanelFiles(directory=folder), name="static")

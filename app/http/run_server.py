@@ -1,0 +1,187 @@
+"""Serving: the socket, the printed link, uvicorn, and an end that leaves nothing behind."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import io
+import logging
+import socket
+import sys
+from collections.abc import Iterator
+from typing import TextIO, cast
+
+import structlog
+import uvicorn
+from fastapi import FastAPI
+
+from app.http.gate.token import load_token
+from app.http.server import create_app
+from app.processes.heap import keep_for_good
+from app.settings import Settings
+from app.storage.occupancy import occupied
+from observer.errors import InputError
+
+_EXIT_FAILED = 1
+# Camera poses and acknowledgements are small; nothing else is taken over WebSockets.
+_LARGEST_MESSAGE = 1024 * 1024
+_SHUTDOWN_S = 2
+_BACKLOG = 128
+
+
+def run(settings: Settings) -> int:
+    """Serve until SIGINT or SIGTERM; returns the process's exit code.
+
+    Raises:
+        InputError: the port, a certificate or the token file cannot be used, or another server
+            uses the data folder; one sentence.
+        StorageError, EngineUnavailable: the database or the engine cannot be used.
+    """
+    _configure_logging(settings.log_level)
+    listener = _bind(settings)
+    with contextlib.closing(listener), occupied(settings.data, settings.database):
+        token = load_token(settings.token_file)
+        app = create_app(settings, token)
+        server = _Server(server_config(app, settings))
+        keep_for_good()
+        _announce(_link(settings, listener.getsockname()[1], token))
+        asyncio.run(serve(app, server, listener))
+        return 0 if server.started else _EXIT_FAILED
+
+
+async def serve(app: FastAPI, server: uvicorn.Server, listener: socket.socket) -> None:
+    """Start what the application owns, serve, and end it all.
+
+    uvicorn's own way of starting an application would turn a sentence into a traceback.
+    """
+    async with app.router.lifespan_context(app):
+        await server.serve(sockets=[listener])
+
+
+class _Server(uvicorn.Server):
+    """uvicorn that just ends where the original would raise the signal again."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        with super().capture_signals():
+            yield
+            # Being asked to end is how serving ends; nothing is left to be signalled.
+            self._captured_signals.clear()
+
+
+def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
+    """How uvicorn serves the application.
+
+    Raises:
+        InputError: the certificate or its key cannot be used.
+    """
+    try:
+        config = uvicorn.Config(
+            app,
+            ws="websockets-sansio",
+            # With compression, five viewers of 50000 points cost 85 % of a core; without it 2 %.
+            ws_per_message_deflate=False,
+            ws_max_size=_LARGEST_MESSAGE,
+            ws_ping_interval=20.0,
+            ws_ping_timeout=20.0,
+            lifespan="off",
+            # Links hold the token, so requests are not logged.
+            access_log=False,
+            log_config=None,
+            log_level=settings.log_level,
+            # Nobody in front of us is trusted to say who the client is.
+            proxy_headers=False,
+            server_header=False,
+            timeout_graceful_shutdown=_SHUTDOWN_S,
+            ssl_certfile=settings.tls_cert,
+            ssl_keyfile=settings.tls_key,
+        )
+        config.load()
+    except OSError as error:
+        # ssl.SSLError is one of them.
+        raise InputError(
+            f"the certificate {settings.tls_cert} with the key {settings.tls_key} cannot be used "
+            f"({error.strerror or error}); --tls-cert and --tls-key take PEM files that belong "
+            f"together"
+        ) from error
+    return config
+
+
+def _bind(settings: Settings) -> socket.socket:
+    """The listening socket, taken before anything is started."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+    except socket.gaierror as error:
+        raise InputError(
+            f"there is no address {settings.host} to listen on ({error.strerror}); --host takes "
+            f"an address of this machine"
+        ) from error
+    listener = socket.socket(family, kind, protocol)
+    try:
+        if sys.platform != "win32":
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(_BACKLOG)
+    except OSError as error:
+        listener.close()
+        raise InputError(_refusal(settings, error)) from error
+    return listener
+
+
+def _refusal(settings: Settings, error: OSError) -> str:
+    where = f"port {settings.port} of {settings.host}"
+    if error.errno == errno.EADDRINUSE:
+        return f"{where} is in use by another program; choose another one with --port"
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return f"{where} may not be used without special rights; choose another one with --port"
+    if error.errno == errno.EADDRNOTAVAIL:
+        return f"{settings.host} is no address of this machine; choose another one with --host"
+    return f"{where} cannot be used ({error.strerror}); choose another one with --port or --host"
+
+
+def _link(settings: Settings, port: int, token: str) -> str:
+    host = "localhost" if settings.host in ("0.0.0.0", "::", "") else settings.host
+    if ":" in host:
+        host = f"[{host}]"
+    return f"{'https' if settings.tls else 'http'}://{host}:{port}/?token={token}"
+
+
+def _announce(link: str) -> None:
+    # For the person who started it, wherever that is a terminal, a file or a pipe.
+    print(f"Dynamic Observer is at {link}\nCtrl-C ends it.", flush=True)  # noqa: T201
+
+
+class _Lasting(io.TextIOBase):
+    """A log that loses what cannot be written, as onto a full disk: nothing fails for its line."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with contextlib.suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with contextlib.suppress(OSError):
+            self._stream.flush()
+
+
+def _configure_logging(level: str) -> None:
+    """One line an event on stderr, ours and the libraries' alike."""
+    number = logging.getLevelNamesMapping()[level.upper()]
+    logging.basicConfig(level=number, format="%(levelname)s %(name)s: %(message)s")
+    structlog.configure(
+        processors=[
+            structlog.processors.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso"),
+            structlog.processors.format_exc_info,
+            structlog.processors.KeyValueRenderer(key_order=["timestamp", "level", "event"]),
+        ],
+        wrapper_class=structlog.make_filtering_bound_logger(number),
+        logger_factory=structlog.PrintLoggerFactory(cast("TextIO", _Lasting(sys.stderr))),
+        cache_logger_on_first_use=True,
+    )

@@ -1,0 +1,259 @@
+"""The web application, put together explicitly from its parts."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from typing import Any
+
+from fastapi import APIRouter, FastAPI, WebSocket
+
+from app.http import metrics
+from app.http.api import (
+    boards,
+    calibrating,
+    calibrations,
+    devices,
+    guard_checks,
+    history,
+    live_truth,
+    parameters,
+    pixels,
+    programmes,
+    recordings,
+    rig,
+    robots,
+    run_files,
+    run_truths,
+    runs,
+    sources,
+    status,
+    truths,
+    views,
+)
+from app.http.api.refusals import GATE_RESPONSES, refusal_schemas
+from app.http.errors import install_error_handlers
+from app.http.gate.origins import names_of
+from app.http.gate.security import Gate, Policy
+from app.http.gate.token import COOKIE_NAME, TokenGuard
+from app.http.pages import add_pages, sign_in_page, static_folder
+from app.http.sockets import drive as drive_socket
+from app.http.sockets import viewer_proxy
+from app.http.sockets.live import LiveHub
+from app.http.sockets.view_feed import ViewFeed
+from app.http.sockets.viewer_proxy import ViewerDoor
+from app.messages import VIEW_NAMES
+from app.server import Engine, Station
+from app.server.contracts import Drive
+from app.server.rig.rig_desk import FILE_NAME
+from app.server.robots import check_records
+from app.server.robots import profile_library as shelf
+from app.settings import Settings
+from app.storage import Storage
+from app.versions import app_version
+from app.viewer import Viewer, start_viewer
+
+_DESCRIPTION = """
+Sees moving obstacles from a moving robot with a stereo camera.
+
+Sign in with the cookie that the printed link sets, or send `Authorization: Bearer TOKEN`.
+
+Besides these routes there are four WebSockets:
+
+* `/api/live`: telemetry. The server sends `status`, `robots`, `observation` and `heartbeat`; the
+  client answers each observation it has painted with `{"type": "painted", "sequence": NUMBER}` and
+  has at most two of them outstanding.
+* `/api/views/{name}`: a live view. Binary: 8 bytes sequence and 8 bytes age in ms (float64), both
+  big-endian, then JPEG. The client answers each one with the text `ack`.
+* `/api/drive`: driving by hand, JSON; `?name=` says who. One socket is one operator: whatever it
+  took ends with it. The client sends `{"type": "take", "role", "takeover"}`, `release` with its
+  role, ten times a second `{"type": "drive", "role", "sequence", "time", "speed_mps",
+  "turn_rate_radps"}` or, without velocities, `present`, and `{"type": "stop"}`. `time` is
+  `performance.now()`, `sequence` rises. The server answers with `lease`, `sent` or `refused`,
+  tells of the `link`, and sends `ping` with an `id`, which is answered at once by
+  `{"type": "pong", "id", "time"}`. What is older than 250 ms on arrival is not driven.
+* `/viewer`: the 3D scene of viser's client.
+"""
+_TAGS = [
+    {"name": "status", "description": "How everything is."},
+    {"name": "source", "description": "What frames come from, and how they are played."},
+    {"name": "runs", "description": "Observations that are kept."},
+    {"name": "parameters", "description": "Parameters of the method, and presets."},
+    {"name": "calibrations", "description": "Calibrations of stereo cameras."},
+    {"name": "calibrating", "description": "Making a calibration with a printed board."},
+    {"name": "rig", "description": "How the cameras stand on their robot."},
+    {"name": "truth", "description": "Motion capture, live."},
+    {"name": "robots", "description": "Driving. The stop is a software stop."},
+    {"name": "programmes", "description": "Timed velocities for robots."},
+    {"name": "views", "description": "Live images."},
+    {"name": "pixels", "description": "Why a place in the image counts as moving or standing."},
+]
+
+ViewerStarter = Callable[[Station], Viewer]
+
+
+def create_app(
+    settings: Settings,
+    token: str,
+    *,
+    engine: Engine | None = None,
+    drive: Drive | None = None,
+    storage: Storage | None = None,
+    viewer: ViewerStarter | None = None,
+) -> FastAPI:
+    """The application; its lifespan starts and ends everything it owns.
+
+    Args:
+        token: opens the server.
+        engine, drive, storage, viewer: take the place of the real ones. With another engine and
+            no drive nothing can be driven.
+    """
+    if engine is None:
+        engine, drive = _real_processes(drive)
+    station = Station(
+        engine,
+        storage or Storage(settings.database_location, folder=settings.data),
+        source=settings.source,
+        rig_file=settings.data / FILE_NAME,
+        programme_folder=settings.data / shelf.FOLDER_NAME,
+        check_folder=settings.data / check_records.FOLDER_NAME,
+        drive=drive,
+        ring_at_guard_stops=settings.ring_at_guard_stops,
+        live_truth=settings.truth,
+    )
+    folder = static_folder()
+    policy = Policy(
+        names=names_of(settings.host, settings.allowed_hosts, tls=settings.tls),
+        guard=TokenGuard(token, time.monotonic),
+        token=token,
+        body_max_bytes=settings.body_max_bytes,
+        uploads={
+            "/api/calibrations": settings.calibration_max_bytes,
+            "/api/calibrating/images": settings.images_max_bytes,
+            "/api/truth": settings.truth_max_bytes,
+        },
+        sign_in_page=sign_in_page(folder),
+    )
+    door = ViewerDoor()
+    live = LiveHub(station)
+
+    def real_viewer(station: Station) -> Viewer:
+        return start_viewer(station, points=settings.viewer_points, rate_hz=settings.viewer_rate_hz)
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        async with AsyncExitStack() as stack:
+            stack.push_async_callback(station.stop)
+            stack.push_async_callback(_stop_viewer, door)
+            await station.start()
+            hub = asyncio.create_task(live.run(), name="live hub")
+            stack.push_async_callback(_cancel, hub)
+            # The page is served at once; the viewer takes a second and may fail.
+            starting = asyncio.create_task(_start_viewer(door, viewer or real_viewer, station))
+            stack.push_async_callback(_finish, starting)
+            yield
+
+    app = FastAPI(
+        title="Dynamic Observer",
+        version=app_version(),
+        description=_DESCRIPTION,
+        openapi_tags=_TAGS,
+        openapi_url="/openapi.json",
+        docs_url=None,
+        redoc_url=None,
+        lifespan=lifespan,
+        redirect_slashes=False,
+        separate_input_output_schemas=False,
+    )
+    app.state.station = station
+    app.state.viewer = door
+    app.state.feeds = {name: ViewFeed(station, name) for name in VIEW_NAMES}
+    app.state.live = live
+    install_error_handlers(app)
+    _add_rest(app, live)
+    app.include_router(viewer_proxy.router)
+    app.include_router(metrics.router)
+    add_pages(app, station, policy, folder)
+    _complete_description(app)
+    app.add_middleware(Gate, policy=policy)
+    return app
+
+
+def _real_processes(drive: Drive | None) -> tuple[Engine, Drive]:
+    from app.drive.supervisor import DriveSupervisor
+    from app.supervisor import Supervisor
+
+    engine = Supervisor()
+    return engine, drive or DriveSupervisor(engine.shared_slots)
+
+
+def _add_rest(app: FastAPI, live: LiveHub) -> None:
+    api = APIRouter(prefix="/api", responses=GATE_RESPONSES)
+    for part in (
+        status,
+        sources,
+        devices,
+        runs,
+        run_files,
+        run_truths,
+        truths,
+        history,
+        parameters,
+        calibrations,
+        calibrating,
+        boards,
+        rig,
+        live_truth,
+        robots,
+        guard_checks,
+        programmes,
+        recordings,
+        views,
+        pixels,
+        drive_socket,
+    ):
+        api.include_router(part.router)
+
+    @api.websocket("/live")
+    async def live_socket(socket: WebSocket) -> None:
+        await socket.accept()
+        await live.serve(socket)
+
+    app.include_router(api)
+
+
+def _complete_description(app: FastAPI) -> None:
+    """Add to the description how to sign in and what refusals look like."""
+    describe = app.openapi
+
+    def described() -> dict[str, Any]:
+        schema = describe()
+        components = schema.setdefault("components", {})
+        components.setdefault("schemas", {}).update(refusal_schemas())
+        components["securitySchemes"] = {
+            "bearer": {"type": "http", "scheme": "bearer"},
+            "cookie": {"type": "apiKey", "in": "cookie", "name": COOKIE_NAME},
+        }
+        schema["security"] = [{"bearer": []}, {"cookie": []}]
+        return schema
+
+    app.openapi = described  # type: ignore[method-assign]
+
+
+async def _start_viewer(door: ViewerDoor, start: ViewerStarter, station: Station) -> None:
+    await asyncio.to_thread(lambda: door.open(start(station)))
+
+
+async def _stop_viewer(door: ViewerDoor) -> None:
+    await asyncio.to_thread(door.viewer.stop)
+
+
+async def _finish(task: asyncio.Task[None]) -> None:
+    await asyncio.gather(task, return_exceptions=True)
+
+
+async def _cancel(task: asyncio.Task[None]) -> None:
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)

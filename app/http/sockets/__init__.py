@@ -1,0 +1,1 @@
+"""The WebSockets: live telemetry, views, driving and the 3D viewer."""

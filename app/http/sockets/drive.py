@@ -1,0 +1,244 @@
+"""``/api/drive``: driving by hand. One socket is one operator, whose leases end with it.
+
+Reading waits for nothing but the network: what a message asks for is done in tasks, so that a
+stop never waits behind a velocity.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from typing import Any
+
+from fastapi import APIRouter, WebSocket
+
+from app.drive.messages import COMMAND_FRESH_S, DriveCommand, Presence
+from app.http.api.common import TheStation
+from app.http.sockets.command_age import TOO_SLOW, Link
+from app.http.sockets.connections import GOING_AWAY, TRY_LATER, close, receive_text, until_one_ends
+from app.http.sockets.drive_messages import (
+    Command,
+    Pong,
+    Release,
+    Stop,
+    Take,
+    Unusable,
+    read_message,
+)
+from app.server import Conflict, FieldError, NotAvailable, Station
+from app.server.background import Background
+from observer.rig.rig import Role
+
+router = APIRouter()
+
+_PING_S = 0.2
+# Who answers nothing for so long is gone, whatever the kernel says of the connection.
+_SILENT_S = 10.0
+# Messages that a client has not taken yet: three seconds of them.
+_MOST_WAITING = 64
+# Commands that the drive process has not answered yet.
+_MOST_UNANSWERED = 8
+_REFUSALS = (Conflict, FieldError, NotAvailable)
+
+
+@router.websocket("/drive")
+async def drive_socket(socket: WebSocket, station: TheStation, name: str | None = None) -> None:
+    """``name``: what the operator is called."""
+    await socket.accept()
+    await DriveSocket(socket, station, name).serve()
+
+
+class DriveSocket:
+    """One operator."""
+
+    def __init__(self, socket: WebSocket, station: Station, name: str | None) -> None:
+        self._socket = socket
+        self._driving = station.driving
+        self._clock = station.clock
+        self._link = Link()
+        self._waiting: asyncio.Queue[dict[str, Any]] = asyncio.Queue(_MOST_WAITING)
+        self._overrun = asyncio.Event()
+        self._background = Background()
+        self._unanswered = 0
+        # Taking and giving back happens in the order in which it was asked for.
+        self._leasing = asyncio.Lock()
+        self._sequences: dict[str, int] = {}
+        self._heard = self._clock()
+        self._operator = self._driving.operators.join(name, self._lost)
+
+    async def serve(self) -> None:
+        """Until the client leaves."""
+        self._say({"type": "operator", "name": self._operator.name})
+        try:
+            await until_one_ends(
+                self._socket, self._read(), self._send(), self._ping(), self._watch()
+            )
+        finally:
+            # First of all: the robots stop.
+            self._driving.operators.leave(self._operator)
+            await self._background.cancel()
+
+    # --- out -------------------------------------------------------------------------------
+
+    def _say(self, message: dict[str, Any]) -> None:
+        try:
+            self._waiting.put_nowait(message)
+        except asyncio.QueueFull:
+            self._overrun.set()
+
+    async def _send(self) -> None:
+        while True:
+            message = await self._waiting.get()
+            await self._socket.send_text(json.dumps(message, allow_nan=False))
+
+    async def _watch(self) -> None:
+        """End the connection of a client that takes nothing or answers nothing."""
+        while True:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(1.0):
+                    await self._overrun.wait()
+            if self._overrun.is_set():
+                await close(self._socket, TRY_LATER, "the messages are not taken in time")
+                return
+            if self._clock() - self._heard > _SILENT_S:
+                await close(self._socket, GOING_AWAY, "no ping was answered for 10 s")
+                return
+
+    async def _ping(self) -> None:
+        number = 0
+        while True:
+            number += 1
+            now = self._clock()
+            self._say(self._link_facts(now))
+            self._link.pinged(number, now)
+            self._say({"type": "ping", "id": number})
+            await asyncio.sleep(_PING_S)
+
+    def _link_facts(self, now: float) -> dict[str, Any]:
+        state = self._link.state(now)
+        stops = state.quality != "good" and bool(self._operator.leases)
+        return {
+            "type": "link",
+            "quality": state.quality,
+            "rtt_ms": _ms(state.rtt_s),
+            "delay_ms": _ms(state.delay_s),
+            "sentence": TOO_SLOW if stops else None,
+        }
+
+    def _lost(self, role: Role, sentence: str) -> None:
+        holder = self._driving.operators.holder(role)
+        self._say(_lease(role, "lost", holder=holder, sentence=sentence))
+
+    # --- in --------------------------------------------------------------------------------
+
+    async def _read(self) -> None:
+        while True:
+            message = read_message(await receive_text(self._socket))
+            # Of the past as far as it waited anywhere; see ``app.http.sockets.command_age``.
+            now = self._clock()
+            self._heard = now
+            match message:
+                case Pong():
+                    self._link.ponged(message.number, message.stamp, now)
+                case Command():
+                    self._command(message, now)
+                case Unusable():
+                    self._refuse(message.role, message.sequence, message.sentence)
+                case Stop():
+                    self._background.start(self._stop())
+                case Take() | Release():
+                    self._background.start(self._change_lease(message))
+
+    def _refuse(self, role: Role | None, sequence: int | None, sentence: str) -> None:
+        self._say({"type": "refused", "role": role, "sequence": sequence, "sentence": sentence})
+
+    async def _stop(self) -> None:
+        try:
+            await self._driving.stop_robots(self._operator.name)
+        except _REFUSALS as error:
+            self._refuse(None, None, str(error))
+
+    async def _change_lease(self, message: Take | Release) -> None:
+        role, operators = message.role, self._driving.operators
+        async with self._leasing:
+            if isinstance(message, Release):
+                await operators.release(self._operator, role)
+                return
+            try:
+                lease = await operators.take(self._operator, role, takeover=message.takeover)
+            except _REFUSALS as error:
+                holder = operators.holder(role)
+                self._say(_lease(role, "refused", holder=holder, sentence=str(error)))
+            else:
+                self._say(_lease(role, "yours", lease=lease, holder=self._operator.name))
+
+    def _command(self, command: Command, now: float) -> None:
+        """Pass a command on, or say why not; it is never kept for later."""
+        age = self._link.age(command.stamp, now)
+        lease = self._operator.leases.get(command.role)
+        sentence = None
+        if lease is None:
+            sentence = f"take the {command.role} first"
+        elif age is None:
+            sentence = "the link is not measured; answer the pings, and stamp with the same clock"
+        elif age > COMMAND_FRESH_S or not self._link.is_fit(now):
+            sentence = TOO_SLOW
+        elif command.sequence <= self._sequences.get(lease, -1):
+            sentence = f"sequence must be above {self._sequences[lease]}"
+        elif self._unanswered >= _MOST_UNANSWERED:
+            sentence = "the drive process does not keep up"
+        if sentence is not None or lease is None or age is None:
+            self._refuse(command.role, command.sequence, sentence or TOO_SLOW)
+            return
+        self._sequences[lease] = command.sequence
+        self._unanswered += 1
+        self._background.start(self._pass_on(command, lease, now - age))
+
+    async def _pass_on(self, command: Command, lease: str, issued: float) -> None:
+        role, sequence = command.role, command.sequence
+        try:
+            if command.velocity is None:
+                await self._driving.ask(Presence(role, lease, sequence, issued))
+                return
+            reply = await self._driving.ask(
+                DriveCommand(role, lease, sequence, issued, *command.velocity)
+            )
+        except _REFUSALS as error:
+            self._refuse(role, sequence, str(error))
+        else:
+            self._say(
+                {
+                    "type": "sent",
+                    "role": role,
+                    "sequence": sequence,
+                    "speed_mps": reply["speed_mps"],
+                    "turn_rate_radps": reply["turn_rate_radps"],
+                    "limited_by": reply["limited_by"],
+                    "age_ms": _ms(reply["age_s"]),
+                }
+            )
+        finally:
+            self._unanswered -= 1
+
+
+def _lease(
+    role: Role,
+    state: str,
+    *,
+    lease: str | None = None,
+    holder: str | None = None,
+    sentence: str | None = None,
+) -> dict[str, Any]:
+    return {
+        "type": "lease",
+        "role": role,
+        "state": state,
+        "lease": lease,
+        "holder": holder,
+        "sentence": sentence,
+    }
+
+
+def _ms(seconds: float | None) -> float | None:
+    return None if seconds is None else round(1000 * seconds, 1)

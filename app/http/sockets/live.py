@@ -1,0 +1,285 @@
+"""``/api/live``: telemetry to any number of pages, newest first, never more than they can take.
+
+Every message is encoded once for all pages. A page has at most two observations it has not
+acknowledged; while it has, newer ones replace each other and are counted as dropped. So a slow
+page sees fewer frames, never older ones, and costs the others nothing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from dataclasses import dataclass
+
+from fastapi import WebSocket
+
+from app.http.sockets.connections import BadMessage, json_object, receive_text, until_one_ends
+from app.messages import ObservationEvent
+from app.server import Station
+from app.server.status import observation_age_s, status
+
+_STATUS_INTERVAL_S = 0.5
+# Pages are promised one every 250 ms.
+_HEARTBEAT_S = 0.2
+_MOST_UNACKNOWLEDGED = 2
+# An acknowledgement that never came (a page in the background paints nothing) is given up.
+_ACKNOWLEDGE_WITHIN_S = 5.0
+# Between two messages on robots: while there are any, and while there is none.
+_ROBOTS_INTERVAL_S = 0.1
+_NO_ROBOTS_INTERVAL_S = 0.5
+
+
+@dataclass(frozen=True)
+class _Observation:
+    """An observation, encoded up to its age.
+
+    Attributes:
+        sequence: counted by the server over all engines, from 1.
+    """
+
+    sequence: int
+    received: float
+    text: str
+
+    def message(self, now: float) -> str:
+        age_ms = max(0.0, 1000.0 * (now - self.received))
+        return f'{self.text},"age_ms":{age_ms:.1f}}}'
+
+
+class LiveHub:
+    """Encodes what happens and hands it to the pages. Follows the station while it is open."""
+
+    def __init__(self, station: Station) -> None:
+        self._station = station
+        self._pages: set[_Page] = set()
+        self._newest: _Observation | None = None
+        self._event: ObservationEvent | None = None
+        self._sequence = 0
+        self._status_due = asyncio.Event()
+        self._status_text: str | None = None
+        self._robots_later: asyncio.TimerHandle | None = None
+        self._robots_told = -_NO_ROBOTS_INTERVAL_S
+        self._robots_text: str | None = None
+
+    async def run(self) -> None:
+        """Until cancelled."""
+        unfollow = self._station.followers.follow(self)
+        try:
+            while True:
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(_STATUS_INTERVAL_S):
+                        await self._status_due.wait()
+                self._status_due.clear()
+                self._status_text = None
+                for page in self._pages:
+                    page.status_changed()
+                # However much changes at once, it is told at most 20 times a second.
+                await asyncio.sleep(0.05)
+        finally:
+            unfollow()
+            if self._robots_later is not None:
+                self._robots_later.cancel()
+
+    # --- as a follower of the station --------------------------------------------------------
+
+    def observed(self, event: ObservationEvent) -> None:
+        self._sequence += 1
+        self._event, self._newest = event, None
+        for page in self._pages:
+            page.observed()
+
+    def status_changed(self) -> None:
+        self._status_due.set()
+
+    def robots_changed(self) -> None:
+        if self._robots_later is not None:
+            return
+        connected = self._station.driving.connected
+        interval = _ROBOTS_INTERVAL_S if connected else _NO_ROBOTS_INTERVAL_S
+        wait = max(0.0, self._robots_told + interval - self._station.clock())
+        self._robots_later = asyncio.get_running_loop().call_later(wait, self._tell_robots)
+
+    def _tell_robots(self) -> None:
+        self._robots_later = None
+        self._robots_told = self._station.clock()
+        self._robots_text = None
+        for page in self._pages:
+            page.robots_changed()
+
+    # --- for the pages -----------------------------------------------------------------------
+
+    @property
+    def has_current(self) -> bool:
+        """Whether the newest observation is of the source that is open."""
+        return self._event is not None and self._event is self._station.latest
+
+    @property
+    def newest(self) -> _Observation | None:
+        """The newest observation; encoded when the first page wants it."""
+        if self._newest is None and self._event is not None:
+            event = self._event
+            body = {
+                "type": "observation",
+                "sequence": self._sequence,
+                "line": event.line,
+                "truth": event.truth,
+            }
+            text = json.dumps(body, allow_nan=False, separators=(",", ":"))
+            self._newest = _Observation(self._sequence, event.received, text[:-1])
+        return self._newest
+
+    @property
+    def status_text(self) -> str:
+        """The status, as one message."""
+        if self._status_text is None:
+            body = {"type": "status", **status(self._station)}
+            self._status_text = json.dumps(body, allow_nan=False, separators=(",", ":"))
+        return self._status_text
+
+    def robots_text(self, after: int) -> tuple[str, int]:
+        """Of the robots, as one message, and the number of the newest speed in it.
+
+        Args:
+            after: the newest speed that the page has.
+        """
+        driving = self._station.driving
+        if self._robots_text is None:
+            body = {"type": "robots", **driving.facts()}
+            self._robots_text = json.dumps(body, allow_nan=False, separators=(",", ":"))
+        wheels = [
+            {
+                "role": sample.role,
+                "time": round(sample.time, 4),
+                "sent_mps": sample.sent_mps,
+                "encoder_mps": sample.encoder_mps,
+            }
+            for sample in driving.wheels.since(after)
+        ]
+        # What every page is told is encoded once, what differs is small.
+        told = json.dumps(wheels, allow_nan=False, separators=(",", ":"))
+        return f'{self._robots_text[:-1]},"wheels":{told}}}', driving.wheels.newest
+
+    async def serve(self, socket: WebSocket) -> None:
+        """One page, until it leaves."""
+        page = _Page(self, self._station, socket)
+        self._pages.add(page)
+        self._station.viewers += 1
+        try:
+            await until_one_ends(socket, page.send(), page.read())
+        finally:
+            self._pages.discard(page)
+            self._station.viewers -= 1
+            self.status_changed()
+
+
+class _Page:
+    """One socket's own state."""
+
+    def __init__(self, hub: LiveHub, station: Station, socket: WebSocket) -> None:
+        self._hub = hub
+        self._station = station
+        self._socket = socket
+        self._wake = asyncio.Event()
+        self._status_due = True
+        self._robots_due = True
+        self._wheels_told = station.driving.wheels.newest
+        # A page that comes while playing is paused sees what stands.
+        self._observation_due = hub.has_current
+        # Sequence -> (received, sent), on the monotonic clock.
+        self._unacknowledged: dict[int, tuple[float, float]] = {}
+
+    def status_changed(self) -> None:
+        self._status_due = True
+        self._wake.set()
+
+    def robots_changed(self) -> None:
+        self._robots_due = True
+        self._wake.set()
+
+    def observed(self) -> None:
+        if self._observation_due:
+            self._station.telemetry.live_messages_dropped += 1
+        self._observation_due = True
+        self._wake.set()
+
+    async def send(self) -> None:
+        """Write what is due; waits for the network, and meanwhile only the newest is kept."""
+        beat = -_HEARTBEAT_S
+        while True:
+            now = self._station.clock()
+            if now - beat >= _HEARTBEAT_S:
+                beat = now
+                await self._socket.send_text(self._heartbeat(now))
+                continue
+            text = self._next(now)
+            if text is not None:
+                await self._socket.send_text(text)
+                continue
+            self._wake.clear()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_HEARTBEAT_S - (now - beat)):
+                    await self._wake.wait()
+
+    def _next(self, now: float) -> str | None:
+        if self._status_due:
+            self._status_due = False
+            return self._hub.status_text
+        if self._robots_due:
+            self._robots_due = False
+            text, self._wheels_told = self._hub.robots_text(self._wheels_told)
+            return text
+        self._give_up_old(now)
+        if not self._observation_due or len(self._unacknowledged) >= _MOST_UNACKNOWLEDGED:
+            return None
+        self._observation_due = False
+        newest = self._hub.newest
+        if newest is None:
+            return None
+        self._unacknowledged[newest.sequence] = (newest.received, now)
+        return newest.message(now)
+
+    def _give_up_old(self, now: float) -> None:
+        old = [
+            sequence
+            for sequence, (_, sent) in self._unacknowledged.items()
+            if now - sent > _ACKNOWLEDGE_WITHIN_S
+        ]
+        for sequence in old:
+            del self._unacknowledged[sequence]
+
+    def _heartbeat(self, now: float) -> str:
+        return json.dumps(
+            {
+                "type": "heartbeat",
+                "time": round(now, 3),
+                "observation_age_s": observation_age_s(self._station),
+                "engine": self._station.state.state.value,
+            }
+        )
+
+    async def read(self) -> None:
+        """Take acknowledgements."""
+        while True:
+            sequence = _painted(await receive_text(self._socket))
+            received = self._unacknowledged.pop(sequence, None)
+            # What was never sent, or was given up, says nothing of latency.
+            if received is not None:
+                self._station.telemetry.painted(self._station.clock() - received[0])
+                self._wake.set()
+
+
+def _painted(text: str) -> int:
+    """The sequence of a ``painted`` message.
+
+    Raises:
+        BadMessage: it is none.
+    """
+    expected = 'send {"type": "painted", "sequence": NUMBER}'
+    message = json_object(text, expected)
+    if message.get("type") != "painted":
+        raise BadMessage(expected)
+    sequence = message.get("sequence")
+    if not isinstance(sequence, int) or isinstance(sequence, bool):
+        raise BadMessage(expected)
+    return sequence

@@ -1,0 +1,203 @@
+"""viser behind our own door: its page, and its WebSocket, filtered.
+
+viser asks nobody who he is and listens on loopback only; this is the one way to it. Of what
+browsers send, only their camera's pose goes through: our scene takes nothing else, and some other
+messages would open the machine to the outside.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
+import structlog
+from fastapi import APIRouter, Depends, Request, WebSocket
+from fastapi.requests import HTTPConnection
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.websockets import WebSocketDisconnect
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+from websockets.typing import Subprotocol
+
+from app.http.errors import SafeJSON
+from app.http.gate.headers import VIEWER_POLICY
+from app.http.sockets.connections import GOING_AWAY, BadMessage, close, until_one_ends
+from app.viewer import NullViewer, Viewer
+
+log = structlog.get_logger(__name__)
+
+router = APIRouter(include_in_schema=False)
+
+_OPEN_TIMEOUT_S = 5.0
+# "No status" and "lost" exist only as reports, never on the wire.
+_NEVER_SENT = (1005, 1006, 1015)
+_LONGEST_SUBPROTOCOL = 100
+Vector = tuple[float, float, float]
+
+
+class _Kind(msgspec.Struct):
+    type: str
+
+
+class _Camera(msgspec.Struct):
+    """``ViewerCameraMessage`` of viser 1.1.1."""
+
+    type: str
+    wxyz: tuple[float, float, float, float]
+    position: Vector
+    fov: float
+    near: float
+    far: float
+    image_height: float
+    image_width: float
+    look_at: Vector
+    up_direction: Vector
+
+
+_kind = msgspec.msgpack.Decoder(_Kind)
+_camera = msgspec.msgpack.Decoder(_Camera)
+
+
+@dataclass(frozen=True)
+class PreparedPage:
+    """The client's page as it is sent."""
+
+    plain: bytes
+    compressed: bytes
+    tag: str
+
+
+def prepared_page(page: bytes) -> PreparedPage:
+    tag = f'"{hashlib.sha256(page).hexdigest()[:32]}"'
+    return PreparedPage(page, gzip.compress(page, 6), tag)
+
+
+class ViewerDoor:
+    """What the routes know of the viewer; the viewer itself may come later, or never."""
+
+    def __init__(self) -> None:
+        self.viewer: Viewer = NullViewer("the 3D viewer is being started")
+        self.page = PreparedPage(b"", b"", "")
+
+    def open(self, viewer: Viewer) -> None:
+        """Let people in to a viewer. Takes a moment; use a thread."""
+        if viewer.port is not None:
+            self.page = prepared_page(viewer.page())
+        self.viewer = viewer
+
+
+def _door(connection: HTTPConnection) -> ViewerDoor:
+    door = connection.app.state.viewer
+    assert isinstance(door, ViewerDoor)
+    return door
+
+
+Door = Annotated[ViewerDoor, Depends(_door)]
+
+
+@router.get("/viewer")
+async def viewer_without_slash() -> Response:
+    """The client finds its WebSocket from the page's address, which needs the slash."""
+    return RedirectResponse("/viewer/", 307)
+
+
+@router.get("/viewer/")
+async def viewer_page(request: Request, door: Door) -> Response:
+    """viser's client, one file."""
+    if door.viewer.port is None:
+        headers = {"Retry-After": "1"}
+        return HTMLResponse(f"<p>There is no 3D view: {door.viewer.trouble}.</p>", 503, headers)
+    page = door.page
+    headers = {
+        "Content-Security-Policy": VIEWER_POLICY,
+        "Cache-Control": "no-cache",
+        "ETag": page.tag,
+        "Vary": "Accept-Encoding",
+    }
+    if request.headers.get("if-none-match") == page.tag:
+        return Response(None, 304, headers)
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        return HTMLResponse(page.compressed, headers={**headers, "Content-Encoding": "gzip"})
+    return HTMLResponse(page.plain, headers=headers)
+
+
+@router.websocket("/viewer")
+async def viewer_socket(socket: WebSocket, door: Door) -> None:
+    """Carries viser's messages to the browser, and the browser's camera to viser."""
+    viewer = door.viewer
+    if viewer.port is None:
+        await socket.send_denial_response(SafeJSON({"detail": viewer.trouble}, 503))
+        return
+    wanted = [Subprotocol(p) for p in socket.scope["subprotocols"] if len(p) < _LONGEST_SUBPROTOCOL]
+    try:
+        upstream = await connect(
+            f"ws://127.0.0.1:{viewer.port}/",
+            subprotocols=wanted or None,
+            compression=None,
+            # Slow browsers must hold viser back here, not fill a queue.
+            max_queue=1,
+            max_size=None,
+            ping_interval=None,
+            open_timeout=_OPEN_TIMEOUT_S,
+            proxy=None,
+        )
+    except (OSError, TimeoutError, InvalidHandshake) as error:
+        log.warning("viewer_not_reached", reason=str(error))
+        await socket.send_denial_response(SafeJSON({"detail": "the 3D viewer is away"}, 503))
+        return
+    async with upstream:
+        await socket.accept(subprotocol=upstream.subprotocol)
+        with viewer.connected():
+            await until_one_ends(socket, _down(upstream, socket), _up(socket, upstream))
+        code = upstream.close_code
+        if code is not None:
+            await close(
+                socket, GOING_AWAY if code in _NEVER_SENT else code, upstream.close_reason or ""
+            )
+
+
+async def _down(upstream: ClientConnection, socket: WebSocket) -> None:
+    try:
+        while True:
+            message = await upstream.recv(decode=False)
+            await socket.send_bytes(message)
+    except ConnectionClosed:
+        return
+
+
+async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
+    while True:
+        message = await socket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(message.get("code", 1005))
+        data = message.get("bytes")
+        if not isinstance(data, bytes):
+            raise BadMessage("the viewer takes binary messages only")
+        if passes(data):
+            try:
+                await upstream.send(data)
+            except ConnectionClosed:
+                return
+
+
+def passes(data: bytes) -> bool:
+    """Whether a browser's message goes on to viser: only a whole and sound camera pose does.
+
+    Raises:
+        BadMessage: it is no message of viser's client at all.
+    """
+    try:
+        kind = _kind.decode(data).type
+    except (msgspec.DecodeError, RecursionError):
+        raise BadMessage("this is no message of the viewer's page") from None
+    if kind != "ViewerCameraMessage":
+        log.debug("viewer_message_dropped", kind=kind[:50])
+        return False
+    try:
+        _camera.decode(data)
+    except (msgspec.DecodeError, RecursionError):
+        raise BadMessage("the camera's pose is not understood") from None
+    return True

@@ -1,0 +1,321 @@
+"""Truth that is laid over a run afterwards, in place of what was recorded with the run itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.reports.gathering import Gathered, gather
+from app.reports.pairing import pair_with_truth
+from observer.errors import InputError, TruthError
+from observer.evaluation.speed_errors import TrueMotion
+from observer.recording.payloads import MatchedBody, MatchedTruth
+from observer.recording.reader import Recording
+from observer.truth.alignment.aligned import DEFAULT_SIZE, AlignedTruth
+from observer.truth.alignment.camera_on_body import CameraOnBody
+from observer.truth.alignment.observed import TrackKey
+from observer.truth.alignment.result import Alignment
+from observer.truth.contract import TrueBody
+from observer.truth.csv_file import CsvTruth, SampledTruth
+from observer.truth.files.angles import AngleReading
+from observer.truth.files.recognition import file_kind, read_capture
+from observer.truth.motion_capture import Capture
+
+ALIGNED_ALREADY = "truth.csv"
+_RECORDING = ".mcap"
+_OBSTACLE = "obstacle"
+
+
+@dataclass(frozen=True)
+class TruthFile:
+    """A truth file and how it is to be read.
+
+    Attributes:
+        path: any format of ``read_capture``, a ``truth.csv``, or the recording of another run
+            whose live motion capture is meant. name: for people.
+        rate_hz, angles: as for ``read_capture``.
+    """
+
+    path: Path
+    name: str
+    rate_hz: float | None = None
+    angles: AngleReading | None = None
+
+    @property
+    def needs_alignment(self) -> bool:
+        """Whether it has a clock and a room of its own."""
+        return self.path.suffix == _RECORDING or file_kind(self.path) != ALIGNED_ALREADY
+
+    def capture(self) -> Capture:
+        """Its motion capture.
+
+        Raises:
+            TruthError: it cannot be read, or holds none.
+        """
+        if self.path.suffix != _RECORDING:
+            return read_capture(self.path, rate_hz=self.rate_hz, angles=self.angles)
+        with Recording(self.path) as recording:
+            return recorded_capture(recording)
+
+
+def recorded_capture(recording: Recording) -> Capture:
+    """The live motion capture of a run.
+
+    Raises:
+        TruthError: none was recorded.
+    """
+    capture = recording.capture()
+    if capture is None:
+        raise TruthError(
+            "no motion capture was recorded with this run; upload a truth file and name it"
+        )
+    return capture
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Attributes:
+    alignment: of the truth with the run; None where it is on the run's clock already.
+    truth: the file; None where it is the live motion capture that the run recorded.
+    """
+
+    alignment: Alignment | None
+    truth: TruthFile | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        truth = None
+        if self.truth is not None:
+            truth = asdict(self.truth) | {"path": str(self.truth.path.absolute())}
+        return {
+            "alignment": None if self.alignment is None else self.alignment.as_dict(),
+            "truth": truth,
+        }
+
+    @staticmethod
+    def of_dict(plain: Mapping[str, Any]) -> Comparison:
+        """As ``as_dict`` makes it.
+
+        Raises:
+            TruthError: it is not.
+        """
+        try:
+            kept, told = plain["alignment"], plain["truth"]
+            truth = None if told is None else TruthFile(**{**told, "path": Path(told["path"])})
+        except (KeyError, TypeError) as error:
+            raise TruthError(f"this is no comparison as align writes it ({error})") from None
+        return Comparison(None if kept is None else Alignment.of_dict(kept), truth)
+
+    @staticmethod
+    def read(path: Path) -> Comparison:
+        """From the file that ``align`` wrote.
+
+        Raises:
+            InputError: it cannot be read. TruthError: it is something else.
+        """
+        try:
+            plain = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path} cannot be read: {error}") from None
+        if not isinstance(plain, dict):
+            raise TruthError(f"{path} is no comparison as align writes it")
+        return Comparison.of_dict(plain)
+
+    @property
+    def words(self) -> str:
+        """Where truth comes from and how well it fits: one sentence."""
+        live = "motion capture as it was received live"
+        what = live if self.truth is None else self.truth.name
+        if self.alignment is None:
+            return f"Truth is {what}, which is on the run's own clock."
+        time = self.alignment.time
+        drift = f", drift {time.drift_ppm:+.0f} ppm" if time.drift_sigma_ppm is not None else ""
+        return (
+            f"Truth is {what}, aligned with the run: {1e3 * time.offset_s:+.1f} ms on its clock "
+            f"(one sigma {1e3 * time.sigma_s:.1f} ms{drift}), correlation {time.correlation:.2f} "
+            f"over {time.overlap_s:.0f} s."
+        )
+
+
+def alignment_facts(alignment: Alignment) -> dict[str, Any]:
+    """What a person is shown of an alignment."""
+    time, T_body_camera = alignment.time, alignment.T_body_camera
+    camera = None if T_body_camera is None else asdict(CameraOnBody.of_pose(T_body_camera))
+    return {
+        "offset_s": time.offset_s,
+        "sigma_s": time.sigma_s,
+        "drift_ppm": time.drift_ppm,
+        "drift_sigma_ppm": time.drift_sigma_ppm,
+        "correlation": time.correlation,
+        "overlap_s": time.overlap_s,
+        "residual_mps": time.residual_mps,
+        "samples": time.samples,
+        "frame_residual_m": alignment.frame_residual_m,
+        "observer": alignment.observer,
+        "camera_on_body": camera,
+        "roles": dict(alignment.roles),
+        "matches": {str(key): asdict(match) for key, match in sorted(alignment.matches.items())},
+        "notes": list(alignment.notes),
+    }
+
+
+def gather_compared(
+    path: Path,
+    comparison: Comparison | None,
+    lines: Iterable[dict[str, Any]] | None = None,
+) -> Gathered:
+    """As ``gather``, with this truth instead of the recorded one.
+
+    Raises:
+        SourceError: it is no recording. TruthError: the truth file cannot be read.
+    """
+    if comparison is None:
+        with Recording(path) as recording:
+            return gather(recording, lines=lines)
+    compared = ComparedRecording(path, comparison)
+    with compared:
+        gathered = gather(compared, comparison.alignment, lines)
+    true = tuple(_without_directions(each, compared.unplaced) for each in gathered.true)
+    return replace(gathered, true=true, truth_words=comparison.words)
+
+
+def true_speeds(recording: Recording) -> list[dict[str, Any]]:
+    """Each body's true speed at each frame, as the database keeps them."""
+    lines = list(recording.lines())
+    matched = tuple(recording.matched_truth())
+    truth = recording.truth()
+    if not matched and truth is not None:
+        matched = pair_with_truth(lines, truth)
+    segments = {float(line["time"]): int(line["segment"]) for line in lines}
+    return [
+        {
+            "time": payload.time,
+            "role": body.role,
+            "track_id": body.id,
+            "speed": body.speed,
+            "segment": segments[payload.time],
+            "body": body.name,
+        }
+        for payload in matched
+        for body in payload.bodies
+        if payload.time in segments
+    ]
+
+
+class ComparedRecording(Recording):
+    """A recording whose truth is another one than it holds.
+
+    Attributes:
+        unplaced: instants at which bodies' speeds are known, but not their places.
+
+    Raises:
+        SourceError: it is no recording.
+    """
+
+    def __init__(self, path: Path | str, comparison: Comparison) -> None:
+        super().__init__(path)
+        self._comparison = comparison
+        self.unplaced: set[float] = set()
+
+    @cached_property
+    def _capture(self) -> Capture | None:
+        truth = self._comparison.truth
+        if truth is None:
+            return super().capture()
+        return truth.capture() if self._comparison.alignment is not None else None
+
+    def capture(self) -> Capture | None:
+        return self._capture
+
+    def truth(self) -> SampledTruth | None:
+        truth = self._comparison.truth
+        if self._comparison.alignment is not None or truth is None:
+            return None
+        return CsvTruth(truth.path)
+
+    def matched_truth(self) -> Iterator[MatchedTruth]:
+        """By the alignment's matches, which hold what a person corrected."""
+        alignment, capture = self._comparison.alignment, self._capture
+        if alignment is None or capture is None:
+            return
+        truth = AlignedTruth(capture, alignment)
+        names = [name for name, role in alignment.roles.items() if role == _OBSTACLE]
+        for line in self.lines():
+            time = float(line["time"])
+            bodies = [_placed(body) for body in truth.bodies(time)]
+            if not bodies:
+                bodies = _speeds_only(truth, names, time)
+                self.unplaced |= {time} if bodies else set()
+            tracks = _tracks(alignment, line, bodies)
+            yield MatchedTruth(
+                frame=int(line["frame"]),
+                time=time,
+                bodies=[_with_track(body, tracks.get(body.name)) for body in bodies],
+            )
+
+
+def _placed(body: TrueBody) -> MatchedBody:
+    return MatchedBody(
+        id=body.id,
+        name=body.name,
+        role=body.role,
+        position=body.position.tolist(),
+        velocity=body.velocity.tolist(),
+        speed=body.speed,
+        size=body.size.tolist(),
+        yaw=body.yaw,
+    )
+
+
+def _speeds_only(truth: AlignedTruth, names: Iterable[str], time: float) -> list[MatchedBody]:
+    """Of bodies whose room has no known place in the world."""
+    unknown = [float("nan")] * 3
+    return [
+        MatchedBody(
+            id=number, name=name, role=_OBSTACLE, position=unknown, velocity=unknown, speed=speed,
+            size=DEFAULT_SIZE.tolist(), yaw=float("nan"),
+        )
+        for number, name in enumerate(names, start=1)
+        if (speed := truth.speed(name, time)) is not None
+    ]  # fmt: skip
+
+
+def _tracks(
+    alignment: Alignment, line: Mapping[str, Any], bodies: Iterable[MatchedBody]
+) -> dict[str, int]:
+    """By body, the nearest of the tracks that are it."""
+    places = {body.name: np.array(body.position) for body in bodies}
+    found: dict[str, tuple[float, int]] = {}
+    for entry in line["obstacles"]:
+        match = alignment.matches.get(TrackKey(int(line["segment"]), int(entry["id"])))
+        if match is None or match.body not in places:
+            continue
+        distance = np.inf
+        if entry["position"] is not None:
+            distance = float(np.linalg.norm(places[match.body] - np.array(entry["position"])))
+        candidate = float(np.nan_to_num(distance, nan=np.inf)), int(entry["id"])
+        found[match.body] = min(found.get(match.body, candidate), candidate)
+    return {body: track for body, (_, track) in found.items()}
+
+
+def _with_track(body: MatchedBody, track: int | None) -> MatchedBody:
+    fields = {name: getattr(body, name) for name in body.__struct_fields__}
+    return MatchedBody(**{**fields, "track_id": track})
+
+
+def _without_directions(motion: TrueMotion, unplaced: set[float]) -> TrueMotion:
+    """A body whose place is not known goes in no known direction."""
+    if not unplaced:
+        return motion
+    known = [float(time) not in unplaced for time in motion.times]
+
+    def only(words: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(word if here else "" for word, here in zip(words, known, strict=True))
+
+    return replace(motion, directions=only(motion.directions), ways=only(motion.ways))

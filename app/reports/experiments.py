@@ -1,0 +1,118 @@
+"""Stretches of a run that are experiments of their own, and one run observed by two methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from app.reports.comparison import Comparison, gather_compared
+from app.reports.gathering import Gathered
+from app.reports.report import Judged, Report, ReportFigure
+from app.reports.speed_figure import speed_figure
+from app.reports.stretches import during
+from observer.evaluation.speed_errors import speed_errors
+from observer.jsonl import observation_line
+from observer.parameters import preset
+from observer.recording.reader import Recording
+from observer.recording.replay import replay, replay_revisions
+from observer.recording.source import RecordingSource
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One stretch of a run.
+
+    Attributes:
+        name: for files. title: for people. began, ended: host's monotonic clock, seconds.
+    """
+
+    name: str
+    title: str
+    began: float
+    ended: float
+
+
+def observed_as_published(
+    path: Path,
+    progress: Callable[[int, int | None], None],
+    comparison: Comparison | None = None,
+) -> Gathered:
+    """The run's frames observed once more by the method as published.
+
+    Args:
+        comparison: with truth that was laid over the run.
+
+    Raises:
+        SourceError: the recording holds no images.
+    """
+    source = RecordingSource(path)
+    try:
+        revisions = replay_revisions(source.recording, preset("paper").flat())
+        lines = []
+        for observation in replay(source, revisions):
+            lines.append(observation_line(observation))
+            progress(len(lines), source.info.frame_count)
+    finally:
+        source.close()
+    return gather_compared(path, comparison, lines)
+
+
+def beside_published(
+    report: Report,
+    path: Path,
+    progress: Callable[[int, int | None], None],
+    comparison: Comparison | None = None,
+) -> Report:
+    """The whole run as one experiment, by its own method and by the one as published.
+
+    Args:
+        comparison: as the report was made with.
+
+    Raises:
+        SourceError: the recording holds no images.
+    """
+    published = observed_as_published(path, progress, comparison)
+    name = report.facts.name or report.facts.id
+    errors = speed_errors(published.seen, published.true) if published.true else ()
+    return with_experiments(
+        report,
+        (
+            Judged(name, "as in the run", report.gathered, report.errors),
+            Judged(name, "affine, as published", published, errors),
+        ),
+    )
+
+
+def judged(path: Path, gathered: Gathered, experiment: Experiment, method: str) -> Judged:
+    """What of a run belongs to an experiment, and its errors."""
+    with Recording(path) as recording:
+        frames = recording.frames
+    received = np.array([frame.received for frame in frames])
+    times = np.array([frame.time for frame in frames])
+    begin, end = np.interp((experiment.began, experiment.ended), received, times)
+    part = during(gathered, float(begin), float(end))
+    return Judged(experiment.title, method, part, speed_errors(part.seen, part.true))
+
+
+def with_experiments(report: Report, found: tuple[Judged, ...]) -> Report:
+    """The report with figure 17 by experiment and method, and their errors beside each other."""
+    charts = [(f"{each.experiment}: {each.method}", each.gathered) for each in found]
+    highest = max((_highest(each.gathered) for each in found), default=0.0)
+    figure = ReportFigure(
+        "figure17_experiments",
+        "17",
+        "Speed of the dynamic obstacle by both methods",
+        "As the run observed it, and the same frames observed once more by the method as "
+        "published (preset paper, affine). A speed that is off the chart is still in the table "
+        "and in the data.",
+        speed_figure(charts, 2.0 * highest if highest > 0 else None),
+        "chart",
+    )
+    return replace(report, figures=(*report.figures, figure), judged=found)
+
+
+def _highest(gathered: Gathered) -> float:
+    return max((float(np.nanmax(each.speeds, initial=0.0)) for each in gathered.true), default=0.0)

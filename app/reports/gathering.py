@@ -1,0 +1,238 @@
+"""What a report shows of a run, drawn from its recording as plain arrays."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from app.reports.pairing import pair_with_truth
+from observer.errors import DynamicObserverError
+from observer.evaluation.speed_errors import AT_REST, MOVING_MPS, SeenMotion, TrueMotion
+from observer.geometry import Float64Array, Pose
+from observer.jsonl import line_pose
+from observer.recording.payloads import MatchedBody, MatchedTruth, RobotRow
+from observer.recording.reader import Recording
+from observer.truth.alignment.aligned import AlignedTruth
+from observer.truth.alignment.alignment import align
+from observer.truth.alignment.observed import ObservedRun
+from observer.truth.alignment.result import Alignment
+from observer.truth.contract import Truth
+
+_VISIBLE_SHARE = 0.5
+# A robot that takes commands, as the drive process calls it.
+_DRIVEN = ("armed", "moving")
+_OBSTACLE = "obstacle"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One curve of a chart: times on the source's clock, seconds, and m/s; NaN breaks it."""
+
+    label: str
+    times: Float64Array
+    speeds: Float64Array
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """Attributes:
+    lines: the observations. matched: true bodies beside them, in their world; empty without.
+    true: each obstacle's true motion. seen: each track as long as it was taken for one body.
+    unmatched: tracks that were taken for no body, with an empty body's name.
+    commanded, encoder: of the obstacle, empty where nothing is known.
+    truth_words: where truth comes from, or why there is none: one sentence.
+    alignment: of motion capture with this run, None where there is none.
+    """
+
+    lines: tuple[dict[str, Any], ...]
+    matched: tuple[MatchedTruth, ...]
+    true: tuple[TrueMotion, ...]
+    seen: tuple[SeenMotion, ...]
+    unmatched: tuple[SeenMotion, ...]
+    commanded: tuple[Curve, ...]
+    encoder: tuple[Curve, ...]
+    truth_words: str
+    alignment: Alignment | None
+
+
+def gather(
+    recording: Recording,
+    alignment: Alignment | None = None,
+    lines: Iterable[dict[str, Any]] | None = None,
+) -> Gathered:
+    """Read everything but images.
+
+    Args:
+        alignment: found before and kept with the run; None to find it where it is needed.
+        lines: of the same frames, observed otherwise than in the run; None for the run's own.
+    """
+    matched = tuple(recording.matched_truth()) if lines is None else ()
+    lines = tuple(recording.lines() if lines is None else lines)
+    words = "Truth was recorded with the run."
+    if not matched:
+        truth, alignment, words = _truth(recording, lines, alignment)
+        matched = () if truth is None else pair_with_truth(lines, truth)
+    true = _true_motions(lines, matched)
+    seen, unmatched = seen_motions(lines, matched)
+    rows = tuple(recording.robot_rows())
+    driven = [
+        row
+        for row in rows
+        if row.role == _OBSTACLE and row.facts.get("state", _DRIVEN[0]) in _DRIVEN
+    ]
+    commanded = _robot_curve(recording, rows if driven else (), "sent_speed", "as commanded")
+    if not commanded:
+        # Nobody drove it: the zeros that it was sent meanwhile commanded nothing.
+        commanded = _commanded_of_truth(matched)
+    return Gathered(
+        lines=lines,
+        matched=matched,
+        true=true,
+        seen=seen,
+        unmatched=unmatched,
+        commanded=commanded,
+        encoder=_robot_curve(recording, rows, "encoder_speed", "by its encoders"),
+        truth_words=words,
+        alignment=alignment,
+    )
+
+
+def _truth(
+    recording: Recording, lines: Sequence[Mapping[str, Any]], alignment: Alignment | None
+) -> tuple[Truth | None, Alignment | None, str]:
+    sampled = recording.truth()
+    if sampled is not None:
+        return sampled, None, "Truth was recorded with the run."
+    capture = recording.capture()
+    if capture is None:
+        return None, None, "The recording holds no truth, so nothing is compared with it."
+    if alignment is None:
+        try:
+            alignment = align(ObservedRun.of_lines(lines), capture)
+        except DynamicObserverError as error:
+            return None, None, f"Motion capture was recorded, but it is not yet aligned: {error}."
+    words = "Truth is motion capture as it was received live, aligned with the run."
+    return AlignedTruth(capture, alignment), alignment, words
+
+
+def seen_motions(
+    lines: Iterable[Mapping[str, Any]], matched: Iterable[MatchedTruth]
+) -> tuple[tuple[SeenMotion, ...], tuple[SeenMotion, ...]]:
+    """Tracks by the bodies that they were taken for, and those that were taken for none."""
+    bodies = {
+        (payload.frame, body.track_id): body.name
+        for payload in matched
+        for body in payload.bodies
+        if body.track_id is not None
+    }
+    rows: dict[tuple[str, str], list[tuple[float, ...]]] = defaultdict(list)
+    for line in lines:
+        for entry in line["obstacles"]:
+            if entry["state"] != "confirmed":
+                continue
+            std = entry["speed_std"]
+            body = bodies.get((line["frame"], entry["id"]), "")
+            rows[f"{line['segment']}:{entry['id']}", body].append(
+                (line["time"], entry["velocity_time"], entry["speed"],
+                 np.nan if std is None else std)
+            )  # fmt: skip
+    motions = []
+    for (track, body), found in rows.items():
+        table = np.array(found, dtype=np.float64)
+        motions.append(SeenMotion(track, body, *table.T))
+    return tuple(m for m in motions if m.body), tuple(m for m in motions if not m.body)
+
+
+def _true_motions(
+    lines: Iterable[Mapping[str, Any]], matched: Iterable[MatchedTruth]
+) -> tuple[TrueMotion, ...]:
+    poses = {line["frame"]: line_pose(line) for line in lines}
+    samples = [payload for payload in matched if payload.frame in poses]
+    names = {b.name: None for p in samples for b in p.bodies if b.role == _OBSTACLE}
+    motions = []
+    for name in names:
+        times: list[float] = []
+        speeds: list[float] = []
+        directions: list[str] = []
+        ways: list[str] = []
+        in_sight: list[bool] = []
+        for payload in samples:
+            if times and payload.time <= times[-1]:
+                continue
+            body = next((b for b in payload.bodies if b.name == name), None)
+            times.append(payload.time)
+            speeds.append(np.nan if body is None else body.speed)
+            direction, way = _directions(body, poses[payload.frame])
+            directions.append(direction)
+            ways.append(way)
+            visible = None if body is None else body.visible
+            in_sight.append(body is not None and (visible is None or visible >= _VISIBLE_SHARE))
+        motions.append(
+            TrueMotion(
+                name, np.array(times), np.array(speeds), tuple(directions), tuple(ways),
+                np.array(in_sight, dtype=np.bool_),
+            )
+        )  # fmt: skip
+    return tuple(motions)
+
+
+def _directions(body: MatchedBody | None, pose: Pose | None) -> tuple[str, str]:
+    """Seen from the camera, and by the body's own front; empty where it is not known."""
+    if body is None:
+        return "", ""
+    if body.speed <= MOVING_MPS:
+        return AT_REST, AT_REST
+    velocity = np.array(body.velocity)
+    front = np.array([np.sin(body.yaw), 0.0, np.cos(body.yaw)])
+    way = "forward" if velocity @ front >= 0 else "backward"
+    if pose is None:
+        return "", way
+    sight = np.array(body.position) - pose.translation
+    sight /= max(float(np.linalg.norm(sight)), 1e-9)
+    along = float(velocity @ sight)
+    if abs(along) >= np.linalg.norm(velocity) / np.sqrt(2):
+        return ("away" if along > 0 else "towards"), way
+    return ("right" if velocity @ pose.rotation[:, 0] > 0 else "left"), way
+
+
+def _robot_curve(
+    recording: Recording, rows: Sequence[RobotRow], field: str, label: str
+) -> tuple[Curve, ...]:
+    """Speeds of the obstacle's robot, their lengths, on the source's clock."""
+    frames = recording.frames
+    received = np.array([frame.received for frame in frames])
+    times = np.array([frame.time for frame in frames])
+    rising = np.r_[True, np.diff(received) > 0] & np.r_[True, np.diff(times) > 0]
+    if rising.sum() < 2:
+        return ()
+    found = [
+        (row.received, np.nan if row.time is None else row.time, getattr(row, field))
+        for row in rows
+        if row.role == _OBSTACLE and getattr(row, field) is not None
+    ]
+    if not found:
+        return ()
+    host, stamped, speeds = np.array(found, dtype=np.float64).T
+    # Where a robot tells no time of the source's, the frames tell how both clocks go together.
+    on_source = np.interp(host, received[rising], times[rising], left=np.nan, right=np.nan)
+    at = np.where(np.isfinite(stamped), stamped, on_source)
+    known = np.isfinite(at)
+    return (Curve(label, at[known], np.abs(speeds[known])),) if known.any() else ()
+
+
+def _commanded_of_truth(matched: Iterable[MatchedTruth]) -> tuple[Curve, ...]:
+    """A scenario's own commands, where no robot was driven; one curve a body."""
+    rows: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    for payload in matched:
+        for body in payload.bodies:
+            if body.role == _OBSTACLE and body.commanded_speed is not None:
+                rows[body.name].append((payload.time, abs(body.commanded_speed)))
+    curves = []
+    for name, found in rows.items():
+        times, speeds = np.array(found).T
+        curves.append(Curve(f"{name} as commanded", times, speeds))
+    return tuple(curves)

@@ -1,0 +1,182 @@
+"""The frames that a report shows pictures of, observed once more with everything kept.
+
+The rule: the frame with the most significant confirmed, moving obstacle; of equals the first. The
+picture of false points has the frame, of some spread over all those in which something moving was
+seen, in which the method as published takes most points for moving that are on no moving body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.reports.gathering import Gathered
+from observer.camera import StereoCamera
+from observer.evaluation.speed_errors import MOVING_MPS
+from observer.geometry import Float64Array
+from observer.jsonl import line_pose
+from observer.observer import Observer
+from observer.parameters import Parameters, preset
+from observer.recording.payloads import MatchedTruth
+from observer.recording.replay import recorded_mount, replay_revisions
+from observer.recording.source import RecordingSource
+from observer.types import FullTrace, NoTrace, StereoFrame
+
+# Long enough for tracks to be confirmed once more.
+_WARM_UP_FRAMES = 30
+CANDIDATES = 8
+# Pixels at a body's outline belong to it, as the corner of a feature's window does.
+_MARGIN_PX = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One frame, observed by one method.
+
+    Attributes:
+        position: of the frame in the recording, from 0. line: its observation in the run.
+        trace: what this method left of it (see ``observer.observer``). model: the method.
+        parameters: it was observed with. camera: the rectified pair.
+        bodies: (4,) pixel boxes of what truly moves, or, without truth, of what the run reported
+            as moving. by_truth: which of the two.
+    """
+
+    position: int
+    line: Mapping[str, Any]
+    trace: Mapping[str, Any]
+    parameters: Parameters
+    camera: StereoCamera
+    bodies: tuple[Float64Array, ...]
+    by_truth: bool
+
+    @property
+    def model(self) -> str:
+        """The name of the method."""
+        return str(self.parameters.ego_motion.model)
+
+    @property
+    def false_px(self) -> NDArray[np.float32]:
+        """(N, 2) points taken for moving that are on nothing that moves."""
+        start, dynamic = self.trace.get("flow_px"), self.trace.get("dynamic")
+        if start is None or dynamic is None:
+            return np.zeros((0, 2), np.float32)
+        px: NDArray[np.float32] = np.asarray(start, np.float32)[np.asarray(dynamic)]
+        on_body = np.zeros(len(px), np.bool_)
+        for u0, v0, u1, v1 in self.bodies:
+            on_body |= (
+                (px[:, 0] >= u0 - _MARGIN_PX) & (px[:, 0] <= u1 + _MARGIN_PX)
+                & (px[:, 1] >= v0 - _MARGIN_PX) & (px[:, 1] <= v1 + _MARGIN_PX)
+            )  # fmt: skip
+        return px[~on_body]
+
+
+def is_moving(entry: Mapping[str, Any]) -> bool:
+    """Whether an obstacle of a line was measured and moves."""
+    return bool(entry["state"] == "confirmed" and entry["motion"] == "moving")
+
+
+def most_significant(line: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """The moving obstacle of a line that is surest to move."""
+    moving = [entry for entry in line["obstacles"] if is_moving(entry)]
+    return max(moving, key=lambda entry: float(entry["significance"]), default=None)
+
+
+class Moments:
+    """Observes single frames of a recording; the source is used by nobody else meanwhile."""
+
+    def __init__(self, source: RecordingSource, gathered: Gathered) -> None:
+        self._source = source
+        self._lines = {line["frame"]: line for line in gathered.lines}
+        places = enumerate(source.recording.frames)
+        # Frames at which something moving was seen, and how sure that was.
+        self._moving: list[tuple[int, float]] = []
+        for position, frame in places:
+            line = self._lines.get(frame.index)
+            best = None if line is None or position == 0 else most_significant(line)
+            if best is not None:
+                self._moving.append((position, float(best["significance"])))
+        self._truth = {payload.frame: payload for payload in gathered.matched}
+        self._revisions = replay_revisions(source.recording)
+
+    def most_significant(self) -> int | None:
+        """Where in the recording; None where nothing moving was seen."""
+        if not self._moving:
+            return None
+        return max(self._moving, key=lambda found: found[1])[0]
+
+    def own(self, position: int) -> Moment | None:
+        """As the run observed it, begun anew a little before."""
+        newest = max(at for at in self._revisions if at <= position)
+        return self._observed(position, self._revisions[newest][0], _WARM_UP_FRAMES)
+
+    def published(self, position: int) -> Moment | None:
+        """By the method as published, from this frame and the one before."""
+        return self._observed(position, preset("paper"), 1)
+
+    def most_false(self) -> Moment | None:
+        """The frame for the picture of false points, by the method as published."""
+        if not self._moving:
+            return None
+        last = len(self._moving) - 1
+        chosen = np.unique(np.linspace(0, last, CANDIDATES).round().astype(int))
+        found = [m for k in chosen if (m := self.published(self._moving[k][0])) is not None]
+        return max(found, key=lambda m: len(m.false_px)) if found else None
+
+    def _observed(self, position: int, parameters: Parameters, before: int) -> Moment | None:
+        calibration = self._source.calibration
+        assert calibration is not None
+        observer = Observer(calibration, parameters, mount=recorded_mount(self._source.recording))
+        begin = max(position - before, 0)
+        self._source.seek(begin)
+        trace = FullTrace()
+        index = None
+        for at in range(begin, position + 1):
+            frame = self._source.read()
+            if not isinstance(frame, StereoFrame):
+                if at == position:
+                    return None
+                continue
+            observer.observe(frame, trace if at == position else NoTrace())
+            index = frame.index
+        line = None if index is None else self._lines.get(index)
+        if line is None or "flow_px" not in trace:
+            return None
+        boxes, by_truth = self._moving_boxes(line, observer.camera)
+        return Moment(position, line, trace, parameters, observer.camera, boxes, by_truth)
+
+    def _moving_boxes(
+        self, line: Mapping[str, Any], camera: StereoCamera
+    ) -> tuple[tuple[Float64Array, ...], bool]:
+        payload = self._truth.get(line["frame"])
+        if payload is not None and line["pose"] is not None:
+            return _true_boxes(payload, line, camera), True
+        reported = (o for o in line["obstacles"] if o["motion"] == "moving")
+        return tuple(np.array(o["box_px"]) for o in reported), False
+
+
+def _true_boxes(
+    payload: MatchedTruth, line: Mapping[str, Any], camera: StereoCamera
+) -> tuple[Float64Array, ...]:
+    T_world_camera = line_pose(line)
+    assert T_world_camera is not None
+    T_camera_world = T_world_camera.inverse()
+    boxes = []
+    for body in payload.bodies:
+        if body.role == "observer" or body.speed <= MOVING_MPS:
+            continue
+        length, width, height = body.size
+        sin, cos = np.sin(body.yaw), np.cos(body.yaw)
+        ahead, aside = np.array([sin, 0.0, cos]), np.array([cos, 0.0, -sin])
+        corners = [
+            np.array(body.position) + a * ahead * length / 2 + b * aside * width / 2
+            + np.array([0.0, c * height / 2, 0.0])
+            for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)
+        ]  # fmt: skip
+        px, _ = camera.project(T_camera_world.apply(np.array(corners)))
+        if np.isfinite(px).all():
+            boxes.append(np.concatenate([px.min(axis=0), px.max(axis=0)]))
+    return tuple(boxes)

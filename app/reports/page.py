@@ -1,0 +1,201 @@
+"""A report as one HTML file that needs nothing else: no script, no address, images inside."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from html import escape
+from importlib.resources import files
+
+from app.reports.drawing import figure_bytes, themed_svg
+from app.reports.report import Report, ReportFigure
+from observer.evaluation.speed_errors import SpeedErrors
+from observer.parameters import Parameters
+
+_HEADER = ("", "samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % band", "seen")
+_GROUPS = {
+    "all": "", "direction": "moving: ", "way": "driving: ", "body": "body ", "track": "track ",
+}  # fmt: skip
+
+
+def report_html(report: Report) -> str:
+    """The whole page."""
+    style = files("app.reports").joinpath("page.css").read_text(encoding="utf-8")
+    facts = report.facts
+    title = escape(f"{facts.name or facts.id}: report")
+    body = "\n".join(
+        (
+            f"<header><h1>{escape(facts.name or facts.id)}</h1>{_summary(report)}</header>",
+            _section("Figures", "figures", "".join(map(_figure, report.figures))),
+            _section("Errors of speed", "errors", _errors(report)),
+            _section("Truth and alignment", "truth", _truth(report)),
+            _section("Segments and frames", "segments", _segments(report)),
+            _section("Incidents", "incidents", _incidents(report)),
+            _section("Parameters", "parameters", _parameters(report)),
+            _section("Calibration", "calibration", f"<pre>{escape(facts.calibration_yaml)}</pre>"),
+            _section("Versions", "versions", _table(("package", "version"),
+                                                    sorted(facts.versions.items()))),
+        )
+    )  # fmt: skip
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{title}</title><style>\n{style}</style></head>\n<body><main>\n{body}\n"
+        f"</main></body></html>\n"
+    )
+
+
+def _summary(report: Report) -> str:
+    facts = report.facts
+    began = datetime.fromtimestamp(facts.anchor.wall_ns / 1e9, UTC)
+    rows = [
+        ("run", facts.id),
+        ("source", facts.source),
+        ("began", f"{began:%Y-%m-%d %H:%M:%S} UTC"),
+        ("length", f"{report.duration_s:.1f} s, {report.frames} frames"),
+        ("images", facts.images),
+        ("preset", facts.preset or "none"),
+        *sorted(facts.notes.items()),
+    ]
+    if report.unfinished:
+        rows.append(("recording", "cut off: it has no end; what came before is shown here"))
+    cells = "".join(f"<dt>{escape(k)}</dt><dd>{escape(str(v))}</dd>" for k, v in rows)
+    return f"<dl>{cells}</dl>"
+
+
+def _figure(each: ReportFigure) -> str:
+    heading = f"Figure {each.number}. {each.title}"
+    if each.figure is None:
+        return (
+            f'<figure id="{each.name}" class="missing"><figcaption><b>{escape(heading)}</b> '
+            f"Not shown: {escape(each.missing)}</figcaption></figure>"
+        )
+    if each.kind == "chart":
+        shown = themed_svg(each.figure, each.name)
+        shown = f'<div class="chart" role="img" aria-label="{escape(heading)}">{shown}</div>'
+    else:
+        data = base64.b64encode(figure_bytes(each.figure, each.name, "jpg")).decode()
+        shown = f'<img alt="{escape(heading)}" src="data:image/jpeg;base64,{data}">'
+    return (
+        f'<figure id="{each.name}">{shown}<figcaption><b>{escape(heading)}.</b> '
+        f"{escape(each.caption)}</figcaption></figure>"
+    )
+
+
+def _errors(report: Report) -> str:
+    if not report.errors:
+        return f"<p>No errors can be told. {escape(report.gathered.truth_words)}</p>"
+    table = _table(_HEADER, [_error_row(each) for each in report.errors]) + _compared(report)
+    changes = "; ".join(f"{escape(body)}: {n}" for body, n in report.changes.items()) or "none"
+    return (
+        f"{table}<p>Changes of identity: {changes}. An error is the speed of the observer less "
+        f"the true one at the instant to which it belongs; truth is interpolated only between "
+        f"its own neighbouring samples. <em>Seen</em> is the share of the time in which the body "
+        f"moved in sight and was measured.</p>"
+    )
+
+
+def _compared(report: Report) -> str:
+    """Each experiment by each method, in directions; nothing where there are no experiments."""
+    if not report.judged:
+        return ""
+    rows = [
+        [each.experiment, each.method, *_error_row(errors)]
+        for each in report.judged
+        for errors in each.errors
+        if errors.group in ("all", "direction")
+    ]
+    return f"<h3>By experiment and method</h3>{_table(('experiment', 'method', *_HEADER), rows)}"
+
+
+def _error_row(errors: SpeedErrors) -> list[str]:
+    figures = (errors.bias_mps, errors.rmse_mps, errors.maximum_mps)
+    named = f"{_GROUPS[errors.group]}{errors.label}"
+    if errors.group == "track":
+        named = f"{named} of {errors.body}"
+    return [
+        named,
+        str(errors.samples),
+        *("-" if value is None else f"{value:.3f}" for value in figures),
+        "-" if errors.coverage is None else f"{100 * errors.coverage:.0f} %",
+        "-" if errors.seen_share is None else f"{100 * errors.seen_share:.0f} %",
+    ]
+
+
+def _truth(report: Report) -> str:
+    said = f"<p>{escape(report.gathered.truth_words)}</p>"
+    alignment = report.gathered.alignment
+    if alignment is None:
+        return said
+    time = alignment.time
+    rows = [
+        ("offset of truth's clock", f"{time.offset_s:.4f} s (sigma {time.sigma_s:.4f} s)"),
+        ("drift", f"{time.drift_ppm:.1f} ppm"),
+        ("correlation", f"{time.correlation:.3f}"),
+        ("overlap", f"{time.overlap_s:.1f} s"),
+        ("residual of speed", f"{time.residual_mps:.3f} m/s"),
+        (
+            "residual of place",
+            "not known"
+            if alignment.frame_residual_m is None
+            else f"{alignment.frame_residual_m:.3f} m",
+        ),
+        *((f"{name} is", role) for name, role in alignment.roles.items()),
+    ]
+    notes = "".join(f"<li>{escape(note)}</li>" for note in alignment.notes)
+    return f"{said}{_table(('figure', 'value'), rows)}<ul>{notes}</ul>"
+
+
+def _segments(report: Report) -> str:
+    segments = [(str(n), f"{time:.2f}") for n, time in report.segments.items()]
+    statuses = [(status, str(n)) for status, n in sorted(report.statuses.items())]
+    return _table(("segment", "begins at, s"), segments) + _table(("status", "frames"), statuses)
+
+
+def _incidents(report: Report) -> str:
+    if not report.incidents:
+        return "<p>None were recorded.</p>"
+    begin = report.facts.anchor.monotonic
+    rows = [(f"{i.received - begin:.2f}", i.kind, i.sentence) for i in report.incidents]
+    return _table(("s after the beginning", "what", ""), rows)
+
+
+def _parameters(report: Report) -> str:
+    if not report.revisions:
+        return "<p>None were recorded; the defaults are assumed.</p>"
+    first, *later = report.revisions
+    default = Parameters().flat()
+    rows = [(name, _word(v), _word(default.get(name))) for name, v in sorted(first.values.items())]
+    changed = [row for row in rows if row[1] != row[2]]
+    said = _table(("differs from its default", "value", "default"), changed) if changed else (
+        "<p>All began as their defaults.</p>"
+    )  # fmt: skip
+    if later:
+        changes = [
+            (str(r.revision), "-" if r.frame is None else str(r.frame), name, _word(value))
+            for r in later
+            for name, value in sorted(r.difference.items())
+        ]
+        said += _table(("revision", "from frame", "changed", "to"), changes)
+    whole = _table(("parameter", "at the beginning"), [row[:2] for row in rows])
+    return f"{said}<details><summary>All {len(rows)} parameters</summary>{whole}</details>"
+
+
+def _word(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _section(title: str, name: str, content: str) -> str:
+    return f'<section id="{name}"><h2>{escape(title)}</h2>{content}</section>'
+
+
+def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in header)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return (
+        f'<div class="table"><table><thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )

@@ -1,0 +1,178 @@
+"""Figures 9 to 11 and 13 to 16 of the paper, from frames that were observed once more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from app.reports.drawing import (
+    GREEN,
+    INK,
+    RED,
+    SKY,
+    YELLOW,
+    picture_axes,
+    plain_axes,
+    show_image,
+)
+from app.reports.moments import Moment, is_moving
+from observer.camera import as_gray
+from observer.geometry import Float64Array, Pose
+from observer.jsonl import line_pose
+from observer.vision.stereo import disparity_map, point_cloud
+
+_CLOUD_POINTS = 12_000
+# Corners of a box that differ in one sign.
+_EDGES = ((0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 6), (5, 7),
+          (6, 7))  # fmt: skip
+
+
+def transformation_figure(moment: Moment) -> Figure:
+    """(a) image at t, (b) at t+dt, (c) the latter after image transformation."""
+    trace = moment.trace
+    titles = ("(a) image at time t", "(b) image at time t+dt", "(c) after image transformation")
+    figure, axes = picture_axes(titles, _size(moment))
+    images = (trace["previous_left"], trace["left"], trace["warped_left"])
+    for each, image in zip(axes, images, strict=True):
+        # Of t only the grey image is kept; one colour in all three makes them comparable.
+        show_image(each, as_gray(image))
+    return figure
+
+
+def flow_figure(moment: Moment) -> Figure:
+    """Features at t and where they are at t+dt once the image is transformed."""
+    figure, (axes,) = picture_axes((_title(moment),), _size(moment))
+    figure.set_size_inches(6.4, 6.4 * _size(moment)[1] / _size(moment)[0] + 0.34)
+    show_image(axes, _darkened(moment.trace["previous_left"]))
+    start, end = np.asarray(moment.trace["flow_px"]), np.asarray(moment.trace["flow_observed_px"])
+    dynamic = np.asarray(moment.trace["dynamic"])
+    for chosen, color, size in ((~dynamic, SKY, 3), (dynamic, RED, 5)):
+        segments = np.stack([start[chosen], end[chosen]], axis=1)
+        axes.add_collection(LineCollection(list(segments), colors=color, linewidths=1.2))
+        axes.plot(*start[chosen].T, "o", color=color, markersize=size / 2, linestyle="none")
+    return figure
+
+
+def detection_figure(moment: Moment) -> Figure:
+    """Green stars are the points that tell the obstacle from what stands, the box is yellow."""
+    figure, (axes,) = picture_axes((_title(moment),), _size(moment))
+    figure.set_size_inches(6.4, 6.4 * _size(moment)[1] / _size(moment)[0] + 0.34)
+    show_image(axes, moment.trace["left"])
+    _stars(axes, _current_dynamic(moment))
+    _boxes(axes, moment.line)
+    return figure
+
+
+def false_points_figure(published: Moment, own: Moment) -> Figure:
+    """One frame by the method as published and as the run observed it, false points in red."""
+    titles = (
+        f"{published.model}, as published: {len(published.false_px)} false",
+        f"{own.model}, as in this run: {len(own.false_px)} false",
+    )
+    figure, axes = picture_axes(titles, _size(own))
+    figure.set_size_inches(9.6, 4.8 * _size(own)[1] / _size(own)[0] + 0.34)
+    for each, moment in zip(axes, (published, own), strict=True):
+        show_image(each, moment.trace["previous_left"])
+        _stars(each, np.asarray(moment.trace["flow_px"])[np.asarray(moment.trace["dynamic"])])
+        false = moment.false_px
+        each.plot(*false.T, "o", color=RED, markersize=7, fillstyle="none", markeredgewidth=1.3)
+    return figure
+
+
+def cloud_figure(moment: Moment, obstacle: Mapping[str, Any]) -> Figure:
+    """(a) the obstacle in the image, (b) in the 3D cloud from above and from its left side."""
+    corners = box_corners(moment.line, obstacle)
+    points, colors = point_cloud(
+        disparity_map(
+            as_gray(moment.trace["left"]), as_gray(moment.trace["right"]), moment.parameters.stereo
+        ),
+        moment.trace["left"], moment.camera, moment.parameters.stereo, _CLOUD_POINTS,
+    )  # fmt: skip
+    figure = Figure(figsize=(10.8, 3.5), layout="constrained", facecolor="white")
+    image, above, aside = figure.subplots(1, 3, width_ratios=(1.15, 1, 1))
+    show_image(image, moment.trace["left"])
+    _boxes(image, moment.line, color=RED)
+    image.set_xticks([])
+    image.set_yticks([])
+    image.set_title("(a) detected obstacle in the image", fontsize=9)
+    depth = 1.6 * float(corners[:, 2].max()) + 0.5
+    near = (points[:, 2] < depth) & (np.abs(points[:, 0]) < depth)
+    shown, ink = points[near], colors[near] / 255.0
+    for axes, pair, title in (
+        (above, (0, 2), "(b) in the point cloud, from above"),
+        (aside, (2, 1), "(b) in the point cloud, from the side"),
+    ):
+        axes.scatter(*shown[:, pair].T, c=ink, s=2.5, linewidths=0, rasterized=True)
+        lines = [corners[list(edge)][:, pair] for edge in _EDGES]
+        axes.add_collection(LineCollection(lines, colors=RED, linewidths=1.5, zorder=4))
+        axes.plot(0, 0, "^", color=INK, markersize=6, zorder=4)
+        axes.set_title(title, fontsize=9)
+        axes.set_aspect("equal", adjustable="datalim")
+        plain_axes(axes)
+    above.set_xlabel("x, m (right of the camera)")
+    above.set_ylabel("z, m (ahead)")
+    aside.set_xlabel("z, m (ahead)")
+    aside.set_ylabel("y, m (down)")
+    aside.invert_yaxis()
+    return figure
+
+
+def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64Array:
+    """(8, 3) metres, camera frame, of an obstacle's box with a place in the world."""
+    T_world_camera = line_pose(line)
+    assert T_world_camera is not None
+    T_camera_world = T_world_camera.inverse()
+    turned = obstacle["orientation_wxyz"] or (1.0, 0.0, 0.0, 0.0)
+    T_world_box = Pose.from_quaternion(turned, obstacle["position"])
+    signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    found: Float64Array = T_camera_world.apply(
+        T_world_box.apply(signs * np.array(obstacle["size"]) / 2)
+    )
+    return found
+
+
+def _current_dynamic(moment: Moment) -> Float64Array:
+    """(N, 2) pixels at t+dt of the points that move."""
+    evidence = moment.trace.get("evidence")
+    if evidence is not None:
+        px, dynamic = evidence.px, evidence.dynamic
+    else:
+        px, dynamic = moment.trace["flow_px"], moment.trace["dynamic"]
+    found: Float64Array = np.asarray(px, np.float64)[np.asarray(dynamic)]
+    return found
+
+
+def _stars(axes: Axes, px: Float64Array) -> None:
+    axes.plot(*np.asarray(px).T, "*", color=GREEN, markersize=5, markeredgewidth=0.4,
+              markeredgecolor="#0b5d0b", linestyle="none")  # fmt: skip
+
+
+def _boxes(axes: Axes, line: Mapping[str, Any], color: str = YELLOW) -> None:
+    for entry in line["obstacles"]:
+        if not is_moving(entry):
+            continue
+        u0, v0, u1, v1 = entry["box_px"]
+        axes.add_patch(Rectangle((u0, v0), u1 - u0, v1 - v0, fill=False, edgecolor=color, lw=1.8))
+        axes.text(
+            u0, v0 - 4, f"#{entry['id']}  {entry['speed']:.2f} m/s", color=color, fontsize=8,
+            va="bottom", bbox={"facecolor": "#000000", "alpha": 0.55, "lw": 0, "pad": 1.5},
+        )  # fmt: skip
+
+
+def _title(moment: Moment) -> str:
+    return f"frame {moment.line['frame']}, t = {moment.line['time']:.2f} s, {moment.model}"
+
+
+def _darkened(image: Any) -> Any:
+    return (np.asarray(image) * 0.55).astype(np.uint8)
+
+
+def _size(moment: Moment) -> tuple[int, int]:
+    height, width = moment.trace["left"].shape[:2]
+    return width, height

@@ -1,0 +1,229 @@
+"""Both experiments of figure 17 in the simulated lab: driven, recorded and made into a report.
+
+A server of our own and its drive process do all of it as for a person who sits before the page;
+nothing here knows more than the page does.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.benchmark.server_process import RunningServer, running_server
+from app.client.errors import DrivingFailed
+from app.client.operator_socket import OperatorSocket
+from app.client.programme_drive import PlayRequest, ProgrammeDrive
+from app.client.server_api import ServerApi
+from app.reports.experiments import Experiment, judged, with_experiments
+from app.reports.gathering import Gathered
+from app.reports.report import Report, Step, make_report
+from observer.errors import DynamicObserverError
+from observer.guard.sight import SIGHT_FRESH_S
+from observer.motion_profiles.gesture import GESTURE_S
+from observer.motion_profiles.playing import duration_s
+from observer.motion_profiles.profile import Programme
+
+SOURCE = "simulated:drive"
+ATTEMPTS = 24
+_DOWNLOAD_TIMEOUT_S = 120.0
+# The obstacle's course leads it across the view until its motors are on for the first time: by then
+# there is as much of its way to the one side as to the other.
+_CROSSES_S = 2.4
+# Until a track has ended.
+_REST_S = 2.0
+# A drive begins when frames came in time for so long, or when that was waited for long enough.
+_CALM_S = 3.0
+_CALM_WITHIN_S = 60.0
+# Of what stops a robot, SIGHT_FRESH_S.
+_CALM_SHARE = 0.7
+_LOOK_S = 0.05
+# How much further a drive may be than was told last.
+_BEHIND_S = 0.5
+
+
+class ReproductionError(DynamicObserverError):
+    """The experiments could not be made."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """What was driven and recorded.
+
+    Attributes:
+        recording: of one run. experiments: in the order in which they were driven.
+        interrupted: why earlier attempts ended before their end, one sentence each.
+    """
+
+    recording: Path
+    experiments: tuple[Experiment, ...]
+    interrupted: tuple[str, ...]
+
+
+def play_experiments(
+    recording: Path,
+    programmes: Sequence[Programme],
+    *,
+    tell: Callable[[str], None],
+    attempts: int = ATTEMPTS,
+) -> Played:
+    """Serve the lab, drive one programme after another in one run, and fetch its recording.
+
+    One run, because the second experiment begins where the first one ends. Something stops the
+    robots on a machine that is too busy to show frames in time, as it must. A later experiment that
+    had hardly begun then begins again where it is; otherwise all is driven anew in another run,
+    which begins with the world as it was at first.
+
+    Args:
+        programmes: of the server's library, by their names.
+        tell: is given a sentence for people at each step.
+        attempts: how many drives may be ended before their end, in all.
+
+    Raises:
+        BenchmarkError: the server did not start, or refused a run.
+        ReproductionError: the programmes were never driven to their end, or the recording could
+            not be fetched.
+    """
+    tries = _Attempts(attempts, tell)
+    with running_server(SOURCE) as server:
+        server.wait_for_frames()
+        while True:
+            begun = server.request(
+                "POST", "/api/runs", {"name": "Figure 17, both experiments", "record": "lossless"}
+            )
+            try:
+                experiments = _driven(server, programmes, tries)
+            except DrivingFailed as error:
+                tries.ended(error)
+                continue
+            finally:
+                server.request("POST", f"/api/runs/{begun['id']}/stop")
+            _fetch(server, str(begun["id"]), recording)
+            return Played(recording, experiments, tuple(tries.reasons))
+
+
+def reproduction_report(played: Played, published: Gathered, progress: Step) -> Report:
+    """The paper's figures from what was driven, and each experiment by both methods.
+
+    Args:
+        published: the same frames by the method as published, of ``observed_as_published``.
+
+    Raises:
+        SourceError: it is no recording, or holds no images.
+    """
+    report = make_report(played.recording, progress=progress)
+    methods = ((report.gathered, "rigid, as in the run"), (published, "affine, as published"))
+    found = tuple(
+        judged(played.recording, gathered, experiment, method)
+        for experiment in played.experiments
+        for gathered, method in methods
+    )
+    return with_experiments(report, found)
+
+
+class _Attempts:
+    """Counts drives that were ended before their end, and tells of each."""
+
+    def __init__(self, most: int, tell: Callable[[str], None]) -> None:
+        self._most = most
+        self.tell = tell
+        self.reasons: list[str] = []
+
+    def ended(self, error: DrivingFailed) -> None:
+        """Raises:
+        ReproductionError: it was the last that there may be.
+        """
+        self.reasons.append(str(error))
+        self.tell(f"attempt {len(self.reasons)} of {self._most}: {error}")
+        if len(self.reasons) == self._most:
+            raise ReproductionError(
+                f"the robots were stopped in each of {self._most} attempts, at last because "
+                f"{error}; try again when this machine has less else to do"
+            )
+
+
+def _driven(
+    server: RunningServer, programmes: Sequence[Programme], tries: _Attempts
+) -> tuple[Experiment, ...]:
+    """Raises:
+    DrivingFailed: something stopped the robots where driving cannot go on.
+    """
+    server.wait_for_frames()
+    time.sleep(_CROSSES_S)
+    experiments: list[Experiment] = []
+    with contextlib.closing(ServerApi(f"http://127.0.0.1:{server.port}", server.token)) as api:
+        _halt_obstacle(api)
+        left = list(programmes)
+        while left:
+            programme = left[0]
+            _wait_for_calm(api)
+            tries.tell(f"driving {programme.name}, {duration_s(programme):.0f} s")
+            request = PlayRequest(
+                programme.name, programme.roles, duration_s(programme), 1, False, False
+            )
+            drive = ProgrammeDrive(api, request, _unwatched)
+            # The server's processes have the same monotonic clock as this one.
+            began = time.monotonic()
+            try:
+                drive.run()
+            except DrivingFailed as error:
+                # The gesture ends where it begins.
+                gesture_s = GESTURE_S if programme.gesture else 0.0
+                if not experiments or drive.summary()["elapsed_s"] >= gesture_s - _BEHIND_S:
+                    raise
+                tries.ended(error)
+                continue
+            experiments.append(Experiment(programme.name, programme.title, began, time.monotonic()))
+            left.pop(0)
+            time.sleep(_REST_S)
+    return tuple(experiments)
+
+
+def _halt_obstacle(api: ServerApi) -> None:
+    """End its own course by arming it once; it stands from then on until it is driven."""
+    with OperatorSocket(api) as socket:
+        lease = socket.take("obstacle", takeover=False)
+        api.post("robots", "obstacle", "arm", body={"lease": lease})
+        socket.release()
+
+
+def _wait_for_calm(api: ServerApi) -> None:
+    """Until frames come in time, so that a short load alone does not end a drive."""
+    began = calm_since = time.monotonic()
+    while (now := time.monotonic()) - began < _CALM_WITHIN_S and now - calm_since < _CALM_S:
+        age = api.get("robots")["sight"]["age_s"]
+        if age is None or age > _CALM_SHARE * SIGHT_FRESH_S:
+            calm_since = now
+        time.sleep(_LOOK_S)
+
+
+def _unwatched(playing: dict[str, Any], robots: dict[str, Any]) -> None:
+    del playing, robots
+
+
+def _fetch(server: RunningServer, run_id: str, path: Path) -> None:
+    """Raises:
+    ReproductionError: it could not be read or written.
+    """
+    request = urllib.request.Request(
+        f"http://127.0.0.1:{server.port}/api/runs/{run_id}/recording",
+        headers={"Authorization": f"Bearer {server.token}"},
+    )
+    part = path.with_name(path.name + ".part")
+    try:
+        with (
+            urllib.request.urlopen(request, timeout=_DOWNLOAD_TIMEOUT_S) as answer,
+            part.open("wb") as file,
+        ):
+            shutil.copyfileobj(answer, file)
+        os.replace(part, path)
+    except (urllib.error.URLError, OSError) as error:
+        part.unlink(missing_ok=True)
+        raise ReproductionError(f"the recording could not be fetched: {error}") from None

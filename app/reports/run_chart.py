@@ -1,0 +1,121 @@
+"""The chart of one run as plain values: what a page draws and what a table states."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from app.reports.comparison import alignment_facts
+from app.reports.gaps import broken
+from app.reports.gathering import Curve, Gathered
+from observer.evaluation.speed_errors import SeenMotion, speed_errors
+from observer.geometry import Float64Array
+
+_OBSTACLE = "obstacle"
+# Tenths of a millisecond and of a millimetre per second are more than a chart shows.
+_TIME_DIGITS, _SPEED_DIGITS = 4, 5
+CSV_COLUMNS = ("source", "label", "role", "track_id", "body", "segment", "time_s", "speed_mps",
+               "std_mps")  # fmt: skip
+
+
+def chart_values(gathered: Gathered) -> dict[str, Any]:
+    """What ``GET /api/runs/{id}/chart`` answers beside the run itself.
+
+    Gaps are places at which a speed is None. Times are the source's, seconds.
+    """
+    alignment = gathered.alignment
+    return {
+        "aligned": bool(gathered.true),
+        "sentence": gathered.truth_words,
+        "alignment": None if alignment is None else alignment_facts(alignment),
+        "curves": list(_curves(gathered)),
+        "changes": list(_changes(gathered.seen)),
+        "errors": [each.as_dict() for each in speed_errors(gathered.seen, gathered.true)]
+        if gathered.true
+        else [],
+    }
+
+
+def chart_csv(values: dict[str, Any]) -> str:
+    """One row for each speed of ``chart_values``; gaps are left out, the unknown is empty."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(CSV_COLUMNS)
+    for curve in values["curves"]:
+        stds = curve["stds"] or [None] * len(curve["times"])
+        fixed = [curve[key] for key in ("kind", "label", "role", "track_id", "body", "segment")]
+        for time, speed, std in zip(curve["times"], curve["speeds"], stds, strict=True):
+            if speed is not None:
+                writer.writerow([*fixed, time, speed, std])
+    return text.getvalue()
+
+
+def _curves(gathered: Gathered) -> Iterator[dict[str, Any]]:
+    for motion in (*gathered.seen, *gathered.unmatched):
+        segment, track = (int(part) for part in motion.track.split(":"))
+        times, speeds, stds = broken(motion.times, motion.speeds, motion.stds)
+        yield _curve(
+            "estimate", f"track {motion.track}", times, speeds, stds,
+            track_id=track, segment=segment, body=motion.body or None,
+        )  # fmt: skip
+    for true in gathered.true:
+        times, speeds = broken(true.times, true.speeds)
+        yield _curve("truth", true.body, times, speeds, body=true.body)
+    others: tuple[tuple[str, Sequence[Curve]], ...] = (
+        ("commanded", gathered.commanded), ("encoder", gathered.encoder),
+    )  # fmt: skip
+    for kind, curves in others:
+        for curve in curves:
+            times, speeds = broken(curve.times, curve.speeds)
+            yield _curve(kind, curve.label, times, speeds)
+
+
+def _curve(
+    kind: str,
+    label: str,
+    times: Float64Array,
+    speeds: Float64Array,
+    stds: Float64Array | None = None,
+    *,
+    track_id: int | None = None,
+    segment: int | None = None,
+    body: str | None = None,
+) -> dict[str, Any]:
+    return {
+        "kind": kind,
+        "label": label,
+        "role": _OBSTACLE,
+        "track_id": track_id,
+        "body": body,
+        "segment": segment,
+        "times": np.round(times, _TIME_DIGITS).tolist(),
+        "speeds": _listed(speeds),
+        "stds": None if stds is None else _listed(stds),
+    }
+
+
+def _listed(values: Float64Array) -> list[float | None]:
+    rounded = np.round(values, _SPEED_DIGITS).tolist()
+    known = np.isfinite(values)
+    return [value if here else None for value, here in zip(rounded, known, strict=True)]
+
+
+def _changes(seen: Sequence[SeenMotion]) -> Iterator[dict[str, Any]]:
+    """Where another track took a body's place, in order."""
+    order: dict[str, list[tuple[float, str]]] = {}
+    for each in seen:
+        order.setdefault(each.body, []).extend((float(t), each.track) for t in each.frame_times)
+    changes = [
+        (time, body, before, after)
+        for body, rows in order.items()
+        for (_, before), (time, after) in pairwise(sorted(rows))
+        if before != after
+    ]
+    for time, body, before, after in sorted(changes):
+        time = round(time, _TIME_DIGITS)
+        yield {"time": time, "body": body, "before": before, "after": after}

@@ -1,0 +1,90 @@
+"""Figure 17: the obstacle's speed as it was seen, as it truly was, as commanded, by encoders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from app.reports.drawing import BLUE, INK, ORANGE, PURPLE, TEAL, plain_axes
+from app.reports.gaps import broken
+from app.reports.gathering import Curve, Gathered
+from observer.evaluation.speed_errors import BAND_95, SeenMotion
+
+# Tracks of fewer samples are drawn without their number.
+_NAMED_FROM = 5
+_LEGEND_COLUMNS = 5
+_LEGEND_ROW_PT = 13.0
+_OTHER_SOURCES = {"true": (ORANGE, "--"), "commanded": (INK, ":"), "encoder": (TEAL, "-.")}
+
+
+def speed_figure(runs: Sequence[tuple[str, Gathered]], highest_mps: float | None = None) -> Figure:
+    """One chart for each experiment, with its title.
+
+    Args:
+        highest_mps: upper end of all charts; None for each its own.
+    """
+    figure = Figure(figsize=(9.6, 3.5 * len(runs)), layout="constrained", facecolor="white")
+    charts = figure.subplots(len(runs), 1, squeeze=False)
+    for axes, (title, gathered) in zip(charts.flat, runs, strict=True):
+        legend_rows = _chart(axes, gathered)
+        if highest_mps is not None:
+            axes.set_ylim(top=highest_mps)
+        axes.set_title(title, fontsize=10, loc="left", pad=6 + _LEGEND_ROW_PT * legend_rows)
+        axes.set_ylabel("speed, m/s")
+    charts.flat[-1].set_xlabel("time on the source's clock, s")
+    return figure
+
+
+def _chart(axes: Axes, gathered: Gathered) -> int:
+    """Returns:
+    How many rows the legend has.
+    """
+    stray = "of no known body" if gathered.true else "by the observer"
+    groups = ((gathered.seen, BLUE, "by the observer"), (gathered.unmatched, PURPLE, stray))
+    for motions, color, label in groups:
+        for number, motion in enumerate(motions):
+            _seen(axes, motion, color, None if number else label)
+    for true in gathered.true:
+        _line(axes, Curve(f"{true.body} by truth", true.times, true.speeds), "true")
+    for curve in gathered.commanded:
+        _line(axes, curve, "commanded")
+    for curve in gathered.encoder:
+        _line(axes, curve, "encoder")
+    axes.margins(y=0.12)
+    axes.set_ylim(bottom=0)
+    plain_axes(axes)
+    entries = len(axes.get_legend_handles_labels()[0])
+    if entries:
+        # Above the chart, where it hides no curve, and below the title, which may be long.
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, fontsize=8,
+            ncols=_LEGEND_COLUMNS, borderaxespad=0.2, borderpad=0.2,
+        )  # fmt: skip
+    return -(-entries // _LEGEND_COLUMNS)
+
+
+def _seen(axes: Axes, motion: SeenMotion, color: str, label: str | None) -> None:
+    times, speeds, stds = broken(motion.times, motion.speeds, motion.stds)
+    axes.plot(times, speeds, color=color, linewidth=1.5, label=label, zorder=4)
+    known = np.isfinite(stds)
+    low = np.maximum(speeds - BAND_95 * stds, 0.0)
+    axes.fill_between(
+        times, low, speeds + BAND_95 * stds, where=list(known), color=color, alpha=0.18,
+        linewidth=0, label=None if label is None else "its band of 95 %", zorder=2,
+    )  # fmt: skip
+    if len(motion.times) >= _NAMED_FROM:
+        # Where an identity begins, so that changes of it can be seen.
+        axes.plot(motion.times[0], motion.speeds[0], "o", color=color, markersize=3.5, zorder=5)
+        axes.annotate(
+            motion.track, (motion.times[0], motion.speeds[0]), xytext=(3, 4),
+            textcoords="offset points", fontsize=7, color=color, annotation_clip=True,
+        )  # fmt: skip
+
+
+def _line(axes: Axes, curve: Curve, kind: str) -> None:
+    color, style = _OTHER_SOURCES[kind]
+    times, speeds = broken(curve.times, curve.speeds)
+    axes.plot(times, speeds, style, color=color, linewidth=1.4, label=curve.label, zorder=3)

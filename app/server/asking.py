@@ -1,0 +1,58 @@
+"""Requests to the other processes whose refusals become the station's own errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from app.drive.messages import DriveProcessCommand
+from app.messages import Command
+from app.processes.errors import ProcessRefused, ProcessUnavailable
+from app.server.contracts import Drive, Engine
+from app.server.errors import Conflict, FieldError, NotAvailable
+from app.storage import StorageFull
+
+
+async def ask(
+    engine: Engine, command: Command, *, field: tuple[str, ...] = ("body",), timeout_s: float = 10.0
+) -> dict[str, Any]:
+    """Send the engine a command and return its reply's value.
+
+    Args:
+        field: the part of the person's request that the command stems from.
+
+    Raises:
+        FieldError: what was asked is wrong. Conflict: it is not possible in this state.
+        StorageFull: the disk is full.
+        NotAvailable: it failed, or there is no engine at the moment.
+    """
+    with _own_errors(field):
+        return await engine.request(command, timeout_s)
+
+
+async def ask_drive(
+    drive: Drive,
+    command: DriveProcessCommand,
+    *,
+    timeout_s: float = 1.0,
+) -> dict[str, Any]:
+    """Send the drive process a command; as ``ask`` in all else."""
+    with _own_errors(("body",)):
+        return await drive.request(command, timeout_s)
+
+
+@contextmanager
+def _own_errors(field: tuple[str, ...]) -> Iterator[None]:
+    try:
+        yield
+    except ProcessRefused as error:
+        if error.refusal == "input":
+            raise FieldError(field, str(error)) from error
+        if error.refusal == "state":
+            raise Conflict(str(error)) from error
+        if error.refusal == "full":
+            raise StorageFull(str(error)) from error
+        raise NotAvailable(str(error)) from error
+    except ProcessUnavailable as error:
+        raise NotAvailable(str(error)) from error

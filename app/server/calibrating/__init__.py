@@ -1,0 +1,1 @@
+"""Calibrating in the browser, and the library of calibrations."""

@@ -1,0 +1,280 @@
+"""Calibrations that people upload: read, described, kept."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import math
+import zipfile
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, Literal
+
+from app.calibration_worker.messages import Progress, Refined, RefineRows
+from app.calibration_worker.process import work
+from app.messages import MeasureDepth, PreviewCalibration, TakeScenePairs
+from app.server.asking import ask
+from app.server.calibrating.session import CalibrationDesk
+from app.server.contracts import Engine
+from app.server.errors import Conflict, FieldError, NotThere
+from app.storage import CalibrationRecord, RunRecord, Storage, utc_now
+from observer.calibration.formats.exporting import export_calibration
+from observer.calibration.formats.opencv_file import calibration_text, read_calibration
+from observer.calibration.formats.recognition import read_any
+from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
+from observer.calibration.report import depth_bias_of
+from observer.calibration.tape import tape_check
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError, InputError
+
+_FILE_FIELD = ("body", "file")
+_LONGEST_NAME = 100
+_MOST_CHECKS = 50
+
+
+def calibration_facts(calibration: StereoCalibration) -> dict[str, Any]:
+    """What a list shows of a calibration."""
+    half_width = calibration.width / 2
+    return {
+        "width": calibration.width,
+        "height": calibration.height,
+        "baseline_m": round(calibration.baseline, 6),
+        "hfov_deg": round(math.degrees(2 * math.atan(half_width / calibration.K1[0, 0])), 2),
+        "rectified": calibration.is_rectified,
+    }
+
+
+def keep_upload(
+    storage: Storage,
+    files: Sequence[NamedFile],
+    *,
+    size: tuple[int, int] | None,
+    unit: Unit | None,
+    cameras: Cameras | None,
+) -> CalibrationRecord:
+    """Understand what was uploaded, whatever its format, and keep it.
+
+    An OpenCV file that tells everything is kept as it came; the others as OpenCV YAML.
+
+    Args:
+        size, unit, cameras: as of ``read_any``.
+
+    Raises:
+        FieldError: the files are no usable calibration; one sentence says why.
+        StorageError: it could not be kept.
+    """
+    try:
+        understood = read_any(files, size=size, unit=unit, cameras=cameras)
+    except CalibrationError as error:
+        raise FieldError(_FILE_FIELD, str(error)) from error
+    text = _as_it_came(files) if unit is None else None
+    info = {
+        **calibration_facts(understood.calibration),
+        "origin": f"uploaded: {understood.format}",
+        "notes": list(understood.notes),
+    }
+    name = " and ".join(file.name for file in files)[:_LONGEST_NAME]
+    return storage.save_calibration(
+        text or calibration_text(understood.calibration), name=name, info=info
+    )
+
+
+def _as_it_came(files: Sequence[NamedFile]) -> str | None:
+    """The text of one file that the engine reads as it is."""
+    if len(files) != 1:
+        return None
+    try:
+        text = files[0].content.decode("utf-8-sig")
+        read_calibration(text, name=files[0].name)
+    except (UnicodeDecodeError, CalibrationError):
+        return None
+    return text
+
+
+def keep_made(storage: Storage, desk: CalibrationDesk, name: str) -> CalibrationRecord:
+    """Keep what was computed of captured views, with its report and the cameras it belongs to.
+
+    Raises:
+        Conflict: nothing has been computed. StorageError: it could not be kept.
+    """
+    fitted = desk.finished.fitted
+    calibration = read_calibration(fitted.calibration_yaml, name=name)
+    bound = desk.bound
+    info = {
+        **calibration_facts(calibration),
+        "origin": "calibrated here",
+        "report": fitted.report,
+        "bound": {
+            "source": bound.source,
+            "devices": list(bound.devices),
+            "settings": [dict(settings) for settings in bound.settings],
+        },
+    }
+    return storage.save_calibration(fitted.calibration_yaml, name=name, info=info)
+
+
+def keep_own_calibration(storage: Storage, text: str, run: RunRecord) -> RunRecord:
+    """Keep the calibration that came with a run's source: the source may change, the run not.
+
+    It is not listed, since nobody uploaded it; the run refers to it by its content hash.
+    """
+    calibration = read_calibration(text, name=f"the calibration of {run.source}")
+    kept = storage.save_calibration(
+        text,
+        name=f"of {run.source}",
+        info=calibration_facts(calibration),
+        listed=False,
+    )
+    return storage.update_run(run.id, calibration_id=kept.id)
+
+
+def find_kept_calibration(storage: Storage, id: str) -> CalibrationRecord:
+    """A listed calibration, or one that a run refers to.
+
+    Raises:
+        NotThere: there is none of that id.
+    """
+    record = storage.get_calibration(id)
+    if record is None:
+        raise NotThere(f"there is no calibration {id[:80]!r}; GET /api/calibrations lists them")
+    return record
+
+
+def find_calibration(storage: Storage, id: str) -> CalibrationRecord:
+    """A listed calibration.
+
+    Raises:
+        NotThere: there is none of that id.
+    """
+    record = find_kept_calibration(storage, id)
+    if not record.listed:
+        raise NotThere(f"the calibration {record.name} belongs to a run; upload its file to use it")
+    return record
+
+
+def exported(record: CalibrationRecord, kind: Literal["opencv", "ros", "kalibr"]) -> NamedFile:
+    """The calibration as another tool reads it; several files come as one ZIP archive."""
+    calibration = read_calibration(record.text, name=record.name)
+    name = f"calibration-{record.id[:12]}"
+    files = export_calibration(calibration, kind, name=name)
+    if len(files) == 1:
+        return files[0]
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
+        for each in files:
+            # Tools look for left.yaml and right.yaml.
+            file.writestr(each.name.removeprefix(f"{name}-"), each.content)
+    return NamedFile(f"{name}-{kind}.zip", archive.getvalue())
+
+
+async def measure_depth(
+    engine: Engine,
+    record: CalibrationRecord,
+    u: float,
+    v: float,
+    *,
+    field: tuple[str, ...] = ("body", "u"),
+) -> dict[str, Any]:
+    """How far a place of the newest pair is by a calibration; see ``MeasureDepth``.
+
+    Args:
+        field: where the request names the place.
+
+    Raises:
+        FieldError: the place has no depth, or the calibration does not fit the images.
+        Conflict: there are no images. NotAvailable: there is no engine at the moment.
+    """
+    return await ask(engine, MeasureDepth(record.text, u, v), field=field)
+
+
+async def check_by_tape(
+    engine: Engine, storage: Storage, record: CalibrationRecord, u: float, v: float, tape_m: float
+) -> CalibrationRecord:
+    """Hold the depth of a place against a tape measure and keep the result beside the calibration.
+
+    Args:
+        tape_m: straight from the left lens to the place.
+
+    Raises:
+        FieldError, Conflict, NotAvailable: as ``measure_depth``. StorageError: it was not kept.
+    """
+    place = await measure_depth(engine, record, u, v)
+    calibration = read_calibration(record.text, name=record.name)
+    report = record.info.get("report") or {}
+    bias, lasting_px = depth_bias_of(report)
+    board = report.get("board") or {}
+    try:
+        check = tape_check(
+            calibration,
+            place["range_m"],
+            tape_m,
+            square_m=board.get("square_m"),
+            bias=bias,
+            lasting_px=lasting_px,
+        )
+    except InputError as error:
+        raise FieldError(("body", "measured_m"), str(error)) from error
+    entry = {
+        "measured_m": tape_m,
+        "stated_m": place["range_m"],
+        "expected_m": check.expected_m,
+        "agrees": check.agrees,
+        "sentence": check.sentence,
+        "at": utc_now(),
+    }
+    checks = [*record.info.get("tape_checks", []), entry][-_MOST_CHECKS:]
+    keep = partial(storage.change_calibration, record.id, info={"tape_checks": checks})
+    return await asyncio.to_thread(keep)
+
+
+async def refine_rows(
+    engine: Engine, storage: Storage, active: CalibrationRecord | None
+) -> CalibrationRecord:
+    """A new calibration whose rows are set straight by what the cameras saw lately.
+
+    The one in use stays as it is, and in use.
+
+    Raises:
+        Conflict: it cannot be refined by these images; one sentence says why.
+        NotAvailable: there is no engine at the moment. StorageError: it could not be kept.
+    """
+    name = "the source's own" if active is None else active.name
+    seen = await ask(engine, TakeScenePairs())
+    try:
+        refined = await work(RefineRows(seen["calibration_yaml"], name, seen["pairs"]), _unheard)
+    except CalibrationError as error:
+        raise Conflict(str(error)) from error
+    assert isinstance(refined, Refined)
+    facts = refined.facts
+    calibration = read_calibration(refined.calibration_yaml, name=name)
+    origin = (
+        f"refined from {name}: rows {facts['before_px']:.2f} px apart before, "
+        f"{facts['after_px']:.2f} px after; pitch {math.degrees(facts['pitch_rad']):+.3f} deg, "
+        f"roll {math.degrees(facts['roll_rad']):+.3f} deg, vergence as it was"
+    )
+    info = {**calibration_facts(calibration), "origin": origin, "refinement": facts}
+    if active is not None and "bound" in active.info:
+        info["bound"] = active.info["bound"]
+    return await asyncio.to_thread(
+        partial(
+            storage.save_calibration,
+            refined.calibration_yaml,
+            name=f"{name}, refined {utc_now()[:10]}"[:100],
+            info=info,
+        )
+    )
+
+
+async def preview_text(engine: Engine, calibration_yaml: str) -> dict[str, Any]:
+    """The newest pair rectified with a calibration; see ``PreviewCalibration``.
+
+    Raises:
+        FieldError: it does not fit the images. Conflict: there are no images.
+        NotAvailable: there is no engine at the moment.
+    """
+    command = PreviewCalibration(calibration_yaml)
+    return await ask(engine, command, field=("path", "id"), timeout_s=20.0)
+
+
+def _unheard(_: Progress) -> None:
+    """What takes a second or two needs no progress."""

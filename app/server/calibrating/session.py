@@ -1,0 +1,398 @@
+"""What is being calibrated: the views so far, the computation, its result.
+
+The engine finds the boards and tells of them; what was captured is kept here, so that it outlives
+an engine. A worker process computes. Everything runs in the event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import structlog
+
+from app.calibration_worker.messages import (
+    BoardsFound,
+    FindBoards,
+    Fitted,
+    FitViews,
+    Progress,
+    Result,
+)
+from app.calibration_worker.process import work
+from app.messages import BeginCalibration, BoardLookEvent, BoardViewsEvent, ChangeCalibration
+from app.server.asking import ask
+from app.server.contracts import Engine
+from app.server.errors import Conflict, FieldError, NotThere
+from observer.calibration.board import Board, BoardKind
+from observer.calibration.views import BoardView
+from observer.camera import DistortionModel
+from observer.errors import CalibrationError, SourceError
+from observer.sources.cameras.spec import swapped_spec
+
+log = structlog.get_logger(__name__)
+
+_OPEN_TIMEOUT_S = 60.0
+# Assumed where the images do not tell how fast they came.
+_USUAL_RATE = 15.0
+
+
+@dataclass(frozen=True)
+class KeptView:
+    """A captured view, with a small JPEG of each image where there is one."""
+
+    view: BoardView
+    pictures: tuple[bytes, bytes] | None
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """What a computation gave.
+
+    Attributes:
+        names: of the views it rests on.
+    """
+
+    fitted: Fitted
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BoundTo:
+    """The cameras that a calibration belongs to.
+
+    Attributes:
+        source: the text by which they are opened, as far as it may be shown.
+        devices: as in ``SourceInfo.devices``. settings: of each camera, in words by name.
+    """
+
+    source: str | None
+    devices: tuple[str, ...]
+    settings: tuple[Mapping[str, str], ...]
+
+
+class CalibrationDesk:
+    """At most one calibration is made at a time; one change at a time is the caller's care.
+
+    Attributes:
+        source: what is calibrated; None where images were sent in, or nothing is calibrated.
+        board: what is looked for; None where nothing is calibrated.
+    """
+
+    def __init__(self, engine: Engine, changed: Callable[[], None]) -> None:
+        """
+        Args:
+            changed: called whenever ``facts`` are others.
+        """
+        self._engine = engine
+        self._changed = changed
+        self._clear()
+
+    def _clear(self) -> None:
+        self.source: str | None = None
+        self.board: Board | None = None
+        self.automatic = True
+        self._size: tuple[int, int] | None = None
+        self._frame_rate = _USUAL_RATE
+        self._views: dict[str, KeptView] = {}
+        self._look: dict[str, Any] | None = None
+        self._refused: tuple[str, ...] = ()
+        self._computing: Progress | None = None
+        self._task: asyncio.Task[Result] | None = None
+        self._trouble: str | None = None
+        self.result: CalibrationResult | None = None
+        self.bound = BoundTo(None, (), ())
+
+    # --- beginning and ending ----------------------------------------------------------------
+
+    @property
+    def open(self) -> bool:
+        """Whether something is being calibrated."""
+        return self.board is not None
+
+    async def begin(self, source: str, board: Board) -> None:
+        """Look for the board in the images of a source.
+
+        Raises:
+            FieldError: the source cannot be opened; what was open stays open.
+            NotAvailable: there is no engine at the moment.
+        """
+        facts = await self._ask_to_begin(source, board, ())
+        await self.end()
+        self.source, self.board = source, board
+        self._note_source(facts)
+        self._changed()
+
+    async def swap(self) -> None:
+        """Take left for right, in the views so far as well.
+
+        Raises:
+            Conflict: no live cameras are calibrated. FieldError: they cannot be opened again.
+        """
+        self._refuse_closed()
+        assert self.board is not None
+        try:
+            source = swapped_spec(self.source or "")
+        except SourceError as error:
+            raise Conflict(str(error)) from error
+        views = {name: _swapped(kept) for name, kept in self._views.items()}
+        facts = await self._ask_to_begin(
+            source, self.board, tuple(kept.view for kept in views.values())
+        )
+        # What was computed was of cameras the other way round.
+        await self.cancel()
+        self.source, self._views, self.result = source, views, None
+        self._note_source(facts)
+        self._changed()
+
+    async def resume(self) -> None:
+        """Have a new engine go on where the lost one was; nothing where images were sent in."""
+        if self.source is None or self.board is None:
+            return
+        views = tuple(kept.view for kept in self._views.values())
+        self._note_source(await self._ask_to_begin(self.source, self.board, views))
+
+    async def _ask_to_begin(
+        self, source: str, board: Board, views: tuple[BoardView, ...]
+    ) -> dict[str, Any]:
+        command = BeginCalibration(source, board, views, self.automatic)
+        return await ask(self._engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
+
+    def _note_source(self, facts: dict[str, Any]) -> None:
+        info = facts["source"]
+        self._size = (info["width"], info["height"])
+        self._frame_rate = info["frame_rate"]
+        cameras = (facts.get("live") or {}).get("cameras", ())
+        self.bound = BoundTo(
+            info["spec"],
+            tuple(info["devices"]),
+            tuple(dict(camera["settings"]) for camera in cameras),
+        )
+
+    async def end(self) -> None:
+        """Forget everything; safe to call when nothing is calibrated."""
+        await self.cancel()
+        self._clear()
+        self._changed()
+
+    # --- views -------------------------------------------------------------------------------
+
+    async def change(self, command: ChangeCalibration) -> None:
+        """Capture, undo, remove, or ask which lens is covered; see ``ChangeCalibration``.
+
+        Raises:
+            Conflict: nothing is calibrated, or there is nothing to capture or undo.
+            NotThere: there is no view of the name that shall be removed.
+        """
+        self._refuse_closed()
+        if command.remove is not None and command.remove not in self._views:
+            raise NotThere(f"there is no view {command.remove[:80]!r}")
+        if self.source is None:
+            self._change_sent_in(command)
+            return
+        await ask(self._engine, command)
+        if command.automatic is not None:
+            self.automatic = command.automatic
+        self._changed()
+
+    def _change_sent_in(self, command: ChangeCalibration) -> None:
+        if command.remove is not None:
+            del self._views[command.remove]
+            self._changed()
+            return
+        raise Conflict("images were sent in; begin with cameras to capture more")
+
+    def looked(self, event: BoardLookEvent) -> None:
+        """The engine looked at a pair."""
+        if self.open:
+            self._look = event.look
+            self._changed()
+
+    def views_changed(self, event: BoardViewsEvent) -> None:
+        """The engine captured a view, or took one away."""
+        if not self.open:
+            return
+        if event.added is not None:
+            self._views[event.added.name] = KeptView(event.added, event.pictures)
+        self._views = {name: self._views[name] for name in event.names if name in self._views}
+        self._changed()
+
+    def picture(self, name: str, side: int) -> bytes:
+        """A view's small picture; ``side`` 0 is left.
+
+        Raises:
+            NotThere: there is no such view or it has none.
+        """
+        kept = self._views.get(name)
+        if kept is None or kept.pictures is None:
+            raise NotThere(f"there is no picture of a view {name[:80]!r}")
+        return kept.pictures[side]
+
+    async def find_boards(self, job: FindBoards) -> BoardsFound:
+        """Find the boards in images that were sent in; ``take_images`` comes next.
+
+        It may take minutes, so nothing else has to wait for it: ``cancel`` ends it.
+
+        Raises:
+            CalibrationError: the archive cannot be used. Conflict: a computation is going, or it
+                was cancelled.
+        """
+        self._refuse_computing()
+        try:
+            found = await self._begin_work(job)
+        except asyncio.CancelledError:
+            caller = asyncio.current_task()
+            if caller is not None and caller.cancelling():
+                raise
+            words = "looking for the board was cancelled; send the images in again"
+            raise Conflict(words) from None
+        assert isinstance(found, BoardsFound)
+        return found
+
+    async def take_images(self, found: BoardsFound, board: Board) -> None:
+        """Go on with boards that were found; what was captured before is forgotten."""
+        await self.end()
+        self.board = board
+        self._size = (found.width, found.height)
+        self._refused = found.refused
+        pictures = iter(found.pictures)
+        self._views = {view.name: KeptView(view, next(pictures)) for view in found.views}
+        self._changed()
+
+    # --- computing ---------------------------------------------------------------------------
+
+    def compute(self, distortion_model: DistortionModel) -> None:
+        """Begin to compute a calibration of the views; ``facts`` tell how far it is.
+
+        Raises:
+            Conflict: nothing is calibrated, there are no views, or it is computed already.
+        """
+        self._refuse_closed()
+        self._refuse_computing()
+        assert self.board is not None
+        if not self._views or self._size is None:
+            raise Conflict("there are no views yet; show the board to both cameras first")
+        views = tuple(kept.view for kept in self._views.values())
+        job = FitViews(views, self.board, *self._size, self._frame_rate, distortion_model)
+        self._trouble = None
+        self._begin_work(job).add_done_callback(partial(self._computed, job))
+
+    def _computed(self, job: FitViews, task: asyncio.Task[Result]) -> None:
+        if task.cancelled():
+            return
+        error = task.exception()
+        if error is None:
+            fitted = task.result()
+            assert isinstance(fitted, Fitted)
+            self.result = CalibrationResult(fitted, tuple(view.name for view in job.views))
+        elif isinstance(error, CalibrationError):
+            self._trouble = str(error)
+        else:
+            log.error("computing_failed", exc_info=error)
+            self._trouble = f"computing failed: {type(error).__name__}: {error}"
+        self._changed()
+
+    def _begin_work(self, job: FitViews | FindBoards) -> asyncio.Task[Result]:
+        task = asyncio.create_task(work(job, self._heard), name="compute a calibration")
+        # At once, not when the task comes to it: a second request must find it going.
+        self._heard(Progress("starting", 0.0))
+        task.add_done_callback(self._worked)
+        self._task = task
+        return task
+
+    def _worked(self, _: asyncio.Task[Result]) -> None:
+        self._computing = self._task = None
+        self._changed()
+
+    def _heard(self, progress: Progress) -> None:
+        self._computing = progress
+        self._changed()
+
+    async def cancel(self) -> None:
+        """End the computation, if one is going; views and an earlier result stay."""
+        task, self._task = self._task, None
+        if task is not None:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await asyncio.gather(task, return_exceptions=True)
+
+    @property
+    def finished(self) -> CalibrationResult:
+        """The result.
+
+        Raises:
+            Conflict: there is none yet.
+        """
+        if self.result is None:
+            raise Conflict("nothing has been computed yet; capture views, then compute")
+        return self.result
+
+    # --- what is shown -----------------------------------------------------------------------
+
+    def facts(self) -> dict[str, Any] | None:
+        """All that the page shows of it but the result; None where nothing is calibrated."""
+        if self.board is None:
+            return None
+        return {
+            "source": self.bound.source,
+            "board": {
+                "kind": self.board.kind,
+                "columns": self.board.columns,
+                "rows": self.board.rows,
+                "square_mm": round(1e3 * self.board.square_m, 4),
+                "words": self.board.words,
+            },
+            "size": self._size,
+            "automatic": self.automatic,
+            "look": self._look,
+            "views": [_view_facts(kept) for kept in self._views.values()],
+            "refused": list(self._refused),
+            "computing": None
+            if self._computing is None
+            else {"words": self._computing.words, "share": round(self._computing.share, 3)},
+            "trouble": self._trouble,
+            "result": None if self.result is None else list(self.result.names),
+        }
+
+    def _refuse_closed(self) -> None:
+        if not self.open:
+            raise Conflict("nothing is being calibrated; begin a calibration first")
+
+    def _refuse_computing(self) -> None:
+        if self._computing is not None:
+            raise Conflict("a calibration is being computed; wait for it, or cancel it")
+
+
+def board_of(kind: str, columns: int, rows: int, square_mm: float) -> Board:
+    """The board that a request names.
+
+    Raises:
+        FieldError: there is no such board.
+    """
+    of_kind: BoardKind = "charuco" if kind == "charuco" else "chessboard"
+    try:
+        return Board(of_kind, columns, rows, square_mm / 1e3)
+    except CalibrationError as error:
+        raise FieldError(("body", "board"), str(error)) from error
+
+
+def _swapped(kept: KeptView) -> KeptView:
+    view, pictures = kept.view, kept.pictures
+    return KeptView(
+        BoardView(view.name, view.right, view.left),
+        None if pictures is None else (pictures[1], pictures[0]),
+    )
+
+
+def _view_facts(kept: KeptView) -> dict[str, Any]:
+    view = kept.view
+    return {
+        "name": view.name,
+        "left": 0 if view.left is None else len(view.left),
+        "right": 0 if view.right is None else len(view.right),
+        "picture": kept.pictures is not None,
+    }

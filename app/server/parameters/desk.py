@@ -1,0 +1,174 @@
+"""Parameters and presets as the station keeps them: in force, in the engine, in the database."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from app.messages import SetParameters
+from app.parameter_store import (
+    BUILT_IN,
+    ParametersInForce,
+    Revision,
+    change,
+    first_parameters,
+    matching_preset,
+    preset_values,
+    restored_parameters,
+)
+from app.server.asking import ask
+from app.server.contracts import Engine
+from app.server.errors import Conflict, FieldError, NotAvailable, NotThere
+from app.server.runs.writer import Writer
+from app.storage import PresetRecord, Storage, StorageExists
+from app.supervisor import EngineUnavailable
+from observer.errors import InputError
+from observer.parameters import PRESET_HELP, Parameters, ParameterValue, preset
+
+
+@dataclass(frozen=True)
+class PresetEntry:
+    """A preset as it is listed."""
+
+    name: str
+    help: str
+    values: dict[str, ParameterValue]
+    built_in: bool
+
+
+class ParameterDesk:
+    """Used in the event loop; one change at a time is the caller's care.
+
+    Attributes:
+        current: in force. followed: called when they are others.
+    """
+
+    def __init__(self, engine: Engine, storage: Storage, writer: Writer) -> None:
+        self._engine = engine
+        self._storage = storage
+        self._writer = writer
+        self._saved: dict[str, PresetRecord] = {}
+        self.current = first_parameters()
+        self.followed: Callable[[], None] = lambda: None
+
+    def group(self, name: str) -> dict[str, ParameterValue]:
+        """Those of one group, by dotted name."""
+        values = self.current.values.flat()
+        return {key: value for key, value in values.items() if key.startswith(f"{name}.")}
+
+    def load(self) -> str | None:
+        """Read what was left from the database; a warning where not all of it could be used.
+
+        Runs in a worker thread, before anything else is called.
+        """
+        self._saved = {record.name: record for record in self._storage.list_presets()}
+        saved = self._storage.load_parameters()
+        if saved is None:
+            return None
+        self.current, warning = restored_parameters(saved.values, saved.revision, saved.preset)
+        return warning
+
+    @property
+    def _preset_values(self) -> dict[str, Mapping[str, ParameterValue]]:
+        return {name: record.values for name, record in self._saved.items()}
+
+    def plan(self, preset_name: str | None, changes: Mapping[str, Any]) -> Revision:
+        """What a preset and further changes would make of the parameters; nothing is changed.
+
+        Raises:
+            FieldError: there is no such preset.
+            ParameterError: naming every refused field and its range.
+        """
+        start: Parameters | None = None
+        if preset_name is not None:
+            try:
+                start = preset_values(preset_name, self._preset_values)
+            except InputError as error:
+                raise FieldError(("body", "preset"), str(error)) from error
+        return change(self.current, changes, self._preset_values, start)
+
+    async def apply(self, revision: Revision, run_id: str | None) -> ParametersInForce:
+        """Put a planned change into force, in the engine first."""
+        if not revision.difference:
+            return self.current
+        after = revision.after
+        try:
+            reply = await ask(self._engine, SetParameters(after.values.flat(), after.revision))
+        except NotAvailable as error:
+            if not isinstance(error.__cause__, EngineUnavailable):
+                raise
+            # The next engine gets them together with its source.
+            reply = {}
+        return self.adopt(revision, reply.get("frame"), run_id)
+
+    def adopt(self, revision: Revision, frame: int | None, run_id: str | None) -> ParametersInForce:
+        """Note that a change is in force from ``frame`` on."""
+        if not revision.difference:
+            return self.current
+        self.current = replace(revision.after, frame=frame)
+        self.followed()
+        self._keep(revision, frame, run_id)
+        return self.current
+
+    def _keep(self, revision: Revision, frame: int | None, run_id: str | None) -> None:
+        after, storage = revision.after, self._storage
+        values = after.values.flat()
+        self._writer.post(partial(storage.save_parameters, after.revision, values, after.preset))
+        self._writer.post(
+            partial(
+                storage.record_parameter_revision,
+                run_id,
+                frame,
+                after.revision,
+                dict(revision.difference),
+            )
+        )
+
+    def presets(self) -> list[PresetEntry]:
+        """The built-in presets, then the saved ones by name."""
+        built_in = [
+            PresetEntry(name, PRESET_HELP.get(name, ""), preset(name).flat(), True)
+            for name in BUILT_IN
+        ]
+        saved = [
+            PresetEntry(name, record.help, dict(record.values), False)
+            for name, record in sorted(self._saved.items())
+        ]
+        return built_in + saved
+
+    async def save_preset(self, name: str, help: str) -> PresetEntry:
+        """Keep the current values under a name.
+
+        Raises:
+            Conflict: the name is taken. StorageError: it could not be kept.
+        """
+        if name in BUILT_IN:
+            raise Conflict(f"the preset {name} is built in; choose another name")
+        values = self.current.values.flat()
+        save = partial(self._storage.save_preset, name, dict(values), help=help)
+        try:
+            self._saved[name] = await asyncio.to_thread(save)
+        except StorageExists as error:
+            raise Conflict(str(error)) from error
+        self._rename()
+        return PresetEntry(name, help, values, False)
+
+    async def delete_preset(self, name: str) -> None:
+        """Forget a saved preset.
+
+        Raises:
+            Conflict: it is built in. NotThere: there is none. StorageError: it could not be done.
+        """
+        if name in BUILT_IN:
+            raise Conflict(f"the preset {name} is built in and stays")
+        deleted = await asyncio.to_thread(self._storage.delete_preset, name)
+        if self._saved.pop(name, None) is None and not deleted:
+            raise NotThere(f"there is no preset {name!r}; GET /api/presets lists them")
+        self._rename()
+
+    def _rename(self) -> None:
+        name = matching_preset(self.current.values, self._preset_values)
+        self.current = replace(self.current, preset=name)

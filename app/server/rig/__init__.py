@@ -1,0 +1,1 @@
+"""How the camera stands on its robot: edited and estimated."""

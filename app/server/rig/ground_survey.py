@@ -1,0 +1,56 @@
+"""Several looks at the floor, and what they say of the camera's height and tilt."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import asdict
+from typing import Any
+
+from app.messages import LookAtFloor
+from app.server.asking import ask
+from app.server.contracts import Engine
+from app.server.errors import Conflict
+from observer.camera import StereoCamera
+from observer.rig.estimates import Refused
+from observer.rig.ground_estimate import estimate_floor
+
+_LOOKS = 6
+_PAUSE_S = 0.25
+
+
+async def survey_floor(engine: Engine, camera: dict[str, Any] | None) -> dict[str, Any]:
+    """Look at the floor a few times and estimate how the camera stands above it.
+
+    Args:
+        camera: the rectified camera as the engine's state tells it.
+
+    Returns:
+        ``height_m``, ``tilt_deg`` and ``roll_deg``, each as ``{"value", "sigma"}``, ``share``,
+        ``views`` and ``sentence``.
+
+    Raises:
+        Conflict: nothing is open, or the floor cannot be told; one sentence says what would help.
+        NotAvailable: there is no engine at the moment.
+    """
+    if camera is None:
+        raise Conflict("nothing is observed that could see the floor; open a source first")
+    views, seen = [], set()
+    for look in range(_LOOKS):
+        if look:
+            await asyncio.sleep(_PAUSE_S)
+        reply = await ask(engine, LookAtFloor())
+        # While paused it is always the same frame, and that once is all there is to know.
+        if reply["frame"] not in seen:
+            seen.add(reply["frame"])
+            views.append(reply["points"])
+    estimate = await asyncio.to_thread(estimate_floor, views, StereoCamera(**camera))
+    if isinstance(estimate, Refused):
+        raise Conflict(estimate.sentence)
+    return {
+        "height_m": asdict(estimate.height_m),
+        "tilt_deg": asdict(estimate.tilt_rad.degrees),
+        "roll_deg": asdict(estimate.roll_rad.degrees),
+        "share": estimate.share,
+        "views": estimate.views,
+        "sentence": estimate.sentence,
+    }

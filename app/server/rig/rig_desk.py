@@ -1,0 +1,169 @@
+"""The rig as the station keeps it: ``rig.yaml`` in the data folder, and its estimation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from app.server.errors import FieldError
+from app.server.runs.file_names import told_as_ours, write_whole
+from observer.errors import InputError
+from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
+from observer.rig.rig_file import read_rig, rig_text
+from observer.robot_opening import check_port, shown_port
+
+FILE_NAME = "rig.yaml"
+
+
+class RigDesk:
+    """Reads and writes the rig's file; one change at a time is the caller's care.
+
+    Attributes:
+        path: of the file; None keeps the rig in memory only.
+        rig: as it is in force.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self.path = path
+        self.rig = Rig()
+
+    def load(self) -> str | None:
+        """Read the file, if there is one; a warning where it could not be used.
+
+        A file that cannot be read stays as it is until somebody saves a rig.
+        """
+        if self.path is None:
+            return None
+        try:
+            self.rig = read_rig(self.path.read_text(encoding="utf-8"), self.path.name)
+        except FileNotFoundError:
+            return None
+        except (OSError, UnicodeDecodeError) as error:
+            return f"the rig is unknown, because {self.path} cannot be read: {error}"
+        except InputError as error:
+            return f"the rig is unknown: {error}"
+        return None
+
+    @property
+    def text(self) -> str:
+        """The rig as the file holds it, keys of ports included."""
+        return rig_text(self.rig)
+
+    @property
+    def observed_text(self) -> str:
+        """As ``text``, without what is nothing to who observes: ports, and the keys in them."""
+        return text_without_ports(self.rig)
+
+    def keep(self, rig: Rig) -> None:
+        """Put a rig into force and into the file, which is replaced as a whole.
+
+        Raises:
+            FieldError, StorageFull: the file cannot be written; the old rig stays in force.
+        """
+        if self.path is not None:
+            with told_as_ours(self.path):
+                _keep_unreadable(self.path)
+            write_whole(self.path, rig_text(rig))
+        self.rig = rig
+
+    def changed(
+        self,
+        mount: Mapping[str, tuple[float, float | None] | None],
+        models: Mapping[Role, RobotModel] | None,
+        *,
+        for_simulated: bool,
+        calibration: str | None,
+    ) -> Rig:
+        """What a request makes of the rig; mocap bodies stay as they are.
+
+        Args:
+            mount: value and standard deviation (None: typed) by key, None where unknown.
+            models: of the robots by role; None: as they are.
+            calibration: in use while the mount was measured.
+
+        Raises:
+            FieldError: a value is out of its range.
+        """
+        try:
+            values = {
+                key: RigValue(*pair) for key in MOUNT_KEYS if (pair := mount.get(key)) is not None
+            }
+            return replace(
+                self.rig,
+                mount=RigMount(**values),
+                models=self.rig.models if models is None else models,
+                for_simulated=for_simulated,
+                calibration=calibration,
+            )
+        except InputError as error:
+            sentence = str(error)
+            key = next((key for key in MOUNT_KEYS if sentence.startswith(key)), "mount")
+            raise FieldError(("body", "mount", key), sentence) from error
+
+    def with_port(self, role: Role, port: str, model: RobotModel | None) -> Rig:
+        """The rig with another port and model of a robot; model None: as the robot says of itself.
+
+        A port that is named as it is shown keeps the key that is not.
+
+        Raises:
+            FieldError: it names no port.
+        """
+        before = self.rig.ports.get(role)
+        if before is not None and port == shown_port(before):
+            port = before
+        ports: dict[Role, str] = {**self.rig.ports, role: port}
+        models = {each: m for each, m in self.rig.models.items() if each != role}
+        try:
+            check_port(port)
+            if model is not None:
+                models[role] = model
+            return replace(self.rig, ports=ports, models=models)
+        except InputError as error:
+            raise FieldError(("body", "port"), str(error)) from error
+
+    def without_port(self, role: Role) -> Rig:
+        """The rig without a robot's port; its model stays."""
+        ports = {each: port for each, port in self.rig.ports.items() if each != role}
+        return replace(self.rig, ports=ports)
+
+    def observes_alike(self, rig: Rig) -> bool:
+        """Whether a source would be observed with another rig as with this one."""
+        return _as_observed(rig) == _as_observed(self.rig)
+
+    def parsed(self, text: str) -> Rig:
+        """The rig of a file that somebody sent.
+
+        Raises:
+            FieldError: it cannot be used; one sentence says why.
+        """
+        try:
+            return read_rig(text, FILE_NAME)
+        except InputError as error:
+            raise FieldError(("body", "text"), str(error)) from error
+
+
+def text_without_ports(rig: Rig) -> str:
+    """A rig as its file would hold it without ports, which may hold keys."""
+    return rig_text(replace(rig, ports={}))
+
+
+def _as_observed(rig: Rig) -> str:
+    # Which robots there are, and how they are reached, is nothing to what is seen.
+    return text_without_ports(replace(rig, models={}))
+
+
+def _keep_unreadable(path: Path) -> None:
+    """A file that we cannot read was written by somebody; it is put aside, not overwritten."""
+    try:
+        read_rig(path.read_text(encoding="utf-8"), path.name)
+    except FileNotFoundError:
+        return
+    except (InputError, UnicodeDecodeError):
+        aside = path.with_name(f"{path.name}.unreadable")
+        number = 1
+        # One that was put aside before is somebody's work as well.
+        while aside.exists():
+            number += 1
+            aside = path.with_name(f"{path.name}.unreadable-{number}")
+        path.replace(aside)

@@ -1,0 +1,177 @@
+"""The guided check that goes on, and the records of those that ended."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import structlog
+
+from app.drive.messages import StoppedEvent
+from app.server.errors import Conflict, FieldError
+from app.server.robots.check_records import CheckRecords, advice
+from app.server.robots.circumstances import Circumstances
+from app.server.robots.guard_check import GuardCheck
+from app.server.robots.time_of_day import time_of_day
+from app.storage import StorageError
+from observer.rig.rig import Role
+
+log = structlog.get_logger(__name__)
+
+
+class CheckDesk:
+    """One check at a time. Used in the event loop; files are read and written in threads.
+
+    Attributes:
+        records: of checks that ended.
+    """
+
+    def __init__(
+        self,
+        folder: Path | None,
+        circumstances: Callable[[], Circumstances],
+        *,
+        changed: Callable[[], None],
+        soon: Callable[[Coroutine[Any, Any, None]], None],
+        clock: Callable[[], float],
+    ) -> None:
+        """
+        Args:
+            folder: of the records; None keeps none. circumstances: those in force.
+            changed: called when ``facts`` are others. soon: has work done in the background.
+            clock: the host's monotonic clock, of stops.
+        """
+        self.records = CheckRecords(folder)
+        self._circumstances = circumstances
+        self._changed = changed
+        self._soon = soon
+        self._clock = clock
+        self._check: GuardCheck | None = None
+        self._saving = asyncio.Lock()
+        self._saved: str | None = None
+        self._trouble: str | None = None
+
+    # --- what the drive process tells ------------------------------------------------------
+
+    def drive_said(self, robots: dict[str, Any]) -> None:
+        """How the robots are, as in ``DriveEvent.facts``."""
+        if self._check is not None:
+            self._check.robot_said(robots.get(self._check.role))
+
+    def stopped(self, event: StoppedEvent) -> None:
+        """A robot that moved was stopped."""
+        check = self._check
+        if check is None or check.over():
+            return
+        check.stopped(event, time_of_day(self._clock() - event.cause_time))
+        self._changed()
+        if check.over():
+            self._soon(self._save_or_tell())
+
+    # --- what people ask for ---------------------------------------------------------------
+
+    def facts(self) -> dict[str, Any] | None:
+        """The check that goes on, or the one that ended last; None where there is none.
+
+        Beside ``GuardCheck.facts``: ``record``, the name under which it is kept, and ``trouble``,
+        one sentence of why it could not be.
+        """
+        if self._check is None:
+            return None
+        return {**self._check.facts(), "record": self._saved, "trouble": self._trouble}
+
+    async def outlook(self, role: Role) -> dict[str, Any]:
+        """When to check again: ``advice``, one sentence or None."""
+        newest = await asyncio.to_thread(self.records.newest, role)
+        return {"advice": advice(newest, self._circumstances(), datetime.now(UTC))}
+
+    def start(self, role: Role, note: str | None, by: str) -> None:
+        """Begin one.
+
+        Raises:
+            Conflict: one is going on, or the last one is not kept yet.
+        """
+        if self._check is not None and not self._check.over():
+            raise Conflict(f"a check of the {self._check.role} is going on; give it up first")
+        self._refuse_unsaved()
+        self._check = GuardCheck(
+            role, self._circumstances(), started_at=time_of_day(), started_by=by, note=note
+        )
+        self._saved = self._trouble = None
+        log.info("guard_check_started", role=role, by=by)
+        self._changed()
+
+    async def skip(self, by: str) -> None:
+        """Leave the present step out.
+
+        Raises:
+            Conflict: no check is going on. FieldError, StorageFull: it ended by that, and could
+                not be kept; it stays, and ``give_up`` tries again.
+        """
+        check = self._going()
+        check.skip(by, time_of_day())
+        self._changed()
+        if check.over():
+            await self._save()
+
+    async def give_up(self, by: str) -> None:
+        """End the check as it stands, and keep it; one that ended and was not kept, is kept.
+
+        Raises:
+            Conflict: no check is going on. FieldError, StorageFull: it could not be kept.
+        """
+        if self._unsaved:
+            await self._save()
+            return
+        self._going().give_up(by, time_of_day())
+        self._changed()
+        await self._save()
+
+    async def close(self) -> None:
+        """The server ends; what is not kept yet is."""
+        check = self._check
+        if check is not None and self._saved is None:
+            check.give_up("the end of the server", time_of_day())
+            await self._save_or_tell()
+
+    def _going(self) -> GuardCheck:
+        if self._check is None or self._check.over():
+            raise Conflict("no check is going on; start one first")
+        return self._check
+
+    @property
+    def _unsaved(self) -> bool:
+        check = self._check
+        return check is not None and check.over() and self._saved is None
+
+    def _refuse_unsaved(self) -> None:
+        if self._unsaved:
+            raise Conflict("the check before is not kept yet; DELETE /api/robots/check keeps it")
+
+    # --- keeping ---------------------------------------------------------------------------
+
+    async def _save(self) -> None:
+        async with self._saving:
+            check = self._check
+            if check is None or self._saved is not None:
+                return
+            record = check.record(self._circumstances())
+            try:
+                self._saved = await asyncio.to_thread(self.records.save, record)
+            except (Conflict, FieldError, StorageError) as error:
+                self._trouble = f"the record of this check is not kept: {error}"
+                raise
+            else:
+                self._trouble = None
+                log.info("guard_check_kept", name=self._saved, outcome=check.outcome)
+            finally:
+                self._changed()
+
+    async def _save_or_tell(self) -> None:
+        try:
+            await self._save()
+        except (Conflict, FieldError, StorageError) as error:
+            log.error("guard_check_not_kept", reason=str(error))

@@ -1,0 +1,214 @@
+"""Records of guided checks: dated files, JSON for programs with Markdown beside it for people."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from app.server.errors import Conflict, NotThere
+from app.server.robots.circumstances import Circumstances
+from app.server.runs.file_names import told_as_ours, write_whole
+from observer.rig.rig import Role
+
+FOLDER_NAME = "guard-checks"
+_NAME = re.compile(r"\d{4}-\d\d-\d\dT\d{4}-(observer|obstacle)(-\d{1,3})?", re.ASCII)
+_LISTED = 100
+_MOST_BYTES = 1_000_000
+_MOST_ALIKE = 999
+# What was right a month ago is looked at anew.
+_LASTS = timedelta(days=30)
+_OUTCOMES = ("passed", "failed", "incomplete", "given_up")
+
+
+class CheckRecords:
+    """Reads and writes files: call it in a thread.
+
+    Args:
+        folder: None: nothing is kept.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+
+    def save(self, record: dict[str, Any]) -> str:
+        """Keep a record under a name of its own, which is returned; none is ever overwritten.
+
+        Raises:
+            Conflict: nothing is kept here. FieldError, StorageFull: it cannot be written.
+        """
+        if self._folder is None:
+            raise Conflict("this server keeps no records of checks")
+        started = datetime.fromisoformat(record["started_at"]).astimezone(UTC)
+        name = self._reserved(f"{started:%Y-%m-%dT%H%M}-{record['role']}")
+        record = {"name": name, **record}
+        file = self._file(name, "json")
+        try:
+            write_whole(self._file(name, "md"), markdown(record))
+            write_whole(file, json.dumps(record, indent=2, allow_nan=False) + "\n")
+        except BaseException:
+            with contextlib.suppress(OSError):
+                file.unlink()
+            raise
+        return name
+
+    def _reserved(self, stem: str) -> str:
+        """A name that nobody else has from now on: its JSON file is there, and empty."""
+        assert self._folder is not None
+        with told_as_ours(self._folder):
+            self._folder.mkdir(parents=True, exist_ok=True)
+            for number in range(1, _MOST_ALIKE + 1):
+                name = stem if number == 1 else f"{stem}-{number}"
+                with contextlib.suppress(FileExistsError), self._file(name, "json").open("x"):
+                    return name
+        raise Conflict(f"there are {_MOST_ALIKE} records {stem}; wait a minute")
+
+    def all(self) -> list[dict[str, Any]]:
+        """The newest hundred as they are listed, newest first; what is no record is left out."""
+        found = [self._entry(name) for name in self._names()[:_LISTED]]
+        return [entry for entry in found if entry is not None]
+
+    def newest(self, role: Role) -> dict[str, Any] | None:
+        """The newest whole record of a role that was not given up."""
+        for name in self._names()[:_LISTED]:
+            record = self._read(name)
+            if record and record["role"] == role and record["outcome"] != "given_up":
+                return record
+        return None
+
+    def text(self, name: str, suffix: str) -> str:
+        """A record's file, ``json`` or ``md``.
+
+        Raises:
+            NotThere: there is none of this name.
+        """
+        # Only names that a listing of the folder gave lead to a file.
+        if name in self._names():
+            with contextlib.suppress(OSError, UnicodeDecodeError):
+                text = self._file(name, suffix).read_text(encoding="utf-8")
+                if text:
+                    return text
+        raise NotThere(f"there is no check {name[:80]!r}; GET /api/robots/checks lists them")
+
+    def _entry(self, name: str) -> dict[str, Any] | None:
+        record = self._read(name)
+        return None if record is None else entry_of(name, record)
+
+    def _read(self, name: str) -> dict[str, Any] | None:
+        try:
+            file = self._file(name, "json")
+            if file.stat().st_size > _MOST_BYTES:
+                return None
+            record = json.loads(file.read_text(encoding="utf-8"))
+            datetime.fromisoformat(record["started_at"]).astimezone(UTC)
+            if record["outcome"] not in _OUTCOMES or record["role"] not in name:
+                return None
+            entry_of(name, record)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            return None
+        return dict(record)
+
+    def _file(self, name: str, suffix: str) -> Path:
+        assert self._folder is not None
+        return self._folder / f"{name}.{suffix}"
+
+    def _names(self) -> list[str]:
+        """Newest first."""
+        if self._folder is None:
+            return []
+        try:
+            names = [each.stem for each in self._folder.iterdir() if each.suffix == ".json"]
+        except OSError:
+            return []
+        return sorted(filter(_NAME.fullmatch, names), key=_age, reverse=True)
+
+
+def _age(name: str) -> tuple[str, int, str]:
+    stem, _, number = name.partition("-ob")
+    last = number.rpartition("-")[2]
+    return stem, int(last) if last.isdigit() else 1, number
+
+
+def entry_of(name: str, record: dict[str, Any]) -> dict[str, Any]:
+    """A record as it is listed."""
+    return {
+        "name": name,
+        "role": record["role"],
+        "started_at": str(record["started_at"]),
+        "outcome": record["outcome"],
+        "note": None if record.get("note") is None else str(record["note"]),
+        "states": {str(step["name"]): str(step["state"]) for step in record["steps"]},
+    }
+
+
+def advice(newest: dict[str, Any] | None, now: Circumstances, today: datetime) -> str | None:
+    """Why to check again, one sentence; None where the newest check still tells."""
+    if newest is None:
+        return "The guard was not checked yet: check it before you rely on it."
+    why = []
+    age = today - datetime.fromisoformat(newest["started_at"]).astimezone(UTC)
+    if age > _LASTS:
+        why.append(f"the newest check is {age.days} days old")
+    changed = now.differences(newest)
+    if changed:
+        why.append(f"{' and '.join(changed)} changed since the newest check")
+    if newest["outcome"] == "failed":
+        why.append("the newest check failed")
+    if newest["outcome"] == "incomplete":
+        why.append("steps of the newest check were skipped")
+    return f"Check again: {', and '.join(why)}." if why else None
+
+
+def markdown(record: dict[str, Any]) -> str:
+    """A record for people."""
+    robot = record["robot"]
+    lines = [
+        f"# Check of the guard, {record['role']}, {record['started_at']}",
+        "",
+        f"Outcome: **{record['outcome'].replace('_', ' ')}**"
+        + (f" by {_text(record['given_up_by'])}" if record["given_up_by"] else ""),
+        "",
+        f"- Robot: {_text(robot.get('name'))}, model {_text(robot.get('model'))}, "
+        f"own watchdog {_figure(robot.get('watchdog_s'), ' s')}",
+        f"- Driven by: {', '.join(map(_text, record['operators'])) or '-'}; "
+        f"begun by {_text(record['started_by'])}",
+        f"- Source: {_text(record['source'])}",
+        f"- Calibration: {_text(record['calibration'] or 'that of the source')}; "
+        f"rig: {record['rig']}",
+        f"- Software: {', '.join(f'{k} {v}' for k, v in record['software'].items())}",
+    ]
+    if record["note"]:
+        lines.append(f"- Note: {_text(record['note'])}")
+    if record["changed_meanwhile"]:
+        lines.append(f"- Changed during the check: {', '.join(record['changed_meanwhile'])}")
+    lines += [
+        "",
+        f"Promised: zero within {record['promised_ms']:.0f} ms of the cause. A dash was not told.",
+        "",
+        "| Step | State | Speed, m/s | Zero, ms | Stood, ms | Way, m | Left, m | Verdict |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for step in record["steps"]:
+        figures = step["figures"] or {}
+        names = ("speed_mps", "zero_ms", "stood_ms", "distance_m", "separation_m")
+        cells = [_figure(figures.get(name)) for name in names]
+        skipped = f"skipped by {_text(step['skipped_by'])}" if step["skipped_by"] else None
+        verdict = step["verdict"] or skipped or step["told"]
+        row = [step["title"], step["state"], *cells, _text(verdict)]
+        lines.append(f"| {' | '.join(row)} |")
+    lines += ["", "Parameters of the guard:", ""]
+    lines += [f"- {name}: {value}" for name, value in record["guard"].items()]
+    return "\n".join(lines) + "\n"
+
+
+def _figure(value: float | None, unit: str = "") -> str:
+    return "-" if value is None else f"{value:g}{unit}"
+
+
+def _text(value: str | None) -> str:
+    """What somebody typed, as one cell of a table and no markup."""
+    plain = "".join(c if c.isprintable() else " " for c in value or "-")
+    return re.sub(r"([\\`*_\[\]<>|])", r"\\\1", plain)

@@ -1,0 +1,175 @@
+"""The steps of a guided check: what a person does, what must stop the robot, what was promised."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
+
+from app.drive.messages import StoppedEvent
+from app.server.robots.stop_figures import stop_figures
+from app.storage import StopFigures
+from observer.rig.rig import Role
+
+# Zero is on the robot's port so soon behind whatever forbids to move.
+PROMISED_MS = 300.0
+# A stop out of less motion than this shows nothing.
+MOVING_MPS = 0.1
+
+StepState = Literal["waiting", "driving", "passed", "failed", "skipped"]
+
+_CAUSES = {
+    "guard": "the guard's verdict",
+    "sight": "the last good frame",
+    "expired": "the operator's last sign",
+    "lease": "the operator's last sign",
+}
+
+
+@dataclass(frozen=True)
+class StepPlan:
+    """What is asked for.
+
+    Attributes:
+        kinds: of ``StoppedEvent``; a stop of any other kind is not what the step is about.
+    """
+
+    name: str
+    title: str
+    instruction: str
+    kinds: tuple[str, ...]
+
+
+_WALK_IN = StepPlan(
+    "walk_in",
+    "Walk in",
+    "Drive straight ahead at 0.2 to 0.3 m/s through free space, and keep driving while somebody "
+    "steps in front of the robot, a metre and a half away or more.",
+    ("guard",),
+)
+_COVER_LENS = StepPlan(
+    "cover_lens",
+    "Cover a lens",
+    "Arm again if need be, drive at 0.2 to 0.3 m/s, and keep driving while somebody covers one "
+    "lens with a hand.",
+    ("sight",),
+)
+_UNPLUG = StepPlan(
+    "unplug",
+    "Unplug a camera",
+    "Free the lens, arm again, drive at 0.2 to 0.3 m/s, and keep driving while somebody pulls one "
+    "camera's cable.",
+    ("sight",),
+)
+_CLOSE_BROWSER = StepPlan(
+    "close_browser",
+    "Close the browser",
+    "With everything plugged in, arm again, drive at 0.2 to 0.3 m/s, and close this page while "
+    "you drive. Then open it again: the check is kept.",
+    ("expired", "lease"),
+)
+_PLANS: dict[Role, tuple[StepPlan, ...]] = {
+    "observer": (_WALK_IN, _COVER_LENS, _UNPLUG, _CLOSE_BROWSER),
+    # It has no eyes; its guard goes by sonar.
+    "obstacle": (_WALK_IN, _CLOSE_BROWSER),
+}
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step as it stands.
+
+    Attributes:
+        kind, sentence, at, operator, figures: of the stop that was taken: what it was, when
+            (ISO 8601, UTC), and who drove.
+        verdict: one sentence of how that compares with what is promised.
+        told: one sentence of a stop that was not taken, the newest.
+        skipped_by: in words.
+    """
+
+    plan: StepPlan
+    state: StepState = "waiting"
+    kind: str | None = None
+    sentence: str | None = None
+    at: str | None = None
+    operator: str | None = None
+    figures: StopFigures | None = None
+    verdict: str | None = None
+    told: str | None = None
+    skipped_by: str | None = None
+
+    def with_stop(
+        self, event: StoppedEvent, at: str, operator: str | None, margin_m: float | None
+    ) -> Step:
+        """What a stop makes of it.
+
+        Args:
+            margin_m: what the guard keeps from everything; None where that is not known.
+        """
+        before = event.before_mps
+        if event.kind not in self.plan.kinds:
+            wanted = " or ".join(self.plan.kinds)
+            told = f"not what this step is about ({event.kind}, not {wanted}): {event.sentence}"
+            return replace(self, told=told)
+        if before is None or abs(before) < MOVING_MPS:
+            speed = "at a speed that it does not tell" if before is None else f"at {before:.2f} m/s"
+            told = f"it stopped {speed}; it must drive at {MOVING_MPS:g} m/s at least"
+            return replace(self, told=told)
+        figures = stop_figures(event)
+        passed, verdict = judged(event.kind, figures, margin_m)
+        return replace(
+            self,
+            state="passed" if passed else "failed",
+            kind=event.kind,
+            sentence=event.sentence,
+            at=at,
+            operator=operator,
+            figures=figures,
+            verdict=verdict,
+            told=None,
+        )
+
+    def facts(self) -> dict[str, Any]:
+        """As plain values, for JSON."""
+        return {
+            "name": self.plan.name,
+            "title": self.plan.title,
+            "instruction": self.plan.instruction,
+            "state": self.state,
+            "kind": self.kind,
+            "sentence": self.sentence,
+            "at": self.at,
+            "operator": self.operator,
+            "figures": None if self.figures is None else asdict(self.figures),
+            "verdict": self.verdict,
+            "told": self.told,
+            "skipped_by": self.skipped_by,
+        }
+
+
+def steps_of(role: Role) -> list[Step]:
+    """Those of a role, in order."""
+    return [Step(plan) for plan in _PLANS[role]]
+
+
+def judged(kind: str, figures: StopFigures, margin_m: float | None) -> tuple[bool, str]:
+    """Whether a stop is as promised, and one sentence that says so.
+
+    Args:
+        kind: of ``StoppedEvent``. margin_m: what the guard keeps from everything, where known.
+    """
+    zero, stood, left = figures.zero_ms, figures.stood_ms, figures.separation_m
+    cause = _CAUSES.get(kind, "its cause")
+    if zero is None:
+        return False, f"zero never went out behind {cause}"
+    soon = f"zero went out {zero:.0f} ms after {cause}"
+    if zero > PROMISED_MS:
+        return False, f"{soon}, later than the promised {PROMISED_MS:.0f} ms"
+    if stood is None:
+        return False, f"{soon}, but the robot was not seen to stand behind it"
+    way = "" if figures.distance_m is None else f" and {figures.distance_m:.2f} m"
+    rest = f"{soon}, of the promised {PROMISED_MS:.0f} ms; it stood after {stood:.0f} ms{way}"
+    if left is None:
+        return True, rest
+    if kind == "guard" and margin_m is not None and left < margin_m:
+        return False, f"{rest}, with {left:.2f} m left: less than the margin of {margin_m:.2f} m"
+    return True, f"{rest}, with {left:.2f} m left"

@@ -1,0 +1,192 @@
+"""Giving the drive process the robots and guard parameters that it shall have."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable
+from functools import partial
+from typing import Any
+
+import structlog
+
+from app.drive.messages import (
+    ConnectRobot,
+    DisconnectRobot,
+    DriveProcessCommand,
+    SetGuard,
+    StopRobots,
+)
+from app.messages import StateEvent
+from app.server.asking import ask_drive
+from app.server.contracts import Drive
+from app.server.errors import Conflict, FieldError, NotAvailable
+from observer.guard.sight import REAL_WORLD
+from observer.rig.rig import ROLES, Rig, Role
+from observer.robots.contract import RobotPort
+
+log = structlog.get_logger(__name__)
+
+# A drive process that did not answer is asked again.
+_RETRY_S = 1.0
+# The robot before says goodbye, which takes up to 2 s.
+_CONNECT_TIMEOUT_S = 10.0
+
+
+def wanted_robots(state: StateEvent, rig: Rig) -> dict[Role, ConnectRobot]:
+    """The robots that belong to the world which the open source shows.
+
+    A source with robots of its own brings them along; live cameras go with the rig's ports. What
+    is only replayed shows no world that could be driven in: a real robot is never driven by the
+    sight of another world.
+    """
+    world = state.world
+    if world is None:
+        return {}
+    if world == REAL_WORLD:
+        return {
+            role: ConnectRobot(role, rig.ports[role], rig.models.get(role), world)
+            for role in ROLES
+            if role in rig.ports
+        }
+    own = [RobotPort(**fields) for fields in state.robots]
+    return {
+        robot.role: ConnectRobot(robot.role, robot.port, robot.model, world, robot.name)
+        for robot in own
+    }
+
+
+class Connecting:
+    """Tells each drive process what it lacks of what is wanted.
+
+    One robot's port never delays the other's; none is given before the stop and the guard are told.
+
+    Attributes:
+        trouble: why a role's robot could not be given, by role.
+        complaint: why the guard's parameters could not be.
+        stop_due: who asked for a stop that no drive process has confirmed yet.
+        stopped: the latch as the drive process last told it; the next one begins with it.
+    """
+
+    def __init__(self, drive: Drive, guard: Callable[[], dict[str, Any]]) -> None:
+        self._drive = drive
+        self._guard = guard
+        self._wanted: dict[Role, ConnectRobot] = {}
+        # As this drive process was told, refused wishes too: they do not mend by repeating.
+        # A role is missing while what it has is not known: it was told, and has not answered.
+        self._told: dict[Role, ConnectRobot | None] = {}
+        self._told_guard: dict[str, Any] = {}
+        # Of the process that is there (0: none), and of the one that was told stop and guard.
+        self._generation = 0
+        self._begun = 0
+        self._settings_due = asyncio.Event()
+        self._robot_due = {role: asyncio.Event() for role in ROLES}
+        self.trouble: dict[Role, str] = {}
+        self.complaint: str | None = None
+        self.stop_due: str | None = None
+        self.stopped: dict[str, Any] | None = None
+
+    def want(self, state: StateEvent, rig: Rig) -> None:
+        """Have these robots from now on."""
+        self._wanted = wanted_robots(state, rig)
+        for due in self._robot_due.values():
+            due.set()
+
+    def look(self) -> None:
+        """The guard's parameters may be others."""
+        self._settings_due.set()
+
+    def drive_started(self, generation: int) -> None:
+        """A new process has nothing; a stop holds all the same."""
+        if self.stop_due is None and self.stopped is not None:
+            self.stop_due = str(self.stopped.get("by") or "the stop before")
+        self._generation = generation
+        self._forget()
+        self._settings_due.set()
+
+    def drive_lost(self) -> None:
+        """What it was told went with it."""
+        self._generation = 0
+        self._forget()
+
+    def _forget(self) -> None:
+        self._told, self._told_guard = dict.fromkeys(ROLES), {}
+        self._begun = 0
+        self.trouble.clear()
+        self.complaint = None
+
+    def given(self, role: Role) -> ConnectRobot | None:
+        """The robot that the drive process has been given, where it is the one that is wanted."""
+        told = self._told.get(role)
+        return told if told == self._wanted.get(role) and role not in self.trouble else None
+
+    async def run(self) -> None:
+        """Until cancelled."""
+        async with asyncio.TaskGroup() as keeping:
+            keeping.create_task(_keep(self._settings_due, self._tell_settings))
+            for role, due in self._robot_due.items():
+                keeping.create_task(_keep(due, partial(self._tell_robot, role)))
+
+    async def _tell_settings(self) -> None:
+        generation = self._generation
+        if generation == 0:
+            # The next process is told when it has started.
+            return
+        if self.stop_due is not None:
+            await ask_drive(self._drive, StopRobots(self.stop_due))
+            self.stop_due = None
+        guard = self._guard()
+        if guard and guard != self._told_guard:
+            self.complaint = await self._refusal(SetGuard(guard))
+            self._told_guard = guard
+        if self._generation == generation:
+            self._begun = generation
+            for due in self._robot_due.values():
+                due.set()
+
+    async def _tell_robot(self, role: Role) -> None:
+        generation = self._begun
+        wanted = self._wanted.get(role)
+        if generation == 0 or (role in self._told and self._told[role] == wanted):
+            return
+        self._told.pop(role, None)
+        try:
+            complaint = await self._refusal(
+                DisconnectRobot(role) if wanted is None else wanted, _CONNECT_TIMEOUT_S
+            )
+        except NotAvailable as error:
+            if self._begun == generation:
+                self.trouble[role] = f"the {role} is not connected: {error}"
+            raise
+        if self._begun != generation:
+            return
+        self._told[role] = wanted
+        self.trouble.pop(role, None)
+        if complaint is not None:
+            self.trouble[role] = f"the {role} is not connected: {complaint}"
+
+    async def _refusal(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> str | None:
+        """Why a command was refused for good, None where it was not."""
+        try:
+            await ask_drive(self._drive, command, timeout_s=timeout_s)
+        except (FieldError, Conflict) as error:
+            log.warning("drive_refused", command=type(command).__name__, reason=str(error))
+            return str(error)
+        return None
+
+
+async def _keep(due: asyncio.Event, tell: Callable[[], Awaitable[None]]) -> None:
+    """Tell whenever it is due, and again where nobody answered."""
+    again = False
+    while True:
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_RETRY_S if again else None):
+                await due.wait()
+        due.clear()
+        try:
+            await tell()
+        except NotAvailable as error:
+            log.warning("drive_not_told", reason=str(error))
+            again = True
+        else:
+            again = False

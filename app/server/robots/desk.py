@@ -1,0 +1,388 @@
+"""What the station knows of the robots, and what it asks the drive process for."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import structlog
+
+from app.drive.messages import (
+    ArmRobot,
+    DriveEvent,
+    DriveEvents,
+    DriveLostEvent,
+    DriveProcessCommand,
+    DriveStartedEvent,
+    IncidentEvent,
+    ResetStop,
+    StartProgramme,
+    StoppedEvent,
+    StopProgramme,
+    StopRobots,
+    WheelSpeedEvent,
+)
+from app.messages import ObservationEvent, StateEvent
+from app.processes.errors import ProcessUnavailable
+from app.server.asking import ask_drive
+from app.server.background import Background
+from app.server.contracts import Drive
+from app.server.errors import Conflict, NotAvailable
+from app.server.robots.check_desk import CheckDesk
+from app.server.robots.circumstances import Circumstances
+from app.server.robots.connecting import Connecting
+from app.server.robots.incidents import IncidentKeeper, Incidents
+from app.server.robots.operators import Operators
+from app.server.robots.wheels import WheelLog, WheelSample
+from observer.rig.rig import ROLES, Rig, Role
+from observer.robot_opening import shown_port
+
+log = structlog.get_logger(__name__)
+
+# A simulated robot that is connected anew reports within a second or two.
+_ARM_WITHIN_S = 8.0
+_ARM_AGAIN_S = 0.1
+_NO_PROCESS = "there is no drive process yet"
+_DRIVEN = ("armed", "moving")
+
+
+class RunKeeper(IncidentKeeper, Protocol):
+    """Who keeps with a run what there is of driving."""
+
+    def measured(self, sample: WheelSample) -> None: ...
+
+    def heard(self, robots: Mapping[str, Any], newest: ObservationEvent | None) -> None:
+        """How each robot is, as in ``DriveEvent.facts``."""
+        ...
+
+
+class DrivingDesk:
+    """Follows the drive process, gives it robots and guard parameters, and asks it for others.
+
+    Belongs to the event loop's thread and holds no lock of the station: a stop waits for nobody.
+
+    Attributes:
+        operators: who drives. wheels: speeds sent and measured. incidents: the newest ones.
+        checks: of what stops them.
+        newest: observation of the open source, by which speeds get their time.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        *,
+        rig: Callable[[], Rig],
+        guard: Callable[[], dict[str, Any]],
+        changed: Callable[[], None],
+        run: Callable[[], RunKeeper | None],
+        circumstances: Callable[[], Circumstances],
+        check_folder: Path | None,
+        clock: Callable[[], float],
+    ) -> None:
+        """
+        Args:
+            rig: the one in force. guard: its parameters, by dotted name.
+            changed: called when ``facts`` are others. run: the one that is kept.
+            circumstances: with what a check is made. check_folder: of its records, if any.
+            clock: the host's monotonic clock.
+        """
+        self._drive = drive
+        self._rig = rig
+        self._changed = changed
+        self._run = run
+        self._clock = clock
+        self._background = Background()
+        self._unsubscribe: Callable[[], None] = lambda: None
+        self._connecting = Connecting(drive, guard)
+        self._facts = _nothing_known()
+        self._trouble: str | None = None
+        self._generation = 0
+        self._world: str | None = None
+        self.operators = Operators(self.ask, self._background.start)
+        self.wheels = WheelLog()
+        self.incidents = Incidents(clock, run)
+        self.checks = CheckDesk(
+            check_folder,
+            circumstances,
+            changed=changed,
+            soon=self._background.start,
+            clock=clock,
+        )
+        self.newest: ObservationEvent | None = None
+
+    # --- life ------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Start the drive process in the background: the server serves without it as well."""
+        self._unsubscribe = self._drive.subscribe(self._on_event)
+        self._background.start(self._start())
+        self._background.start(self._connecting.run())
+
+    async def stop(self) -> None:
+        """Stop all robots and end the drive process; safe to call twice."""
+        await self._background.cancel()
+        await self._drive.stop()
+        self._unsubscribe()
+        await self.checks.close()
+
+    async def _start(self) -> None:
+        try:
+            await self._drive.start()
+        except ProcessUnavailable as error:
+            log.error("drive_not_started", reason=str(error))
+            self._trouble = f"robots cannot be driven: {error}"
+            self._changed()
+            return
+        # A process that was up before somebody listened.
+        health = self._drive.health
+        if health.alive and health.generation > self._generation:
+            self._started(health.generation)
+
+    # --- what others tell ------------------------------------------------------------------
+
+    def source_changed(self, state: StateEvent) -> None:
+        """Another source is open, or the same one brings other robots."""
+        self._world = state.world
+        self._connecting.want(state, self._rig())
+        self._changed()
+
+    def rig_changed(self, state: StateEvent) -> None:
+        """Ports or models are others."""
+        self.source_changed(state)
+
+    def guard_changed(self) -> None:
+        """Parameters in force are others."""
+        self._connecting.look()
+
+    def _on_event(self, event: DriveEvents) -> None:
+        match event:
+            case DriveEvent():
+                self._facts = {**_nothing_known(), **finite(event.facts)}
+                self.operators.drive_said(self._facts["robots"])
+                self.checks.drive_said(self._facts["robots"])
+                self._connecting.stopped = self._facts["stopped"]
+                if (keeper := self._run()) is not None:
+                    keeper.heard(self._facts["robots"], self.newest)
+                self._changed()
+            case WheelSpeedEvent():
+                sample, run = self.wheels.take(event, self.newest), self._run()
+                if sample is not None and run is not None:
+                    run.measured(sample)
+            case IncidentEvent():
+                self.incidents.take(event)
+                self._changed()
+            case StoppedEvent():
+                self.incidents.stopped(event)
+                self.checks.stopped(event)
+                self._changed()
+            case DriveStartedEvent():
+                self._started(event.generation)
+            case DriveLostEvent():
+                self._lost(event)
+
+    def _started(self, generation: int) -> None:
+        if generation <= self._generation:
+            return
+        self._generation = generation
+        self._trouble = None
+        self._connecting.drive_started(generation)
+        self._changed()
+
+    def _lost(self, event: DriveLostEvent) -> None:
+        self._trouble = (
+            f"{event.reason}; the robots' own firmware stops them, and they are connected again, "
+            f"disarmed, with the next drive process"
+        )
+        log.error("drive_lost", reason=event.reason)
+        # Robots that nobody hears are not shown as connected.
+        self._facts = {**_nothing_known(), "stopped": self._facts["stopped"]}
+        self._connecting.drive_lost()
+        self.operators.drive_lost(event.reason)
+        self._changed()
+
+    # --- what is known ---------------------------------------------------------------------
+
+    def facts(self) -> dict[str, Any]:
+        """Everything of driving as plain values, ready for JSON."""
+        health, rig = self._drive.health, self._rig()
+        return {
+            **self._facts,
+            "process": {
+                "alive": health.alive,
+                "pid": health.pid,
+                "restarts": health.restarts,
+                "trouble": self._trouble or (None if health.alive else _NO_PROCESS),
+            },
+            "world": self._world,
+            "ports": {
+                role: {"port": shown_port(rig.ports[role]), "model": rig.models.get(role)}
+                if role in rig.ports
+                else None
+                for role in ROLES
+            },
+            "trouble": {role: self._connecting.trouble.get(role) for role in ROLES},
+            "incidents": [incident.facts() for incident in self.incidents.newest],
+            "check": self.checks.facts(),
+        }
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is wrong at this moment, one sentence each."""
+        troubles = (self._trouble, *self._connecting.trouble.values(), self._connecting.complaint)
+        return [trouble for trouble in troubles if trouble is not None]
+
+    @property
+    def connected(self) -> bool:
+        """Whether there is any robot, or shall be one."""
+        return any(self._facts["robots"].values())
+
+    def robot(self, role: Role) -> dict[str, Any] | None:
+        """How one is, as in ``facts``; None where there is none."""
+        robot: dict[str, Any] | None = self._facts["robots"].get(role)
+        return robot
+
+    def is_driven(self, role: Role) -> bool:
+        """Whether a robot of this role is armed."""
+        robot = self.robot(role)
+        return robot is not None and robot.get("state") in _DRIVEN
+
+    @property
+    def loop_late_p99_ms(self) -> float | None:
+        """Of the drive loop; None where it tells none."""
+        late = (self._facts["loop"] or {}).get("late_p99_ms")
+        return late if isinstance(late, (int, float)) else None
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is a drive process."""
+        return self._drive.health.alive
+
+    @property
+    def restarts(self) -> int:
+        """How often it was replaced."""
+        return self._drive.health.restarts
+
+    # --- what is asked for -----------------------------------------------------------------
+
+    async def ask(self, command: DriveProcessCommand) -> dict[str, Any]:
+        """Send a command.
+
+        Raises:
+            FieldError, Conflict, NotAvailable: as ``app.server.asking.ask_drive``.
+        """
+        return await ask_drive(self._drive, command)
+
+    async def stop_robots(self, by: str) -> None:
+        """Stop all robots; holds until ``reset``. Waits for nothing but the drive process.
+
+        Raises:
+            NotAvailable: there is none at the moment, or it does not answer; the next one is told
+                before it gets a robot.
+        """
+        log.warning("robots_stopped", by=by)
+        self._connecting.stop_due = by
+        try:
+            await self.ask(StopRobots(by))
+        except NotAvailable as error:
+            # Also where another stop, which was heard, has ended the wait for both.
+            self._connecting.stop_due = by
+            self._connecting.look()
+            raise NotAvailable(
+                f"the stop could not be told to the drive process ({error}): use the robots' own "
+                f"switch; without commands their firmware stops them, and the next drive process "
+                f"begins stopped"
+            ) from error
+        self._connecting.stop_due = None
+
+    async def reset(self, by: str) -> None:
+        """Undo the stop; all robots stay disarmed."""
+        log.warning("stop_reset", by=by)
+        # A stop that comes from here on is another one, and stays.
+        due, self._connecting.stop_due = self._connecting.stop_due, None
+        try:
+            await self.ask(ResetStop(by))
+        except (Conflict, NotAvailable):
+            self._connecting.stop_due = self._connecting.stop_due or due
+            raise
+
+    def check_programme(self, start: StartProgramme) -> None:
+        """See that its robots are armed, before anything is opened for it.
+
+        Raises:
+            Conflict: one is not.
+        """
+        for role in start.programme.roles:
+            if not self.is_driven(role):
+                raise Conflict(f"the {role} is not armed; arm it first")
+
+    async def arm_again(self, start: StartProgramme) -> None:
+        """Arm its robots where the source, opened anew, brought other ones of the same world.
+
+        Only who has just asked for the programme, with the leases of robots that were armed, has
+        this done.
+
+        Raises:
+            Conflict: they cannot be armed, or not in time, or all robots were stopped.
+        """
+        deadline = self._clock() + _ARM_WITHIN_S
+        for role in start.programme.roles:
+            while not await self._armed(role, start.leases.get(role), deadline):
+                await asyncio.sleep(_ARM_AGAIN_S)
+
+    async def _armed(self, role: Role, lease: str | None, deadline: float) -> bool:
+        late = self._clock() > deadline
+        if self._facts["stopped"] is not None:
+            raise Conflict("all robots were stopped; reset the stop first")
+        given, robot = self._connecting.given(role), self.robot(role)
+        if given is None or robot is None:
+            if late:
+                raise Conflict(f"the {role} was not connected again in time")
+            return False
+        if (robot.get("port"), robot.get("world")) != (shown_port(given.port), given.world):
+            # What was told last is of the robot before.
+            return False
+        if self.is_driven(role):
+            return True
+        try:
+            await self.ask(ArmRobot(role, lease))
+        except Conflict:
+            if late:
+                raise
+            return False
+        return True
+
+    async def start_programme(self, start: StartProgramme) -> None:
+        """Drive timed velocities.
+
+        Raises:
+            FieldError, Conflict, NotAvailable: as ``ask``.
+        """
+        await self.ask(start)
+
+    async def stop_programme(self) -> None:
+        """End it, if one is going."""
+        await self.ask(StopProgramme())
+
+
+def _nothing_known() -> dict[str, Any]:
+    return {
+        "stopped": None,
+        "sight": None,
+        "loop": None,
+        "programme": None,
+        "robots": dict.fromkeys(ROLES),
+    }
+
+
+def finite(value: Any) -> Any:
+    """Plain values with None in place of what is no JSON: NaN and the infinities."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): finite(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(each) for each in value]
+    return value

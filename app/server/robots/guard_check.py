@@ -1,0 +1,145 @@
+"""A guided check of what stops a robot: a person drives and does as told, stops are measured.
+
+It moves nothing by itself. It lives in the server, so it outlasts the page that began it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Literal
+
+from app.drive.messages import StoppedEvent
+from app.server.robots.check_steps import MOVING_MPS, PROMISED_MS, Step, steps_of
+from app.server.robots.circumstances import Circumstances
+from observer.rig.rig import Role
+
+Outcome = Literal["passed", "failed", "incomplete", "given_up"]
+
+_MARGIN = "guard.margin_m"
+
+
+class GuardCheck:
+    """Of one role. Pure: whoever calls tells the time of day, ISO 8601 in UTC.
+
+    Attributes:
+        steps: in order. ended_at: None while it goes on.
+        given_up_by: in words; None where it was not.
+    """
+
+    def __init__(
+        self,
+        role: Role,
+        circumstances: Circumstances,
+        *,
+        started_at: str,
+        started_by: str,
+        note: str | None,
+    ) -> None:
+        self.role: Role = role
+        self.circumstances = circumstances
+        self.started_at = started_at
+        self.started_by = started_by
+        self.note = note
+        self.steps: list[Step] = steps_of(role)
+        self.ended_at: str | None = None
+        self.given_up_by: str | None = None
+        self._robot: dict[str, Any] = {}
+        self._operator: str | None = None
+
+    @property
+    def present(self) -> int | None:
+        """Which step it is at, from 0; None behind the end."""
+        if self.ended_at is not None:
+            return None
+        going = (n for n, step in enumerate(self.steps) if step.state in ("waiting", "driving"))
+        return next(going, None)
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """How it ended; None while it goes on."""
+        if self.ended_at is None:
+            return None
+        if self.given_up_by is not None:
+            return "given_up"
+        states = {step.state for step in self.steps}
+        return "failed" if "failed" in states else "incomplete" if "skipped" in states else "passed"
+
+    def over(self) -> bool:
+        """Whether it has ended."""
+        return self.ended_at is not None
+
+    def robot_said(self, robot: dict[str, Any] | None) -> None:
+        """How its robot is, as in ``DriveEvent.facts``."""
+        present = self.present
+        if present is None:
+            return
+        speed = None
+        if robot is not None:
+            report = robot.get("report") or {}
+            speed = report.get("speed_mps")
+            self._robot = {
+                "name": robot.get("name") or report.get("name"),
+                "model": report.get("model"),
+                "watchdog_s": report.get("watchdog_s"),
+            }
+            self._operator = robot.get("operator") or self._operator
+        step = self.steps[present]
+        drives = speed is not None and abs(speed) >= MOVING_MPS
+        self.steps[present] = replace(step, state="driving" if drives else "waiting")
+
+    def stopped(self, event: StoppedEvent, at: str) -> None:
+        """A robot was stopped; the first stop that fits the present step is its result."""
+        present = self.present
+        if present is None or event.role != self.role:
+            return
+        margin = self.circumstances.guard.get(_MARGIN)
+        self.steps[present] = self.steps[present].with_stop(
+            event, at, self._operator, float(margin) if isinstance(margin, (int, float)) else None
+        )
+        self._end_if_done(at)
+
+    def skip(self, by: str, at: str) -> None:
+        """Leave the present step out."""
+        present = self.present
+        if present is not None:
+            self.steps[present] = replace(self.steps[present], state="skipped", skipped_by=by)
+            self._end_if_done(at)
+
+    def give_up(self, by: str, at: str) -> None:
+        """End it as it stands."""
+        if self.ended_at is None:
+            self.given_up_by, self.ended_at = by, at
+
+    def _end_if_done(self, at: str) -> None:
+        if self.present is None:
+            self.ended_at = at
+
+    def facts(self) -> dict[str, Any]:
+        """As plain values, for JSON."""
+        return {
+            "role": self.role,
+            "note": self.note,
+            "started_at": self.started_at,
+            "started_by": self.started_by,
+            "ended_at": self.ended_at,
+            "outcome": self.outcome,
+            "given_up_by": self.given_up_by,
+            "present": self.present,
+            "promised_ms": PROMISED_MS,
+            "steps": [step.facts() for step in self.steps],
+        }
+
+    def record(self, now: Circumstances) -> dict[str, Any]:
+        """What is kept of it.
+
+        Args:
+            now: the circumstances at its end.
+        """
+        operators = {step.operator: None for step in self.steps if step.operator is not None}
+        return {
+            **self.facts(),
+            "robot": self._robot,
+            "operators": list(operators),
+            **self.circumstances.facts(),
+            "changed_meanwhile": now.differences(self.circumstances.facts()),
+        }

@@ -1,0 +1,111 @@
+"""What stopped robots, with the time of day at which it did."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Protocol
+
+from app.drive.messages import IncidentEvent, StoppedEvent
+from app.server.robots.stop_figures import stop_figures
+from app.server.robots.time_of_day import time_of_day
+from app.storage import StopFigures
+from observer.rig.rig import Role
+
+_SHOWN = 20
+
+
+@dataclass(frozen=True)
+class Incident:
+    """See ``app.drive.messages.IncidentEvent``.
+
+    Attributes:
+        number: counted from 1.
+        at: wall clock, ISO 8601 in UTC. time: host's monotonic clock.
+        stops: by role, how each robot that moved came to stand; empty until it does.
+    """
+
+    number: int
+    role: Role | None
+    kind: str
+    sentence: str
+    speed_mps: float | None
+    at: str
+    time: float
+    stops: Mapping[Role, StopFigures] = field(default_factory=dict)
+
+    def facts(self) -> dict[str, Any]:
+        """As plain values, for JSON."""
+        values = asdict(self)
+        del values["number"], values["time"]
+        return values
+
+    def is_ended_by(self, event: StoppedEvent) -> bool:
+        """Whether a robot's stop is one of its own."""
+        return (
+            (self.time, self.kind) == (event.incident_time, event.kind)
+            and self.role in (event.role, None)
+            and event.role not in self.stops
+        )
+
+
+class IncidentKeeper(Protocol):
+    """Who keeps incidents with a run."""
+
+    def happened(self, incident: Incident) -> None: ...
+
+    def stopped(self, incident: Incident, role: Role) -> None:
+        """How a robot came to stand is known, and among its ``stops``."""
+        ...
+
+
+class Incidents:
+    """The newest ones. What is measured of one goes to the run in which it happened, although
+    that may have ended by then.
+    """
+
+    def __init__(
+        self, clock: Callable[[], float], run: Callable[[], IncidentKeeper | None]
+    ) -> None:
+        """
+        Args:
+            clock: the host's monotonic one. run: the one that is kept.
+        """
+        self._clock = clock
+        self._run = run
+        self._numbered = 0
+        self._newest: deque[tuple[Incident, IncidentKeeper | None]] = deque(maxlen=_SHOWN)
+
+    @property
+    def newest(self) -> list[Incident]:
+        """Oldest first."""
+        return [incident for incident, _ in self._newest]
+
+    def take(self, event: IncidentEvent) -> None:
+        """Keep one."""
+        self._numbered += 1
+        incident = Incident(
+            self._numbered,
+            event.role,
+            event.kind,
+            event.sentence,
+            event.speed_mps,
+            time_of_day(self._clock() - event.time),
+            event.time,
+        )
+        run = self._run()
+        if run is not None:
+            run.happened(incident)
+        self._newest.append((incident, run))
+
+    def stopped(self, event: StoppedEvent) -> None:
+        """Tell with the incident how it ended."""
+        for place, (incident, run) in enumerate(self._newest):
+            if incident.is_ended_by(event):
+                stops = {**incident.stops, event.role: stop_figures(event)}
+                ended = replace(incident, stops=stops)
+                self._newest[place] = ended, run
+                if run is not None:
+                    run.stopped(ended, event.role)
+                return

@@ -1,0 +1,144 @@
+"""Who drives which robot: every open drive socket is one operator, and its leases end with it."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import structlog
+
+from app.drive.messages import DriveProcessCommand, ReleaseLease, TakeLease
+from app.server.errors import Conflict, FieldError, NotAvailable
+from observer.rig.rig import Role
+
+log = structlog.get_logger(__name__)
+
+_LONGEST_NAME = 40
+# Events in a row in which the drive process names somebody else: one may have crossed the reply.
+_TIMES_UNNAMED = 2
+
+
+@dataclass(eq=False)
+class Operator:
+    """Somebody at an open drive socket.
+
+    Attributes:
+        name: shown to others, unlike that of any other operator.
+        lost: called with role and sentence when a lease ends that was not given back.
+        leases: by role.
+    """
+
+    name: str
+    lost: Callable[[Role, str], None]
+    leases: dict[Role, str] = field(default_factory=dict)
+    gone: bool = False
+    unnamed: dict[Role, int] = field(default_factory=dict)
+
+
+class Operators:
+    """All operators; used in the event loop.
+
+    Args:
+        ask: sends a command to the drive process, raising the station's errors.
+        soon: has a release sent without waiting for it.
+    """
+
+    def __init__(
+        self,
+        ask: Callable[[DriveProcessCommand], Awaitable[dict[str, Any]]],
+        soon: Callable[[Awaitable[None]], None],
+    ) -> None:
+        self._ask = ask
+        self._soon = soon
+        self._present: set[Operator] = set()
+        self._numbered = 0
+
+    def join(self, name: str | None, lost: Callable[[Role, str], None]) -> Operator:
+        """A new operator, called by the name if it can be read and nobody else has it."""
+        self._numbered += 1
+        wanted = "".join(c for c in (name or "") if c.isprintable()).strip()[:_LONGEST_NAME]
+        name = wanted = wanted or f"operator {self._numbered}"
+        number = self._numbered
+        while any(operator.name == name for operator in self._present):
+            name, number = f"{wanted} ({number})", number + 1
+        operator = Operator(name, lost)
+        self._present.add(operator)
+        return operator
+
+    def leave(self, operator: Operator) -> None:
+        """Its socket is closed: its robots stop, and others may take them."""
+        operator.gone = True
+        self._present.discard(operator)
+        leases, operator.leases = operator.leases, {}
+        for role, lease in leases.items():
+            log.info("lease_ended_with_its_socket", role=role, operator=operator.name)
+            self._soon(self._release(role, lease))
+
+    async def take(self, operator: Operator, role: Role, *, takeover: bool) -> str:
+        """The lease on a role; the one it has already, if it has.
+
+        Raises:
+            Conflict: somebody else has it. FieldError, NotAvailable: as ``ask_drive`` raises.
+        """
+        if role in operator.leases:
+            return operator.leases[role]
+        reply = await self._ask(TakeLease(role, operator.name, takeover))
+        lease = str(reply["lease"])
+        if operator.gone:
+            # The socket closed while the drive process answered.
+            self._soon(self._release(role, lease))
+            return lease
+        taken_from = [o for o in self._present - {operator} if o.leases.pop(role, None) is not None]
+        operator.leases[role] = lease
+        operator.unnamed.pop(role, None)
+        log.info("lease_taken", role=role, operator=operator.name)
+        for other in taken_from:
+            log.warning("lease_taken_over", role=role, by=operator.name, before=other.name)
+            other.lost(role, f"{operator.name} took over the {role}")
+        return lease
+
+    async def release(self, operator: Operator, role: Role) -> None:
+        """Give a lease back, where there is one."""
+        lease = operator.leases.pop(role, None)
+        if lease is not None:
+            await self._release(role, lease)
+
+    def holder(self, role: Role) -> str | None:
+        """The name of who has the role."""
+        return next((each.name for each in self._present if role in each.leases), None)
+
+    def drive_said(self, robots: dict[str, Any]) -> None:
+        """End leases that the drive process does not know of.
+
+        Args:
+            robots: of its facts.
+        """
+        for operator in tuple(self._present):
+            for role in tuple(operator.leases):
+                robot = robots.get(role)
+                if robot is None or robot.get("operator") == operator.name:
+                    operator.unnamed.pop(role, None)
+                    continue
+                operator.unnamed[role] = operator.unnamed.get(role, 0) + 1
+                if operator.unnamed[role] >= _TIMES_UNNAMED:
+                    self._lose(operator, role, robot.get("why") or f"the {role} was given up")
+
+    def drive_lost(self, sentence: str) -> None:
+        """All leases went with the drive process."""
+        for operator in tuple(self._present):
+            for role in tuple(operator.leases):
+                self._lose(operator, role, sentence)
+
+    def _lose(self, operator: Operator, role: Role, sentence: str) -> None:
+        del operator.leases[role]
+        operator.unnamed.pop(role, None)
+        log.warning("lease_lost", role=role, operator=operator.name, reason=sentence)
+        operator.lost(role, sentence)
+
+    async def _release(self, role: Role, lease: str) -> None:
+        try:
+            await self._ask(ReleaseLease(role, lease))
+        except (Conflict, FieldError, NotAvailable) as error:
+            # It is not in force any more, or went with its process; either way it has ended.
+            log.info("lease_not_released", role=role, reason=str(error))

@@ -1,0 +1,1 @@
+"""Runs: keeping one, and everything that is asked of kept ones."""

@@ -1,0 +1,96 @@
+"""Runs that were kept, for reading; the one that is going is shown as it stands."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from app.server.errors import Conflict, NotThere
+from app.storage import IncidentRecord, RunRecord, SpeedRow, Storage
+from observer.recording.run_folder import RECORDING
+
+
+class RunArchive:
+    """Args:
+    current: the run that is going, or None.
+    """
+
+    def __init__(self, storage: Storage, current: Callable[[], RunRecord | None]) -> None:
+        self._storage = storage
+        self._current = current
+
+    def is_going(self, run_id: str) -> bool:
+        """Whether this run is being kept at this moment."""
+        current = self._current()
+        return current is not None and current.id == run_id
+
+    async def newest(self) -> list[RunRecord]:
+        """Newest first."""
+        current = self._current()
+        records = await asyncio.to_thread(self._storage.list_runs)
+        return [current if current and record.id == current.id else record for record in records]
+
+    async def find(self, run_id: str) -> RunRecord:
+        """One run.
+
+        Raises:
+            NotThere: there is none of that id, or it is deleted.
+        """
+        current = self._current()
+        if current is not None and current.id == run_id:
+            return current
+        record = await asyncio.to_thread(self._storage.get_run, run_id)
+        if record is None or record.deleted_at is not None:
+            raise no_such_run(run_id)
+        return record
+
+    async def recording(self, run_id: str) -> Path:
+        """The file of a run's recording, which is whole.
+
+        Raises:
+            NotThere: there is no such run, or it has none. Conflict: it is being written.
+        """
+        return await self._recording_of(await self.find(run_id))
+
+    async def _recording_of(self, record: RunRecord) -> Path:
+        if self.is_going(record.id):
+            raise Conflict(f"the run {record.name} is going; stop it to have its recording")
+        path = self._storage.folder.run(record.id) / RECORDING
+        if not await asyncio.to_thread(path.is_file):
+            raise NotThere(f"the run {record.name} has no recording")
+        return path
+
+    async def images(self, run_id: str) -> Path:
+        """The recording with a run's images: its own, or that of the run it observed again.
+
+        Raises:
+            NotThere: there is no such run, or no such recording. Conflict: it is being written.
+        """
+        record = asked = await self.find(run_id)
+        while record.record == "none" and record.rerun_of is not None:
+            before = await asyncio.to_thread(self._storage.get_run, record.rerun_of)
+            if before is None:
+                raise NotThere(f"the run whose images {asked.name} was made of is deleted for good")
+            record = before
+        if record.record == "none":
+            raise NotThere(
+                f"the run {asked.name} was recorded without images, so it cannot be observed again"
+            )
+        return await self._recording_of(record)
+
+    async def speeds(self, run_id: str) -> list[SpeedRow]:
+        """All speeds of a run, those of the last half second excepted while it is going."""
+        await self.find(run_id)
+        return await asyncio.to_thread(partial(self._storage.speeds, run_id))
+
+    async def incidents(self, run_id: str) -> list[IncidentRecord]:
+        """What stopped robots during a run, oldest first."""
+        await self.find(run_id)
+        return await asyncio.to_thread(partial(self._storage.incidents, run_id))
+
+
+def no_such_run(run_id: str) -> NotThere:
+    """What to say of an unknown id."""
+    return NotThere(f"there is no run {run_id[:80]!r}; GET /api/runs lists them")

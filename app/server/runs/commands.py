@@ -1,0 +1,151 @@
+"""Heavy work on runs, done by commands in processes of their own and never by the server."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import secrets
+import shutil
+import signal
+import sys
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import structlog
+
+from app.native_environment import program_environment
+from app.server.errors import NotAvailable
+from app.server.runs.file_names import told_as_ours
+from app.storage import DataFolder, StorageFull
+from observer.errors import DynamicObserverError
+
+log = structlog.get_logger(__name__)
+
+_COMMAND = (sys.executable, "-P", "-m", "app.niced_command")
+_CLI = "app.cli"
+# Exit codes of a command that says in a sentence why it cannot do what was asked.
+_REFUSALS = (1, 2)
+_SAYS = "dynamic-observer: "
+_WORK = ".work-"
+_MOST_WAITING = 8
+# With less than this free, what could not be written had no room.
+_FULL_BYTES = 1 << 20
+_GRACE_S = 5.0
+_LOGGED = 2000
+
+
+class CommandRefused(DynamicObserverError):
+    """What was asked cannot be done with this run; the sentence is the command's."""
+
+
+class RunCommands:
+    """One command after the other; each ends when nobody waits for it any more.
+
+    Args:
+        folder: the data folder, where half-made files lie meanwhile.
+        time_limit_s: a command that takes longer is ended.
+    """
+
+    def __init__(self, folder: DataFolder, *, time_limit_s: float) -> None:
+        self._folder = folder
+        self._time_limit_s = time_limit_s
+        self._one = asyncio.Lock()
+        self._waiting = 0
+
+    async def run(self, *words: str, module: str = _CLI) -> None:
+        """Run a command to its end; cancelling ends it.
+
+        Args:
+            words: of the command line. module: another one that is run like ``python -m``.
+
+        Raises:
+            CommandRefused: it cannot do it. StorageFull: because the disk is full.
+            NotAvailable: it failed, took too long, or too many wait already.
+        """
+        if self._waiting >= _MOST_WAITING:
+            raise NotAvailable("too much is being computed of runs already; try again later")
+        self._waiting += 1
+        try:
+            async with self._one:
+                await self._run(module, words)
+        except CommandRefused as error:
+            if await asyncio.to_thread(self._folder.free_bytes) < _FULL_BYTES:
+                raise StorageFull("no space is left for the file; free some disk space") from error
+            raise
+        finally:
+            self._waiting -= 1
+
+    @asynccontextmanager
+    async def folder(self) -> AsyncIterator[Path]:
+        """An empty folder, which is gone with everything in it behind the block.
+
+        Raises:
+            StorageFull, FieldError: it cannot be made.
+        """
+        path = self._folder.path.absolute() / f"{_WORK}{os.getpid()}-{secrets.token_hex(6)}"
+        with told_as_ours(path):
+            await asyncio.to_thread(path.mkdir, parents=True)
+        try:
+            yield path
+        finally:
+            await asyncio.shield(asyncio.to_thread(shutil.rmtree, path, ignore_errors=True))
+
+    def tidy(self) -> None:
+        """Delete what servers that are no more left half-made."""
+        for path in self._folder.path.glob(f"{_WORK}*-*"):
+            pid = path.name.removeprefix(_WORK).partition("-")[0]
+            if not (pid.isdigit() and _is_alive(int(pid))):
+                shutil.rmtree(path, ignore_errors=True)
+
+    async def _run(self, module: str, words: Sequence[str]) -> None:
+        name = words[0] if module == _CLI else module
+        try:
+            process = await asyncio.create_subprocess_exec(
+                *_COMMAND, str(os.getpid()), module, *words,
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=asyncio.subprocess.DEVNULL,
+                stderr=asyncio.subprocess.PIPE,
+                env=program_environment(),
+                # A terminal's Ctrl-C is the server's to answer.
+                start_new_session=True,
+            )  # fmt: skip
+        except OSError as error:
+            raise NotAvailable(f"the command {name} cannot be started: {error}") from error
+        try:
+            async with asyncio.timeout(self._time_limit_s):
+                _, said = await process.communicate()
+        except TimeoutError:
+            raise NotAvailable(
+                f"the command {name} took longer than {self._time_limit_s:.0f} s and was ended"
+            ) from None
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_GRACE_S):
+                    await process.wait()
+        if process.returncode:
+            raise _error(name, process.returncode, said.decode("utf-8", "replace"))
+
+
+def _error(name: str, code: int, said: str) -> DynamicObserverError:
+    lines = said.strip().splitlines()
+    if code in _REFUSALS and lines and lines[-1].startswith(_SAYS):
+        return CommandRefused(lines[-1].removeprefix(_SAYS))
+    log.error("command_failed", command=name, code=code, said=said[-_LOGGED:])
+    return NotAvailable(
+        f"the command {name} ended without a result (exit code {code}); its messages are in the "
+        f"server's log"
+    )
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True

@@ -1,0 +1,55 @@
+"""Small files of the data folder, replaced as a whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from app.server.errors import FieldError
+from app.storage import StorageFull
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file so that nobody ever sees half of it, and no other user (mode 0600) any of it.
+
+    Raises:
+        StorageFull: no space is left. FieldError: it cannot be written; what was there stays.
+    """
+    with told_as_ours(path):
+        _write(path, text)
+
+
+@contextlib.contextmanager
+def told_as_ours(path: Path) -> Iterator[None]:
+    """What goes wrong in writing a file or a folder, as an error of ours.
+
+    Raises:
+        StorageFull: no space is left. FieldError: it cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise StorageFull(f"no space is left to write {path}; free some disk space") from error
+        raise FieldError(
+            ("body",), f"{path} cannot be written: {error.strerror or error}"
+        ) from error
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(part)
+        raise

@@ -1,0 +1,189 @@
+"""What is made of a run when somebody wants it: its chart, report and files for other tools."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hashlib
+import json
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import IO, Any, Literal
+
+from app.server.errors import Conflict
+from app.server.runs.archive import RunArchive
+from app.server.runs.commands import CommandRefused, RunCommands
+from app.server.runs.row_charts import chart_of_rows
+from app.storage import RunRecord, Storage, StorageFull
+from app.storage.comparison import kept_comparison
+from app.versions import app_version
+from observer.recording.run_folder import RECORDING
+
+ChartFormat = Literal["csv", "png", "svg", "pdf"]
+ExportFormat = Literal["zip", "csv", "parquet", "mp4", "ply", "ros2"]
+
+# Of files that nobody needs to read by name.
+_CHART = ".chart-"
+# What is made of a run is no larger than its recording, by far; this much stays free.
+_SPARE_BYTES = 100 << 20
+_QUICK_S, _LONG_S = 120.0, 1800.0
+
+
+@dataclass(frozen=True)
+class MadeFile:
+    """A file that has no name any more and is gone once it is closed.
+
+    Attributes:
+        file: open at its beginning. size: bytes. name: for whoever keeps it.
+    """
+
+    file: IO[bytes]
+    size: int
+    name: str
+
+
+class RunFiles:
+    """Files of finished runs, made by commands; see ``RunCommands``."""
+
+    def __init__(self, storage: Storage, archive: RunArchive) -> None:
+        self._storage = storage
+        self._archive = archive
+        # A chart does not wait for a video.
+        self.quick = RunCommands(storage.folder, time_limit_s=_QUICK_S)
+        self._long = RunCommands(storage.folder, time_limit_s=_LONG_S)
+
+    async def chart(self, run: RunRecord) -> bytes:
+        """The values of a run's chart as JSON, see ``app.reports.run_chart.chart_values``.
+
+        Of a run that is going, or has no recording, what the database has: without errors.
+
+        Raises:
+            Conflict: its recording or its truth cannot be read. NotAvailable: it failed.
+        """
+        path = self._storage.folder.run(run.id) / RECORDING
+        if self._archive.is_going(run.id) or not await asyncio.to_thread(path.is_file):
+            rows = await asyncio.to_thread(self._storage.speeds, run.id)
+            return await asyncio.to_thread(lambda: json.dumps(chart_of_rows(rows)).encode())
+        kept = path.with_name(f"{_CHART}{await asyncio.to_thread(_key, run, path)}.json")
+        with contextlib.suppress(OSError):
+            return await asyncio.to_thread(kept.read_bytes)
+        made = await self._made(run, self.quick, "chart", "chart.json")
+        content = await asyncio.to_thread(_content, made)
+        await asyncio.to_thread(_keep, kept, content)
+        return content
+
+    async def chart_file(
+        self, run: RunRecord, format: ChartFormat, begin: float | None, end: float | None
+    ) -> MadeFile:
+        """The chart between two instants of the source's clock, seconds; None: its own ends.
+
+        Raises:
+            Conflict, NotAvailable: as for ``chart``.
+        """
+        options = ["--title", run.name]
+        # In one word, for a negative number is no option.
+        options += [] if begin is None else [f"--begin={begin!r}"]
+        options += [] if end is None else [f"--end={end!r}"]
+        return await self._made(run, self.quick, "chart", f"speeds.{format}", options)
+
+    async def report(self, run: RunRecord) -> MadeFile:
+        """The paper's figures redone from the run, on one page.
+
+        Raises:
+            Conflict, NotAvailable: as for ``chart``.
+        """
+        return await self._made(run, self._long, "report", "report.html")
+
+    async def export(self, run: RunRecord, format: ExportFormat, table: str | None) -> MadeFile:
+        """The run for other tools; ``table`` is of csv and parquet.
+
+        Raises:
+            Conflict: the recording holds no such thing. NotAvailable: it failed.
+            StorageFull: there is no room to make it.
+        """
+        path = await self._archive.recording(run.id)
+        needed = (await asyncio.to_thread(path.stat)).st_size + _SPARE_BYTES
+        if await asyncio.to_thread(self._storage.folder.free_bytes) < needed:
+            raise StorageFull("no space is left to make the file; free some disk space")
+        if format == "ros2":
+            return await self._bag(run, path)
+        options = ["--table", table] if table is not None else []
+        name = f"{table or 'run'}.{format}"
+        async with self._long.folder() as folder:
+            output = folder / name
+            await _asked(self._long.run("export", str(path), "--output", str(output), *options))
+            return await _opened(output, f"{run.id}-{name}")
+
+    async def _bag(self, run: RunRecord, path: Path) -> MadeFile:
+        async with self._long.folder() as folder:
+            bag, output = folder / "bag", folder / "bag.zip"
+            await _asked(self._long.run("export", str(path), "--ros2", "--output", str(bag)))
+            await _asked(self._long.run("-c", str(output), str(bag), module="zipfile"))
+            return await _opened(output, f"{run.id}-bag.zip")
+
+    async def _made(
+        self,
+        run: RunRecord,
+        commands: RunCommands,
+        command: str,
+        name: str,
+        options: Sequence[str] = (),
+    ) -> MadeFile:
+        """What a command that compares with truth makes of a run's recording."""
+        path = await self._archive.recording(run.id)
+        async with commands.folder() as folder:
+            words = [command, str(path.absolute()), "--output", str(folder / name), *options]
+            words += await compared_words(self._storage, run, folder)
+            await _asked(commands.run(*words))
+            return await _opened(folder / name, f"{run.id}-{name}")
+
+
+async def compared_words(storage: Storage, run: RunRecord, folder: Path) -> list[str]:
+    """The option that tells a command of the truth that was laid over a run."""
+    if run.alignment is None:
+        return []
+    kept = await asyncio.to_thread(partial(kept_comparison, run, storage))
+    file = folder / "compared.json"
+    await asyncio.to_thread(file.write_text, json.dumps(kept), encoding="utf-8")
+    return ["--compared", str(file)]
+
+
+async def _asked(work: Any) -> None:
+    try:
+        await work
+    except CommandRefused as error:
+        raise Conflict(str(error)) from error
+
+
+async def _opened(path: Path, name: str) -> MadeFile:
+    """The file, whose name goes with its folder while it is read."""
+    file = await asyncio.to_thread(path.open, "rb")
+    return MadeFile(file, path.stat().st_size, name)
+
+
+def _content(made: MadeFile) -> bytes:
+    with made.file as file:
+        return file.read()
+
+
+def _key(run: RunRecord, recording: Path) -> str:
+    """Another one whenever the chart may be another one."""
+    stat = recording.stat()
+    facts = [app_version(), stat.st_size, stat.st_mtime_ns, run.alignment, run.truth_id]
+    return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+
+
+def _keep(path: Path, content: bytes) -> None:
+    """For the next time; where it cannot be written it is made again then."""
+    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
+    try:
+        for old in path.parent.glob(f"{_CHART}*"):
+            old.unlink(missing_ok=True)
+        part.write_bytes(content)
+        part.replace(path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)

@@ -1,0 +1,176 @@
+"""Runs found again, described in a person's words, deleted with undo."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from datetime import timedelta
+from functools import partial
+from typing import Protocol
+
+import structlog
+
+from app.server.errors import NotThere
+from app.server.runs.archive import no_such_run
+from app.storage import UNDO, RunRecord, Storage, StorageError, StorageMissing
+
+log = structlog.get_logger(__name__)
+
+# Every file of the data folder is looked at; whoever types a search asks many times a second.
+_DISK_AGE_S = 5.0
+
+
+@dataclass(frozen=True)
+class Disk:
+    """Bytes: what the data folder takes, and what may still be written."""
+
+    used_bytes: int
+    free_bytes: int
+
+
+@dataclass(frozen=True)
+class HistoryPage:
+    """What a person sees of the history.
+
+    Attributes:
+        runs: newest first. total: how many there are of them in all.
+        tags: every tag of runs that are not deleted, with their number.
+        undo_days: how long what was deleted can be had back.
+    """
+
+    runs: tuple[RunRecord, ...]
+    total: int
+    tags: dict[str, int]
+    disk: Disk
+    undo_days: float
+
+
+class KeptRun(Protocol):
+    """The run that is going."""
+
+    record: RunRecord
+
+    def snapshot(self) -> RunRecord: ...
+
+
+class HistoryDesk:
+    """Args:
+    current: the run that is going, or None. clock: monotonic seconds.
+    undo: how long what was deleted can be had back.
+    """
+
+    def __init__(
+        self,
+        storage: Storage,
+        current: Callable[[], KeptRun | None],
+        clock: Callable[[], float],
+        undo: timedelta = UNDO,
+    ) -> None:
+        self._storage = storage
+        self._current = current
+        self._clock = clock
+        self._undo = undo
+        self._disk: tuple[float, Disk] | None = None
+
+    async def page(
+        self,
+        text: str = "",
+        tags: Iterable[str] = (),
+        *,
+        deleted: bool = False,
+        limit: int = 50,
+        offset: int = 0,
+    ) -> HistoryPage:
+        """Runs with every word in name, notes or tags, and with every tag.
+
+        Args:
+            deleted: those that can be had back, in place of the others.
+        """
+        find = partial(
+            self._storage.find_runs, text, tags=tuple(tags), deleted=deleted,
+            limit=limit, offset=offset,
+        )  # fmt: skip
+        found, known = await asyncio.gather(
+            asyncio.to_thread(find), asyncio.to_thread(self._storage.run_tags)
+        )
+        return HistoryPage(
+            runs=tuple(self._as_it_stands(run) for run in found.runs),
+            total=found.total,
+            tags=known,
+            disk=await self._disk_now(),
+            undo_days=self._undo / timedelta(days=1),
+        )
+
+    async def annotate(
+        self,
+        run_id: str,
+        *,
+        name: str | None = None,
+        tags: Iterable[str] | None = None,
+        notes: str | None = None,
+    ) -> RunRecord:
+        """Change what is given of what a person says of a run.
+
+        Raises:
+            NotThere: there is none of that id, or it is deleted.
+        """
+        await self._present(run_id)
+        change = partial(self._storage.annotate_run, run_id, name=name, tags=tags, notes=notes)
+        record = await self._of_storage(change, run_id)
+        current = self._current()
+        if current is not None and current.record.id == run_id:
+            current.record = replace(
+                current.record, name=record.name, tags=record.tags, notes=record.notes
+            )
+        return self._as_it_stands(record)
+
+    async def discard(self, run_id: str) -> None:
+        """Hide a run until it is had back or purged.
+
+        Raises:
+            NotThere: there is none of that id, or it is hidden already.
+        """
+        await self._present(run_id)
+        await self._of_storage(partial(self._storage.discard_run, run_id), run_id)
+
+    async def recover(self, run_id: str) -> RunRecord:
+        """Have a run back.
+
+        Raises:
+            NotThere: there is none of that id any more.
+        """
+        return await self._of_storage(partial(self._storage.recover_run, run_id), run_id)
+
+    def purge(self) -> None:
+        """Delete for good what was deleted longer ago than can be undone; in a worker thread."""
+        try:
+            gone = self._storage.purge(self._undo)
+        except StorageError as error:
+            # It is tried again at the next start.
+            log.warning("not_purged", reason=str(error))
+        else:
+            if gone:
+                log.info("purged", runs=gone)
+
+    async def _present(self, run_id: str) -> None:
+        record = await asyncio.to_thread(self._storage.get_run, run_id)
+        if record is None or record.deleted_at is not None:
+            raise no_such_run(run_id)
+
+    async def _of_storage(self, change: Callable[[], RunRecord], run_id: str) -> RunRecord:
+        try:
+            return await asyncio.to_thread(change)
+        except StorageMissing as error:
+            raise NotThere(f"there is no run {run_id[:80]!r} any more") from error
+
+    def _as_it_stands(self, record: RunRecord) -> RunRecord:
+        current = self._current()
+        return current.snapshot() if current and current.record.id == record.id else record
+
+    async def _disk_now(self) -> Disk:
+        now = self._clock()
+        if self._disk is None or now - self._disk[0] > _DISK_AGE_S:
+            use = await asyncio.to_thread(self._storage.folder.disk_use, self._storage.file)
+            self._disk = now, Disk(use.total, use.free)
+        return self._disk[1]

@@ -1,0 +1,146 @@
+"""What the station does for a run's recording: it orders it, and tells it what robots do."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import structlog
+
+from app.messages import ObservationEvent, RecordOrder, RecordRobots
+from app.server.asking import ask
+from app.server.contracts import Engine
+from app.server.errors import Conflict, FieldError, NotAvailable
+from app.server.robots.incidents import Incident
+from app.storage import DataFolder, RunRecord
+from observer.errors import DynamicObserverError
+from observer.recording.run_folder import RECORDING
+from observer.rig.rig import ROLES
+
+log = structlog.get_logger(__name__)
+
+# At most this much of robots is lost with the server.
+_TELL_S = 0.5
+# Two robots, ten rows a second: half a minute without an engine.
+_MOST_ROWS = 600
+_MOST_INCIDENTS = 100
+
+
+def record_order(folder: DataFolder, run: RunRecord) -> RecordOrder | None:
+    """How a run is recorded; None where it is not."""
+    if run.record is None:
+        return None
+    return RecordOrder(
+        path=str((folder.run(run.id) / RECORDING).absolute()),
+        images=run.record,  # type: ignore[arg-type]
+        name=run.name,
+        preset=run.preset,
+        versions=dict(run.versions),
+    )
+
+
+class RobotFeed:
+    """Collects what is heard of robots until the recording is told of it."""
+
+    def __init__(self) -> None:
+        self._rows: deque[dict[str, Any]] = deque(maxlen=_MOST_ROWS)
+        self._incidents: deque[dict[str, Any]] = deque(maxlen=_MOST_INCIDENTS)
+        self._newest: dict[str, float] = {}
+
+    def heard(self, robots: Mapping[str, Any], newest: ObservationEvent | None) -> None:
+        """Keep each robot's state, where it told a new one.
+
+        Args:
+            robots: as in ``DriveEvent.facts``, by role.
+            newest: observation of the open source, whose reception and time join both clocks.
+        """
+        for role in ROLES:
+            robot = robots.get(role)
+            if robot is None:
+                continue
+            received = robot["report"].get("received")
+            if received is None or self._newest.get(role) == received:
+                continue
+            self._newest[role] = received
+            self._rows.append(_row(role, robot, newest))
+
+    def happened(self, incident: Incident) -> None:
+        """Keep that something stopped a robot."""
+        self._incidents.append(
+            {
+                "kind": incident.kind,
+                "sentence": incident.sentence,
+                "received": incident.time,
+                "details": {"role": incident.role, "speed_mps": incident.speed_mps},
+            }
+        )
+
+    def take(self) -> RecordRobots | None:
+        """What there is since the last time; None where there is nothing."""
+        if not self._rows and not self._incidents:
+            return None
+        told = RecordRobots(tuple(self._rows), tuple(self._incidents))
+        self._rows.clear()
+        self._incidents.clear()
+        return told
+
+
+class RecordedRun(Protocol):
+    """The run that is kept, as far as its recording goes."""
+
+    robots: RobotFeed
+
+
+async def tell_robots(engine: Engine, run: RecordedRun | None) -> None:
+    """Have recorded what was heard of robots; without an engine it is lost."""
+    told = None if run is None else run.robots.take()
+    if told is not None:
+        with contextlib.suppress(NotAvailable, Conflict, FieldError):
+            await ask(engine, told)
+
+
+async def keep_telling(engine: Engine, run: Callable[[], RecordedRun | None]) -> None:
+    """The same, twice a second for ever."""
+    while True:
+        await asyncio.sleep(_TELL_S)
+        await tell_robots(engine, run())
+
+
+def complete_recording(folder: DataFolder, run_id: str) -> None:
+    """Give the recording of an interrupted run its index, so that every tool opens it quickly."""
+    from observer.recording.writer import complete
+
+    path = folder.run(run_id) / RECORDING
+    try:
+        if path.is_file():
+            complete(path)
+    except DynamicObserverError as error:
+        # It is read without as well.
+        log.warning("recording_not_completed", run=run_id, reason=str(error))
+
+
+def _row(role: str, robot: Mapping[str, Any], newest: ObservationEvent | None) -> dict[str, Any]:
+    report, sent = robot["report"], robot["sent"]
+    received, odometry = report["received"], report["odometry"] or {}
+    time = None if newest is None else float(newest.line["time"]) + received - newest.received
+    return {
+        "role": role,
+        "received": received,
+        "time": time,
+        "sent_speed": sent["speed_mps"],
+        "sent_turn_rate": sent["turn_rate_radps"],
+        "encoder_speed": report["speed_mps"],
+        "encoder_turn_rate": report["turn_rate_radps"],
+        "x": odometry.get("x"),
+        "y": odometry.get("y"),
+        "yaw": odometry.get("yaw"),
+        "facts": {
+            "state": robot["state"],
+            "operator": robot["operator"],
+            "why": robot["why"],
+            "battery_v": report["battery_v"],
+        },
+    }

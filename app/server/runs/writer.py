@@ -1,0 +1,151 @@
+"""Writing to the database beside the event loop: one thread, a bounded queue, no blocking."""
+
+from __future__ import annotations
+
+import asyncio
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import structlog
+
+from app.server.errors import NotAvailable
+from app.storage import StorageBusy, StorageError, StorageMissing
+
+log = structlog.get_logger(__name__)
+
+T = TypeVar("T")
+
+_QUEUE_LENGTH = 200
+_RETRY_S = 0.25
+_STOP_TIMEOUT_S = 10.0
+
+
+@dataclass(frozen=True)
+class _Job:
+    work: Callable[[], Any]
+    done: Callable[[Any, BaseException | None], None] | None
+
+
+class Writer:
+    """Runs writes one after the other, in the order given.
+
+    A locked database is tried again for ``patience_s``; meanwhile the queue fills, and what no
+    longer fits is refused (``submit``) or dropped and counted (``post``).
+
+    Attributes:
+        trouble: the sentence of the last failed write; None since one succeeded.
+        dropped: how many posted writes were lost.
+    """
+
+    def __init__(self, *, queue_length: int = _QUEUE_LENGTH, patience_s: float = 60.0) -> None:
+        self._jobs: queue.Queue[_Job | None] = queue.Queue(queue_length)
+        self._patience_s = patience_s
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="storage-writer", daemon=True)
+        self.trouble: str | None = None
+        self.dropped = 0
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Finish what is queued (one attempt each) and end the thread."""
+        if not self._thread.is_alive():
+            return
+        self._stopping.set()
+        try:
+            self._jobs.put(None, timeout=_STOP_TIMEOUT_S)
+        except queue.Full:
+            log.error("storage_writer_stuck", queued=self._jobs.qsize())
+        self._thread.join(_STOP_TIMEOUT_S)
+
+    def post(
+        self,
+        work: Callable[[], Any],
+        done: Callable[[Any, BaseException | None], None] | None = None,
+    ) -> bool:
+        """Write when possible; False where the queue is full and the write was not taken.
+
+        Args:
+            done: told of its end in the writer's thread; it answers for what was not written,
+                which counts as dropped otherwise.
+        """
+        try:
+            self._jobs.put_nowait(_Job(work, done))
+        except queue.Full:
+            self.dropped += done is None
+            return False
+        return True
+
+    async def submit(self, work: Callable[[], T], *, timeout_s: float = 8.0) -> T:
+        """Write and wait for it.
+
+        Raises:
+            NotAvailable: it was not written in time; it may still be.
+            StorageError: as the write raised.
+        """
+        loop = asyncio.get_running_loop()
+        future: asyncio.Future[T] = loop.create_future()
+
+        def settle(value: Any, error: BaseException | None) -> None:
+            if future.done():
+                return
+            if error is None:
+                future.set_result(value)
+            else:
+                future.set_exception(error)
+
+        def done(value: Any, error: BaseException | None) -> None:
+            # The loop may be gone by the time a late write is through.
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(settle, value, error)
+
+        try:
+            self._jobs.put_nowait(_Job(work, done))
+        except queue.Full:
+            raise NotAvailable(
+                f"the database does not keep up ({self.trouble or 'too many writes'}); try again"
+            ) from None
+        try:
+            async with asyncio.timeout(timeout_s):
+                return await future
+        except TimeoutError:
+            raise NotAvailable(
+                "the database did not take the write in time; it is tried further"
+            ) from None
+
+    def _run(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            value, error = self._do(job.work)
+            if job.done is not None:
+                job.done(value, error)
+            elif error is not None and not isinstance(error, StorageMissing):
+                self.dropped += 1
+
+    def _do(self, work: Callable[[], Any]) -> tuple[Any, BaseException | None]:
+        deadline = time.monotonic() + self._patience_s
+        while True:
+            try:
+                value = work()
+            except StorageBusy as error:
+                self.trouble = str(error)
+                if self._stopping.is_set() or time.monotonic() > deadline:
+                    log.error("write_given_up", reason=str(error))
+                    return None, error
+                self._stopping.wait(_RETRY_S)
+            except StorageError as error:
+                if not isinstance(error, StorageMissing):
+                    self.trouble = str(error)
+                    log.error("write_failed", reason=str(error))
+                return None, error
+            except Exception as error:
+                # A fault of ours in one write must not end all further ones.
+                log.exception("write_raised")
+                return None, error
+            else:
+                self.trouble = None
+                return value, None

@@ -1,0 +1,1 @@
+"""Which source is open, and what is shown of it."""

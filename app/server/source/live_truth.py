@@ -1,0 +1,108 @@
+"""Live motion capture as a person chose it; it is found again after a restart of the server."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from app.messages import LiveTruthOrder, SetTruth
+from app.server.asking import ask
+from app.server.contracts import Engine
+from app.server.errors import FieldError, NotAvailable
+from app.storage import Storage
+from observer.errors import TruthError
+from observer.truth.live.opening import check_live
+
+_KEY = "live_truth"
+_LONGEST_SPEC = 300
+
+
+class TruthDesk:
+    """Used in the event loop.
+
+    Attributes:
+        order: what is listened to, None where nothing is.
+    """
+
+    def __init__(
+        self, engine: Engine, storage: Storage, changed: Callable[[], None], spec: str | None = None
+    ) -> None:
+        """
+        Args:
+            spec: takes the place of what was chosen before. changed: called when it is another.
+        """
+        self.order: LiveTruthOrder | None = None
+        self._engine = engine
+        self._storage = storage
+        self._changed = changed
+        self._spec = spec
+
+    def load(self) -> None:
+        """Find what was chosen before; the server's start is another thread."""
+        kept = _order(self._storage.get_setting(_KEY))
+        if self._spec is not None and (kept is None or kept.spec != self._spec):
+            # Bodies have the names of another system.
+            kept = LiveTruthOrder(self._spec)
+            self._storage.set_setting(_KEY, _plain(kept))
+        self.order = kept
+
+    async def choose(self, order: LiveTruthOrder | None) -> dict[str, Any] | None:
+        """Listen to this from now on, and keep it; what is open stays open.
+
+        Returns:
+            As ``StateEvent.truth`` holds it; None also where no engine is there to listen yet.
+
+        Raises:
+            FieldError: it names no live motion capture; nothing is changed then.
+            StorageError: it could not be kept; nothing is changed.
+        """
+        if order is not None:
+            order = checked(order)
+        await asyncio.to_thread(self._storage.set_setting, _KEY, _plain(order))
+        self.order = order
+        facts: dict[str, Any] | None = None
+        with contextlib.suppress(NotAvailable):
+            # An engine that is being started anew opens its source with it.
+            reply = await ask(self._engine, SetTruth(order), field=("body", "spec"))
+            facts = reply["truth"]
+        self._changed()
+        return facts
+
+
+def checked(order: LiveTruthOrder) -> LiveTruthOrder:
+    """The order, if it can be carried out.
+
+    Raises:
+        FieldError: it names no live motion capture, or the observer is to be ignored.
+    """
+    spec = order.spec.strip()
+    if not spec.isprintable() or len(spec) > _LONGEST_SPEC:
+        raise FieldError(("body", "spec"), "give vrpn:HOST, vrpn:HOST:PORT/NAME or vicon-udp:PORT")
+    try:
+        check_live(spec)
+    except TruthError as error:
+        raise FieldError(("body", "spec"), str(error)) from error
+    if order.observer is not None and order.observer in order.ignore:
+        raise FieldError(
+            ("body", "ignore"),
+            f"{order.observer} carries the camera and cannot be ignored as well; take one back",
+        )
+    return replace(order, spec=spec)
+
+
+def _plain(order: LiveTruthOrder | None) -> dict[str, Any] | None:
+    if order is None:
+        return None
+    return {"spec": order.spec, "observer": order.observer, "ignore": list(order.ignore)}
+
+
+def _order(plain: Any) -> LiveTruthOrder | None:
+    """What was kept; None for what this version cannot use."""
+    with contextlib.suppress(KeyError, TypeError, FieldError):
+        return checked(
+            LiveTruthOrder(str(plain["spec"]), plain["observer"], tuple(plain["ignore"]))
+        )
+    return None

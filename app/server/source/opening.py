@@ -1,0 +1,115 @@
+"""What shall be open, and the command that opens it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from app.messages import LiveTruthOrder, OpenSource, RecordOrder, SetPlayback
+from app.parameter_store import ParametersInForce
+from app.server.calibrating.library import find_calibration
+from app.server.errors import FieldError, NotThere
+from app.server.source.camera_match import calibration_of_cameras
+from app.storage import CalibrationRecord, Storage
+from observer.errors import SourceError
+from observer.recording.run_folder import find_recording
+
+_LONGEST_SPEC = 1000
+# A kept run's recording, for whoever does not know where the server keeps it.
+_RUN = "run:"
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A source, and the calibration that replaces its own.
+
+    Attributes:
+        run_rate: how fast a run of it is played; None: as it is played already.
+    """
+
+    source: str
+    calibration: CalibrationRecord | None
+    run_rate: float | None = None
+
+    @property
+    def endless(self) -> bool:
+        """Whether a run of it goes on until somebody ends it; a recording ends by itself."""
+        return self.source.lower().startswith("simulated:")
+
+    @property
+    def preview_playback(self) -> SetPlayback:
+        """What follows a run that has ended."""
+        return SetPlayback(loop=True, rate=None if self.run_rate is None else 1.0)
+
+    def command(
+        self,
+        parameters: ParametersInForce,
+        *,
+        playback: dict[str, Any] | None,
+        run_id: str | None = None,
+        segment: int = 0,
+        rig_yaml: str | None = None,
+        record: RecordOrder | None = None,
+        truth: LiveTruthOrder | None = None,
+    ) -> OpenSource:
+        """Open it from its beginning.
+
+        Args:
+            playback: as it is now, whose rate is kept; None where something else was open.
+            record: how the run is recorded. truth: live motion capture beside it.
+        """
+        rate = float((playback or {}).get("rate", 1.0))
+        if run_id is not None and self.run_rate is not None:
+            rate = self.run_rate
+        return OpenSource(
+            source=self.source,
+            calibration_yaml=None if self.calibration is None else self.calibration.text,
+            parameters=dict(parameters.values.flat()),
+            parameters_revision=parameters.revision,
+            loop=run_id is None or self.endless,
+            rate=rate,
+            run_id=run_id,
+            segment=segment,
+            rig_yaml=rig_yaml,
+            record=record,
+            truth=truth,
+        )
+
+
+def check_spec(source: str) -> None:
+    """Refuse what names no source, before anything is asked to open it.
+
+    Raises:
+        FieldError: the text is empty, too long, or has characters that nobody can read.
+    """
+    if not source.isprintable() or not 0 < len(source) <= _LONGEST_SPEC:
+        raise FieldError(
+            ("body", "source"),
+            "give simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, "
+            "coppeliasim:HOST:PORT, run:ID or the path of a folder or of a recording.mcap",
+        )
+
+
+def make_opening(storage: Storage, source: str, calibration_id: str | None) -> Opening:
+    """What a request named; without a calibration, live cameras get the newest of their own.
+
+    Raises:
+        FieldError: the text names no source, or there is no such calibration.
+    """
+    check_spec(source)
+    source = _recording_of(storage, source)
+    if calibration_id is None:
+        return Opening(source, calibration_of_cameras(storage, source))
+    try:
+        return Opening(source, find_calibration(storage, calibration_id))
+    except NotThere as error:
+        raise FieldError(("body", "calibration"), str(error)) from error
+
+
+def _recording_of(storage: Storage, source: str) -> str:
+    if not source.startswith(_RUN):
+        return source
+    try:
+        return str(find_recording(source.removeprefix(_RUN), storage.folder.path).absolute())
+    except SourceError as error:
+        raise FieldError(("body", "source"), str(error)) from error

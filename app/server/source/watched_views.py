@@ -1,0 +1,76 @@
+"""Telling the engine which views and clouds somebody watches, so that only these are made."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import structlog
+
+from app.messages import WatchViews
+from app.server.contracts import Engine
+from app.supervisor import EngineRefused, EngineUnavailable
+
+log = structlog.get_logger(__name__)
+
+
+class Watching:
+    """Counts watchers by name and keeps the engine informed.
+
+    ``watch`` and the functions it yields belong to the event loop's thread.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._watchers: Counter[str] = Counter()
+        self._changed = asyncio.Event()
+        self._told: tuple[str, ...] | None = None
+
+    @contextmanager
+    def watch(self, *names: str) -> Iterator[None]:
+        """Have these views made as long as the block runs."""
+        leave = self.enter(*names)
+        try:
+            yield
+        finally:
+            leave()
+
+    def enter(self, *names: str) -> Callable[[], None]:
+        """Have these views made until the returned function is called (once)."""
+        self._watchers.update(names)
+        self._changed.set()
+
+        def leave() -> None:
+            self._watchers.subtract(names)
+            self._changed.set()
+
+        return leave
+
+    def is_watched(self, name: str) -> bool:
+        """Whether somebody has this view made already."""
+        return self._watchers[name] > 0
+
+    def engine_started(self) -> None:
+        """A new engine knows of no watcher."""
+        self._told = None
+        self._changed.set()
+
+    async def run(self) -> None:
+        """Tell the engine of every change, one request at a time, until cancelled."""
+        while True:
+            await self._changed.wait()
+            self._changed.clear()
+            names = tuple(sorted(name for name, count in self._watchers.items() if count > 0))
+            if names == (self._told or ()):
+                continue
+            try:
+                await self._engine.request(WatchViews(names))
+            except EngineUnavailable:
+                # The next engine is told when it has started.
+                self._told = None
+            except EngineRefused as error:
+                log.error("watching_refused", names=names, reason=str(error))
+            else:
+                self._told = names

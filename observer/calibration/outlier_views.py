@@ -1,0 +1,186 @@
+"""Views that do not fit with the others: which, by how much, and why in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.calibration.adjustment import Adjusted, Corners, Rig, adjust
+from observer.calibration.board import Board
+from observer.calibration.initialization import with_poses
+from observer.calibration.views import FEWEST_CORNERS
+from observer.geometry import Float64Array
+
+# A view is doubtful when its corners are off by this many times what is usual, and by so much
+# more, pixels: blur and distance alone make views differ by a factor of two.
+_TIMES = 3.0
+_BEYOND_PX = 0.3
+# Of standard deviations: what is further off counts in proportion to its length only.
+_SOFT_SIGMAS = 4.0
+_LEAST_SOFT_PX = 0.2
+# The median length of a pair of normal numbers of deviation 1.
+_MEDIAN_LENGTH = 1.1774
+_STEPS = 20
+# A corner further off than this, in units of the soft threshold, is wrong; a view may have this
+# share of them, otherwise all of it is.
+_STRAY = 1.5
+_LEAST_STRAY_PX = 0.6
+_STRAY_SHARE = 0.15
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a view is not used; the errors are pixels, None where unknown."""
+
+    reason: str
+    left_px: float | None = None
+    right_px: float | None = None
+
+
+def rms(residuals: Float64Array) -> float:
+    """Root mean square length of residuals (N, 2), pixels."""
+    return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
+
+
+def soft_threshold(residuals: Sequence[Float64Array]) -> float:
+    """Where residuals begin to be wrong corners rather than noise, pixels; by their median."""
+    length = np.linalg.norm(np.concatenate(residuals), axis=1)
+    return max(_LEAST_SOFT_PX, _SOFT_SIGMAS / _MEDIAN_LENGTH * float(np.median(length)))
+
+
+def view_errors(
+    residuals: Sequence[Float64Array], corners: Sequence[Corners], views: int
+) -> Float64Array:
+    """(V, C) root mean square of each view in each camera, pixels; NaN where not seen."""
+    out = np.full((views, len(corners)), np.nan)
+    for camera, (residual, seen) in enumerate(zip(residuals, corners, strict=True)):
+        out[:, camera] = np.sqrt(_means(residual, seen.view, views))
+    return out
+
+
+def whole_errors(
+    residuals: Sequence[Float64Array], corners: Sequence[Corners], views: int
+) -> Float64Array:
+    """(V,) root mean square over both cameras, pixels; NaN where not seen."""
+    view = np.concatenate([each.view for each in corners])
+    return np.sqrt(_means(np.concatenate(residuals), view, views))
+
+
+def limit_px(errors: Float64Array) -> tuple[float, float]:
+    """What is usual among errors (V,), NaN left out, and from where on one is doubtful."""
+    usual = float(np.nanmedian(errors))
+    return usual, max(_TIMES * usual, usual + _BEYOND_PX)
+
+
+def doubtful(errors: Float64Array) -> NDArray[np.bool_]:
+    """(V,) the worst view and those nearly as bad, where they are doubtful; often none.
+
+    Not all at once: a bad view draws others with it, and these are good again without it.
+    """
+    if np.isnan(errors).all():
+        return np.zeros(len(errors), np.bool_)
+    _, limit = limit_px(errors)
+    worst = float(np.nanmax(errors))
+    return np.asarray((errors > limit) & (errors > 0.7 * worst), np.bool_)
+
+
+def stray_corners(residuals: Float64Array, corners: Corners, soft_px: float) -> NDArray[np.bool_]:
+    """(N,) single corners of a camera's views that are wrong where the rest of the view is right.
+
+    Beside a glare or the image's edge a corner is found a few pixels away.
+    """
+    far = np.linalg.norm(residuals, axis=1) > max(_LEAST_STRAY_PX, _STRAY * soft_px)
+    views = int(corners.view.max(initial=-1)) + 1
+    strays = np.bincount(corners.view, far, minlength=views)
+    count = np.bincount(corners.view, minlength=views)
+    few = (strays <= _STRAY_SHARE * count) & (count - strays >= FEWEST_CORNERS)
+    return np.asarray(far & few[corners.view], np.bool_)
+
+
+def posed(
+    rig: Rig, corners: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
+) -> tuple[Adjusted, tuple[Corners, Corners]]:
+    """The chosen views (V,) with the board where they fit this rig best, and their corners.
+
+    Where left and right contradict each other, what most corners say wins.
+    """
+    one, two = corners[0].of_views(chosen), corners[1].of_views(chosen)
+    rig = with_poses(rig, 1, two)
+    rig = with_poses(rig, 0, one)
+    return adjust(rig, (one, two), soft_px=soft_px, iterations=_STEPS, hold=True), (one, two)
+
+
+def explained(
+    rig: Rig,
+    corners: tuple[Corners, Corners],
+    index: int,
+    usual_px: float,
+    soft_px: float,
+    board: Board,
+) -> Refusal:
+    """Why this view does not fit the pair that the others agree on."""
+    chosen = np.arange(len(rig.board_R)) == index
+    found, own = posed(rig, corners, chosen, soft_px)
+    left, right = (_none_if_nan(e) for e in view_errors(found.residuals, own, len(chosen))[index])
+    off = float(whole_errors(found.residuals, own, len(chosen))[index])
+    apart = f"({off:.1f} px apart, the others {usual_px:.1f} px)"
+    if _fits(rig, (own[0], _numbered_back(own[1], board)), chosen, soft_px, off):
+        reason = (
+            "its corners are numbered from the other end in one of the two images; on a board "
+            "with an odd and an even number of corners the ends can be told apart"
+        )
+    elif _alone(rig, own, chosen, soft_px) < 0.5 * off:
+        reason = (
+            f"left and right do not show the board in the same pose {apart}: it moved between "
+            f"the two exposures, or they are no pair"
+        )
+    else:
+        reason = (
+            f"its corners are {off:.1f} px off, the others {usual_px:.1f} px: moved or wrongly "
+            f"detected"
+        )
+    return Refusal(reason, left, right)
+
+
+def _fits(
+    rig: Rig,
+    own: tuple[Corners, Corners],
+    chosen: NDArray[np.bool_],
+    soft_px: float,
+    off: float,
+) -> bool:
+    found, own = posed(rig, own, chosen, soft_px)
+    return rms(np.concatenate(found.residuals)) < 0.2 * off
+
+
+def _alone(
+    rig: Rig, own: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
+) -> float:
+    """How badly the worse of the two images fits by itself, pixels."""
+    worse = 0.0
+    for camera in (0, 1):
+        nothing = own[camera].of_views(np.zeros_like(chosen))
+        single = (own[0], nothing) if camera == 0 else (nothing, own[1])
+        if len(own[camera].px):
+            found, _ = posed(rig, single, chosen, soft_px)
+            worse = max(worse, rms(found.residuals[camera]))
+    return worse
+
+
+def _numbered_back(corners: Corners, board: Board) -> Corners:
+    """The same corners, numbered from the other end of the board."""
+    far = board.object_points[-1]
+    return Corners(corners.view, far - corners.on_board, corners.px)
+
+
+def _means(residual: Float64Array, view: NDArray[np.intp], views: int) -> Float64Array:
+    count = np.bincount(view, minlength=views)
+    total = np.bincount(view, np.sum(residual**2, axis=1), minlength=views)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _none_if_nan(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

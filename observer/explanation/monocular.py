@@ -1,0 +1,87 @@
+"""Reasons where one camera judges which points can stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.explanation.answer import (
+    PixelAnswer,
+    PixelVerdict,
+    count_of,
+    known,
+    look_around,
+)
+from observer.methods.monocular.ray_evidence import RayEvidence
+from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+from observer.parameters import Parameters
+
+_RATE = "evidence.false_alarms_per_frame"
+
+
+def explain_by_rays(
+    points: RayPoints,
+    evidence: RayEvidence,
+    camera: StereoCamera,
+    parameters: Parameters,
+    px: tuple[float, float],
+    counts: Mapping[str, float],
+) -> PixelAnswer:
+    """The answer of the nearest points' majority.
+
+    Args:
+        counts: figures of the camera's own motion, shown with the answer's.
+    """
+    near = look_around(points.px, px, camera)
+    if len(near.members) == 0:
+        return PixelAnswer(
+            px,
+            PixelVerdict.TOO_FEW_FEATURES,
+            f"No point is followed within {near.radius_px:.0f} px of here.",
+            near.numbers | dict(counts),
+            "More texture or light here would give points to follow.",
+        )
+    chosen = near.speakers
+    moves = evidence.moving[chosen] | (points.obstacle[chosen] != NO_OBSTACLE)
+    moving = int(np.count_nonzero(moves)) * 2 > len(chosen)
+    middle = float(np.median(evidence.significance[chosen]))
+    speaker = int(chosen[0])
+    inverse = float(points.inverse[speaker])
+    distance = 1 / inverse if points.known[speaker] else float("nan")
+    numbers = near.numbers | {
+        "depth_m": known(distance),
+        "age_s": known(float(points.age_s[speaker])),
+        "significance": known(middle),
+        "threshold": known(evidence.threshold),
+        "neighbours": int(evidence.neighbours[speaker]),
+    }
+    verdict, sentence, change = _judge(moving, middle, evidence.threshold, distance, parameters)
+    return PixelAnswer(px, verdict, sentence, numbers | dict(counts), change)
+
+
+def _judge(
+    moving: bool, middle: float, threshold: float, distance: float, parameters: Parameters
+) -> tuple[PixelVerdict, str, str]:
+    stands_out = f"{middle:.1f} standard deviations, of {threshold:.1f} that are needed"
+    rate = f"{_RATE} (now {parameters.evidence.false_alarms_per_frame:g})"
+    if moving:
+        return (
+            PixelVerdict.DYNAMIC,
+            f"It moves: the points here cannot stand on one line of sight each, seen from where "
+            f"the camera was ({stands_out}).",
+            f"A lower {rate} would ask for more evidence.",
+        )
+    if not np.isfinite(distance):
+        return (
+            PixelVerdict.UNDECIDED,
+            "The points here have no depth yet: one camera knows it only after travelling.",
+            "It is decided once the camera has travelled on, across the line to this place.",
+        )
+    return (
+        PixelVerdict.STATIC,
+        f"It stands, {distance:.1f} m away: what shows here is noise ({stands_out}).",
+        f"A higher {rate} would ask for less evidence; motion straight along the line of sight "
+        f"may stay unseen by {count_of(1, 'camera')}.",
+    )

@@ -1,0 +1,298 @@
+"""Reasons where evidence of motion is gathered over time, feature by feature."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.explanation.answer import (
+    Nearby,
+    PixelAnswer,
+    PixelVerdict,
+    below,
+    count_of,
+    known,
+    limits,
+    look_around,
+    radius_px,
+)
+from observer.explanation.texture import texture_around
+from observer.methods.rigid.point_evidence import Evidence
+from observer.methods.rigid.tracked_points import NO_OBSTACLE
+from observer.parameters import Parameters
+from observer.types import Image
+from observer.vision.chi_square import log_share_above
+from observer.vision.track_ids import is_provisional
+
+# 99 of 100 standing points stay below this Mahalanobis length (chi, 3 degrees of freedom).
+_STANDING_LENGTH = 3.37
+# Who was followed for less than this has hardly been measured twice.
+_YOUNG_S = 0.2
+# Where a person would not be seen to walk slowly, nothing is said to stand.
+_SLOW_WALK_MPS = 1.0
+_RATE = "evidence.false_alarms_per_frame"
+_FEWEST = "evidence.min_points"
+
+
+def explain_by_evidence(
+    evidence: Evidence,
+    camera: StereoCamera,
+    parameters: Parameters,
+    px: tuple[float, float],
+    counts: Mapping[str, float],
+    image: Image | None = None,
+) -> PixelAnswer:
+    """The answer of the nearest features' majority.
+
+    Args:
+        image: the rectified left image, to say why there is no feature; None says less.
+        counts: figures of the camera's own motion, shown with the answer's.
+    """
+    near = look_around(evidence.px, px, camera, parameters.following.spacing_px)
+    if len(near.members) == 0:
+        around = radius_px(camera)
+        return _nothing_there(near, around, px, counts, image, parameters)
+    chosen = near.speakers
+    moving = int(np.count_nonzero(evidence.dynamic[chosen])) * 2 > len(chosen)
+    middle = float(np.median(evidence.significance[chosen]))
+    # One of the majority speaks: the middle one by significance.
+    agreeing = chosen[evidence.dynamic[chosen] == moving]
+    order = np.argsort(evidence.significance[agreeing], kind="stable")
+    speaker = int(agreeing[order[(len(order) - 1) // 2]])
+    numbers = _numbers(evidence, speaker, middle, near) | dict(counts)
+    verdict, sentence, change = _judge(evidence, speaker, middle, moving, parameters)
+    return PixelAnswer(px, verdict, sentence, numbers, change)
+
+
+def _nothing_there(
+    near: Nearby,
+    around_px: float,
+    px: tuple[float, float],
+    counts: Mapping[str, float],
+    image: Image | None,
+    parameters: Parameters,
+) -> PixelAnswer:
+    numbers = near.numbers | dict(counts)
+    why = ""
+    if image is None:
+        change = "More texture or light here would give features."
+    else:
+        texture = texture_around(image, px, near.radius_px, parameters.following.window_px)
+        numbers["texture_grey_per_px"] = known(texture)
+        why, change = _why_none(texture, around_px, parameters)
+    where = "there is none in the image"
+    if near.nearest_px is not None:
+        where = f"the nearest is {near.nearest_px:.0f} px away"
+    sentence = f"No feature is followed within {near.radius_px:.0f} px of here{why}; {where}."
+    return PixelAnswer(px, PixelVerdict.TOO_FEW_FEATURES, sentence, numbers, change)
+
+
+def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple[str, str]:
+    """Why no feature is followed where the texture is so much, and what would change it."""
+    following, detector = parameters.following, parameters.features.detector
+    if texture < following.min_texture:
+        least, _ = limits("following.min_texture")
+        why = (
+            f": the texture, {texture:.2f} grey levels/px, is below the "
+            f"{following.min_texture:g} that are needed"
+        )
+        if texture < max(least, 0.05):
+            return why, "No setting can help: there is nothing to follow without texture or light."
+        return why, (
+            f"With following.min_texture at {below(texture, 1)} or below (now "
+            f"{following.min_texture:g}) one may be followed here, though it may slide along edges."
+        )
+    # Wherever in its square a feature lies, it is then around this place.
+    closer = int(around_px / math.sqrt(2))
+    why = f", although there is texture ({texture:.1f} grey levels/px)"
+    if closer < following.spacing_px:
+        return why, (
+            f"With following.spacing_px at {closer} or below (now {following.spacing_px}) one "
+            f"would be looked for at this very place."
+        )
+    if detector != "shi_tomasi":
+        return why, (
+            f"{detector} may find none here; with features.detector at shi_tomasi (now "
+            f"{detector}) texture alone decides."
+        )
+    return (
+        why,
+        "One that is found here is followed from then on, if both cameras see it.",
+    )
+
+
+def _numbers(
+    evidence: Evidence, speaker: int, middle: float, near: Nearby
+) -> dict[str, float | None]:
+    judged = evidence.significance[speaker] > 0
+    return near.numbers | {
+        "depth_m": known(evidence.depth[speaker]),
+        "age_s": known(evidence.age_s[speaker]),
+        "speed_mps": known(float(np.linalg.norm(evidence.velocity[speaker])) if judged else np.nan),
+        "speed_std_mps": known(evidence.velocity_std[speaker] if judged else np.nan),
+        "least_speed_mps": known(_least_speed(evidence, speaker) if judged else np.nan),
+        "significance": known(middle),
+        "threshold": known(evidence.threshold),
+        "neighbours": int(evidence.neighbours[speaker]),
+    }
+
+
+def _least_speed(evidence: Evidence, speaker: int) -> float:
+    """m/s above which a motion would stand out here."""
+    return float(evidence.threshold * evidence.velocity_std[speaker])
+
+
+def _judge(
+    evidence: Evidence, speaker: int, middle: float, moving: bool, parameters: Parameters
+) -> tuple[PixelVerdict, str, str]:
+    threshold = evidence.threshold
+    depth, age = float(evidence.depth[speaker]), float(evidence.age_s[speaker])
+    speed = float(np.linalg.norm(evidence.velocity[speaker]))
+    agreeing, obstacle = int(evidence.neighbours[speaker]), int(evidence.obstacle_id[speaker])
+    pooled = count_of(agreeing, "feature")
+    stands_out = f"{middle:.1f} standard deviations, of {threshold:.1f} that are needed"
+    if moving:
+        return (
+            PixelVerdict.DYNAMIC,
+            f"It moves at {speed:.2f} m/s over ground, by the evidence of {pooled}"
+            f"{_whose(obstacle)}: {stands_out}."
+            if middle > threshold or obstacle == NO_OBSTACLE
+            else f"It is part of {_name(obstacle)}, which was seen to move; what shows here now "
+            f"is {speed:.2f} m/s ({stands_out}).",
+            _until_it_ends(evidence, obstacle, parameters)
+            if obstacle != NO_OBSTACLE
+            else _until(middle, threshold, parameters),
+        )
+    if np.isnan(depth):
+        return (
+            PixelVerdict.UNDECIDED,
+            "The features here have no depth: the other camera does not find them.",
+            "It changes once the right camera sees this place too; no threshold decides it.",
+        )
+    if middle == 0:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"The features here have been seen in too few frames to be judged, for {age:.2f} s.",
+            f"It is judged once they have been seen in {parameters.evidence.min_sightings} "
+            f"frames (evidence.min_sightings).",
+        )
+    if age < _YOUNG_S:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"The features here have been followed for {age:.2f} s only, which is too short to "
+            f"tell.",
+            f"It is decided once they have been followed for {_YOUNG_S:.1f} s, "
+            f"{_YOUNG_S - age:.2f} s more.",
+        )
+    if middle > threshold:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"It may move, at {speed:.2f} m/s, but only {pooled} here agree{'s' * (agreeing == 1)} "
+            f"on it.",
+            f"With {_FEWEST} at {agreeing} or below it would count as dynamic.",
+        )
+    if middle > _STANDING_LENGTH:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"It may move, at {speed:.2f} m/s, but this does not stand out enough: {stands_out}.",
+            _sooner(middle, threshold, parameters),
+        )
+    least = _least_speed(evidence, speaker)
+    if least > _SLOW_WALK_MPS:
+        return _too_far(depth, age, least, parameters.evidence.memory_s)
+    return (
+        PixelVerdict.STATIC,
+        f"It stands, by the evidence of {pooled}: what shows here, {speed:.2f} m/s, is noise "
+        f"({stands_out}).",
+        f"Anything faster than {least:.2f} m/s would stand out here. "
+        f"{_sooner(middle, threshold, parameters)}",
+    )
+
+
+def _too_far(
+    depth: float, age: float, least: float, memory: float
+) -> tuple[PixelVerdict, str, str]:
+    """Where only what is faster than ``least`` m/s would be seen to move."""
+    if age < memory:
+        return (
+            PixelVerdict.UNDECIDED,
+            f"Nothing shows, but the features here, {depth:.1f} m away, have been followed for "
+            f"{age:.2f} s only: what is slower than {least:.1f} m/s would not stand out yet.",
+            f"It is told better once they have been followed for {memory:g} s (evidence.memory_s).",
+        )
+    # The noise of a velocity grows with the depth squared.
+    near = depth * math.sqrt(_SLOW_WALK_MPS / least)
+    return (
+        PixelVerdict.TOO_FAR,
+        f"It is too far to be told: {depth:.1f} m away, only what is faster than {least:.1f} m/s "
+        f"stands out, and nothing does.",
+        f"From about {near:.1f} m on, {_SLOW_WALK_MPS:g} m/s would stand out; a larger "
+        f"evidence.memory_s (now {memory:g} s) reaches farther and answers later.",
+    )
+
+
+def _whose(obstacle: int) -> str:
+    return ", part of no obstacle yet" if obstacle == NO_OBSTACLE else f" of {_name(obstacle)}"
+
+
+def _name(obstacle: int) -> str:
+    return "an obstacle not confirmed yet" if is_provisional(obstacle) else f"obstacle {obstacle}"
+
+
+def _until_it_ends(evidence: Evidence, obstacle: int, parameters: Parameters) -> str:
+    """What would end the obstacle that a feature is part of."""
+    seen, now = int(np.count_nonzero(evidence.obstacle_id == obstacle)), parameters.obstacles
+    _, most = limits("obstacles.min_points")
+    if seen + 1 > most:
+        return (
+            f"No value of obstacles.min_points (now {now.min_points}) would end "
+            f"{_name(obstacle)}, and for as long as it is followed its features count as dynamic."
+        )
+    return (
+        f"With obstacles.min_points at {seen + 1} or above (now {now.min_points}) "
+        f"{_name(obstacle)} would not be seen any more, and end after {now.coast_s:g} s "
+        f"(obstacles.coast_s); as long as it is followed, its features count as dynamic."
+    )
+
+
+def _until(middle: float, threshold: float, parameters: Parameters) -> str:
+    """What would end the being dynamic of a feature that is part of no obstacle."""
+    if middle <= threshold:
+        return (
+            "It is kept as dynamic by what was seen before; it ends once its features have stood "
+            "for a while."
+        )
+    now, (least, _) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
+    value = _two_digits(_rate_for(middle, threshold, now), down=True)
+    if value < least:
+        return f"No value of {_RATE} (now {now:g}) would change it: it ends at {least:g}."
+    return f"With {_RATE} at {value:g} or below (now {now:g}) it would not count as dynamic."
+
+
+def _sooner(middle: float, threshold: float, parameters: Parameters) -> str:
+    """What would make a feature that does not stand out count as dynamic."""
+    now, (_, most) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
+    value = _two_digits(_rate_for(middle, threshold, now), down=False)
+    if value > most:
+        return f"No value of {_RATE} (now {now:g}) would make it dynamic: it ends at {most:g}."
+    return f"With {_RATE} at {value:g} or above (now {now:g}) it would count as dynamic."
+
+
+def _rate_for(length: float, threshold: float, now: float) -> float:
+    """The rate of false alarms whose threshold is ``length``, where ``now`` gives ``threshold``.
+
+    The threshold is that of chi-squared at the rate divided by the number of tests, which need
+    not be known: it is the same for both.
+    """
+    log_ratio = log_share_above(length**2, df=3) - log_share_above(threshold**2, df=3)
+    return now * float(np.exp(np.clip(log_ratio, -690.0, 690.0)))
+
+
+def _two_digits(value: float, *, down: bool) -> float:
+    """Rounded to two digits, to the side on which the answer changes."""
+    unit = 10.0 ** (np.floor(np.log10(max(value, 1e-300))) - 1)
+    steps = np.floor(value / unit) if down else np.floor(value / unit) + 1
+    return float(steps * unit)

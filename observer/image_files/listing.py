@@ -1,0 +1,139 @@
+"""Which image files belong together, and at which time: pairs by equal names, times by line."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from observer.errors import SourceError
+from observer.image_files.reading import IMAGE_SUFFIXES
+from observer.sources.file_pairs import FilePair, MissingPair
+
+
+def image_names(folder: Path) -> list[str]:
+    """Names of the image files in a folder, numbers in names in numerical order.
+
+    Raises:
+        SourceError: the folder is missing, unreadable or without images.
+    """
+    try:
+        names = [p.name for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES]
+    except FileNotFoundError:
+        raise SourceError(f"the folder {folder} is missing") from None
+    except OSError as error:
+        raise SourceError(f"the folder {folder} cannot be read: {error.strerror}") from None
+    # Files that macOS leaves on foreign disks look like images and are none.
+    names = [name for name in names if not name.startswith(".")]
+    if not names:
+        raise SourceError(f"the folder {folder} holds no images (PNG, JPEG, BMP, PGM, TIFF, WebP)")
+    return sorted(names, key=natural_order)
+
+
+def natural_order(name: str) -> tuple[tuple[int, str], ...]:
+    """Sorting key that puts ``2.png`` before ``10.png``."""
+    parts = re.findall(r"(\d+)|(\D+)", name, re.ASCII)
+    return tuple((int(digits or 0), text) for digits, text in parts)
+
+
+def read_times(path: Path) -> list[float]:
+    """Seconds, one number a line; empty lines and lines that begin with # do not count.
+
+    Raises:
+        SourceError: the file is missing or a line is no finite number.
+    """
+    times = []
+    for number, line in read_lines(path):
+        try:
+            value = float(line)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise SourceError(
+                f"{path.name} line {number} must be a time in seconds, not {line[:40]!r}"
+            )
+        times.append(value)
+    return times
+
+
+def read_lines(path: Path) -> list[tuple[int, str]]:
+    """The lines of a text file with their numbers, without empty lines and # comments.
+
+    Raises:
+        SourceError: the file is missing, unreadable or not text.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise SourceError(
+            f"{path} is missing; without the time of each frame no speed can be measured"
+        ) from None
+    except OSError as error:
+        raise SourceError(f"{path} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise SourceError(f"{path.name} must be a text file") from None
+    lines = ((k, line.strip()) for k, line in enumerate(text.splitlines(), 1))
+    return [(k, line) for k, line in lines if line and not line.startswith("#")]
+
+
+def pairs_by_name(
+    left: Path,
+    right: Path,
+    times: Sequence[float],
+    times_name: str,
+    right_times: Sequence[float] | None = None,
+) -> list[FilePair | MissingPair]:
+    """One entry for each frame of two folders with equal file names.
+
+    Line n of the times belongs to the n-th name. Where there are more or fewer times than names,
+    names that are numbers count the lines from 0, so that a lost image moves no time; with other
+    names there is no telling, and the sequence is refused. ``right_times`` are the right images'
+    own, for the same lines; where they end, nothing is known of them.
+
+    Raises:
+        SourceError: a folder cannot be used, no name is in both, or the counts do not match.
+    """
+    left_names, right_names = set(image_names(left)), set(image_names(right))
+    names = sorted(left_names | right_names, key=natural_order)
+    if not left_names & right_names:
+        raise SourceError(
+            f"no file name is in both {left.name} and {right.name} of {left.parent}; "
+            f"the two images of a pair must have equal names"
+        )
+    by_line = dict(enumerate(names))
+    if len(times) != len(names):
+        by_line = _by_number(names)
+        if len(by_line) != len(names) or not any(line < len(times) for line in by_line):
+            raise SourceError(
+                f"{times_name} holds {len(times)} times for {len(names)} pairs of images in "
+                f"{left.parent}; it needs one line for each"
+            )
+    entries: list[FilePair | MissingPair] = []
+    for line in range(min(by_line), max(by_line) + 1):
+        name = by_line.get(line)
+        if name is None:
+            entries.append(MissingPair(f"frame {line} is missing in {left.name} and {right.name}"))
+        elif name not in left_names:
+            entries.append(MissingPair(f"{name} is missing in {left.name}"))
+        elif name not in right_names:
+            entries.append(MissingPair(f"{name} is missing in {right.name}"))
+        elif line >= len(times):
+            entries.append(MissingPair(f"{name} has no time: {times_name} ends before it"))
+        else:
+            right_time = right_times[line] if right_times and line < len(right_times) else None
+            entries.append(FilePair(left / name, right / name, times[line], right_time))
+    beyond = len(times) - 1 - max(by_line)
+    if beyond > 0:
+        entries.append(MissingPair(f"{times_name} goes on for {beyond} lines after the last image"))
+    return entries
+
+
+def _by_number(names: Sequence[str]) -> dict[int, str]:
+    """Names that consist of a number, by that number; fewer than ``names`` if others do not."""
+    found = {}
+    for name in names:
+        stem = Path(name).stem
+        if stem.isascii() and stem.isdecimal() and len(stem) <= 9:
+            found[int(stem)] = name
+    return found

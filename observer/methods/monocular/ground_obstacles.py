@@ -1,0 +1,115 @@
+"""The obstacles of one camera: followed, begun, joined and ended, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
+from observer.methods.monocular.floating import alike_in_depth, floating, off_floor
+from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground_tracking import FloorTracker
+from observer.methods.monocular.inverse_depth import expected_sightings
+from observer.methods.monocular.ray_evidence import RayEvidence
+from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+from observer.methods.monocular.reporting import describe_floor_body
+from observer.parameters import Parameters
+from observer.types import Image, Obstacle
+from observer.vision.lost_pose import while_lost
+from observer.vision.neighbourhoods import grouped
+
+# Fewer points that seem to float are none.
+_LEAST_FLOATING = 4
+
+
+class FloorObstacles:
+    """What moves over the floor; without a known floor there is nothing to place it on."""
+
+    def __init__(self, camera: StereoCamera, numbers: Iterator[int] | None) -> None:
+        self._camera = camera
+        self._tracker = FloorTracker(numbers)
+        self._floor: Floor | None = None
+
+    def begin(self, floor: Floor | None) -> None:
+        """Forget all obstacles; this is the floor from now on."""
+        self._tracker.clear()
+        self._floor = floor
+
+    def boxes_px(self) -> Float64Array:
+        """(B, 4) pixels, around all obstacles that are seen."""
+        return self._tracker.boxes_px()
+
+    def step(
+        self,
+        points: RayPoints,
+        evidence: RayEvidence,
+        image: Image,
+        T_world_camera: Pose,
+        T_before_world: Pose,
+        dt: float,
+        p: Parameters,
+    ) -> RayPoints:
+        """Take in one frame; returns the points with their owners.
+
+        Args:
+            image: (H, W) grey. T_world_camera: the pose now; T_before_world: of the frame before.
+        """
+        floor, tracker, q = self._floor, self._tracker, p.one_camera
+        if floor is None:
+            return points
+        now = expected_sightings(points, T_world_camera.inverse(), self._camera).px
+        standing_flow = now - expected_sightings(points, T_before_world, self._camera).px
+        points = tracker.follow(
+            points, evidence.significance, evidence.threshold, standing_flow, image,
+            T_world_camera, floor, self._camera, dt, q, p.obstacles,
+        )  # fmt: skip
+        free = evidence.moving & (points.obstacle == NO_OBSTACLE)
+        groups = grouped(evidence.pairs, free, p.obstacles.min_points)
+        points = tracker.found(
+            points, groups, evidence.significance, False, image, T_world_camera, floor,
+            self._camera, q,
+        )  # fmt: skip
+        clear, inverse = off_floor(points, T_world_camera, floor)
+        groups = grouped(alike_in_depth(evidence.pairs, inverse), clear, _LEAST_FLOATING)
+        groups, significance = floating(
+            points, groups, inverse, image, T_world_camera, floor, self._camera, q
+        )
+        points = tracker.found(
+            points, groups, significance, True, image, T_world_camera, floor, self._camera, q
+        )
+        points = tracker.merge(points, T_world_camera, floor, self._camera)
+        here = floor.axes.T @ T_world_camera.translation
+        return tracker.live(points, p.obstacles, q.farthest_m, here)
+
+    def described(
+        self,
+        T_world_camera: Pose,
+        camera_velocity: Float64Array,
+        scale_sigma: float,
+        time: float,
+        p: Parameters,
+    ) -> tuple[Obstacle, ...]:
+        """All obstacles as they are reported; see ``describe_floor_body``."""
+        if self._floor is None:
+            return ()
+        return tuple(
+            describe_floor_body(
+                track, T_world_camera, camera_velocity, scale_sigma, self._floor, time, p.one_camera
+            )
+            for track in self._tracker.tracks
+        )
+
+    def unseen(
+        self, T_world_camera: Pose, before: float, time: float, p: Parameters
+    ) -> tuple[Obstacle, ...]:
+        """All obstacles at a frame without a pose.
+
+        Args:
+            T_world_camera: the last known pose, of the frame at ``before``, seconds.
+            time: of this frame, seconds.
+        """
+        last = self.described(T_world_camera, np.zeros(3), 0.0, before, p)
+        missed = [track.missed_s for track in self._tracker.tracks]
+        return while_lost(zip(last, missed, strict=True), time - before, p.obstacles.coast_s)

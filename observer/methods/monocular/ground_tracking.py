@@ -1,0 +1,370 @@
+"""Obstacles over time for one camera: by the points on them and by their foot on the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
+from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground_contact import floor_place, lower_edge
+from observer.methods.monocular.ground_track import FloorTrack
+from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+from observer.parameters import ObstacleParameters, OneCameraParameters
+from observer.types import Image, MotionState, TrackState
+from observer.vision.track_ids import ObstacleNumbers
+
+Box = tuple[float, float, float, float]
+
+# A member moves with the others to within so many pixels a frame.
+_TOGETHER_PX = 0.7
+# Joining asks for this much less of a misfit to the body than to standing, px.
+_BETTER_PX = 0.5
+_FEWEST_MEMBERS = 3
+# The box follows what is measured by this share each frame, beyond what its points tell.
+_EDGE_GAIN, _SIDE_GAIN = 0.15, 0.15
+# A group within so many standard deviations of an obstacle that is expected belongs to it.
+_GATE = 3.5
+_FIRST_SPEED = 0.6
+# Significance of the velocity that supports what the lines of sight say.
+_SUPPORT_SIGMAS = 2.0
+_MARGIN_PX = 3.0
+_LOWEST_PERCENT = 92.0
+# What is nearer than this share of its size, and moves alike in the image, is one obstacle.
+_GAP_SHARE, _ALIKE_PX = 0.5, 0.8
+
+
+class FloorTracker:
+    """The obstacles of one segment."""
+
+    def __init__(self, numbers: Iterator[int] | None = None) -> None:
+        """``numbers`` gives each confirmed obstacle its own; from 1 if left out."""
+        self._numbers = ObstacleNumbers(numbers)
+        self.tracks: list[FloorTrack] = []
+
+    def clear(self) -> None:
+        """Forget all obstacles; their numbers are not used again."""
+        self.tracks = []
+
+    def boxes_px(self) -> Float64Array:
+        """(B, 4) pixels, around all obstacles that are seen."""
+        seen = [track.box_px for track in self.tracks if track.missed_s == 0]
+        return np.array(seen, np.float64).reshape(-1, 4)
+
+    def follow(
+        self,
+        points: RayPoints,
+        significance: Float64Array,
+        threshold: float,
+        standing_flow: Float64Array,
+        image: Image,
+        T_world_camera: Pose,
+        floor: Floor,
+        camera: StereoCamera,
+        dt: float,
+        p: OneCameraParameters,
+        q: ObstacleParameters,
+    ) -> RayPoints:
+        """Move every obstacle with its points and its foot; returns the points with their owners.
+
+        Args:
+            significance: (N,) by how much each point cannot stand, beyond which it moves if above
+                ``threshold``. standing_flow: (N, 2) px, how it would have moved if it stood.
+        """
+        owner = points.obstacle.copy()
+        for track in self.tracks:
+            track.predict(dt, p.acceleration)
+            track.age_s += dt
+            members = np.flatnonzero(owner == track.id)
+            kept, moved = _moved_together(points, members, standing_flow, track.box_px)
+            owner[np.setdiff1d(members, kept)] = NO_OBSTACLE
+            if len(kept) < _FEWEST_MEMBERS or moved is None:
+                owner[kept] = NO_OBSTACLE
+                track.points = 0
+                track.missed_s += dt
+                track.box_px = _projected(track, T_world_camera, floor, camera)
+                continue
+            box = _widened(moved, points.px[kept])
+            foot = lower_edge(image, box, _lowest(points.px[kept]))
+            if foot is not None:
+                box = (box[0], box[1], box[2], box[3] + _EDGE_GAIN * (foot - box[3]))
+            # The box was mistaken by so much; nothing has moved there.
+            _shift(track, moved, box, T_world_camera, floor, camera)
+            joining = _joining(points, owner, kept, standing_flow, box)
+            owner[joining] = track.id
+            track.box_px, track.points, track.missed_s = box, len(kept), 0.0
+            share = float(np.mean(significance[kept] > threshold))
+            self._measure(track, T_world_camera, floor, camera, p)
+            self._judge(track, share, p, q)
+            if track.state is not TrackState.TENTATIVE:
+                number = self._numbers.confirmed(track.id)
+                owner[owner == track.id] = number
+                track.id = number
+        return points.but(obstacle=owner)
+
+    def found(
+        self,
+        points: RayPoints,
+        groups: NDArray[np.int64],
+        significance: Float64Array,
+        floating: bool,
+        image: Image,
+        T_world_camera: Pose,
+        floor: Floor,
+        camera: StereoCamera,
+        p: OneCameraParameters,
+    ) -> RayPoints:
+        """Begin an obstacle with every group (N,), or give it to one that is expected there."""
+        owner = points.obstacle.copy()
+        for number in range(int(groups.max(initial=-1)) + 1):
+            members = np.flatnonzero(groups == number)
+            box = _first_box(points.px[members])
+            foot = lower_edge(image, box, _lowest(points.px[members]))
+            if foot is not None:
+                box = (box[0], box[1], box[2], foot)
+            sigma = (p.foot_sigma_px, p.foot_sigma_px * (1.0 if foot is not None else 3.0))
+            placed = floor_place(
+                ((box[0] + box[2]) / 2, box[3]), sigma, T_world_camera, floor, camera
+            )
+            if placed is None or box[3] >= camera.height - 2:
+                continue
+            place, cov = placed
+            here = floor.axes.T @ T_world_camera.translation
+            if np.linalg.norm(place - here) > p.farthest_m:
+                continue
+            track = self._expected_at(place, cov, box)
+            if track is None:
+                full = np.zeros((4, 4))
+                full[:2, :2], full[2:, 2:] = cov, _FIRST_SPEED**2 * np.eye(2)
+                strongest = float(np.median(significance[members]))
+                track = FloorTrack(
+                    self._numbers.provisional(), np.append(place, [0.0, 0.0]), full, box,
+                    np.zeros(2), strongest, floating,
+                )  # fmt: skip
+                self.tracks.append(track)
+            elif track.missed_s > 0:
+                track.box_px, track.missed_s = box, 0.0
+                track.mean[:2] = place
+                track.covariance[:2, :2], track.covariance[2:, :2] = cov, 0.0
+                track.covariance[:2, 2:] = 0.0
+            track.size = _size(box, place, T_world_camera, floor, camera)
+            owner[members] = track.id
+        return points.but(obstacle=owner)
+
+    def merge(
+        self, points: RayPoints, T_world_camera: Pose, floor: Floor, camera: StereoCamera
+    ) -> RayPoints:
+        """Make one obstacle of those that touch in the image and move alike there."""
+        owner = points.obstacle.copy()
+        flow = (points.px - points.before_px).astype(np.float64)
+        seen = [track for track in self.tracks if track.missed_s == 0]
+        seen.sort(key=lambda track: (-track.hits, -track.age_s))
+        gone: set[int] = set()
+        for n, one in enumerate(seen):
+            for other in seen[n + 1 :]:
+                mine, theirs = owner == one.id, owner == other.id
+                if {one.id, other.id} & gone or not (mine.any() and theirs.any()):
+                    continue
+                gap = np.median(flow[mine], axis=0) - np.median(flow[theirs], axis=0)
+                if _near(one.box_px, other.box_px) and np.linalg.norm(gap) <= _ALIKE_PX:
+                    owner[theirs] = one.id
+                    box = _union(one.box_px, other.box_px)
+                    _shift(one, one.box_px, box, T_world_camera, floor, camera)
+                    one.box_px = box
+                    gone.add(other.id)
+        self.tracks = [track for track in self.tracks if track.id not in gone]
+        return points.but(obstacle=owner)
+
+    def live(
+        self, points: RayPoints, q: ObstacleParameters, reach: float, here: Float64Array
+    ) -> RayPoints:
+        """End what was not seen for too long, never was confirmed, or left the floor in reach."""
+        ended = []
+        for track in self.tracks:
+            if track.missed_s > 0 and track.state is TrackState.CONFIRMED:
+                track.state = TrackState.COASTING
+            patience = q.coast_s if track.state is not TrackState.TENTATIVE else 0.3
+            far = float(np.linalg.norm(track.place - here)) > 1.3 * reach
+            never = track.state is TrackState.TENTATIVE and track.age_s > 3.0
+            if track.missed_s > patience or far or never:
+                ended.append(track.id)
+        if not ended:
+            return points
+        self.tracks = [track for track in self.tracks if track.id not in ended]
+        gone = np.isin(points.obstacle, ended)
+        return points.but(obstacle=np.where(gone, NO_OBSTACLE, points.obstacle))
+
+    def _expected_at(self, place: Float64Array, cov: Float64Array, box: Box) -> FloorTrack | None:
+        best, least = None, _GATE
+        for track in self.tracks:
+            if track.missed_s == 0 and _overlap(box, track.box_px) > 0.3:
+                return track
+            length = track.length_to(place, cov)
+            if track.missed_s > 0 and length < least:
+                best, least = track, length
+        return best
+
+    def _measure(
+        self, track: FloorTrack, T_world_camera: Pose, floor: Floor, camera: StereoCamera,
+        p: OneCameraParameters,
+    ) -> None:  # fmt: skip
+        u0, _, u1, v1 = track.box_px
+        cut = v1 >= camera.height - 2
+        side = u0 <= 1 or u1 >= camera.width - 2
+        sigma = (p.foot_sigma_px * (20 if side else 1), p.foot_sigma_px * (20 if cut else 1))
+        placed = floor_place(((u0 + u1) / 2, v1), sigma, T_world_camera, floor, camera)
+        if placed is None:
+            return
+        track.update(*placed)
+        size = _size(track.box_px, track.place, T_world_camera, floor, camera)
+        track.size = size if not track.size.any() else track.size + 0.1 * (size - track.size)
+
+    def _judge(
+        self, track: FloorTrack, share: float, p: OneCameraParameters, q: ObstacleParameters
+    ) -> None:
+        cov = track.covariance[2:, 2:]
+        track.significance = float(np.sqrt(track.velocity @ np.linalg.solve(cov, track.velocity)))
+        speed = float(np.linalg.norm(track.velocity))
+        clear = track.significance > p.confirm_sigmas
+        supported = share > 0.5 and track.significance > _SUPPORT_SIGMAS
+        if speed > q.stopped_below_mps and (clear or supported):
+            track.hits += 1
+        if track.state is TrackState.COASTING:
+            track.state = TrackState.CONFIRMED
+        if track.state is TrackState.TENTATIVE and track.hits >= q.confirm_hits:
+            track.state = TrackState.CONFIRMED
+        track.motion = MotionState.MOVING
+        if speed < q.stopped_below_mps:
+            track.motion = MotionState.STOPPED
+
+
+def _shift(
+    track: FloorTrack,
+    before: Box,
+    after: Box,
+    T_world_camera: Pose,
+    floor: Floor,
+    camera: StereoCamera,
+) -> None:
+    """Move an obstacle's place, not its velocity, as the foot of its box was corrected."""
+    feet = [np.array([(box[0] + box[2]) / 2, box[3]]) for box in (before, after)]
+    old, new = (floor.contact(foot, T_world_camera, camera) for foot in feet)
+    if old is None or new is None:
+        return
+    gap = floor.axes.T @ (new - old)
+    track.mean = track.mean + np.append(gap, [0.0, 0.0])
+    track.covariance[:2, :2] += np.outer(gap, gap)
+
+
+def _moved_together(
+    points: RayPoints, members: NDArray[np.intp], standing_flow: Float64Array, box: Box
+) -> tuple[NDArray[np.intp], Box | None]:
+    """The members that move as one, growing or shrinking together, and the box moved with them."""
+    for _ in range(3):
+        if len(members) < _FEWEST_MEMBERS:
+            return members, None
+        a = points.before_px[members].astype(np.float64)
+        b = points.px[members].astype(np.float64)
+        middle, shift = np.median(a, axis=0), np.median(b - a, axis=0)
+        arms = a - middle
+        square = float((arms**2).sum())
+        grow = float((arms * (b - a - shift)).sum()) / square if square > 50 else 0.0
+        grow = float(np.clip(grow, -0.1, 0.1))
+        gap = np.linalg.norm(b - a - shift - grow * arms, axis=1)
+        still = np.linalg.norm(b - a - standing_flow[members], axis=1)
+        good = (gap <= _TOGETHER_PX) & (gap <= np.nan_to_num(still, nan=np.inf) + _BETTER_PX)
+        if good.all():
+            break
+        members = members[good]
+    corners = np.array(box, np.float64).reshape(2, 2)
+    corners = corners + shift + grow * (corners - middle)
+    (u0, v0), (u1, v1) = corners.tolist()
+    return members, (u0, v0, u1, v1)
+
+
+def _joining(
+    points: RayPoints,
+    owner: NDArray[np.int64],
+    kept: NDArray[np.intp],
+    standing_flow: Float64Array,
+    box: Box,
+) -> NDArray[np.intp]:
+    """Free points in the box that move with the members rather than stand."""
+    inside = (points.px[:, 0] >= box[0]) & (points.px[:, 0] <= box[2])
+    inside &= (points.px[:, 1] >= box[1]) & (points.px[:, 1] <= box[3])
+    inside &= (owner == NO_OBSTACLE) & (points.sightings >= 2)
+    flow = np.median(points.px[kept] - points.before_px[kept], axis=0)
+    own = points.px - points.before_px
+    gap = np.linalg.norm(own - flow, axis=1)
+    still = np.nan_to_num(np.linalg.norm(own - standing_flow, axis=1), nan=np.inf)
+    return np.flatnonzero(inside & (gap <= _TOGETHER_PX) & (gap + _BETTER_PX < still))
+
+
+def _lowest(px: NDArray[np.float32]) -> float:
+    """The row of the lowest points (N, 2), but for a stray one."""
+    return float(np.percentile(px[:, 1], _LOWEST_PERCENT))
+
+
+def _first_box(px: NDArray[np.float32]) -> Box:
+    (u0, v0), (u1, v1) = px.min(axis=0) - _MARGIN_PX, px.max(axis=0) + _MARGIN_PX
+    return float(u0), float(v0), float(u1), float(v1)
+
+
+def _widened(box: Box, px: NDArray[np.float32]) -> Box:
+    """The box, following the extent of its points."""
+    u0, v0, u1, _ = _first_box(px)
+
+    def to(old: float, new: float, outward: bool) -> float:
+        return old + (_SIDE_GAIN if outward else _SIDE_GAIN / 3) * (new - old)
+
+    return (
+        to(box[0], u0, u0 < box[0]),
+        to(box[1], v0, v0 < box[1]),
+        to(box[2], u1, u1 > box[2]),
+        box[3],
+    )
+
+
+def _size(
+    box: Box, place: Float64Array, T_world_camera: Pose, floor: Floor, camera: StereoCamera
+) -> Float64Array:
+    """(2,) metres: width and height of a box whose foot is at a place (2,) on the floor."""
+    foot = floor.axes @ place + floor.depth * floor.down
+    depth = max(float(T_world_camera.inverse().apply(foot)[2]), 0.1)
+    return np.array([(box[2] - box[0]) * depth / camera.fx, (box[3] - box[1]) * depth / camera.fy])
+
+
+def _projected(track: FloorTrack, T_world_camera: Pose, floor: Floor, camera: StereoCamera) -> Box:
+    """The box of an obstacle that is not seen, where it should be by now."""
+    foot = T_world_camera.inverse().apply(floor.axes @ track.place + floor.depth * floor.down)
+    if foot[2] <= 0.1:
+        return track.box_px
+    (u, v), _ = camera.project(foot)
+    width, height = track.size * camera.fx / foot[2]
+    return float(u - width / 2), float(v - height), float(u + width / 2), float(v)
+
+
+def _union(a: Box, b: Box) -> Box:
+    return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
+
+
+def _near(a: Box, b: Box) -> bool:
+    """Whether two boxes touch, but for a gap that is small against them."""
+    both = _union(a, b)
+    across = (a[2] - a[0]) + (b[2] - b[0]) - (both[2] - both[0])
+    down = (a[3] - a[1]) + (b[3] - b[1]) - (both[3] - both[1])
+    room = _GAP_SHARE * max(a[2] - a[0], b[2] - b[0], a[3] - a[1], b[3] - b[1])
+    return across > -room and down > -room
+
+
+def _overlap(a: Box, b: Box) -> float:
+    """Share of the smaller of two boxes that lies in the other."""
+    w = min(a[2], b[2]) - max(a[0], b[0])
+    h = min(a[3], b[3]) - max(a[1], b[1])
+    if w <= 0 or h <= 0:
+        return 0.0
+    least = min((a[2] - a[0]) * (a[3] - a[1]), (b[2] - b[0]) * (b[3] - b[1]))
+    return w * h / max(least, 1e-9)

@@ -1,0 +1,91 @@
+"""Keeps the scale of one camera's map, so that it does not drift."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.geometry import Pose
+from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.rays import RayPoints
+from observer.methods.monocular.scale import Scale, floor_scale, odometry_scale
+from observer.mount import CameraMount
+from observer.parameters import OneCameraParameters
+from observer.types import Odometry
+from observer.vision.wheel_odometry import driven_way
+
+
+class MapScale:
+    """The scale of one segment, corrected by the floor and by odometry, where they tell it.
+
+    Attributes:
+        odometry: the wheels' sum at the place from which ways are compared; None unknown.
+    """
+
+    def __init__(
+        self,
+        sigma: float,
+        support: tuple[CameraMount, Floor] | None,
+        T_camera_world: Pose,
+        odometry: Odometry | None,
+    ) -> None:
+        self._scale = Scale(sigma)
+        self._support = support
+        self._T_mark = T_camera_world
+        self.odometry = odometry
+
+    def sigma(self, p: OneCameraParameters) -> float:
+        """One standard deviation of all lengths, as a share; what is told can itself be wrong."""
+        told = p.height_sigma if self._support is not None else np.inf
+        if self.odometry is not None:
+            told = min(told, p.odometry_sigma)
+        return float(np.hypot(self._scale.sigma, told if np.isfinite(told) else 0.0))
+
+    def corrected(
+        self,
+        points: RayPoints,
+        T_camera_world: Pose,
+        T_before_world: Pose,
+        odometry: Odometry | None,
+        p: OneCameraParameters,
+    ) -> RayPoints:
+        """The map after one more frame, enlarged or reduced about the camera.
+
+        Args:
+            T_camera_world, T_before_world: where the camera is, and was in the frame before.
+        """
+        moved = T_camera_world @ T_before_world.inverse()
+        self._scale = self._scale.after_way(float(np.linalg.norm(moved.translation)))
+        here = T_camera_world.inverse()
+        factor = self._by_floor(points, here) * self._by_odometry(T_camera_world, odometry, p)
+        if factor == 1.0:
+            return points
+        return points.but(
+            centre=here.translation + factor * (points.centre - here.translation),
+            inverse=points.inverse / factor,
+            variance=points.variance / factor**2,
+        )
+
+    def _by_floor(self, points: RayPoints, T_world_camera: Pose) -> float:
+        if self._support is None:
+            return 1.0
+        mount, floor = self._support
+        told = floor_scale(points, T_world_camera, floor, mount.height_m, self._scale)
+        return self._taken(told)
+
+    def _by_odometry(
+        self, T_camera_world: Pose, odometry: Odometry | None, p: OneCameraParameters
+    ) -> float:
+        driven = driven_way(self.odometry, odometry)
+        if driven is None or self.odometry is None or odometry is None:
+            return 1.0
+        way = float(np.linalg.norm((T_camera_world @ self._T_mark.inverse()).translation))
+        told = odometry_scale(way, driven, odometry.yaw - self.odometry.yaw, p.odometry_sigma)
+        if told is not None:
+            self._T_mark, self.odometry = T_camera_world, odometry
+        return self._taken(told)
+
+    def _taken(self, told: tuple[float, float] | None) -> float:
+        if told is None:
+            return 1.0
+        factor, self._scale = self._scale.corrected(*told)
+        return factor

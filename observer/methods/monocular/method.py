@@ -1,0 +1,372 @@
+"""One camera: depth by travel, metres by odometry or by the height above the floor.
+
+Only the left image is looked at. Points are followed and judged by whether they can stand; an
+obstacle is as far away as the place where it touches the floor. All of this is less certain than
+with two cameras, and says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
+from observer.methods.contract import StageTimer, Step, View
+from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground_obstacles import FloorObstacles
+from observer.methods.monocular.initialization import Beginning, begin_by_two_views
+from observer.methods.monocular.inverse_depth import (
+    anchored_anew,
+    expected_sightings,
+    lines_of_sight,
+    updated,
+)
+from observer.methods.monocular.map_scale import MapScale
+from observer.methods.monocular.motion_test import ray_evidence
+from observer.methods.monocular.pose import PoseEstimate, estimate_pose
+from observer.methods.monocular.ray_evidence import RayEvidence
+from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+from observer.methods.monocular.two_views import turned_between
+from observer.methods.rigid.ego_motion import RigidEgoMotion
+from observer.mount import CameraMount
+from observer.parameters import Parameters
+from observer.types import Matches, Status, Trace
+from observer.vision.keypoint_choice import chosen_points
+from observer.vision.keypoint_grid import attention, crowding, squares, thinned
+from observer.vision.klt_tracking import as_bright_as, follow
+from observer.vision.wheel_odometry import driven_step, driven_way
+
+# Pyramid levels while nothing is known of the camera's motion, and once it is.
+_FIRST_LEVELS, _LEVELS = 4, 2
+# What is assumed of a new point's inverse depth, 1 / camera heights: its mean beyond the least
+# that the floor allows, and its standard deviation.
+_FIRST_INVERSE, _FIRST_SIGMA = 0.10, 0.25
+# The camera's height where it is not known, for the sake of these alone.
+_SOME_HEIGHT_M = 1.0
+# The noise learnt from the background follows the newest frame by this share.
+_NOISE_GAIN = 0.2
+# How far the motion since the last frame may differ from the expected one: radians, metres; with
+# odometry, by shares of what it tells, too; without, by what a robot can accelerate.
+_STEP_TURN, _STEP_WAY_M = 0.006, 0.0008
+_TURN_SHARE, _WAY_SHARE = 0.05, 0.04
+_TURN_ACCELERATION, _ACCELERATION = 3.0, 3.0
+_FIRST_TURN_RATE, _FIRST_SPEED = 1.0, 1.0
+# Below this share of points with known depth the camera has not travelled enough to tell.
+_LEAST_KNOWN = 0.25
+_ANCHOR_TURNS = 4
+_TURNED_RAD = 0.01
+_LEAST_LEFT = 0.5
+
+NO_SCALE = (
+    "one camera needs its height above the floor or odometry for scale; set one_camera.height_m "
+    "and one_camera.tilt_deg, or use a source whose robot reports odometry"
+)
+ONLY_TURNED = "the camera has only turned: depth from one camera needs it to travel"
+NOT_TRAVELLED = "the camera has not travelled far enough yet: depth from one camera needs it"
+
+
+class OneCameraMethod:
+    """Holds the followed points, the obstacles, the pose and the scale of one segment.
+
+    See ``observer.methods.contract.Method``.
+    """
+
+    def __init__(
+        self,
+        camera: StereoCamera,
+        numbers: Iterator[int] | None = None,
+        mount: CameraMount | None = None,
+    ) -> None:
+        self._camera = camera
+        self._rig = mount
+        self._points = RayPoints.none()
+        self._view: View | None = None
+        self._obstacles = FloorObstacles(camera, numbers)
+
+    def begin(self, view: View, parameters: Parameters) -> None:
+        """Forget everything; this view is the first of a new world."""
+        self._mount = _mount_in_force(self._rig, parameters)
+        self._floor = None if self._mount is None else Floor.below(self._mount)
+        self._obstacles.begin(self._floor)
+        self._points = RayPoints.none()
+        self._T_camera_world = Pose.identity()
+        self._rate: tuple[Float64Array, Float64Array] | None = None
+        self._noise = 1.0
+        self._scale = MapScale(
+            parameters.one_camera.odometry_sigma, self._support, Pose.identity(), view.odometry
+        )
+        # With odometry and mount the motion is known at once, else two views must tell it.
+        self._started = self._mount is not None and view.odometry is not None
+        self._view = view
+        self._renew_points(view, parameters)
+
+    def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
+        """Compare this view with the last one whose pose is known."""
+        previous, before, p = self._view, self._points, parameters
+        assert previous is not None
+        dt = view.time - previous.time
+        with timer("following"):
+            T_expected, prior = self._expectation(previous, view, dt)
+            points, found = self._followed(previous, view, T_expected, dt, p)
+        _keep_background(trace, previous, before, points, found)
+        if not self._started:
+            with timer("ego_motion"):
+                return self._start(points, view, p, trace)
+        with timer("ego_motion"):
+            estimate = self._pose(points, T_expected, prior, p)
+            ego = self._ego_motion(points, estimate, p)
+        trace.keep("ego_motion", ego)
+        if ego.T_camera_world is None or ego.T_current_previous is None:
+            unseen = self._obstacles.unseen(
+                self._T_camera_world.inverse(), previous.time, view.time, p
+            )
+            return Step(ego, None, unseen, 1.0, None)
+        with timer("motion"):
+            self._noise += _NOISE_GAIN * (max(estimate.noise_scale, 0.5) - self._noise)
+            points = updated(
+                points, ego.T_camera_world, estimate.covariance, self._noise, self._camera
+            )
+            evidence = self._evidence(points, ego.T_camera_world, estimate, dt, p)
+            points = points.but(moving=evidence.moving)
+            trace.keep("rays", points)
+            trace.keep("ray_evidence", evidence)
+            points = self._scale.corrected(
+                points, ego.T_camera_world, self._T_camera_world, view.odometry, p.one_camera
+            )
+        T_world_camera = ego.T_camera_world.inverse()
+        with timer("tracking"):
+            points = self._obstacles.step(
+                points, evidence, view.left, T_world_camera, self._T_camera_world, dt, p
+            )
+        moved = ego.T_current_previous
+        self._rate = (moved.rotvec / dt, moved.translation / dt)
+        self._T_camera_world, self._points, self._view = ego.T_camera_world, points, view
+        with timer("features"):
+            self._anchor(view, p)
+            self._renew_points(view, p)
+        obstacles = self._obstacles.described(
+            T_world_camera, -moved.translation / dt, self._scale.sigma(p.one_camera), view.time, p
+        )
+        return Step(ego, T_world_camera, obstacles, 1.0, None)
+
+    @property
+    def _support(self) -> tuple[CameraMount, Floor] | None:
+        """What keeps the camera at its height, where both are known."""
+        if self._mount is None or self._floor is None:
+            return None
+        return self._mount, self._floor
+
+    # ------------------------------------------------------------------ following
+
+    def _expectation(
+        self, previous: View, view: View, dt: float
+    ) -> tuple[Pose, NDArray[np.float64]]:
+        """About where the camera is now, and how sure that is (6, 6), information."""
+        T = self._T_camera_world
+        if self._mount is not None and previous.odometry and view.odometry:
+            step, way, turn = driven_step(previous.odometry, view.odometry, self._mount)
+            turn_sigma = _STEP_TURN + _TURN_SHARE * turn
+            way_sigma = _STEP_WAY_M + _WAY_SHARE * way + self._mount.lever_sigma_m * turn
+            return step @ T, _information(turn_sigma, way_sigma)
+        if self._rate is None:
+            return T, _information(_FIRST_TURN_RATE * dt, _FIRST_SPEED * dt)
+        step = Pose.from_rotvec(self._rate[0] * dt, self._rate[1] * dt)
+        square = dt * dt
+        return step @ T, _information(_TURN_ACCELERATION * square, _ACCELERATION * square)
+
+    def _followed(
+        self, previous: View, view: View, T_expected: Pose, dt: float, p: Parameters
+    ) -> tuple[RayPoints, NDArray[np.bool_]]:
+        """The points that were found again, and (N,) which those are."""
+        points = self._points
+        # From where it was last seen, not from where it should have been: it may move.
+        expected = expected_sightings(points, T_expected, self._camera).px + points.residual
+        steady = 2 * points.px - points.before_px
+        own = points.moving | (points.obstacle != NO_OBSTACLE) | ~np.isfinite(expected).all(axis=1)
+        start = np.where(own[:, None] | (not self._started), steady, expected).astype(np.float32)
+        before = as_bright_as(view.left, previous.left)
+        nothing = np.full((len(points), 2), np.nan, np.float32)
+        levels = _FIRST_LEVELS if self._rate is None else _LEVELS
+        seen = follow(
+            (before, before), (view.left, view.left), points.px, nothing, start, nothing[:, 0],
+            levels, p.following,
+        )  # fmt: skip
+        kept = points.take(seen.found)
+        return kept.but(
+            px=seen.px[seen.found],
+            before_px=kept.px,
+            sigma_px=seen.sigma[seen.found, 0].astype(np.float64),
+            anchor_s=kept.anchor_s + dt,
+            age_s=kept.age_s + dt,
+            sightings=kept.sightings + 1,
+        ), seen.found
+
+    # ------------------------------------------------------------------ the start
+
+    def _start(self, points: RayPoints, view: View, p: Parameters, trace: Trace) -> Step:
+        """Wait for two views far enough apart; then the pose and all depths are known at once."""
+        reason = self._try_to_start(points, view, p)
+        status = Status.LOST if reason == NO_SCALE else Status.DEGRADED
+        if reason is None:
+            reason = "this is the first frame whose pose and depth are known"
+        inliers = np.ones(len(points), np.bool_)
+        T = self._T_camera_world if self._started else None
+        cov = np.eye(6) * _STEP_TURN**2 if self._started else None
+        ego = RigidEgoMotion(
+            self._camera, status, (reason,), inliers, T, None, cov, float("nan"), 1.0
+        )
+        trace.keep("ego_motion", ego)
+        pose = None if T is None else T.inverse()
+        return Step(ego, pose, (), 1.0, None, waiting=not self._started)
+
+    def _try_to_start(self, points: RayPoints, view: View, p: Parameters) -> str | None:
+        """None once it is done, else why it cannot be done yet."""
+        driven = driven_way(self._scale.odometry, view.odometry)
+        if self._mount is None and driven is None:
+            self._view, self._points = view, points
+            return NO_SCALE
+        if len(points) < p.ego_motion.min_inliers:
+            # Nothing is left of the first view; the world begins anew here.
+            self._view, self._points = view, RayPoints.none()
+            self._renew_points(view, p)
+            return f"only {len(points)} points could be followed: too few features"
+        first = points.ray @ self._T_camera_world.rotation.T
+        now = lines_of_sight(points.px, Pose.identity(), self._camera)
+        R, parallax = turned_between(first, now)
+        self._view, self._points = view, points
+        if np.degrees(np.median(parallax)) >= p.one_camera.parallax_deg:
+            beginning = begin_by_two_views(
+                points, first, now, driven, self._mount, p.one_camera, self._camera
+            )
+            if isinstance(beginning, Beginning):
+                self._begin_at(beginning, view, p)
+                return None
+            if beginning is not None:
+                return beginning
+        turned = float(np.linalg.norm(Pose(R, np.zeros(3)).rotvec))
+        if len(points) < _LEAST_LEFT * self._begun_with:
+            # Too much has left the view: what is seen from here is compared with later views.
+            self._T_camera_world = Pose(R, np.zeros(3)) @ self._T_camera_world
+            self._points = RayPoints.none()
+            self._renew_points(view, p)
+        if turned > _TURNED_RAD or self._T_camera_world.rotvec.any():
+            return ONLY_TURNED
+        return NOT_TRAVELLED
+
+    def _begin_at(self, beginning: Beginning, view: View, p: Parameters) -> None:
+        self._T_camera_world = beginning.T_now_first @ self._T_camera_world
+        self._scale = MapScale(
+            beginning.scale_sigma, self._support, self._T_camera_world, view.odometry
+        )
+        self._points = beginning.points
+        self._started = True
+        self._renew_points(view, p)
+
+    # ------------------------------------------------------------------ one frame
+
+    def _pose(
+        self, points: RayPoints, T_expected: Pose, prior: NDArray[np.float64], p: Parameters
+    ) -> PoseEstimate:
+        standing = ~points.moving & (points.obstacle == NO_OBSTACLE)
+        if standing.sum() < len(points) / 2:
+            # Rather too many obstacles among the background than an obstacle taken for it.
+            standing = np.ones(len(points), np.bool_)
+        return estimate_pose(
+            points, standing, crowding(points.px, p.following), T_expected, prior, self._support,
+            p.ego_motion.shared_error, self._camera,
+        )  # fmt: skip
+
+    def _ego_motion(
+        self, points: RayPoints, estimate: PoseEstimate, p: Parameters
+    ) -> RigidEgoMotion:
+        support = int(estimate.inliers.sum())
+        reasons: tuple[str, ...] = ()
+        lost = support < p.ego_motion.min_inliers
+        if lost:
+            reasons = (
+                f"only {support} of {len(points)} points follow one motion, "
+                f"{p.ego_motion.min_inliers} are needed",
+            )
+        elif points.known.sum() < _LEAST_KNOWN * len(points):
+            reasons = (ONLY_TURNED if self._turns() else NOT_TRAVELLED,)
+        T = None if lost else estimate.T_camera_world
+        return RigidEgoMotion(
+            camera=self._camera,
+            status=Status.LOST if lost else Status.DEGRADED if reasons else Status.OK,
+            reasons=reasons,
+            inliers=estimate.inliers,
+            T_camera_world=T,
+            T_current_previous=None if T is None else T @ self._T_camera_world.inverse(),
+            pose_covariance=None if lost else estimate.covariance,
+            residual_rms=estimate.noise_scale,
+            noise_scale=estimate.noise_scale,
+        )
+
+    def _turns(self) -> bool:
+        return self._rate is not None and bool(np.linalg.norm(self._rate[0]) > _TURNED_RAD)
+
+    def _evidence(
+        self, points: RayPoints, T_camera_world: Pose, estimate: PoseEstimate, dt: float,
+        p: Parameters,
+    ) -> RayEvidence:  # fmt: skip
+        return ray_evidence(
+            points, T_camera_world, estimate.covariance, dt, self._noise, self._floor,
+            float(np.radians(p.one_camera.tilt_sigma_deg)), self._camera, p.evidence,
+        )  # fmt: skip
+
+    # ------------------------------------------------------------------ points
+
+    def _anchor(self, view: View, p: Parameters) -> None:
+        points = self._points
+        turn = (np.arange(len(points)) + view.index) % _ANCHOR_TURNS == 0
+        old = (points.anchor_s > p.one_camera.memory_s) & turn
+        self._points = anchored_anew(points, old, self._T_camera_world.inverse(), self._camera)
+
+    def _renew_points(self, view: View, p: Parameters) -> None:
+        """Leave one point in each square of the image, and find one where there is none."""
+        points = self._points
+        moving = points.moving | (points.obstacle != NO_OBSTACLE)
+        size = (self._camera.width, self._camera.height)
+        marked = attention(size, self._obstacles.boxes_px(), points.px[moving], p.following)
+        square = squares(points.px, marked, p.following)
+        kept = thinned(square, points.sightings)
+        px = chosen_points(view.left, square[kept], marked, p)
+        T_world_camera = self._T_camera_world.inverse()
+        ray = lines_of_sight(px, T_world_camera, self._camera)
+        height, least = _SOME_HEIGHT_M, np.zeros(len(px))
+        if self._floor is not None:
+            height = self._floor.depth
+            bound = self._floor.inverse_distance(T_world_camera.translation, ray)
+            least = np.maximum(bound, 0.0)
+        self._points = points.take(kept).joined(
+            RayPoints.begin(
+                px,
+                T_world_camera.translation,
+                ray,
+                least + _FIRST_INVERSE / height,
+                np.full(len(px), (_FIRST_SIGMA / height) ** 2),
+            )
+        )
+        self._begun_with = len(self._points)
+
+
+def _mount_in_force(rig: CameraMount | None, p: Parameters) -> CameraMount | None:
+    if p.one_camera.height_m > 0:
+        return CameraMount(p.one_camera.height_m, float(np.radians(p.one_camera.tilt_deg)))
+    return rig
+
+
+def _information(turn_sigma: float, way_sigma: float) -> NDArray[np.float64]:
+    return np.diag([turn_sigma**-2] * 3 + [way_sigma**-2] * 3)
+
+
+def _keep_background(
+    trace: Trace, previous: View, before: RayPoints, points: RayPoints, found: NDArray[np.bool_]
+) -> None:
+    trace.keep("previous_time", previous.time)
+    trace.keep("previous_left", previous.left)
+    trace.keep("features_px", before.px)
+    trace.keep("matches", Matches(before.px[found], points.px))

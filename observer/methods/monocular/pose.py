@@ -1,0 +1,129 @@
+"""The camera's pose from lines of sight alone: standing points look as they do from there.
+
+Least squares that trusts far-off points less and less, from wide to narrow (graduated
+non-convexity), joined with what is known beforehand: odometry or steady motion, and the mount.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose, cross_matrix
+from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.inverse_depth import expected_sightings, inverse_2x2, sighting_noise
+from observer.methods.monocular.rays import RayPoints
+from observer.mount import CameraMount
+
+# Residuals beyond so many standard deviations hardly count, round after round.
+_WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.0, 3.0)
+_OUTLIER_SIGMAS = 3.5
+# By how much depths are less certain together than each by itself, as a factor of the variance.
+_DEPTH_SHARED = 9.0
+# How a robot's camera nods and bobs on a flat floor, radians and metres.
+_NOD_SIGMA, _BOB_SIGMA_M = 0.004, 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class PoseEstimate:
+    """Where the camera is.
+
+    Attributes:
+        T_camera_world: the pose. covariance: (6, 6) as a rotation vector (rad) and a translation
+            (m) in the camera's axes.
+        inliers: (N,) which of all points agree with it. noise_scale: by how much points scatter
+            more than their noise; by the median.
+    """
+
+    T_camera_world: Pose
+    covariance: Float64Array
+    inliers: NDArray[np.bool_]
+    noise_scale: float
+
+
+def estimate_pose(
+    points: RayPoints,
+    use: NDArray[np.bool_],
+    weight: Float64Array,
+    T_expected: Pose,
+    prior: Float64Array,
+    support: tuple[CameraMount, Floor] | None,
+    shared_error: float,
+    camera: StereoCamera,
+) -> PoseEstimate:
+    """The pose by the points in use.
+
+    Args:
+        use: (N,) points that are taken to stand. weight: (N,) share of the image each stands for.
+        T_expected: about where the camera is. prior: (6, 6) how sure that is, information.
+        support: mount and floor that keep the camera at its height; None where unknown.
+        shared_error: share of the noise that points have in common.
+    """
+    chosen = points.take(use)
+    share = weight[use]
+    noise = sighting_noise(chosen)
+    # All depths come from the same poses and are wrong together.
+    doubt = _DEPTH_SHARED * chosen.variance
+    pose, information, length = T_expected, prior, np.zeros(len(chosen))
+    for width in _WIDTHS:
+        seen = expected_sightings(chosen, pose, camera)
+        r = chosen.px - seen.px
+        H = seen.by_inverse
+        S = noise[:, None, None] * np.eye(2) + doubt[:, None, None] * (
+            H[:, :, None] * H[:, None, :]
+        )
+        good = np.asarray(np.isfinite(r).all(axis=1))
+        W = inverse_2x2(np.where(good[:, None, None], S, np.eye(2)))
+        r, J = np.where(good[:, None], r, 0.0), np.where(good[:, None, None], seen.by_pose, 0.0)
+        squared = np.einsum("ni,nij,nj->n", r, W, r)
+        length = np.where(good, np.sqrt(np.maximum(squared, 0.0)), np.inf)
+        trust = share * (width**2 / (width**2 + length**2)) ** 2
+        WJ = W @ J * trust[:, None, None]
+        A = np.einsum("nai,naj->ij", J, WJ)
+        b = np.einsum("nai,na->i", WJ, r)
+        gap = _difference(T_expected, pose)
+        A, b = A + prior, b + prior @ gap
+        if support is not None:
+            extra, pull = _on_the_floor(pose, *support)
+            A, b = A + extra, b + pull
+        information = A
+        step = np.linalg.lstsq(A, b, rcond=1e-12)[0]
+        pose = _moved(pose, step)
+    inliers = np.zeros(len(points), np.bool_)
+    inliers[np.flatnonzero(use)] = length <= _OUTLIER_SIGMAS
+    known = chosen.known & np.isfinite(length)
+    # The middle of a chi distribution of two degrees of freedom is 1.177.
+    scale = float(np.median(length[known])) / 1.177 if known.sum() >= 8 else 1.0
+    excess = max(1.0, scale) ** 2 * (1 + shared_error * int(inliers.sum()))
+    covariance = np.asarray(np.linalg.pinv(information) * excess, np.float64)
+    return PoseEstimate(pose, covariance, inliers, scale)
+
+
+def _difference(T_expected: Pose, pose: Pose) -> Float64Array:
+    """(6,) the small motion, camera axes, that leads from a pose to the expected one."""
+    step = T_expected @ pose.inverse()
+    return np.concatenate([step.rotvec, step.translation])
+
+
+def _moved(pose: Pose, step: Float64Array) -> Pose:
+    turn = Rotation.from_rotvec(np.clip(step[:3], -0.5, 0.5)).as_matrix()
+    return Pose(turn, np.clip(step[3:], -5.0, 5.0)) @ pose
+
+
+def _on_the_floor(
+    pose: Pose, mount: CameraMount, floor: Floor
+) -> tuple[Float64Array, Float64Array]:
+    """Information (6, 6) and its vector (6,) of standing at the mount's height and tilt."""
+    A, b = np.zeros((6, 6)), np.zeros(6)
+    down = pose.rotate(floor.down)
+    J = -cross_matrix(down)
+    A[:3, :3] = J.T @ J / _NOD_SIGMA**2
+    b[:3] = J.T @ (mount.down - down) / _NOD_SIGMA**2
+    height = float(floor.height_of(pose.inverse().translation))
+    A[3:, 3:] = np.outer(down, down) / _BOB_SIGMA_M**2
+    b[3:] = down * (mount.height_m - height) / _BOB_SIGMA_M**2
+    return A, b

@@ -1,0 +1,97 @@
+"""From an obstacle on the floor to the one that is reported, with all that is uncertain of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground_contact import shared_covariance, shared_velocity_covariance
+from observer.methods.monocular.ground_track import FloorTrack
+from observer.parameters import OneCameraParameters
+from observer.types import Obstacle, TrackState
+from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
+
+# How deep an obstacle is, as a share of its width, and how little is known of that.
+_DEPTH_SHARE, _DEPTH_SIGMA = 1.0, 0.3
+
+
+def describe_floor_body(
+    track: FloorTrack,
+    T_world_camera: Pose,
+    camera_velocity: Float64Array,
+    scale_sigma: float,
+    floor: Floor,
+    time: float,
+    p: OneCameraParameters,
+) -> Obstacle:
+    """One obstacle at this frame.
+
+    Args:
+        camera_velocity: (3,) m/s, the camera's own, in its own axes. scale_sigma: of the way that
+            it has travelled, as a share. time: of this frame, seconds.
+    """
+    axes, tilt_sigma = floor.axes, float(np.radians(p.tilt_sigma_deg))
+    camera_way = axes.T @ T_world_camera.translation
+    camera_floor_velocity = axes.T @ T_world_camera.rotate(camera_velocity)
+    gap = track.place - camera_way
+    along = gap / max(float(np.linalg.norm(gap)), 1e-9)
+    width, height = track.size
+    place = track.place + _DEPTH_SHARE * width / 2 * along
+    cov = track.covariance[:2, :2] + (_DEPTH_SIGMA * width) ** 2 * np.outer(along, along)
+    cov = cov + shared_covariance(track.place, T_world_camera, floor, p.height_sigma, tilt_sigma)
+    cov = cov + scale_sigma**2 * np.outer(camera_way, camera_way)
+    velocity_cov = track.covariance[2:, 2:] + shared_velocity_covariance(
+        track.place, track.velocity - camera_floor_velocity, T_world_camera, floor,
+        p.height_sigma, tilt_sigma,
+    )  # fmt: skip
+    velocity_cov = velocity_cov + scale_sigma**2 * np.outer(
+        camera_floor_velocity, camera_floor_velocity
+    )
+    position = axes @ place + (floor.depth - height / 2) * floor.down
+    velocity = axes @ track.velocity
+    T_camera_world = T_world_camera.inverse()
+    position_camera, velocity_camera = (
+        T_camera_world.apply(position),
+        T_camera_world.rotate(velocity),
+    )
+    speed = float(np.linalg.norm(velocity))
+    # Nothing rises from the floor; what is known of that is as good as the floor is flat.
+    upright = np.outer(floor.down, floor.down)
+    R = np.column_stack([axes[:, 0], floor.down, axes[:, 1]])
+    return Obstacle(
+        id=track.id,
+        state=track.state,
+        motion=track.motion,
+        position_camera=position_camera,
+        velocity_camera=velocity_camera,
+        position=position,
+        velocity=velocity,
+        position_cov=axes @ cov @ axes.T + (0.1 * height + 0.02) ** 2 * upright,
+        velocity_cov=axes @ velocity_cov @ axes.T + 0.02**2 * upright,
+        velocity_time=time,
+        speed=speed,
+        speed_std=speed_std(track.velocity, velocity_cov),
+        size=np.array([width, height, _DEPTH_SHARE * width]),
+        orientation_wxyz=Pose(R, np.zeros(3)).quaternion_wxyz,
+        closing_speed=closing_speed(position_camera, velocity_camera, camera_velocity),
+        points=track.points,
+        significance=track.significance,
+        box_px=track.box_px,
+        reason=_why(track, speed),
+    )
+
+
+def _why(track: FloorTrack, speed: float) -> str:
+    seen = (
+        "its distance by travel contradicts where it touches the floor"
+        if track.floating
+        else "its points leave the lines of sight on which they would stand"
+    )
+    what = (
+        f"{track.points} points: {seen} ({track.evidence:.1f} standard deviations); its foot on "
+        f"the floor moves at {speed:.2f} m/s, {track.significance:.1f} sigmas from standing"
+    )
+    if track.state is TrackState.COASTING:
+        return out_of_sight(track.missed_s, what)
+    return what

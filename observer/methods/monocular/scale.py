@@ -1,0 +1,122 @@
+"""How many metres a unit of the map is: by the floor below the camera, and by odometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+
+# Points less than this far below the horizon say little of the height (sine of the angle).
+_LEAST_SLOPE = 0.06
+_LEAST_POINTS = 8
+_ROUNDS = 8
+_WIDTH = 2.5
+# Errors that points on the floor share: it is not quite flat, and the map bends.
+_SHARED_SIGMA = 0.01
+# The map's scale drifts by this share per root metre of way.
+_DRIFT = 0.03
+# A lever that is not known between the camera and the axis about which the robot turns, and
+# encoders' steps, metres.
+_LEVER_M, _STEP_M = 0.10, 0.003
+# The shortest way whose length is compared with the wheels'.
+_WAY_M = 0.12
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What is known of the map's scale.
+
+    Attributes:
+        sigma: one standard deviation, as a share.
+    """
+
+    sigma: float
+
+    def after_way(self, way_m: float) -> Scale:
+        """The scale after having travelled so far."""
+        return replace(self, sigma=float(np.sqrt(self.sigma**2 + _DRIFT**2 * way_m)))
+
+    def corrected(self, log_ratio: float, sigma: float) -> tuple[float, Scale]:
+        """The factor by which the map is to be enlarged after one more measurement of it.
+
+        Args:
+            log_ratio: logarithm of true length over the map's, and its standard deviation.
+        """
+        gain = self.sigma**2 / (self.sigma**2 + sigma**2)
+        return float(np.exp(gain * log_ratio)), Scale(float(np.sqrt(1 - gain) * self.sigma))
+
+
+def scale_by_floor(
+    inverse_height: Float64Array, sigma: Float64Array, height: float, spread: float
+) -> tuple[float, float] | None:
+    """Logarithm of the factor that puts the floor where it is, and its standard deviation.
+
+    What stands on the floor is nearer than it, so that the floor is the farthest of all that many
+    points agree on.
+
+    Args:
+        inverse_height: (N,) of each point below the camera, one over the map's units. sigma:
+            (N,) its standard deviation, as a share.
+        height: metres, of the camera above the floor.
+        spread: by how much the factor may differ from 1, as a logarithm; infinite at the start.
+    """
+    good = (inverse_height > 0) & (sigma < 0.25)
+    value, noise = np.log(height * inverse_height[good]), np.hypot(sigma[good], _SHARED_SIGMA)
+    if len(value) < _LEAST_POINTS:
+        return None
+    if np.isinf(spread):
+        place = _densest(value, noise)
+    else:
+        place = 0.0
+        noise = np.hypot(noise, spread)
+    for _ in range(_ROUNDS):
+        length = np.abs(value - place) / noise
+        trust = np.where(length < _WIDTH, (1 - (length / _WIDTH) ** 2) ** 2, 0.0) / noise**2
+        if np.count_nonzero(trust) < _LEAST_POINTS:
+            return None
+        place = float((trust * value).sum() / trust.sum())
+        # Once the middle is found, the map's own doubt does not widen the window any more.
+        noise = np.hypot(sigma[good], 2 * _SHARED_SIGMA)
+    deviation = float(np.sqrt(1 / trust.sum()))
+    return place, float(np.hypot(deviation, _SHARED_SIGMA))
+
+
+def floor_scale(
+    points: RayPoints, T_world_camera: Pose, floor: Floor, height: float, scale: Scale
+) -> tuple[float, float] | None:
+    """The same by points whose depth is known, as the map stands now."""
+    slope = points.ray @ floor.down
+    standing = ~points.moving & (points.obstacle == NO_OBSTACLE)
+    known = points.known & (slope > _LEAST_SLOPE) & standing
+    below = (points.centre[known] - T_world_camera.translation) @ floor.down
+    drop = slope[known] / points.inverse[known] + below
+    sigma = np.sqrt(points.variance[known]) / points.inverse[known]
+    inverse = np.where(drop > 0.2 * height, 1 / np.maximum(drop, 1e-6), 0.0)
+    return scale_by_floor(inverse, sigma, height, 3 * scale.sigma)
+
+
+def odometry_scale(
+    way_m: float, driven_m: float, turned_rad: float, odometry_sigma: float
+) -> tuple[float, float] | None:
+    """The same by how far the wheels went while the camera went ``way_m`` by the map.
+
+    None where the way is too short to be compared.
+    """
+    if driven_m < _WAY_M or way_m < _WAY_M / 4:
+        return None
+    noise = (_LEVER_M * abs(turned_rad) + _STEP_M) / driven_m
+    if noise > 0.2:
+        return None
+    return float(np.log(driven_m / way_m)), float(np.hypot(odometry_sigma, noise))
+
+
+def _densest(value: Float64Array, noise: Float64Array) -> float:
+    """Where most values lie, each as wide as its noise."""
+    grid = np.linspace(value.min(), value.max(), 400)
+    width = np.hypot(noise, 0.03)
+    density = np.exp(-0.5 * ((grid[:, None] - value) / width) ** 2).sum(axis=1)
+    return float(grid[np.argmax(density)])

@@ -1,0 +1,1 @@
+"""The paper's method: planar ego-motion, image transformation and residual flow."""

@@ -1,0 +1,162 @@
+"""Step 9 of the method, second half: identities over time, and nothing else.
+
+The speed of an obstacle stays the raw displacement of its frame; a track only says which
+detections belong together. Its own idea of the velocity serves to expect the next detection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from observer.geometry import Float64Array, Pose
+from observer.parameters import TrackingParameters
+from observer.types import Detection, Track, TrackState
+from observer.vision.track_ids import ObstacleNumbers
+
+# A track that was never confirmed ends after this many frames without a detection.
+_TENTATIVE_MISSES = 1
+_GATE_SIGMAS = 2.0
+# Weight of the newest displacement in the velocity by which the next place is expected: a single
+# displacement in depth is mostly noise.
+_NEWEST_WEIGHT = 0.25
+_FAR = 1e9
+
+
+class Tracker:
+    """Nearest-neighbour tracks (Hungarian assignment) that are confirmed, coast and end."""
+
+    def __init__(self, numbers: Iterator[int] | None = None) -> None:
+        """``numbers`` gives each confirmed track its own; from 1 if left out."""
+        self._numbers = ObstacleNumbers(numbers)
+        self._tracks: list[Track] = []
+        self._expected_velocity: dict[int, Float64Array] = {}
+        self._time = 0.0
+
+    def clear(self) -> None:
+        """End all tracks; their numbers are not used again."""
+        self._tracks = []
+        self._expected_velocity = {}
+
+    def update(
+        self,
+        detections: tuple[Detection, ...],
+        T_track_camera: Pose,
+        time: float,
+        parameters: TrackingParameters,
+    ) -> tuple[Track, ...]:
+        """Give every detection of this frame an identity.
+
+        Args:
+            T_track_camera: the camera's pose in the tracking frame at this frame.
+            time: of this frame, source clock, seconds.
+
+        Returns:
+            All living tracks, oldest first.
+        """
+        elapsed = time - self._time
+        self._time = time
+        expected = [t.position + elapsed * self._expected_velocity[t.id] for t in self._tracks]
+        seen = {
+            track: detections[index]
+            for track, index in self._assign(expected, detections, T_track_camera, parameters)
+        }
+        tracks = [
+            self._sighted(track, seen[i], T_track_camera, parameters)
+            if i in seen
+            else self._missed(track, expected[i])
+            for i, track in enumerate(self._tracks)
+        ]
+        taken = {id(detection) for detection in seen.values()}
+        tracks += [
+            self._begun(detection, T_track_camera, parameters)
+            for detection in detections
+            if id(detection) not in taken
+        ]
+        self._tracks = [t for t in tracks if t.missed <= _patience(t, parameters)]
+        living = {t.id for t in self._tracks}
+        self._expected_velocity = {
+            number: v for number, v in self._expected_velocity.items() if number in living
+        }
+        return tuple(self._tracks)
+
+    def _assign(
+        self,
+        expected: list[Float64Array],
+        detections: tuple[Detection, ...],
+        T_track_camera: Pose,
+        parameters: TrackingParameters,
+    ) -> list[tuple[int, int]]:
+        if not expected or not detections:
+            return []
+        places = T_track_camera.apply(np.stack([d.position for d in detections]))
+        noise = np.array([np.sqrt(np.linalg.eigvalsh(d.position_cov)[-1]) for d in detections])
+        distance = np.linalg.norm(np.stack(expected)[:, None] - places[None], axis=2)
+        distance[distance > parameters.gate + _GATE_SIGMAS * noise] = _FAR
+        rows, columns = linear_sum_assignment(distance)
+        return [
+            (int(i), int(j)) for i, j in zip(rows, columns, strict=True) if distance[i, j] < _FAR
+        ]
+
+    def _begun(
+        self, detection: Detection, T_track_camera: Pose, parameters: TrackingParameters
+    ) -> Track:
+        velocity = T_track_camera.rotate(detection.velocity)
+        track = Track(
+            id=self._number(self._numbers.provisional(), _state(1, parameters)),
+            state=_state(1, parameters),
+            detection=detection,
+            position=T_track_camera.apply(detection.position),
+            velocity=velocity,
+            sightings=1,
+            missed=0,
+        )
+        self._expected_velocity[track.id] = velocity
+        return track
+
+    def _sighted(
+        self,
+        track: Track,
+        detection: Detection,
+        T_track_camera: Pose,
+        parameters: TrackingParameters,
+    ) -> Track:
+        velocity = T_track_camera.rotate(detection.velocity)
+        before = self._expected_velocity[track.id]
+        state = _state(track.sightings + 1, parameters)
+        number = self._number(track.id, state)
+        self._expected_velocity[number] = before + _NEWEST_WEIGHT * (velocity - before)
+        return Track(
+            id=number,
+            state=state,
+            detection=detection,
+            position=T_track_camera.apply(detection.position),
+            velocity=velocity,
+            sightings=track.sightings + 1,
+            missed=0,
+        )
+
+    def _number(self, number: int, state: TrackState) -> int:
+        """A lasting one, once it is confirmed."""
+        return number if state is TrackState.TENTATIVE else self._numbers.confirmed(number)
+
+    def _missed(self, track: Track, expected: Float64Array) -> Track:
+        tentative = track.state is TrackState.TENTATIVE
+        return replace(
+            track,
+            state=TrackState.TENTATIVE if tentative else TrackState.COASTING,
+            position=expected,
+            missed=track.missed + 1,
+        )
+
+
+def _state(sightings: int, parameters: TrackingParameters) -> TrackState:
+    confirmed = sightings >= parameters.confirm_hits
+    return TrackState.CONFIRMED if confirmed else TrackState.TENTATIVE
+
+
+def _patience(track: Track, parameters: TrackingParameters) -> int:
+    return _TENTATIVE_MISSES if track.state is TrackState.TENTATIVE else parameters.coast_frames

@@ -1,0 +1,149 @@
+"""One obstacle over time: how it moves, how large it is, what is known of its life."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.methods.rigid.bodies.motion_filter import (
+    POSITION,
+    VELOCITY,
+    YAW,
+    YAW_RATE,
+    ObstacleMotion,
+    turning_velocity,
+    yaw_matrix,
+)
+from observer.methods.rigid.bodies.recent_motion import RecentMotion
+from observer.methods.rigid.bodies.shape import Box, ObstacleShape
+from observer.types import MotionState, TrackState
+
+# One standard deviation of where the centre is, as a share of the box's longer side.
+_CENTRE_DOUBT = 0.15
+_LEVEL = np.diag([1.0, 0.0, 1.0])
+_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
+
+
+@dataclass(eq=False)
+class BodyTrack:
+    """One obstacle over time.
+
+    Attributes:
+        id: as of ``Obstacle``. state, motion: as reported.
+        filter: place, velocity, yaw. The place is that of the body's own origin, not its centre.
+        recent: how it moved up to now.
+        shape: where its points are in its own frame. box: in that frame; None before the first
+            update.
+        points: members seen in this frame. frames: since it began. missed_s: seconds since it
+            was last seen. age_s: seconds since it began. steady_s: since it last manoeuvred.
+        hits: frames in which it moved significantly. sightings: of members in those frames,
+            beyond those that may err alike.
+        significance: Mahalanobis length of the velocity.
+        box_px: u0 v0 u1 v1 around the members in the left image.
+        lasting_cov: (3, 3) (m/s)^2, world: of the velocity, by errors that time does not reduce.
+    """
+
+    id: int
+    filter: ObstacleMotion
+    shape: ObstacleShape
+    recent: RecentMotion = field(default_factory=RecentMotion)
+    state: TrackState = TrackState.TENTATIVE
+    motion: MotionState = MotionState.MOVING
+    box: Box | None = None
+    points: int = 0
+    frames: int = 0
+    sightings: int = 0
+    missed_s: float = 0.0
+    age_s: float = 0.0
+    steady_s: float = 0.0
+    hits: int = 0
+    significance: float = 0.0
+    box_px: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    lasting_cov: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
+
+    @property
+    def mean(self) -> Float64Array:
+        """(8,) the filter's state, world."""
+        return self.filter.mean
+
+    @property
+    def yaw(self) -> float:
+        """Radians by which the body has turned since its track began."""
+        return float(self.mean[YAW])
+
+    @property
+    def yaw_rate(self) -> float:
+        """Radians per second, positive to the right."""
+        return float(self.mean[YAW_RATE])
+
+    @property
+    def R(self) -> Float64Array:
+        """(3, 3) from the body's frame to the world's."""
+        return self.filter.rotation
+
+    @property
+    def centre(self) -> Float64Array:
+        """(3,) metres, world: of the box."""
+        offset = np.zeros(3) if self.box is None else self.R @ self.box.centre
+        return self.mean[POSITION] + offset
+
+    def centre_velocity(self) -> tuple[Float64Array, Float64Array]:
+        """(3,) m/s and its covariance (3, 3), world: of the centre.
+
+        That of a turning body depends on where its centre is, which is not known exactly.
+        """
+        mean, cov = self.mean, self.filter.covariance
+        arm = self.centre - mean[POSITION]
+        swing = turning_velocity(1.0, arm)
+        mixed = cov[VELOCITY, YAW_RATE, None] * swing
+        turning = cov[YAW_RATE, YAW_RATE] * swing[:, None] * swing
+        cov = cov[VELOCITY, VELOCITY] + mixed + mixed.T + turning + self.lasting_cov
+        if self.box is not None:
+            doubt = _CENTRE_DOUBT * float(self.box.size[[0, 2]].max()) * self.yaw_rate
+            cov = cov + doubt**2 * _LEVEL
+        return mean[VELOCITY] + turning_velocity(mean[YAW_RATE], arm), cov
+
+    def rebase(self) -> Float64Array:
+        """Make the centre of the box the body's origin; returns (3,) m, where it was before."""
+        assert self.box is not None
+        offset = self.box.centre
+        self.filter = self.filter.rebased(offset)
+        self.shape.shift(offset)
+        self.box = replace(self.box, centre=np.zeros(3))
+        return offset
+
+    def velocity_at(self, place: Float64Array) -> Float64Array:
+        """(..., 3) m/s, world: of the body's material at places (..., 3) m, world."""
+        mean = self.mean
+        turning = turning_velocity(float(mean[YAW_RATE]), place - mean[POSITION])
+        return np.asarray(mean[VELOCITY] + turning)
+
+    def local(self, place: Float64Array) -> Float64Array:
+        """(N, 3) metres, the body's frame, of places (N, 3) m, world."""
+        return np.asarray((place - self.mean[POSITION]) @ self.R)
+
+    def room(self, margin: float) -> float:
+        """Metres by which points may lie outside the box, as a share of the longest side."""
+        return 0.0 if self.box is None else margin * float(self.box.size.max())
+
+    def contains(
+        self, place: Float64Array, margin: Float64Array | float = 0.0
+    ) -> NDArray[np.bool_]:
+        """(N,) which places (N, 3) m, world, lie in the box made larger by the margin on all sides.
+
+        Args:
+            margin: metres; one for all, or (N,) one for each place.
+        """
+        if self.box is None:
+            return np.zeros(len(place), np.bool_)
+        return self.box.contains(self.local(place), margin)
+
+    def corners(self) -> Float64Array:
+        """(8, 3) metres, world: of the box; a single point before there is one."""
+        if self.box is None:
+            return np.broadcast_to(self.centre, (8, 3))
+        R = self.R @ yaw_matrix(self.box.heading)
+        return np.asarray(self.centre + (_CORNERS * self.box.size / 2) @ R.T)

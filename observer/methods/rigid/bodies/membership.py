@@ -1,0 +1,278 @@
+"""Which points belong to which body, and which bodies are one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array, inverse_3x3
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.motion_filter import POSITION, VELOCITY, turning_velocity
+from observer.methods.rigid.point_motion import Motion
+from observer.methods.rigid.position_velocity_filter import MotionSums
+from observer.methods.rigid.tracked_points import Points
+from observer.parameters import ObstacleParameters
+from observer.types import MotionState
+from observer.vision.chi_square import quantile
+
+# A point joins if its velocity fits the body's and it is this much likelier than at rest (twice
+# the logarithm of the likelihoods' ratio: e^4 = 55 times); and leaves if it is so much less.
+_JOIN_CHI2 = quantile(0.99, df=3)
+_SURE_RATIO = 8.0
+# Two velocities in space that differ by no more than this belong to one body.
+_SAME_CHI2 = quantile(0.999, df=3)
+# Share of a body's speed at which a point beside it may seem to creep, and still rests.
+_AT_REST = 0.03
+# Share of its speed that a body may gain or lose in a second.
+_BRAKING_PER_S = 0.5
+# Share of a body's yaw rate that it may not have had yet when a point was first seen.
+_TURN_DOUBT = 0.5
+# A member of a group further from its middle than this many standard deviations is none.
+_STRAY = 4.0
+# Share of the speed by which a body's velocity may differ from that of points seen again: it
+# turned or braked while it was hidden; and by which the velocities of its parts may differ.
+_CHANGED_WHILE_HIDDEN = 0.3
+_PARTS_DIFFER = 0.12
+# Metres, the extent of a body whose box is not known yet, and standard deviations of its place
+# within which points may be it.
+_FIRST_EXTENT_M = 0.3
+_FOUND_SIGMAS = 2.5
+# (m/s)^2: the velocity of a group is never known better than to a millimetre per second.
+_LEAST_VELOCITY_VARIANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Points that move alike.
+
+    Attributes:
+        members: (K,) their indices. places: (K, 3) metres, world. centre: (3,), their median.
+        velocity: (3,) m/s, world, with covariance (3, 3).
+    """
+
+    members: NDArray[np.intp]
+    places: Float64Array
+    centre: Float64Array
+    velocity: Float64Array
+    velocity_cov: Float64Array
+
+
+def group_of(
+    candidates: NDArray[np.intp],
+    motion: Motion,
+    parameters: ObstacleParameters,
+    reach: float = 0.0,
+) -> Group | None:
+    """What the candidates (K,) have in common, without strays; None if they are too few.
+
+    Args:
+        reach: metres within which points count as neighbours there.
+    """
+    members = candidates[_together(motion.position[candidates], reach)]
+    if len(members) < parameters.min_points:
+        return None
+    information = motion.own_information[members]
+    L = information.sum(axis=0)
+    velocity = np.linalg.solve(L, np.einsum("nij,nj->i", information, motion.own_velocity[members]))
+    cov = np.linalg.inv(L) * (1 + parameters.shared_error * len(members))
+    places = motion.position[members]
+    return Group(
+        members=members,
+        places=places,
+        centre=np.median(places, axis=0),
+        velocity=velocity,
+        velocity_cov=cov + np.eye(3) * _LEAST_VELOCITY_VARIANCE,
+    )
+
+
+def joining(
+    track: BodyTrack,
+    free: NDArray[np.intp],
+    motion: Motion,
+    parameters: ObstacleParameters,
+) -> NDArray[np.bool_]:
+    """(K,) which free points (K,) lie on the body and move with it rather than rest."""
+    now = motion.position[free]
+    # Rounding makes variances of next to nothing negative.
+    sigma = np.sqrt(np.maximum(np.einsum("nii->n", motion.position_cov[free]), 0.0))
+    room = track.room(parameters.margin)
+    inside = track.contains(now, room + np.minimum(2 * sigma, room))
+    inner = free[inside]
+    apart, ratio = _against_rest(
+        motion.own_velocity[inner], _gap(track, inner, motion), *_spread(track, inner, motion)
+    )
+    inside[inside] = (apart <= _JOIN_CHI2) & (ratio >= _SURE_RATIO)
+    return inside
+
+
+def resting(track: BodyTrack, members: NDArray[np.intp], motion: Motion) -> NDArray[np.bool_]:
+    """(K,) which members (K,) of a body that moves rest.
+
+    A point that was followed into the edge of something before the body stays there. Such points
+    need not be misfits: a body that is thought to turn about them explains them, and then all that
+    is told of it is wrong. Of a body that has stopped, all points rest, and none leaves.
+    """
+    if track.motion is MotionState.STOPPED:
+        return np.zeros(len(members), np.bool_)
+    own = motion.own_velocity[members]
+    body_cov, rest_cov = _spread(track, members, motion)
+    _, now = _against_rest(own, _gap(track, members, motion), body_cov, rest_cov)
+    # Their own velocities are means over their windows, and a body that gains speed, brakes or
+    # turns to and fro moved otherwise in the middle of them. Whatever it did meanwhile explains
+    # them: until it has been fast for that long, its points cannot be told from resting ones.
+    ago, moved = track.recent.instants()
+    swing = turning_velocity(1.0, motion.position[members] - track.mean[POSITION])
+    did = moved[:, None, :3] + moved[:, None, 3:] * swing
+    _, then = _against_rest(own, own - did, rest_cov, rest_cov)
+    then = np.where(ago[:, None] <= motion.window_s[members], then, -np.inf)
+    likeliest = np.maximum(now, then.max(axis=0, initial=-np.inf))
+    return np.asarray(motion.judged[members] & (likeliest <= -_SURE_RATIO))
+
+
+def _gap(track: BodyTrack, which: NDArray[np.intp], motion: Motion) -> Float64Array:
+    """(K, 3) m/s by which points (K,) move otherwise than the body does there now."""
+    return motion.own_velocity[which] - track.velocity_at(motion.position[which])
+
+
+def _spread(
+    track: BodyTrack, which: NDArray[np.intp], motion: Motion
+) -> tuple[Float64Array, Float64Array]:
+    """(K, 3, 3) (m/s)^2 each: of a point's velocity about the body's, and about rest."""
+    noise = inverse_3x3(motion.own_information[which] + 1e-6 * np.eye(3))
+    # A point's velocity is the mean over its window; a body that turns or brakes has moved on.
+    speed = float(np.linalg.norm(track.mean[VELOCITY]))
+    lag = speed * (abs(track.yaw_rate) + _BRAKING_PER_S) * motion.window_s[which] / 2
+    slow = (_AT_REST * speed) ** 2 * np.eye(3)
+    return (
+        noise + lag[:, None, None] ** 2 * np.eye(3),
+        noise + motion.shared_cov[which] + slow,
+    )
+
+
+def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
+    """The track that a group belongs to, the nearest where there are several; None if none."""
+    best, best_distance = None, np.inf
+    for track in tracks:
+        cov = track.filter.covariance[POSITION, POSITION]
+        size = _FIRST_EXTENT_M
+        if track.box is not None:
+            size = float(np.linalg.norm(track.box.size[[0, 2]]))
+        slack = 0.5 * size + _FOUND_SIGMAS * float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
+        distance = float(np.linalg.norm(group.centre - track.centre))
+        velocity, own = track.centre_velocity()
+        if distance <= min(slack, best_distance) and _moves_with(
+            group.velocity, group.velocity_cov, velocity, own, _CHANGED_WHILE_HIDDEN
+        ):
+            best, best_distance = track, distance
+    return best
+
+
+def are_one(
+    older: BodyTrack, younger: BodyTrack, reach: float, parameters: ObstacleParameters
+) -> bool:
+    """Whether two tracks are of one body: in one place, and moving as one.
+
+    Args:
+        reach: metres within which points count as neighbours there.
+    """
+    if older.box is None or younger.box is None:
+        return False
+    room = older.room(parameters.margin) + younger.room(parameters.margin) + reach
+    if not older.contains(younger.centre[None], room + younger.box.size[0] / 2)[0]:
+        return False
+    _, older_cov = older.centre_velocity()
+    velocity, cov = younger.centre_velocity()
+    expected = older.velocity_at(younger.centre)
+    return _moves_with(velocity, cov, expected, older_cov, _PARTS_DIFFER)
+
+
+def placed(track: BodyTrack, sums: MotionSums) -> tuple[Float64Array, Float64Array]:
+    """Where points (N, 3) m, world, are now that moved as the body does, and its information.
+
+    Their sightings ``z = p + v s + a s^2 / 2`` with the velocity v and the acceleration a that the
+    turning body has there. The turn may have been another one over that time, and a body that
+    gained speed or braked was slower or faster then, which makes the place less certain.
+    """
+    cov = inverse_3x3(sums.a0)
+    velocity = np.broadcast_to(track.mean[VELOCITY], sums.origin.shape)
+    rate = track.yaw_rate
+    # Once where the velocity is that of the body's origin, then where it is the points' own.
+    for _ in range(2):
+        bend = turning_velocity(rate, velocity)
+        inner = sums.b0 - np.einsum("nij,nj->ni", sums.a1, velocity)
+        inner -= np.einsum("nij,nj->ni", sums.a2, bend) / 2
+        place = sums.origin + np.einsum("nij,nj->ni", cov, inner)
+        velocity = track.velocity_at(place)
+    age, squared_age = sums.ages()
+    bent = _TURN_DOUBT * abs(rate) * np.linalg.norm(velocity, axis=1)
+    doubt = (bent + track.recent.acceleration(age)) * squared_age / 2
+    return place, inverse_3x3(cov + (doubt**2)[:, None, None] * np.eye(3))
+
+
+def shape_position(points: Points, which: NDArray[np.intp]) -> Float64Array:
+    """(K, 3) metres: where points are on their obstacle, in its own frame."""
+    cov = inverse_3x3(points.shape_information.take(which, axis=0))
+    vector = points.shape_vector.take(which, axis=0)
+    return np.asarray(np.einsum("nij,nj->ni", cov, vector), np.float64)
+
+
+def _against_rest(
+    velocity: Float64Array, gap: Float64Array, body_cov: Float64Array, rest_cov: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """How far what moves is from moving with a body, and how much likelier that is than rest.
+
+    Both are likelihoods, with all that makes the one or the other uncertain: the more freedom a
+    body takes to explain what is seen, the less likely it made just this velocity.
+
+    Args:
+        velocity: (N, 3) m/s, with covariance ``rest_cov`` (N, 3, 3) about 0 if it rests. gap:
+            (..., N, 3) m/s, to what the body does there, with covariance ``body_cov`` (N, 3, 3).
+
+    Returns:
+        (..., N) squared Mahalanobis length, and twice the logarithm of the likelihoods' ratio.
+    """
+    as_body, body_spread = _unlikely(gap, body_cov)
+    at_rest, rest_spread = _unlikely(velocity, rest_cov)
+    return as_body, at_rest + rest_spread - as_body - body_spread
+
+
+def _unlikely(gap: Float64Array, cov: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """(..., N) squared Mahalanobis length of gaps (..., N, 3), and (N,) the log determinant of cov.
+
+    Their sum is twice the negative logarithm of a normal density, but for a constant.
+    """
+    squared = np.einsum("...ni,nij,...nj->...n", gap, inverse_3x3(cov), gap)
+    return squared, np.log(np.linalg.det(cov))
+
+
+def _moves_with(
+    velocity: Float64Array,
+    cov: Float64Array,
+    expected: Float64Array,
+    expected_cov: Float64Array,
+    share: float,
+) -> bool:
+    """Whether what moves so may be part of a body that is expected to, rather than be at rest.
+
+    A share of the velocity may truly differ. The less is known of the body, the more may be it; but
+    not what rests, for there is plenty of that everywhere.
+    """
+    real = share * max(float(np.linalg.norm(velocity)), float(np.linalg.norm(expected)))
+    spread = cov + expected_cov + np.eye(3) * real**2
+    apart, ratio = _against_rest(
+        velocity[None], (velocity - expected)[None], spread[None], cov[None]
+    )
+    return bool(apart[0] <= _SAME_CHI2 and ratio[0] > -_SURE_RATIO)
+
+
+def _together(position: Float64Array, reach: float) -> NDArray[np.bool_]:
+    """(N,) which of a group's places (N, 3) are not far from most of the others.
+
+    The spread of a few points says little; nearer than ``reach`` metres none is a stray.
+    """
+    apart = np.abs(position - np.median(position, axis=0))
+    spread = 1.4826 * np.median(apart, axis=0)
+    allowed = np.maximum(_STRAY * spread, reach)
+    return np.asarray((apart <= allowed).all(axis=1), dtype=np.bool_)

@@ -1,0 +1,402 @@
+"""Obstacles as bodies: each is moved on, measured by its points, found, judged and ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.lifecycle import judge, over
+from observer.methods.rigid.bodies.measurement import Members, expected_pose, measure_body
+from observer.methods.rigid.bodies.membership import (
+    Group,
+    are_one,
+    body_of,
+    group_of,
+    joining,
+    placed,
+    resting,
+    shape_position,
+)
+from observer.methods.rigid.bodies.motion_filter import (
+    POSITION,
+    VELOCITY,
+    ObstacleMotion,
+    yaw_matrix,
+)
+from observer.methods.rigid.bodies.shape import ObstacleShape
+from observer.methods.rigid.point_motion import Motion
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, Points
+from observer.parameters import ObstacleParameters
+from observer.types import TrackState
+from observer.vision.camera_rate import CameraRate
+from observer.vision.track_ids import ObstacleNumbers, is_provisional
+
+# Share of the acceleration that a steadily driving body may still have.
+_STEADY = 0.1
+# rad/s, one standard deviation of how fast a body that was just found may turn.
+_YAW_RATE_SIGMA = 0.6
+# rad/s^2, of a steady and of a manoeuvring body.
+_YAW_ACCELERATION = (0.3, 5.0)
+# Old places of points on the body are forgotten at this rate: the patch that is followed slides.
+_SHAPE_MEMORY_S = 2.0
+# A member must have been seen this often before its place may stretch the box for good.
+_SETTLED = 6
+# Frames for which a point that did not fit its body may not join one again.
+_BANISHED = 5
+# A point seen more often than this knows its own motion, and needs no guess.
+_YOUNG = 4
+# Seconds after a body manoeuvred for which its members' own velocities may still be those before.
+_STEADY_S = 0.3
+# A group slower than this share of what counts as moving creeps: the edge of something, whose
+# points slide along it, and no obstacle.
+_CREEPING = 0.5
+# m^2: a group's middle is the body's origin by definition.
+_ORIGIN_VARIANCE = 1e-6
+
+
+class BodyTracker:
+    """Keeps the obstacles' tracks; points carry the number of the obstacle they belong to."""
+
+    def __init__(self, numbers: Iterator[int] | None = None) -> None:
+        """``numbers`` gives each confirmed track its own; from 1 if left out."""
+        self.tracks: list[BodyTrack] = []
+        self._numbers = ObstacleNumbers(numbers)
+
+    def clear(self) -> None:
+        """End all tracks; their numbers are not used again."""
+        self.tracks = []
+
+    def predict(
+        self,
+        dt: float,
+        camera_position: Float64Array,
+        camera: StereoCamera,
+        parameters: ObstacleParameters,
+    ) -> None:
+        """Move all bodies on by ``dt`` seconds.
+
+        Args:
+            camera_position: (3,) metres, world.
+        """
+        for track in self.tracks:
+            depth = float(np.linalg.norm(track.mean[POSITION] - camera_position))
+            agile = parameters.acceleration_px * depth / camera.fx
+            track.filter = track.filter.predicted(
+                dt,
+                (_STEADY * agile, agile),
+                _YAW_ACCELERATION,
+                track.shape.axis(track.yaw),
+            )
+            track.age_s += dt
+            track.frames += 1
+            track.steady_s += dt
+
+    def look_from(
+        self,
+        T_camera_world: Pose,
+        rate: CameraRate,
+        camera: StereoCamera,
+        bias_px: float,
+        stretch: float,
+    ) -> None:
+        """Note how sure velocities can be at best, seen from this pose.
+
+        What is out of sight is known as it was when it was last seen.
+
+        Args:
+            bias_px, stretch: one standard deviation each of the calibration's lasting errors, as
+                of ``EvidenceParameters``.
+        """
+        for track in [t for t in self.tracks if t.missed_s == 0]:
+            place = T_camera_world.apply(track.mean[None, POSITION])
+            velocity = T_camera_world.rotate(track.mean[None, VELOCITY])
+            errors = rate.lasting_errors(place, velocity, camera, bias_px, stretch)[0]
+            drift = errors @ T_camera_world.rotation
+            track.lasting_cov = drift.T @ drift
+
+    def known(self, points: Points) -> NDArray[np.bool_]:
+        """(N,) which points belong to obstacles that are known to move."""
+        sure = np.array([t.id for t in self.tracks if t.state is not TrackState.TENTATIVE])
+        return np.asarray((points.obstacle[:, None] == sure).any(axis=1))
+
+    def expected_at(
+        self,
+        points: Points,
+        place: Float64Array,
+        dt: float,
+        parameters: ObstacleParameters,
+    ) -> Float64Array:
+        """(N, 3) where points on bodies should be ``dt`` seconds on, m, world; NaN for others.
+
+        Points that are not members yet, but lie in a body's box, are expected to move with it.
+
+        Args:
+            place: (N, 3) metres, world, where points are now if they do not move.
+        """
+        out = np.full((len(points), 3), np.nan)
+        young = np.flatnonzero((points.obstacle == NO_OBSTACLE) & (points.sightings < _YOUNG))
+        for track in self.tracks:
+            guests = young[track.contains(place[young], track.room(parameters.margin))]
+            out[guests] = place[guests] + dt * track.velocity_at(place[guests])
+            mine = np.flatnonzero(points.obstacle == track.id)
+            R = yaw_matrix(track.yaw + dt * track.yaw_rate)
+            origin = track.mean[POSITION] + dt * track.mean[VELOCITY]
+            out[mine] = origin + shape_position(points, mine) @ R.T
+        return out
+
+    def boxes_px(self, T_camera_world: Pose, camera: StereoCamera) -> Float64Array:
+        """(B, 4) u0 v0 u1 v1 around the obstacles' boxes in the left image."""
+        found = []
+        for track in self.tracks:
+            if track.box is None:
+                continue
+            px, _ = camera.project(T_camera_world.apply(track.corners()))
+            if np.isfinite(px).all():
+                found.append([*px.min(axis=0), *px.max(axis=0)])
+        return np.array(found).reshape(-1, 4)
+
+    def update(
+        self,
+        points: Points,
+        sighting: Float64Array,
+        information: Float64Array,
+        T_camera_world: Pose,
+        step_covariance: Float64Array,
+        dt: float,
+        parameters: ObstacleParameters,
+    ) -> Points:
+        """Move every body to where its members are seen; members that do not fit leave.
+
+        Args:
+            sighting: (N, 3) metres, world, NaN unknown. information: (N, 3, 3) of each.
+            step_covariance: (6, 6) of the camera's motion over one frame (rad, m), camera axes.
+        """
+        obstacle = points.obstacle.copy()
+        tenure = np.where(
+            obstacle == NO_OBSTACLE, np.minimum(points.tenure + 1, 0), points.tenure + 1
+        )
+        shape_information = points.shape_information * np.exp(-dt / _SHAPE_MEMORY_S)
+        shape_vector = points.shape_vector * np.exp(-dt / _SHAPE_MEMORY_S)
+        for track in self.tracks:
+            mine = np.flatnonzero((obstacle == track.id) & np.isfinite(sighting[:, 0]))
+            members = Members.of(points, mine, sighting, information, track.R)
+            pose, spread = expected_pose(track.mean, track.filter.covariance)
+            if np.count_nonzero(members.known) >= parameters.min_points:
+                seen = measure_body(
+                    members,
+                    pose,
+                    spread,
+                    T_camera_world,
+                    step_covariance,
+                    parameters.shared_error,
+                )
+                track.filter = track.filter.updated(seen.pose, seen.covariance)
+                if track.filter.manoeuvres:
+                    track.steady_s = 0.0
+                track.recent.note(track.age_s, track.mean[VELOCITY], track.yaw_rate)
+                pose, _ = expected_pose(track.mean, track.filter.covariance)
+                obstacle[mine[seen.misfits]] = NO_OBSTACLE
+                tenure[mine[seen.misfits]] = -_BANISHED
+                mine = mine[~seen.misfits]
+            R = yaw_matrix(float(pose[3]))
+            local = R.T @ information[mine] @ R
+            shape_information[mine] += local
+            at = (sighting[mine] - pose[:3]) @ R
+            shape_vector[mine] += np.einsum("nij,nj->ni", local, at)
+            _note_seen(track, points.px[mine], dt, parameters)
+        return points.but(
+            obstacle=obstacle,
+            tenure=tenure,
+            shape_information=shape_information,
+            shape_vector=shape_vector,
+        )
+
+    def adopt(self, points: Points, motion: Motion, parameters: ObstacleParameters) -> Points:
+        """Let points that move with a body, on it, join it, and members that rest leave it."""
+        obstacle, tenure = points.obstacle.copy(), points.tenure.copy()
+        for track in self.tracks:
+            mine = np.flatnonzero(obstacle == track.id)
+            if track.steady_s >= _STEADY_S:
+                left = mine[resting(track, mine, motion)]
+                obstacle[left], tenure[left] = NO_OBSTACLE, -_BANISHED
+            free = np.flatnonzero((obstacle == NO_OBSTACLE) & motion.judged & (tenure >= 0))
+            if track.box is None or len(free) == 0:
+                continue
+            obstacle[free[joining(track, free, motion, parameters)]] = track.id
+        return self._placed(points.but(tenure=tenure), obstacle)
+
+    def found(
+        self,
+        points: Points,
+        groups: NDArray[np.int64],
+        motion: Motion,
+        radius_m: Callable[[Float64Array], float],
+        parameters: ObstacleParameters,
+    ) -> Points:
+        """Make obstacles of groups of dynamic points, or give them back to those lost from sight.
+
+        Args:
+            groups: (N,) number of each point's group from 0, -1 for none.
+            radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
+        """
+        obstacle = points.obstacle.copy()
+        for number in range(int(groups.max(initial=-1)) + 1):
+            candidates = np.flatnonzero(groups == number)
+            reach = radius_m(np.median(motion.position[candidates], axis=0))
+            group = group_of(candidates, motion, parameters, reach)
+            if group is None:
+                continue
+            if np.linalg.norm(group.velocity) < _CREEPING * parameters.stopped_below_mps:
+                continue
+            members = group.members
+            track = body_of(group, self.tracks)
+            if track is None:
+                track = BodyTrack(
+                    id=self._numbers.provisional(), filter=_begun(group), shape=ObstacleShape()
+                )
+                self.tracks.append(track)
+            elif track.missed_s > 0:
+                # It keeps its name and its size; where its points were is of no use any more.
+                obstacle[obstacle == track.id] = NO_OBSTACLE
+                track.filter = _begun(group)
+                track.shape.forget()
+                track.recent.forget()
+            elif track.box is not None:
+                room = track.room(parameters.margin)
+                members = members[track.contains(group.places, 2 * room)]
+            obstacle[members] = track.id
+        return self._placed(points, obstacle)
+
+    def live(
+        self,
+        points: Points,
+        camera_position: Float64Array,
+        radius_m: Callable[[Float64Array], float],
+        dt: float,
+        parameters: ObstacleParameters,
+    ) -> Points:
+        """Learn boxes, decide on each track's state, merge and end tracks.
+
+        Args:
+            camera_position: (3,) metres, world.
+            radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
+        """
+        shape_vector = points.shape_vector.copy()
+        for track in self.tracks:
+            mine = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
+            places = shape_position(points, mine)
+            known = np.isfinite(places).all(axis=1)
+            if np.count_nonzero(known) >= parameters.min_points:
+                tenure = points.tenure[mine[known]]
+                self._learn(track, places[known], tenure, camera_position, dt, parameters)
+                # About its centre a body's turning has least to do with its driving.
+                offset = track.rebase()
+                every = points.obstacle == track.id
+                shape_vector[every] -= points.shape_information[every] @ offset
+            judge(track, parameters)
+        points = self._named(points.but(shape_vector=shape_vector))
+        obstacle = points.obstacle.copy()
+        for track in [t for t in self.tracks if over(t, parameters)]:
+            obstacle[obstacle == track.id] = NO_OBSTACLE
+            self.tracks.remove(track)
+        for older, younger in self._same(radius_m, parameters):
+            obstacle[obstacle == younger.id] = older.id
+            self.tracks.remove(younger)
+            if is_provisional(older.id) and not is_provisional(younger.id):
+                # Whoever was reported stays who it is.
+                obstacle[obstacle == older.id] = younger.id
+                older.id, older.state = younger.id, younger.state
+        return self._placed(points, obstacle)
+
+    def _named(self, points: Points) -> Points:
+        """Give those that are confirmed by now their lasting number."""
+        obstacle = points.obstacle.copy()
+        for track in self.tracks:
+            if track.state is not TrackState.TENTATIVE:
+                number = self._numbers.confirmed(track.id)
+                obstacle[obstacle == track.id] = number
+                track.id = number
+        return points.but(obstacle=obstacle)
+
+    def _learn(
+        self,
+        track: BodyTrack,
+        places: Float64Array,
+        tenure: NDArray[np.int64],
+        camera_position: Float64Array,
+        dt: float,
+        parameters: ObstacleParameters,
+    ) -> None:
+        """Learn the heading, and the box from the members' places (K, 3) m, body's frame.
+
+        Args:
+            tenure: (K,) frames for which each has been a member.
+        """
+        cov = track.filter.covariance[VELOCITY, VELOCITY]
+        track.shape.note_heading(track.mean[VELOCITY], cov, track.yaw)
+        settled = tenure >= _SETTLED
+        if track.box is not None:
+            # A stranger may not stretch the box by much.
+            settled &= track.box.contains(places, track.room(parameters.margin))
+        track.shape.note(places[settled])
+        older = places[tenure >= min(_SETTLED // 2, track.frames)]
+        view = track.R.T @ (track.mean[POSITION] - camera_position)
+        seen = older if len(older) >= parameters.min_points else places
+        track.box = track.shape.box(seen, view, dt)
+
+    def _placed(self, points: Points, obstacle: NDArray[np.int64]) -> Points:
+        """Give points that have just joined a place on their body."""
+        if np.array_equal(obstacle, points.obstacle):
+            return points
+        information, vector = points.shape_information.copy(), points.shape_vector.copy()
+        for track in self.tracks:
+            new = np.flatnonzero((obstacle == track.id) & (points.obstacle != track.id))
+            if len(new) == 0:
+                continue
+            sums = points.sums.take(new)
+            place, known = placed(track, sums)
+            information[new] = track.R.T @ known @ track.R
+            at = track.local(place)
+            vector[new] = np.einsum("nij,nj->ni", information[new], at)
+        return points.but(obstacle=obstacle, shape_information=information, shape_vector=vector)
+
+    def _same(
+        self, radius_m: Callable[[Float64Array], float], parameters: ObstacleParameters
+    ) -> list[tuple[BodyTrack, BodyTrack]]:
+        """Pairs of tracks that are one body, the older first; none twice the younger."""
+        pairs = []
+        taken: set[int] = set()
+        for i, older in enumerate(self.tracks):
+            for younger in self.tracks[i + 1 :]:
+                if {older.id, younger.id} & taken:
+                    continue
+                if are_one(older, younger, radius_m(younger.centre), parameters):
+                    pairs.append((older, younger))
+                    taken.add(younger.id)
+        return pairs
+
+
+def _begun(group: Group) -> ObstacleMotion:
+    """The motion of a body of which only this is known; its origin is the group's middle."""
+    here = np.eye(3) * _ORIGIN_VARIANCE
+    return ObstacleMotion.begin(
+        group.centre, group.velocity, here, group.velocity_cov, _YAW_RATE_SIGMA
+    )
+
+
+def _note_seen(
+    track: BodyTrack, px: NDArray[np.float32], dt: float, parameters: ObstacleParameters
+) -> None:
+    """Note by how many members (K, 2) px it is seen, and where in the image."""
+    track.points = len(px)
+    if len(px) < parameters.min_points:
+        track.missed_s += dt
+        return
+    track.missed_s = 0.0
+    low, high = px.min(axis=0), px.max(axis=0)
+    track.box_px = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))

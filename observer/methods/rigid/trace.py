@@ -1,0 +1,62 @@
+"""What motion in space leaves in a trace; the names stand in ``observer.observer``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.methods.contract import View
+from observer.methods.rigid.ego_motion import RigidEgoMotion
+from observer.methods.rigid.point_evidence import Evidence
+from observer.methods.rigid.point_motion import Motion
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, Points
+from observer.types import EgoMotion, Matches, Trace
+from observer.vision.klt_tracking import Sightings
+
+
+def keep_background(
+    trace: Trace, previous: View, before: Points, points: Points, seen: Sightings, ego: EgoMotion
+) -> None:
+    """What was followed, and what the camera did: of every frame."""
+    trace.keep("previous_time", previous.time)
+    trace.keep("previous_left", previous.left)
+    trace.keep("previous_right", previous.right)
+    trace.keep("features_px", before.px)
+    trace.keep("matches", Matches(before.px[seen.found], points.px))
+    trace.keep("ego_motion", ego)
+
+
+def keep_motion(
+    trace: Trace,
+    before: Points,
+    points: Points,
+    seen: Sightings,
+    ego: RigidEgoMotion,
+    motion: Motion,
+) -> None:
+    """What moves: of a frame whose pose is known."""
+    start = before.px[seen.found].astype(np.float64)
+    residual = points.px - ego.predict(start, before.disparity[seen.found])
+    known = np.isfinite(residual).all(axis=1)
+    trace.keep("flow_px", start[known])
+    trace.keep("flow_observed_px", (start + residual)[known].astype(np.float32))
+    trace.keep("flow_residual_px", residual[known].astype(np.float32))
+    trace.keep("dynamic", (motion.dynamic | (points.obstacle != NO_OBSTACLE))[known])
+    trace.keep("evidence", _evidence(points, ego, motion))
+
+
+def _evidence(points: Points, ego: RigidEgoMotion, motion: Motion) -> Evidence:
+    assert ego.T_camera_world is not None
+    R = ego.T_camera_world.rotation
+    depth = ego.T_camera_world.apply(motion.position)[:, 2]
+    return Evidence(
+        px=points.px,
+        depth=np.where(np.isfinite(points.disparity), depth, np.nan),
+        age_s=points.age,
+        velocity=motion.velocity @ R.T,
+        velocity_std=np.sqrt(np.maximum(np.einsum("nii->n", motion.covariance) / 3, 0.0)),
+        significance=motion.significance,
+        threshold=motion.threshold,
+        dynamic=motion.dynamic | (points.obstacle != NO_OBSTACLE),
+        neighbours=motion.neighbours,
+        obstacle_id=points.obstacle,
+    )

@@ -1,0 +1,142 @@
+"""Feature points that are followed from frame to frame, and all that is known of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.methods.rigid.position_velocity_filter import MotionSums
+
+NO_OBSTACLE = -1
+# Of a sighting that weighs less nothing is left to go by.
+_FORGOTTEN = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """N followed points as of the newest frame.
+
+    Attributes:
+        number: (N,) each point's own number, never used twice in a segment.
+        px: (N, 2) float32 pixels in the left image.
+        right_px: (N, 2) float32 pixels in the right image, as matched there; NaN unknown.
+        flow: (N, 2) px/s in the left image, NaN for points seen once.
+        disparity: (N,) pixels at the left image's exposure; NaN unknown.
+        sightings: (N,) in how many frames the point was seen.
+        age: (N,) seconds since it was first seen.
+        sums: position and velocity of each point, world frame.
+        velocity: (N, 3) m/s, world, by itself at the last frame; 0 while unknown.
+        dynamic: (N,) whether it moved, at the last frame.
+        obstacle: (N,) number of the obstacle it belongs to, or ``NO_OBSTACLE``.
+        tenure: (N,) frames for which it has belonged to it.
+        shape_information: (N, 3, 3) 1/m^2 and shape_vector: (N, 3) 1/m, where the point is on
+            that obstacle, in the obstacle's own frame (``information^-1 @ vector``).
+    """
+
+    number: NDArray[np.int64]
+    px: NDArray[np.float32]
+    right_px: NDArray[np.float32]
+    flow: Float64Array
+    disparity: Float64Array
+    sightings: NDArray[np.int64]
+    age: Float64Array
+    sums: MotionSums
+    velocity: Float64Array
+    dynamic: NDArray[np.bool_]
+    obstacle: NDArray[np.int64]
+    tenure: NDArray[np.int64]
+    shape_information: Float64Array
+    shape_vector: Float64Array
+
+    @staticmethod
+    def none() -> Points:
+        """No points at all."""
+        nothing = np.zeros(0)
+        return Points(
+            number=nothing.astype(np.int64),
+            px=np.zeros((0, 2), np.float32),
+            right_px=np.zeros((0, 2), np.float32),
+            flow=np.zeros((0, 2)),
+            disparity=nothing,
+            sightings=nothing.astype(np.int64),
+            age=nothing,
+            sums=MotionSums.begin(np.zeros((0, 3)), np.zeros((0, 3, 3))),
+            velocity=np.zeros((0, 3)),
+            dynamic=nothing.astype(np.bool_),
+            obstacle=nothing.astype(np.int64),
+            tenure=nothing.astype(np.int64),
+            shape_information=np.zeros((0, 3, 3)),
+            shape_vector=np.zeros((0, 3)),
+        )
+
+    @staticmethod
+    def begin(
+        first_number: int,
+        px: NDArray[np.float32],
+        right_px: NDArray[np.float32],
+        disparity: Float64Array,
+        sums: MotionSums,
+    ) -> Points:
+        """Points that are seen for the first time."""
+        count = len(px)
+        return Points(
+            number=np.arange(first_number, first_number + count, dtype=np.int64),
+            px=px,
+            right_px=right_px,
+            flow=np.full((count, 2), np.nan),
+            disparity=disparity,
+            sightings=np.ones(count, np.int64),
+            age=np.zeros(count),
+            sums=sums,
+            velocity=np.zeros((count, 3)),
+            dynamic=np.zeros(count, np.bool_),
+            obstacle=np.full(count, NO_OBSTACLE, np.int64),
+            tenure=np.zeros(count, np.int64),
+            shape_information=np.zeros((count, 3, 3)),
+            shape_vector=np.zeros((count, 3)),
+        )
+
+    def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Points:
+        """Some of the points."""
+        # A mask is searched through for each of the arrays anew, indices are not; and of rows
+        # take() is several times as fast as an index.
+        at = np.flatnonzero(which) if which.dtype == np.bool_ else which.astype(np.intp, copy=False)
+        return Points(*(_taken(getattr(self, name), at) for name in _NAMES))
+
+    def remembered(self) -> Points:
+        """Without those of which nothing measured is remembered.
+
+        A point may be followed for minutes in both images and tell no place, for want of
+        disparity; what was once known of it fades to numbers that cannot be inverted any more.
+        """
+        remembered = self.sums.count > _FORGOTTEN
+        return self if remembered.all() else self.take(remembered)
+
+    def joined(self, other: Points) -> Points:
+        """These points and then the others."""
+        return Points(*(_joined(getattr(self, name), getattr(other, name)) for name in _NAMES))
+
+    def but(self, **changes: object) -> Points:
+        """The same points with some attributes replaced."""
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+    def __len__(self) -> int:
+        return len(self.px)
+
+
+# Looking the fields up anew costs more than choosing among the points.
+_NAMES = tuple(f.name for f in fields(Points))
+
+
+def _taken(value: Any, at: NDArray[np.intp]) -> Any:
+    return value.take(at) if isinstance(value, MotionSums) else value.take(at, axis=0)
+
+
+def _joined(first: Any, second: Any) -> Any:
+    if isinstance(first, MotionSums):
+        return first.joined(second)
+    return np.concatenate([first, second])

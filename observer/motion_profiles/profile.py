@@ -1,0 +1,114 @@
+"""A programme: which robot shall drive how fast, and when.
+
+A programme says nothing of who consents or what is in the way; whoever plays it does.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from observer.errors import InputError
+from observer.rig.rig import ROLES, Role
+
+# What the faster of the two robots can; each robot's own limits hold besides.
+MAX_SPEED_MPS = 2.2
+MAX_TURN_RATE_RADPS = math.radians(500)
+# Of one step, and of all steps of a role together.
+MAX_SECONDS = 3600.0
+MAX_STEPS = 1000
+# A name is also that of a file and part of an address.
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+_MAX_TITLE, _MAX_HELP = 120, 2000
+
+
+@dataclass(frozen=True)
+class Step:
+    """A velocity that holds for some time; both robots of a programme may have other steps.
+
+    Attributes:
+        seconds: > 0, at most ``MAX_SECONDS``. speed_mps: forward, within ``MAX_SPEED_MPS``.
+        turn_rate_radps: positive to the left, within ``MAX_TURN_RATE_RADPS``.
+        ramp: whether the velocity is reached evenly over the step from the one before (from rest
+            at the beginning), instead of at once.
+
+    Raises:
+        InputError: a number is not finite or out of its bounds.
+    """
+
+    seconds: float
+    speed_mps: float
+    turn_rate_radps: float = 0.0
+    ramp: bool = False
+
+    def __post_init__(self) -> None:
+        values = (self.seconds, self.speed_mps, self.turn_rate_radps)
+        if not all(math.isfinite(value) for value in values) or self.seconds <= 0:
+            raise InputError("a step needs finite numbers and a duration above 0 seconds")
+        if self.seconds > MAX_SECONDS:
+            raise InputError(f"a step lasts at most {MAX_SECONDS:g} seconds, not {self.seconds:g}")
+        if abs(self.speed_mps) > MAX_SPEED_MPS:
+            raise InputError(
+                f"a step's speed must lie within +-{MAX_SPEED_MPS} m/s, not {self.speed_mps:g}"
+            )
+        if abs(self.turn_rate_radps) > MAX_TURN_RATE_RADPS:
+            raise InputError(
+                f"a step's turn rate must lie within "
+                f"+-{math.degrees(MAX_TURN_RATE_RADPS):g} degrees per second, "
+                f"not {math.degrees(self.turn_rate_radps):g}"
+            )
+
+
+@dataclass(frozen=True)
+class Programme:
+    """Steps by role.
+
+    Attributes:
+        name: short, unique among programmes: letters, digits, - and _.
+        title, help: for people; one line each, may be empty.
+        steps: by role; a role without steps is not moved.
+        gesture: whether it begins with the start-stop gesture by which clocks are aligned later
+            (``observer.motion_profiles.gesture``).
+
+    Raises:
+        InputError: one sentence of what is wrong.
+    """
+
+    name: str
+    title: str
+    help: str
+    steps: Mapping[Role, tuple[Step, ...]]
+    gesture: bool = False
+
+    def __post_init__(self) -> None:
+        if _NAME.fullmatch(self.name) is None:
+            raise InputError(
+                f"{self.name[:40]!r} cannot be a programme's name; take up to 64 letters, "
+                f"digits, - and _"
+            )
+        for key, text, most in (("title", self.title, _MAX_TITLE), ("help", self.help, _MAX_HELP)):
+            if len(text) > most or not text.isprintable() or text != text.strip():
+                raise InputError(
+                    f"the programme {self.name}: {key} must be one line of at most {most} "
+                    f"printable characters"
+                )
+        if not any(self.steps.values()):
+            raise InputError(f"the programme {self.name} moves no robot; give steps for a role")
+        for role, steps in self.steps.items():
+            if role not in ROLES:
+                raise InputError(
+                    f"the programme {self.name}: {str(role)[:40]!r} is no role; "
+                    f"the roles are {' and '.join(ROLES)}"
+                )
+            if len(steps) > MAX_STEPS or sum(step.seconds for step in steps) > MAX_SECONDS:
+                raise InputError(
+                    f"the programme {self.name}: the {role} may have at most {MAX_STEPS} steps "
+                    f"of {MAX_SECONDS:g} seconds together; let it be repeated instead"
+                )
+
+    @property
+    def roles(self) -> tuple[Role, ...]:
+        """Those it moves."""
+        return tuple(role for role in ROLES if self.steps.get(role))

@@ -1,0 +1,263 @@
+"""Height, tilt and roll of the camera from the floor it sees by stereo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array
+from observer.mount import CameraMount
+from observer.rig.estimates import Estimated, Refused, numeric_jacobian
+from observer.rig.ground_planes import (
+    DisparityPoints,
+    LevelPlane,
+    PlaneLimits,
+    level_planes,
+    stand_of,
+)
+
+# A camera on a robot; beyond these a plane is a wall, a ceiling or another room's floor.
+_LIMITS = PlaneLimits(math.radians(45), math.radians(20), (0.05, 3.0))
+# Of the points below a plane's horizon; mismatches and reflections in the floor come so far.
+_MOST_BENEATH = 0.15
+# With these shares of another plane's points, a second one competes, or is the other's floor.
+_RIVAL, _FLOOR_OF_TABLE = 0.4, 0.1
+_SAME_HEIGHT, _SAME_HEIGHT_M, _SAME_ANGLE = 0.1, 0.03, math.radians(3)
+_MOST_POINTS = 20_000
+_FEWEST_POINTS = 500
+# Neighbouring pixels err alike; within a cell of this many cells each way, all of them at once.
+_CELLS = 8
+# What is too uncertain to be of use; metres or share of the height, radians.
+_USELESS_HEIGHT_M, _USELESS_HEIGHT, _USELESS_ANGLE = 0.03, 0.06, math.radians(1.5)
+_LEAST_SHARE_OF_VIEWS = 0.5
+
+
+@dataclass(frozen=True)
+class FloorNoise:
+    """How disparities err.
+
+    Attributes:
+        sigma_px: of a single one, one standard deviation.
+        bias_px: what a calibration leaves at the image's edge, the same for all points, and
+            rising and falling over the image; one standard deviation.
+        scale: what a calibration leaves in focal length times baseline, as a share.
+    """
+
+    sigma_px: float = 0.35
+    bias_px: float = 0.2
+    scale: float = 0.005
+
+
+@dataclass(frozen=True)
+class FloorEstimate:
+    """How the camera stands above the floor.
+
+    Attributes:
+        height_m: metres. tilt_rad, roll_rad: as in ``CameraMount``, radians.
+        share: of all points, those that lie on the floor; the median of the views.
+        views: how many views told it. views_left_out: how many did not.
+        sentence: the result for people.
+    """
+
+    height_m: Estimated
+    tilt_rad: Estimated
+    roll_rad: Estimated
+    share: float
+    views: int
+    views_left_out: int
+    sentence: str
+
+    @property
+    def mount(self) -> CameraMount:
+        """The mount as far as the floor tells it."""
+        return CameraMount(self.height_m.value, self.tilt_rad.value, roll_rad=self.roll_rad.value)
+
+
+def estimate_floor(
+    views: Sequence[ArrayLike], camera: StereoCamera, noise: FloorNoise | None = None
+) -> FloorEstimate | Refused:
+    """The floor below a camera from stereo clouds of one or more frames.
+
+    The floor is the largest level plane below the camera that has next to nothing beneath it, or
+    the level one below that: this tells it from tables and boxes. The camera is taken to be
+    mounted firmly: all views see one plane, and their median counts. Walls are excluded by tilt
+    (within 45 degrees) and roll (within 20).
+
+    Standard deviations hold what one view leaves open (cells of the image err as a whole), how
+    far views differ, and what a calibration leaves as a bias of disparity, which no number of
+    views takes away.
+
+    Args:
+        views: for each frame points (N, 3), metres, camera frame, as dense stereo gives them;
+            rows with NaN are left out.
+        camera: of the very grid of pixels that the clouds were made on.
+        noise: how disparities err.
+
+    Returns:
+        The estimate, or why there is none, and what would help.
+    """
+    noise = FloorNoise() if noise is None else noise
+    found: list[_ViewOfFloor] = []
+    refused: list[str] = []
+    for number, view in enumerate(views):
+        one = _floor_of_view(_disparity_points(view, camera, number), camera, noise, number)
+        if isinstance(one, Refused):
+            refused.append(one.sentence)
+        else:
+            found.append(one)
+    if not found and not refused:
+        return Refused("no view of the floor was given; at least one stereo cloud is needed")
+    if len(found) < _LEAST_SHARE_OF_VIEWS * len(views):
+        return Refused(max(refused, key=refused.count))
+    return _combined(found, len(refused), camera, noise)
+
+
+@dataclass(frozen=True, eq=False)
+class _ViewOfFloor:
+    """Attributes: plane coefficients (3,), their covariance (3, 3) by this view's noise alone."""
+
+    coefficients: Float64Array
+    covariance: Float64Array
+    share: float
+
+
+def _disparity_points(view: ArrayLike, camera: StereoCamera, number: int) -> DisparityPoints:
+    points = np.asarray(view, np.float64).reshape(-1, 3)
+    points = points[np.isfinite(points).all(axis=1) & (points[:, 2] > 0)]
+    if len(points) > _MOST_POINTS:
+        rng = np.random.default_rng(np.random.SeedSequence([number, 0xF101]))
+        points = points[rng.permutation(len(points))[:_MOST_POINTS]]
+    ray = points / points[:, 2:]
+    return DisparityPoints(ray, camera.fx * camera.baseline / points[:, 2])
+
+
+def _floor_of_view(
+    points: DisparityPoints, camera: StereoCamera, noise: FloorNoise, number: int
+) -> _ViewOfFloor | Refused:
+    if len(points) < _FEWEST_POINTS:
+        return Refused(
+            f"only {len(points)} points have a depth, and {_FEWEST_POINTS} are needed; see that "
+            f"both cameras are uncovered, in focus and calibrated"
+        )
+    fb = camera.fx * camera.baseline
+    planes = level_planes(points, fb, noise.sigma_px, _LIMITS, number)
+    if not planes:
+        return Refused(
+            "no level plane is seen below the camera; turn the robot towards open floor, and "
+            "check that the camera looks ahead and stands upright"
+        )
+    floor = _lowest(planes)
+    if isinstance(floor, Refused):
+        return floor
+    if floor.support < _FEWEST_POINTS:
+        return Refused(
+            f"the floor shows only {floor.support} points, and {_FEWEST_POINTS} are needed; turn "
+            f"the robot towards more of it, or put newspapers on a floor without texture"
+        )
+    covariance = _covariance(points.chosen(floor.members), floor)
+    return _ViewOfFloor(floor.coefficients, covariance, floor.support / len(points))
+
+
+def _lowest(planes: list[LevelPlane]) -> LevelPlane | Refused:
+    """The floor among planes by size, largest first; refused where two compete.
+
+    It is the largest plane with next to nothing beneath it, but for a level one that carries it.
+    """
+    nothing_beneath = [plane for plane in planes if plane.beneath <= _MOST_BENEATH]
+    if not nothing_beneath:
+        return Refused(
+            f"a level plane lies {planes[0].words}, but {100 * planes[0].beneath:.0f} % of what is "
+            f"seen there lies beneath it, so it is not the floor; turn the robot towards open floor"
+        )
+    floor = nothing_beneath[0]
+    for lower in nothing_beneath[1:]:
+        if lower.support >= _FLOOR_OF_TABLE * floor.support and lower.carries(floor):
+            floor = lower
+    for rival in planes:
+        # What has only the floor beneath it may be a ramp, and the robot may stand on either.
+        if (
+            rival.support >= _RIVAL * floor.support
+            and rival.beneath_but_for(floor) <= _MOST_BENEATH
+            and not floor.carries(rival)
+            and not _same(floor, rival)
+        ):
+            return Refused(
+                f"two planes could be the floor: one {floor.words}, one {rival.words}; turn the "
+                f"robot to where the floor is open and flat"
+            )
+    return floor
+
+
+def _same(a: LevelPlane, b: LevelPlane) -> bool:
+    height, tilt, roll = np.abs(a.stand - b.stand)
+    near = max(_SAME_HEIGHT_M, _SAME_HEIGHT * a.stand[0])
+    return bool(height < near and tilt < _SAME_ANGLE and roll < _SAME_ANGLE)
+
+
+def _covariance(points: DisparityPoints, floor: LevelPlane) -> Float64Array:
+    """(3, 3) of the coefficients: residuals of one cell of the image count as one error.
+
+    The "sandwich" for clustered errors (Liang and Zeger, 1986): dense stereo smooths, so single
+    pixels tell far less than their number.
+    """
+    residual = points.disparity - points.ray @ floor.coefficients
+    low, high = points.ray[:, :2].min(axis=0), points.ray[:, :2].max(axis=0)
+    cell = np.minimum((points.ray[:, :2] - low) / (high - low + 1e-12) * _CELLS, _CELLS - 1)
+    number = cell[:, 0].astype(np.intp) * _CELLS + cell[:, 1].astype(np.intp)
+    scores = np.zeros((_CELLS * _CELLS, 3))
+    np.add.at(scores, number, points.ray * residual[:, None])
+    information = np.linalg.pinv(points.ray.T @ points.ray)
+    cells = len(np.unique(number))
+    excess = cells / max(1, cells - 3)
+    return np.asarray(information @ (scores.T @ scores) @ information * excess)
+
+
+def _bias_covariance(camera: StereoCamera, noise: FloorNoise) -> Float64Array:
+    """(3, 3) of the coefficients, by what the calibration leaves: offset and slopes."""
+    edge = np.array([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, 1.0])
+    return np.diag((noise.bias_px / edge) ** 2)
+
+
+def _combined(
+    found: list[_ViewOfFloor], left_out: int, camera: StereoCamera, noise: FloorNoise
+) -> FloorEstimate | Refused:
+    fb = camera.fx * camera.baseline
+    stands = np.array([stand_of(view.coefficients, fb) for view in found])
+    middle = np.median(stands, axis=0)
+    spread = 1.4826 * np.median(np.abs(stands - middle), axis=0)
+    bias = _bias_covariance(camera, noise)
+    variances = []
+    for view in found:
+        J = numeric_jacobian(lambda c: stand_of(c, fb), view.coefficients, [1e-3] * 3)
+        variances.append(np.diagonal(J @ (view.covariance + bias) @ J.T))
+    # Views of one floor share its texture and err alike, so their number improves nothing.
+    variance = np.median(variances, axis=0) + spread**2
+    variance[0] += (noise.scale * middle[0]) ** 2
+    sigma = np.sqrt(variance)
+    useless_m = max(_USELESS_HEIGHT_M, _USELESS_HEIGHT * middle[0])
+    if sigma[0] > useless_m or sigma[1] > _USELESS_ANGLE or sigma[2] > _USELESS_ANGLE:
+        return Refused(
+            f"too little of the floor is seen, or the views differ: height {middle[0]:.2f} +- "
+            f"{sigma[0]:.2f} m, tilt {math.degrees(middle[1]):.1f} +- "
+            f"{math.degrees(sigma[1]):.1f} degrees; turn the robot towards more open floor and "
+            f"let it stand still"
+        )
+    height, tilt, roll = (Estimated(float(v), float(s)) for v, s in zip(middle, sigma, strict=True))
+    share = float(np.median([view.share for view in found]))
+    return FloorEstimate(
+        height, tilt, roll, share, len(found), left_out, _sentence(height, tilt, roll, share)
+    )
+
+
+def _sentence(height: Estimated, tilt: Estimated, roll: Estimated, share: float) -> str:
+    return (
+        f"the left camera is {100 * height.value:.1f} +- {100 * height.sigma:.1f} cm above the "
+        f"floor, looks down by {tilt.degrees.value:.1f} +- {tilt.degrees.sigma:.1f} degrees and "
+        f"is rolled by {roll.degrees.value:.1f} +- {roll.degrees.sigma:.1f} degrees; "
+        f"{100 * share:.0f} % of what it sees is floor"
+    )

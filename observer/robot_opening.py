@@ -1,0 +1,95 @@
+"""Opens whatever robot a text names."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+
+from observer.errors import InputError
+from observer.robots.contract import Robot
+from observer.robots.models import robot_spec
+
+EXTERNAL, COPPELIASIM, SOCKET = "external:", "coppeliasim:", "socket://"
+_HOST = r"(?:\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+)"
+_HOST_AND_PORT = re.compile(rf"{_HOST}:(?P<port>\d{{1,5}})(?P<rest>/.*)?")
+# Where a key begins, however it was mistyped.
+_BEFORE_KEY = re.compile(r"[?&]|key=", re.IGNORECASE)
+_FORMS = (
+    "a robot's port is a device as /dev/ttyUSB0, socket://HOST:8101, external:HOST:PORT or "
+    "coppeliasim:HOST:PORT/OBJECT"
+)
+
+
+def open_robot(
+    port: str, model: str | None = None, *, clock: Callable[[], float] = time.monotonic
+) -> Robot:
+    """The robot at a port; it connects by itself from now on, with motors off.
+
+    Args:
+        port: a device's path or ``socket://HOST:PORT`` (ARCOS), ``external:HOST:PORT`` (a robot
+            of your own connects there) or ``coppeliasim:HOST:PORT/OBJECT``.
+        model: of ``observer.robots.models``; None: as the robot calls itself.
+        clock: the host's monotonic clock.
+
+    Raises:
+        InputError: the text names no port, or there is no such model.
+    """
+    check_port(port)
+    if model is not None:
+        robot_spec(model)
+    # Each knows the protocol, and the libraries, of its own kind of robot.
+    if port.startswith(EXTERNAL):
+        from observer.robots.network.address import open_external
+
+        return open_external(port, model, clock=clock)
+    if port.startswith(COPPELIASIM):
+        from observer.coppeliasim.robot import open_coppelia_robot
+
+        return open_coppelia_robot(port, model, clock=clock)
+    from observer.robots.pioneer import Pioneer
+
+    return Pioneer(port, model, clock=clock)
+
+
+def check_port(port: str) -> None:
+    """See that a text names a port, without opening anything.
+
+    Raises:
+        InputError: it does not.
+    """
+    if not port or any(ord(each) < 32 or ord(each) == 127 for each in port):
+        raise InputError(f"{_FORMS}, not {shown_port(port)!r}")
+    if port.startswith(SOCKET):
+        _check_address(port)
+        return
+    if port.startswith(EXTERNAL):
+        from observer.robots.network.address import parse_external
+
+        parse_external(port)
+        return
+    if port.startswith(COPPELIASIM):
+        from observer.coppeliasim.address import parse_robot
+
+        parse_robot(port)
+        return
+    if not re.match(r"\.{0,2}/[^/]", port):
+        raise InputError(f"{_FORMS}, not {shown_port(port)!r}")
+
+
+def shown_port(port: str) -> str:
+    """The text that names a robot's port, without its key: for people, records and logs."""
+    # Names of devices and of a scene's objects may hold anything.
+    if port.startswith(COPPELIASIM) or re.match(r"\.{0,2}/", port):
+        return port
+    return _BEFORE_KEY.split(port, maxsplit=1)[0]
+
+
+def _check_address(port: str) -> None:
+    found = _HOST_AND_PORT.fullmatch(port.removeprefix(SOCKET))
+    if found is None or not 1 <= int(found["port"]) <= 65535:
+        raise InputError(f"{shown_port(port)!r} lacks a host or a port from 1 to 65535; {_FORMS}")
+    if (found["rest"] or "/") != "/":
+        raise InputError(
+            f"{shown_port(port)!r} has more behind its port than belongs there; {_FORMS}"
+        )

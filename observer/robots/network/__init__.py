@@ -1,0 +1,1 @@
+"""Robots of your own that connect to this server over TCP."""

@@ -1,0 +1,163 @@
+"""A robot of one's own: odometry in; permitted speed, stop and reason out, over TCP.
+
+We listen at ``external:HOST:PORT``, one robot connects. What both sides say, and what silence
+means to each, stands in ``EXTERNAL.md`` beside this file; ``observer.robots.network.client`` is
+all of it from the robot's side, on the standard library.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from observer.errors import InputError
+from observer.robots.contract import RobotReport, Sent
+from observer.robots.models import robot_spec
+from observer.robots.network.link import EXPIRES_S, ExternalLink
+from observer.robots.network.watch import ExternalWatch
+
+PREFIX = "external:"
+_ADDRESS = re.compile(r"(\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_.-]+)):(?P<port>\d{1,5})")
+_KEY = re.compile(r"[A-Za-z0-9_-]{16,128}")
+_CLOSE_WITHIN_S = 2.0
+
+
+@dataclass(frozen=True)
+class ExternalPort:
+    """Where to listen, and the key that a robot must give; None: none."""
+
+    host: str
+    port: int
+    key: str | None
+
+
+def parse_external(text: str) -> ExternalPort:
+    """Of ``external:HOST:PORT`` or ``external:HOST:PORT?key=KEY``.
+
+    Raises:
+        InputError: it is not of this form, or a key is missing where others could connect.
+    """
+    where, _, query = text.removeprefix(PREFIX).partition("?")
+    found = _ADDRESS.fullmatch(where)
+    if not text.startswith(PREFIX) or found is None or not 1 <= int(found["port"]) <= 65535:
+        raise InputError(
+            f"{_without_key(text)!r} names no place for a robot to connect to; write it as "
+            f"external:127.0.0.1:7700"
+        )
+    host, port = found["six"] or found["name"], int(found["port"])
+    key = query.removeprefix("key=") if query else None
+    if key is not None and (not query.startswith("key=") or _KEY.fullmatch(key) is None):
+        raise InputError(
+            f"{_without_key(text)!r}: behind ? stands key= and 16 to 128 letters, digits, - or _"
+        )
+    if key is None and not _is_loopback(host):
+        raise InputError(
+            f"{where!r} can be reached by others; add a key that the robot gives, as in "
+            f"external:{where}?key=KEY, or listen on 127.0.0.1"
+        )
+    return ExternalPort(host, port, key)
+
+
+def open_external(
+    spec: str, model: str | None = None, *, clock: Callable[[], float] = time.monotonic
+) -> ExternalRobot:
+    """The robot that will connect to ``external:HOST:PORT``; listens from now on.
+
+    Args:
+        model: of ``observer.robots.models``, whose limits then hold besides the robot's own.
+
+    Raises:
+        InputError: the text is not of this form, or there is no such model.
+    """
+    return ExternalRobot(parse_external(spec), model, clock)
+
+
+class ExternalRobot:
+    """Fulfils ``observer.robots.contract.Robot``; see the module."""
+
+    def __init__(
+        self,
+        port: ExternalPort,
+        model: str | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._watch = ExternalWatch(None if model is None else robot_spec(model))
+        self._link = ExternalLink(port.host, port.port, port.key, self._watch, self._lock, clock)
+
+    def report(self) -> RobotReport:
+        """How it is; from any thread."""
+        with self._lock:
+            return self._watch.report(self._clock(), EXPIRES_S)
+
+    def enable(self) -> None:
+        """Motors on, at zero velocity; not while it is not connected or has a fault."""
+        with self._lock:
+            self._watch.enable(self._clock())
+        self._link.wake()
+
+    def disable(self) -> None:
+        """Zero velocity, motors off."""
+        with self._lock:
+            self._watch.disable()
+        self._link.wake()
+
+    def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
+        """Permit this velocity until the next one, for ``SETPOINT_FRESH_S`` at most.
+
+        Args:
+            speed_mps, turn_rate_radps: finite; anything else is taken for zero.
+
+        Returns:
+            What it is clamped to; zero while it has a fault, is not connected or its motors are
+            off.
+        """
+        now = self._clock()
+        with self._lock:
+            speed, turn_rate = self._watch.drive(speed_mps, turn_rate_radps, now)
+        self._link.wake()
+        return Sent(speed, turn_rate, now)
+
+    def explain(self, reason: str | None) -> None:
+        """Tell the robot why it may not drive as asked; None: nothing keeps it back."""
+        with self._lock:
+            changed = self._watch.explain(reason)
+        if changed:
+            self._link.wake()
+
+    def stop(self) -> None:
+        """Stop as hard as it can, motors off."""
+        with self._lock:
+            self._watch.stop()
+        self._link.wake()
+
+    def clear(self) -> None:
+        """Forget the fault, if what caused it is over; motors stay off."""
+        with self._lock:
+            self._watch.clear(self._clock())
+        self._link.wake()
+
+    def close(self) -> None:
+        """Stop, end the connection, listen no more; waits for at most 2 s. Safe to call twice."""
+        self.stop()
+        self._link.close(_CLOSE_WITHIN_S)
+        with self._lock:
+            self._watch.closed()
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _without_key(text: str) -> str:
+    from observer.robot_opening import shown_port
+
+    return shown_port(text)[:80]

@@ -1,0 +1,318 @@
+"""What a robot of one's own says, or does not say, means for driving it. Pure: time is told."""
+
+from __future__ import annotations
+
+import math
+
+from observer.robots.contract import (
+    SETPOINT_FRESH_S,
+    RobotLimits,
+    RobotPhase,
+    RobotReport,
+    Sent,
+)
+from observer.robots.models import RobotSpec
+from observer.robots.network.messages import Hello, OdometryMessage, Permit
+from observer.types import Odometry
+
+# Without odometry for so long it has a fault.
+SILENCE_S = 0.5
+# Or if the newest permit that it confirms is older: it does not hear us. By as much longer as
+# a permit and the odometry that confirms it are on their way when all is well.
+UNHEARD_S = 0.7
+# A robot needs a moment to switch its motors on; until then it does not contradict.
+_ENABLE_WITHIN_S = 1.0
+# More than go out until they count as not confirmed.
+_MOST_UNCONFIRMED = 100
+_ZERO = (0.0, 0.0)
+
+
+class ExternalWatch:
+    """Latches faults, keeps the setpoint, and says what is permitted at an instant.
+
+    Not safe for threads; its owner locks.
+
+    Args:
+        spec: of the model it is driven as, whose limits hold besides its own; None of none.
+    """
+
+    def __init__(self, spec: RobotSpec | None) -> None:
+        self._spec = spec
+        self.phase = RobotPhase.CONNECTING
+        self.trouble: str | None = None
+        self.sent: Sent | None = None
+        self._hello: Hello | None = None
+        self._said: OdometryMessage | None = None
+        self._fault: str | None = None
+        self._heard = self._confirmed = -math.inf
+        self._enabled_at: float | None = None
+        # Sequence of the permit by which it heard that its motors may be on.
+        self._enabled_by: int | None = None
+        self._seen_enabled = False
+        self._halted = False
+        self._setpoint = _ZERO
+        self._reason: str | None = None
+        self._setpoint_at = -math.inf
+        self._permit_times: dict[int, float] = {}
+        self._place = _Place()
+        self._delay = _Delay()
+        self._counters = dict.fromkeys(
+            ("packets", "bad_packets", "unknown_packets", "reconnects"), 0
+        )
+
+    # --- what the connection tells -----------------------------------------------------------
+
+    def connected(self, hello: Hello, now: float) -> None:
+        """It introduced itself; motors off, at zero."""
+        if self._hello is not None:
+            self._counters["reconnects"] += 1
+        self.phase, self.trouble = RobotPhase.CONNECTED, None
+        self._hello, self._said = hello, None
+        self._heard = self._confirmed = now
+        self._permit_times.clear()
+        self._place.begin_anew()
+        self._delay = _Delay()
+        self._switch_off()
+
+    def said(self, message: OdometryMessage, now: float) -> None:
+        """Odometry came; old or repeated ones count as bad and change nothing."""
+        if self._said is not None and (
+            message.sequence <= self._said.sequence or message.time < self._said.time
+        ):
+            self._counters["bad_packets"] += 1
+            return
+        self._counters["packets"] += 1
+        self._said = message
+        self._place.move(message)
+        # What waited on its way is heard now, but tells of then.
+        self._heard = max(self._heard, now - self._delay.of(message.time, now))
+        told = self._permit_times.get(message.permit)
+        if told is not None:
+            self._confirmed = max(self._confirmed, told)
+            for old in [each for each in self._permit_times if each < message.permit]:
+                del self._permit_times[old]
+        if message.fault is not None:
+            self._fail(message.fault)
+        # Not by what it said before it knew that it may.
+        if self._enabled_by is not None and message.permit >= self._enabled_by:
+            self._seen_enabled = self._seen_enabled or message.enabled
+
+    def bad(self) -> None:
+        """Something came that is no message."""
+        self._counters["bad_packets"] += 1
+
+    def lost(self, sentence: str) -> None:
+        """The connection ended; it is waited for again."""
+        if self.phase is RobotPhase.CONNECTED:
+            self._fail(sentence)
+        self.phase, self.trouble = RobotPhase.WAITING, sentence
+        self._said = self.sent = None
+
+    def failed(self) -> None:
+        """Nobody listens any more, though somebody should."""
+        self.lost("its driver failed")
+        self.phase = RobotPhase.REFUSED
+
+    def refused(self, sentence: str) -> None:
+        """Somebody connected who was not taken for the robot."""
+        if self.phase is not RobotPhase.CONNECTED:
+            self.trouble = f"a robot was refused: {sentence}"
+
+    def closed(self) -> None:
+        """Nobody listens any more."""
+        self._switch_off()
+        self.phase, self.trouble = RobotPhase.CLOSED, None
+
+    def silent(self, now: float) -> bool:
+        """Whether its odometry is overdue, so that another connection may take its place."""
+        return now - self._heard > SILENCE_S
+
+    # --- what the drive loop asks for --------------------------------------------------------
+
+    def enable(self, now: float) -> None:
+        """Motors on, unless it is not connected or has a fault."""
+        if self.phase is RobotPhase.CONNECTED and self._fault is None:
+            self._halted = False
+            self._enabled_at, self._enabled_by = now, None
+            self._seen_enabled = False
+            self._setpoint, self._reason, self._setpoint_at = _ZERO, None, now
+
+    def disable(self) -> None:
+        """Zero, motors off."""
+        self._switch_off()
+
+    def stop(self) -> None:
+        """As ``disable``; told apart by its reason."""
+        self._switch_off()
+        self._halted = True
+
+    def drive(self, speed_mps: float, turn_rate_radps: float, now: float) -> tuple[float, float]:
+        """Take a velocity; what of it is permitted."""
+        limits = self.limits
+        if not (math.isfinite(speed_mps) and math.isfinite(turn_rate_radps)) or limits is None:
+            self._setpoint = _ZERO
+        else:
+            self._setpoint = (
+                _within(speed_mps, limits.speed_mps),
+                _within(turn_rate_radps, limits.turn_rate_radps),
+            )
+        self._setpoint_at = now
+        permit = self.permit(now)
+        return permit.speed_mps, permit.turn_rate_radps
+
+    def explain(self, reason: str | None) -> bool:
+        """Have this said with what is permitted; whether it is another reason than before."""
+        changed = reason != self._reason
+        self._reason = reason
+        return changed
+
+    def clear(self, now: float) -> None:
+        """Forget the fault, unless what caused it lasts."""
+        if self._said is not None and self._said.fault is None and not self.silent(now):
+            self._fault = None
+
+    # --- what follows -------------------------------------------------------------------------
+
+    def permit(self, now: float) -> Permit:
+        """What the robot may do at this instant."""
+        if self.phase is RobotPhase.CONNECTED:
+            self._look(now)
+        if self._fault is not None:
+            return Permit(*_ZERO, True, self._fault)
+        if self._enabled_at is None:
+            return Permit(*_ZERO, True, "stopped" if self._halted else "not armed")
+        if now - self._setpoint_at > SETPOINT_FRESH_S:
+            return Permit(*_ZERO, False, "nothing says how fast to drive")
+        if not self._seen_enabled:
+            return Permit(*_ZERO, False, "its motors are not on yet")
+        return Permit(*self._setpoint, False, self._reason)
+
+    def told(self, permit: Permit, sequence: int, now: float) -> None:
+        """A permit went out."""
+        if self._enabled_at is not None and self._enabled_by is None and not permit.stop:
+            self._enabled_by = sequence
+        self._permit_times[sequence] = now
+        if len(self._permit_times) > _MOST_UNCONFIRMED:
+            del self._permit_times[min(self._permit_times)]
+        self.sent = Sent(permit.speed_mps, permit.turn_rate_radps, now)
+
+    @property
+    def limits(self) -> RobotLimits | None:
+        """Its own, within those of the model it is driven as."""
+        if self._hello is None:
+            return None
+        own, spec = self._hello.limits, self._spec
+        if spec is None:
+            return own
+        return RobotLimits(
+            min(own.speed_mps, spec.speed_max_mps),
+            min(own.turn_rate_radps, spec.turn_rate_max_radps),
+            own.acceleration_mps2,
+            own.turn_acceleration_radps2,
+        )
+
+    def report(self, now: float, watchdog_s: float) -> RobotReport:
+        """How it is."""
+        if self.phase is RobotPhase.CONNECTED:
+            self._look(now)
+        hello, said = self._hello, self._said
+        return RobotReport(
+            phase=self.phase,
+            trouble=self.trouble,
+            fault=self._fault,
+            received=None if said is None else self._heard,
+            name=None if hello is None else hello.name,
+            model=None if self._spec is None else self._spec.model,
+            odometry=self._place.odometry,
+            speed_mps=None if said is None else said.speed_mps,
+            turn_rate_radps=None if said is None else said.turn_rate_radps,
+            motors_enabled=None if said is None else said.enabled,
+            battery_v=None if said is None else said.battery_v,
+            watchdog_s=watchdog_s,
+            limits=self.limits,
+            sent=self.sent,
+            wanted=self._wanted,
+            radius_m=None if hello is None else hello.radius_m,
+            width_m=None if hello is None else hello.width_m,
+            length_m=None if hello is None else hello.length_m,
+            counters=dict(self._counters),
+        )
+
+    @property
+    def _wanted(self) -> tuple[float, float] | None:
+        """Speed and turn rate that a guarded robot would drive; None of a driven one."""
+        if self._hello is None or self._hello.mode != "guarded" or self._said is None:
+            return None
+        return self._said.wanted or _ZERO
+
+    def _look(self, now: float) -> None:
+        if self.silent(now):
+            self._fail(f"its odometry has not come for {SILENCE_S:g} s")
+        elif now - self._confirmed > UNHEARD_S:
+            self._fail(f"it has not confirmed a permit for {UNHEARD_S:g} s")
+        elif self._enabled_at is None:
+            return
+        elif self._seen_enabled and self._said is not None and not self._said.enabled:
+            self._fail("its motors went off by themselves")
+        elif not self._seen_enabled and now - self._enabled_at > _ENABLE_WITHIN_S:
+            self._fail("its motors did not go on")
+
+    def _fail(self, sentence: str) -> None:
+        # The first reason counts; what follows is mostly its consequence.
+        self._fault = self._fault or sentence
+        self._switch_off()
+
+    def _switch_off(self) -> None:
+        self._enabled_at = self._enabled_by = None
+        self._seen_enabled = self._halted = False
+        self._setpoint, self._reason, self._setpoint_at = _ZERO, None, -math.inf
+
+
+class _Place:
+    """The robot's odometry, summed up over its connections from wherever each begins."""
+
+    def __init__(self) -> None:
+        self.odometry: Odometry | None = None
+        self._last: OdometryMessage | None = None
+
+    def begin_anew(self) -> None:
+        self._last = None
+
+    def move(self, message: OdometryMessage) -> None:
+        last, here = self._last, self.odometry or Odometry(0.0, 0.0, 0.0)
+        self._last = message
+        if last is None:
+            self.odometry = here
+            return
+        # From the robot's frame of counting into ours.
+        turn = here.yaw - last.yaw
+        c, s = math.cos(turn), math.sin(turn)
+        dx, dy = message.x - last.x, message.y - last.y
+        self.odometry = Odometry(
+            here.x + c * dx - s * dy,
+            here.y + s * dx + c * dy,
+            here.yaw + math.remainder(message.yaw - last.yaw, 2 * math.pi),
+        )
+
+
+class _Delay:
+    """How long a message waited on its way, beyond the quickest one of late."""
+
+    # Long enough to hold a quick one, short enough for two clocks not to drift apart.
+    _BUCKET_S = 10.0
+
+    def __init__(self) -> None:
+        self._least = self._least_before = math.inf
+        self._bucket = -math.inf
+
+    def of(self, time: float, now: float) -> float:
+        """Seconds, from the sender's clock and ours."""
+        if now - self._bucket > self._BUCKET_S:
+            self._least_before, self._least = self._least, math.inf
+            self._bucket = now
+        self._least = min(self._least, now - time)
+        return now - time - min(self._least, self._least_before)
+
+
+def _within(value: float, most: float) -> float:
+    return max(-most, min(most, value))

@@ -1,0 +1,144 @@
+"""The application behind a real uvicorn on a free port, in the test's own event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+import uvicorn
+from websockets.asyncio.client import ClientConnection, connect
+
+from app.http import run_server
+from app.http.run_server import server_config
+from app.http.server import create_app
+from app.messages import EngineState
+from app.server import Station
+from app.settings import Settings
+from app.storage import Storage
+from app.viewer import NullViewer
+
+TOKEN = "a-token-of-the-tests-with-256-bits-more-or-less"
+
+
+class _Server(uvicorn.Server):
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        # Signals belong to pytest.
+        yield
+
+
+@dataclass(frozen=True)
+class Served:
+    """A running server and clients that come with the token."""
+
+    app: Any
+    station: Station
+    port: int
+    http: httpx.AsyncClient
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    def anonymous(self, **headers: str) -> httpx.AsyncClient:
+        """A client without the token."""
+        return httpx.AsyncClient(base_url=self.url, headers=headers, timeout=20, trust_env=False)
+
+    def socket(
+        self, path: str, *, token: str | None = TOKEN, headers: Any = (), **more: Any
+    ) -> AbstractAsyncContextManager[ClientConnection]:
+        sent = list(dict(headers).items())
+        if token is not None:
+            sent.append(("Authorization", f"Bearer {token}"))
+        return connect(
+            f"ws://127.0.0.1:{self.port}{path}",
+            additional_headers=sent,
+            compression=None,
+            max_size=None,
+            proxy=None,
+            open_timeout=20,
+            close_timeout=2,
+            **more,
+        )
+
+
+ServedFactory = Callable[..., AbstractAsyncContextManager[Served]]
+
+
+@asynccontextmanager
+async def serving(app: Any, settings: Settings) -> AsyncIterator[Served]:
+    # As run_server makes it: only with its protocol named does asyncio switch delays off.
+    with socket.socket(proto=socket.IPPROTO_TCP) as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.listen()
+        port = listener.getsockname()[1]
+        server = _Server(server_config(app, settings))
+        task = asyncio.create_task(run_server.serve(app, server, listener))
+        while not server.started:
+            if task.done():
+                await task
+                raise RuntimeError("the server did not start")
+            await asyncio.sleep(0.01)
+        headers = {"Authorization": f"Bearer {TOKEN}"}
+        client = httpx.AsyncClient(
+            base_url=f"http://127.0.0.1:{port}", headers=headers, timeout=20, trust_env=False
+        )
+        try:
+            async with client:
+                # The first source is opened behind the start.
+                while app.state.station.state.state is EngineState.IDLE:
+                    await asyncio.sleep(0.01)
+                yield Served(app, app.state.station, port, client)
+        finally:
+            server.should_exit = True
+            await task
+
+
+@pytest.fixture
+def token() -> str:
+    return TOKEN
+
+
+@pytest.fixture
+def serve(tmp_path: Path, peer: Any, drive: Any, storage: Storage) -> ServedFactory:
+    """``async with serve() as served``; keyword arguments are settings."""
+
+    def make(*, viewer: Any = None, **settings: Any) -> AbstractAsyncContextManager[Served]:
+        chosen = Settings(data=tmp_path, **settings)
+        app = create_app(
+            chosen,
+            TOKEN,
+            engine=peer,
+            drive=drive,
+            storage=storage,
+            viewer=viewer or (lambda _: NullViewer("not in this test")),
+        )
+        return serving(app, chosen)
+
+    return make
+
+
+@pytest.fixture
+def serve_app() -> Callable[[Any, Settings], AbstractAsyncContextManager[Served]]:
+    """Serve an application that the test put together itself."""
+    return serving
+
+
+@pytest.fixture
+def eventually() -> Callable[..., Any]:
+    """Wait until something holds, within a deadline that only a fault can reach."""
+
+    async def wait(condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
+        async with asyncio.timeout(timeout_s):
+            while not condition():
+                await asyncio.sleep(0.01)
+
+    return wait

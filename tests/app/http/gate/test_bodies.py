@@ -1,0 +1,196 @@
+"""What is no value, no JSON or no number in its range: refused, and nothing changes."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.messages import SetParameters
+
+from ..scenarios import JSON, run
+
+THRESHOLD = "ego_motion.ransac_threshold_px"
+NO_NUMBERS = [
+    *("NaN", "Infinity", "-Infinity", "1e999", "-1e999", "true", "1e5", "-1", '"2"'),
+    *("null", "[]", "{}"),
+]
+
+
+def test_what_is_no_number_in_range_is_refused_and_changes_nothing(serve: Any, peer: Any) -> None:
+    async def scenario(served: Any) -> None:
+        before = (await served.http.get("/api/parameters")).json()
+        for value in NO_NUMBERS:
+            body = f'{{"{THRESHOLD}": {value}, "flow.window_px": 21}}'
+            answer = await served.http.patch("/api/parameters", content=body, headers=JSON)
+            assert answer.status_code == 422, value
+            problems = answer.json()["detail"]
+            assert all(set(problem) == {"loc", "msg", "type"} for problem in problems)
+            assert any(THRESHOLD in problem["loc"] for problem in problems), value
+            assert (await served.http.get("/api/parameters")).json() == before
+        assert not any(isinstance(command, SetParameters) for command in peer.commands)
+
+    run(serve, scenario)
+
+
+def test_a_refused_parameter_is_told_with_its_range(serve: Any) -> None:
+    async def scenario(served: Any) -> None:
+        answer = await served.http.patch("/api/parameters", json={THRESHOLD: 25.0, "flow.x": 1})
+        detail = {problem["loc"][-1]: problem for problem in answer.json()["detail"]}
+        assert detail[THRESHOLD] == {
+            "loc": ["body", THRESHOLD],
+            "msg": "must be a finite number from 0.1 to 20 px",
+            "type": "parameter",
+        }
+        assert "no such parameter" in detail["flow.x"]["msg"]
+
+    run(serve, scenario)
+
+
+def test_a_missing_extra_is_told_and_the_old_parameters_stay(
+    serve: Any, peer: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mahotas", None)
+
+    async def scenario(served: Any) -> None:
+        before = (await served.http.get("/api/parameters")).json()
+        change = {"features.detector": "surf", THRESHOLD: 2.5}
+        answer = await served.http.patch("/api/parameters", json=change)
+        assert answer.status_code == 422
+        (problem,) = answer.json()["detail"]
+        assert problem["loc"] == ["body", "features.detector"]
+        assert "pip install 'dynamic-observer[surf]'" in problem["msg"]
+        assert (await served.http.get("/api/parameters")).json() == before
+        started = await served.http.post("/api/runs", json={"parameters": change})
+        assert started.status_code == 422
+        assert not any(isinstance(command, SetParameters) for command in peer.commands)
+
+    run(serve, scenario)
+
+
+BAD_VALUES = [
+    ("/api/playback", "POST", '{"rate": NaN}'),
+    ("/api/playback", "POST", '{"rate": 1e999}'),
+    ("/api/playback", "POST", '{"rate": true}'),
+    ("/api/playback", "POST", '{"rate": 9}'),
+    ("/api/playback", "POST", '{"rate": "1"}'),
+    ("/api/playback", "POST", '{"step": -1}'),
+    ("/api/playback", "POST", '{"step": 1.5}'),
+    ("/api/playback", "POST", '{"paused": 1}'),
+    ("/api/playback", "POST", '{"unknown": 1}'),
+    ("/api/runs", "POST", '{"parameters": {"flow.window_px": NaN}}'),
+    ("/api/runs", "POST", '{"parameters": {"flow.window_px": 10000}}'),
+    ("/api/runs", "POST", '{"preset": "none of this name"}'),
+    ("/api/runs", "POST", '{"name": ""}'),
+    ("/api/runs", "POST", '{"name": "two\\nlines"}'),
+    ("/api/runs", "POST", '{"name": "\\ud800"}'),
+    ("/api/runs", "POST", '{"\\ud800": 1}'),
+    ("/api/runs", "POST", '{"source": "missing"}'),
+    ("/api/runs", "POST", '{"calibration": "none"}'),
+    ("/api/source", "PUT", '{"source": "missing"}'),
+    ("/api/source", "PUT", '{"source": "a\\u0000b"}'),
+    ("/api/source", "PUT", '{"source": "simulated:lab", "calibration": "none"}'),
+    ("/api/source", "PUT", "{}"),
+    ("/api/source", "PUT", "[]"),
+    ("/api/source", "PUT", "null"),
+    ("/api/source", "PUT", ""),
+    ("/api/presets", "POST", '{"name": "\\u0000"}'),
+    ("/api/presets", "POST", '{"name": 1}'),
+    ("/api/presets", "POST", '{"name": Infinity}'),
+    ("/api/calibrations", "POST", "{}"),
+]
+
+
+def test_bad_values_are_answered_with_422(serve: Any, peer: Any) -> None:
+    async def scenario(served: Any) -> None:
+        opened = peer.opened
+        for path, method, body in BAD_VALUES:
+            answer = await served.http.request(method, path, content=body, headers=JSON)
+            assert answer.status_code == 422, (path, body, answer.text)
+            assert answer.json()["detail"][0]["loc"][0] == "body", body
+            assert peer.opened == opened
+            assert (await served.http.get("/api/runs")).json() == []
+        assert (await served.http.get("/api/parameters")).json()["revision"] == 0
+
+    run(serve, scenario)
+
+
+MALFORMED = {
+    "cut": b"{",
+    "no text": b"\xff\xfe\x00",
+    "deep object": b'{"a": ' * 20_000,
+    "deep list": b"[" * 100_000,
+    "long number": b"9" * 100_000,
+    "huge rate": b'{"rate": 1' + b"0" * 5000 + b"}",
+    "long key": b'{"' + b"a" * 50_000 + b'": 1}',
+}
+
+
+def test_malformed_and_deep_json_is_the_clients_fault(serve: Any) -> None:
+    async def scenario(served: Any) -> None:
+        for name, body in MALFORMED.items():
+            for method, path in (("PATCH", "/api/parameters"), ("POST", "/api/playback")):
+                answer = await served.http.request(method, path, content=body, headers=JSON)
+                assert 400 <= answer.status_code < 500, (name, answer.text)
+                assert len(answer.content) < 5000
+        assert (await served.http.get("/api/status")).is_success
+
+    run(serve, scenario)
+
+
+ANY_JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.deferred(lambda: st.sampled_from(KNOWN_KEYS)) | st.text(max_size=10),
+            inner,
+            max_size=4,
+        )
+    ),
+    max_leaves=8,
+)
+TAKE_JSON = [
+    ("PATCH", "/api/parameters"),
+    ("POST", "/api/playback"),
+    ("POST", "/api/presets"),
+    ("POST", "/api/runs"),
+    ("PUT", "/api/source"),
+    ("POST", "/api/calibrating"),
+    ("PATCH", "/api/calibrating"),
+    ("POST", "/api/calibrating/compute"),
+    ("POST", "/api/calibrating/save"),
+    ("PATCH", "/api/calibrations/none"),
+    ("POST", "/api/calibrations/none/tape-checks"),
+    ("PUT", "/api/rig"),
+    ("PUT", "/api/rig/file"),
+]
+KNOWN_KEYS = [
+    *("name", "source", "rate", "step", "preset", "parameters", THRESHOLD),
+    *("square_mm", "columns", "capture", "remove", "automatic", "activate", "u", "v"),
+    *("measured_m", "mount", "height_m", "value", "sigma", "models", "text"),
+]
+
+
+def test_no_json_breaks_the_server(serve: Any) -> None:
+    with asyncio.Runner() as runner:
+        serving = serve()
+        served = runner.run(serving.__aenter__())
+        try:
+
+            @settings(deadline=None, max_examples=100)
+            @given(st.sampled_from(TAKE_JSON), ANY_JSON)
+            def check(route: tuple[str, str], value: Any) -> None:
+                body = json.dumps(value)
+                sent = served.http.request(*route, content=body, headers=JSON)
+                answer = runner.run(sent)
+                assert answer.status_code < 500, (route, body, answer.text)
+
+            check()
+        finally:
+            runner.run(serving.__aexit__(None, None, None))

@@ -1,0 +1,174 @@
+"""The token, its file, the limit on guessing; names and origins."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.http.gate.headers import page_policy
+from app.http.gate.origins import NetworkName, names_of, parse_host
+from app.http.gate.token import TokenGuard, Verdict, load_token, new_token
+from observer.errors import InputError
+
+TOKEN = "t" * 43
+
+
+def guard(now: list[float]) -> TokenGuard:
+    return TokenGuard(TOKEN, lambda: now[0])
+
+
+def test_tokens_have_at_least_128_bits() -> None:
+    assert len(new_token()) * 6 >= 128
+    assert len({new_token() for _ in range(100)}) == 100
+
+
+def test_a_token_file_is_made_once_and_kept_private(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "token"
+    token = load_token(path)
+    assert load_token(path) == token
+    assert stat.S_IMODE(os.stat(path).st_mode) == 0o600
+    assert load_token(None) != load_token(None)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"short", b"a b c d e f g h i j k l m n", b"\xff" * 40, b"x" * 600]
+)
+def test_an_unsafe_token_file_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "token"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="token file"):
+        load_token(path)
+
+
+def test_a_token_file_that_cannot_be_used_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="token file"):
+        load_token(tmp_path)
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match="token file"):
+        load_token(tmp_path / "file" / "token")
+
+
+def test_five_wrong_tokens_a_minute() -> None:
+    now = [0.0]
+    gate = guard(now)
+    assert [gate.check("1.2.3.4", ["wrong"]) for _ in range(6)] == [Verdict.WRONG] * 5 + [
+        Verdict.LIMITED
+    ]
+    assert gate.check("1.2.3.4", [TOKEN]) is Verdict.RIGHT
+    assert gate.check("1.2.3.4", ["wrong", TOKEN]) is Verdict.RIGHT
+    assert gate.check("1.2.3.4", []) is Verdict.MISSING
+    assert gate.check("1.2.3.5", ["wrong"]) is Verdict.WRONG
+    now[0] = 61.0
+    assert gate.check("1.2.3.4", ["wrong"]) is Verdict.WRONG
+
+
+def test_one_site_has_one_count_whatever_address_it_takes() -> None:
+    gate = guard([0.0])
+    for k in range(5):
+        assert gate.check(f"2001:db8::{k}", ["wrong"]) is Verdict.WRONG
+    assert gate.check("2001:db8::ffff:1", ["wrong"]) is Verdict.LIMITED
+    assert gate.check("2001:db8:0:1::1", ["wrong"]) is Verdict.WRONG
+    for _ in range(5):
+        gate.check("::ffff:9.9.9.9", ["wrong"])
+    assert gate.check("9.9.9.9", ["wrong"]) is Verdict.LIMITED
+    assert gate.check(None, ["wrong"]) is Verdict.WRONG
+
+
+def test_counting_takes_bounded_memory() -> None:
+    gate = guard([0.0])
+    for k in range(10_000):
+        gate.check(f"10.{k >> 16}.{(k >> 8) & 255}.{k & 255}", ["wrong"])
+    assert len(gate._wrong) <= 4096
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.text(max_size=60))
+def test_no_other_text_is_the_token(text: str) -> None:
+    assert (guard([0.0]).check("1.1.1.1", [text]) is Verdict.RIGHT) == (text == TOKEN)
+
+
+# --- names and origins --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("localhost", NetworkName("localhost", None)),
+        ("LocalHost:8080", NetworkName("localhost", 8080)),
+        ("[::1]:8080", NetworkName("::1", 8080)),
+        ("127.0.0.1:80", NetworkName("127.0.0.1", 80)),
+        ("", None),
+        ("::1", None),
+        ("localhost:", None),
+        ("localhost:99999", None),
+        ("user@localhost", None),
+        ("localhost/path", None),
+        ("localhost.", None),
+        ("a" * 300, None),
+    ],
+)
+def test_hosts_are_read_strictly(text: str, expected: NetworkName | None) -> None:
+    assert parse_host(text) == expected
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.text(max_size=40))
+def test_no_text_breaks_the_reading_of_hosts_and_origins(text: str) -> None:
+    names = names_of("127.0.0.1", (), tls=False)
+    host = parse_host(text)
+    if host is not None and names.answers_to(host):
+        assert host.name in ("localhost", "127.0.0.1", "::1")
+    origin = f"http://{text}"
+    if names.accepts_origin(origin, NetworkName("127.0.0.1", 8080)):
+        assert text.lower() == "127.0.0.1:8080"
+
+
+def test_only_the_servers_own_pages_are_accepted() -> None:
+    names = names_of("0.0.0.0", ("lab.example", "other.example:8443"), tls=False)
+    here = NetworkName("127.0.0.1", 8080)
+    accepted = {
+        "http://127.0.0.1:8080": True,
+        "https://127.0.0.1:8080": True,
+        "http://127.0.0.1": False,
+        "http://127.0.0.1:8081": False,
+        "http://localhost:8080": False,
+        "http://127.0.0.1:8080/": False,
+        "http://127.0.0.1:8080@evil.example": False,
+        "http://evil.example": False,
+        "null": False,
+        "": False,
+        "file://": False,
+        "chrome-extension://127.0.0.1:8080": False,
+        # A proxy in front may have replaced Host.
+        "https://lab.example": True,
+        "http://lab.example": True,
+        "https://lab.example:9000": False,
+        "https://other.example:8443": True,
+        "https://other.example": False,
+        "https://lab.example.evil.example": False,
+    }
+    assert {o: names.accepts_origin(o, here) for o in accepted} == accepted
+    assert names.accepts_origin("http://127.0.0.1", NetworkName("127.0.0.1", None))
+    assert names.answers_to(NetworkName("lab.example", 1234))
+    assert names.answers_to(NetworkName("other.example", 8443))
+    assert not names.answers_to(NetworkName("other.example", 8080))
+    # The wildcard is no name.
+    assert not names.answers_to(NetworkName("0.0.0.0", 8080))
+
+
+def test_with_tls_only_https_pages_are_its_own() -> None:
+    names = names_of("127.0.0.1", (), tls=True)
+    assert names.accepts_origin("https://127.0.0.1:8080", NetworkName("127.0.0.1", 8080))
+    assert not names.accepts_origin("http://127.0.0.1:8080", NetworkName("127.0.0.1", 8080))
+
+
+def test_a_page_of_its_own_is_allowed_by_hash_only() -> None:
+    policy = page_policy("<style>a{}</style><p>text</p>")
+    assert "style-src 'sha256-" in policy
+    assert "script-src 'none'" in policy
+    assert "unsafe" not in policy

@@ -1,0 +1,222 @@
+"""The 3D viewer behind our door: the real viser, a real client of its protocol."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Any
+
+import msgspec
+import pytest
+import viser
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from app.http.sockets.connections import BadMessage
+from app.http.sockets.viewer_proxy import passes
+from app.viewer import ViserViewer
+from app.viewer import viewer as viewer_module
+
+from ..scenarios import run
+
+PROTOCOL = f"viser-v{viser.__version__}"
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1, 0, 0, 0],
+    "position": [0.5, 1, 2],
+    "fov": 1.2,
+    "near": 0.1,
+    "far": 1000,
+    "image_height": 480,
+    "image_width": 640,
+    "look_at": [0, 0, 0],
+    "up_direction": [0, 0, 1],
+}
+
+
+def real_viewer(station: Any) -> ViserViewer:
+    return ViserViewer(station, points=500, rate_hz=20)
+
+
+async def started(served: Any) -> Any:
+    """The viewer, once it is up."""
+    door = served.app.state.viewer
+    while door.viewer.port is None:
+        await asyncio.sleep(0.02)
+    return door.viewer
+
+
+def test_the_scene_comes_through_and_follows(
+    serve: Any, peer: Any, eventually: Any, capsys: Any
+) -> None:
+    async def scenario(served: Any) -> None:
+        viewer = await started(served)
+        page = await served.http.get("/viewer/")
+        assert page.is_success
+        assert len(page.content) > 100_000
+        assert "connect-src 'self' data: blob:" in page.headers["content-security-policy"]
+        tag = {"If-None-Match": page.headers["etag"]}
+        assert (await served.http.get("/viewer/", headers=tag)).status_code == 304
+        away = await served.http.get("/viewer")
+        assert (away.status_code, away.headers["location"]) == (307, "/viewer/")
+
+        async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
+            assert socket.subprotocol == PROTOCOL
+            first = await socket.recv()
+            assert isinstance(first, bytes)
+            await eventually(lambda: set(peer.watched) == {"cloud", "plain"})
+            await socket.send(msgspec.msgpack.encode(CAMERA))
+            await eventually(lambda: len(viewer._server.get_clients()) == 1)
+            received = 0
+            for _ in range(10):
+                peer.observe()
+                async with asyncio.timeout(5):
+                    received += len(await socket.recv())
+            # The cloud of 500 points alone takes 4.5 KB.
+            assert received > 4500
+        await eventually(lambda: peer.watched == ())
+        await eventually(lambda: not viewer._server.get_clients())
+
+    run(serve, scenario, viewer=real_viewer)
+    assert "viser" not in capsys.readouterr().out
+
+
+def test_nobody_reaches_viser_or_the_world_through_it(
+    serve: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tunnels = []
+    monkeypatch.setattr("viser._viser.ViserTunnel", lambda *a: tunnels.append(a))
+
+    async def scenario(served: Any) -> None:
+        viewer = await started(served)
+        assert viewer._server.get_host() == "127.0.0.1"
+        async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
+            await socket.recv()
+            await socket.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
+            await socket.send(msgspec.msgpack.encode(CAMERA))
+            async with asyncio.timeout(5):
+                assert await socket.recv()
+        # Also past the proxy, should a message ever get there.
+        assert await asyncio.to_thread(viewer._server.request_share_url) is None
+        assert tunnels == []
+
+    run(serve, scenario, viewer=real_viewer)
+
+
+def test_only_a_sound_camera_pose_goes_through() -> None:
+    encode = msgspec.msgpack.encode
+    assert passes(encode(CAMERA))
+    for kind in (
+        "ShareUrlRequest",
+        "ShareUrlDisconnect",
+        "FileTransferStartUpload",
+        "GuiUpdateMessage",
+    ):
+        assert not passes(encode({"type": kind, "uuid": "x"}))
+    for broken in (
+        b"",
+        b"\xc1",
+        b"\x91" * 5000,
+        encode("text"),
+        encode([1]),
+        encode({"kind": "x"}),
+        encode({"type": 1}),
+        encode({**CAMERA, "position": [1, 2]}),
+        encode({**CAMERA, "fov": "wide"}),
+        encode({"type": "ViewerCameraMessage"}),
+    ):
+        with pytest.raises(BadMessage):
+            passes(broken)
+
+
+@pytest.mark.parametrize("garbage", [b"\xc1\xc1", "text"])
+def test_garbage_closes_with_1007(serve: Any, garbage: Any) -> None:
+    async def scenario(served: Any) -> None:
+        await started(served)
+        async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
+            await socket.recv()
+            await socket.send(garbage)
+            with pytest.raises(ConnectionClosed):
+                await read_on(socket)
+            assert socket.close_code == 1007
+        assert (await served.http.get("/api/status")).is_success
+
+    run(serve, scenario, viewer=real_viewer)
+
+
+def test_a_client_of_another_version_is_told(serve: Any, capsys: Any) -> None:
+    async def scenario(served: Any) -> None:
+        await started(served)
+        async with served.socket("/viewer", subprotocols=["viser-v0.0.1"]) as socket:
+            with pytest.raises(ConnectionClosed):
+                await socket.recv()
+            assert socket.close_code == 1002
+
+    run(serve, scenario, viewer=real_viewer)
+    capsys.readouterr()
+
+
+def test_without_viewer_everything_else_works(serve: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> Any:
+        raise OSError("no port is left")
+
+    monkeypatch.setattr(viewer_module, "_quiet_server", fail)
+
+    async def scenario(served: Any) -> None:
+        door = served.app.state.viewer
+        while "no port is left" not in str(door.viewer.trouble):
+            await asyncio.sleep(0.01)
+        page = await served.http.get("/viewer/")
+        assert page.status_code == 503
+        assert "no port is left" in page.text
+        with pytest.raises(InvalidStatus) as refused:
+            async with served.socket("/viewer", subprotocols=[PROTOCOL]):
+                pass
+        assert refused.value.response.status_code == 503
+        assert (await served.http.get("/api/status")).is_success
+
+    run(serve, scenario, viewer=lambda s: viewer_module.start_viewer(s, points=500, rate_hz=10))
+
+
+def test_a_viewer_that_dies_takes_nobody_along(serve: Any) -> None:
+    async def scenario(served: Any) -> None:
+        viewer = await started(served)
+        async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
+            await socket.recv()
+            await asyncio.to_thread(viewer.stop)
+            with pytest.raises(ConnectionClosed):
+                await read_on(socket)
+            assert socket.close_code == 1001
+        with pytest.raises(InvalidStatus) as refused:
+            async with served.socket("/viewer", subprotocols=[PROTOCOL]):
+                pass
+        assert refused.value.response.status_code == 503
+        assert (await served.http.get("/api/status")).is_success
+
+    run(serve, scenario, viewer=real_viewer)
+
+
+def test_a_slow_viewer_holds_nothing_up(serve: Any, peer: Any) -> None:
+    async def scenario(served: Any) -> None:
+        await started(served)
+        slow = await served.socket("/viewer", subprotocols=[PROTOCOL])
+        # It never reads again: its transport fills, and viser waits for it alone.
+        slow.transport.pause_reading()
+        async with served.socket("/viewer", subprotocols=[PROTOCOL]) as quick:
+            await quick.recv()
+            until = time.monotonic() + 2
+            messages = 0
+            while time.monotonic() < until:
+                peer.observe()
+                async with asyncio.timeout(5):
+                    await quick.recv()
+                messages += 1
+            assert messages >= 10
+        slow.transport.abort()
+
+    run(serve, scenario, viewer=real_viewer)
+
+
+async def read_on(socket: Any) -> None:
+    """Read until the connection ends."""
+    while True:
+        await socket.recv()

@@ -1,0 +1,167 @@
+"""The server as a process: it says where it is, and ends without leaving anything."""
+
+from __future__ import annotations
+
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import psutil
+import pytest
+import structlog
+
+from app.http.run_server import _bind, _Lasting, _link, run
+from app.settings import Settings
+from app.storage import StorageError
+from app.storage.occupancy import occupied
+from observer.errors import InputError
+
+START_TIMEOUT_S = 60.0
+PROGRAM = """
+import sys
+from pathlib import Path
+from app.settings import Settings
+from app.storage import StorageError
+from app.http.run_server import run
+sys.exit(run(Settings(port=0, data=Path(sys.argv[1]))))
+"""
+
+
+@contextmanager
+def server(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A server process and the link it printed."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        found = re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", process.stdout.readline())
+        assert found is not None
+        yield process, found.group()
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def engines(process: psutil.Process) -> list[psutil.Process]:
+    return [child for child in process.children(recursive=True) if child.is_running()]
+
+
+def wait_until_ready(link: str) -> None:
+    deadline = time.monotonic() + START_TIMEOUT_S
+    url = link.partition("?")[0] + "readyz"
+    while True:
+        try:
+            with urllib.request.urlopen(url, timeout=5):
+                return
+        except OSError:
+            assert time.monotonic() < deadline, "the server did not become ready"
+            time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        signal.SIGTERM,
+        pytest.param(signal.SIGINT, marks=pytest.mark.patient),
+        pytest.param(signal.SIGKILL, marks=pytest.mark.patient),
+    ],
+)
+def test_it_ends_when_told_and_leaves_no_process(tmp_path: Path, how: signal.Signals) -> None:
+    with server(tmp_path) as (process, link):
+        wait_until_ready(link)
+        children = engines(psutil.Process(process.pid))
+        assert children
+        started = time.monotonic()
+        process.send_signal(how)
+        out, err = process.communicate(timeout=20)
+        assert time.monotonic() - started < 8
+        assert process.returncode == (-signal.SIGKILL if how is signal.SIGKILL else 0)
+        _, alive = psutil.wait_procs(children, timeout=5)
+        assert alive == []
+        token = link.partition("=")[2]
+        assert token not in err
+        assert "Traceback" not in out + err
+
+
+def test_a_busy_port_is_said_in_one_sentence(tmp_path: Path) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(InputError, match=f"port {port} of 127.0.0.1 is in use .* --port$"):
+            run(Settings(port=port, data=tmp_path))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_is_one_servers_and_free_behind_its_end_however_it_ended(tmp_path: Path) -> None:
+    for _ in range(2):
+        # The second one comes behind one that was killed.
+        with (
+            server(tmp_path) as (process, _),
+            pytest.raises(InputError, match=f"process {process.pid}.*--data"),
+        ):
+            run(Settings(port=0, data=tmp_path))
+
+
+def test_a_database_is_one_servers_whatever_their_folders(tmp_path: Path) -> None:
+    database = f"sqlite:///{tmp_path / 'shared.sqlite'}"
+    with (
+        occupied(tmp_path / "one", database),
+        pytest.raises(InputError, match=r"keeps its runs in .*shared\.sqlite.*--database"),
+    ):
+        run(Settings(port=0, data=tmp_path / "other", database=database))
+
+
+def test_a_database_that_cannot_be_used_is_said(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    with pytest.raises(StorageError, match="choose a folder"):
+        run(Settings(port=0, data=blocked / "data"))
+
+
+def test_an_address_that_is_not_ours_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--host"):
+        _bind(Settings(host="192.0.2.1", port=0, data=tmp_path))
+    with pytest.raises(InputError, match="--host"):
+        _bind(Settings(host="no such host", port=0, data=tmp_path))
+
+
+def test_a_bad_certificate_is_said(tmp_path: Path) -> None:
+    cert = tmp_path / "cert.pem"
+    cert.write_text("nothing of the kind")
+    for key in (cert, tmp_path / "missing.pem"):
+        with pytest.raises(InputError, match="--tls-cert"):
+            run(Settings(port=0, data=tmp_path / "data", tls_cert=cert, tls_key=key))
+
+
+def test_links_open_in_a_browser(tmp_path: Path) -> None:
+    assert _link(Settings(data=tmp_path), 8080, "t") == "http://127.0.0.1:8080/?token=t"
+    everywhere = Settings(host="0.0.0.0", data=tmp_path)
+    assert _link(everywhere, 80, "t") == "http://localhost:80/?token=t"
+    six = Settings(host="::1", data=tmp_path, tls_cert=Path("c"), tls_key=Path("k"))
+    assert _link(six, 443, "t") == "https://[::1]:443/?token=t"
+
+
+def test_what_is_logged_onto_a_full_disk_is_lost_and_disturbs_nothing() -> None:
+    # Linux's full disk; closing it tries to write what is still held.
+    full = Path("/dev/full").open("w", buffering=1)  # noqa: SIM115
+    try:
+        with pytest.raises(OSError, match="No space left"):
+            structlog.PrintLogger(full).error("lost")
+        log = structlog.PrintLogger(_Lasting(full))
+        for _ in range(3):
+            log.error("lost as well")
+    finally:
+        with suppress(OSError):
+            full.close()

@@ -1,0 +1,71 @@
+"""A station with a calibration begun, over the peer engine, and what stands for its worker."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from app.calibration_worker.messages import BoardsFound, Fitted, FitViews, Progress
+from app.messages import BeginCalibration, ChangeCalibration
+from app.server import Station
+from observer.calibration.board import Board
+from observer.calibration.views import BoardView
+
+from ..servers import until
+
+BOARD = Board("chessboard", 9, 6, 0.025)
+CAMERAS = "simulated:calibration"
+CAPTURE = ChangeCalibration(capture=True)
+
+
+async def captured(peer: Any, station: Station, count: int = 3) -> None:
+    """Calibrate the cameras, with so many views already taken."""
+    await station.begin_calibration(CAMERAS, BOARD)
+    peer.board_seen = True
+    for _ in range(count):
+        await station.change_calibration(CAPTURE)
+
+
+def names(station: Station) -> list[str]:
+    facts = station.calibrating.facts()
+    assert facts is not None
+    return [view["name"] for view in facts["views"]]
+
+
+def begun(peer: Any) -> list[BeginCalibration]:
+    return [command for command in peer.commands if isinstance(command, BeginCalibration)]
+
+
+class Computing:
+    """Stands for the worker: hears what it is asked, and answers when it is told to."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.jobs: list[Any] = []
+        self.release = asyncio.Event()
+        self.fails: Exception | None = None
+        self.cancelled = 0
+
+    async def __call__(self, job: Any, progress: Callable[[Progress], None]) -> Any:
+        self.jobs.append(job)
+        progress(Progress("fitting both cameras", 0.5))
+        try:
+            await self.release.wait()
+        except asyncio.CancelledError:
+            self.cancelled += 1
+            raise
+        if self.fails is not None:
+            raise self.fails
+        if isinstance(job, FitViews):
+            return Fitted(self.text, {"stereo_rms_px": 0.2})
+        view = BoardView("a", None, None)
+        return BoardsFound((view,), ((b"left", b"right"),), 640, 480, ("b: blurred",))
+
+
+async def computed(peer: Any, station: Station, computing: Computing) -> None:
+    """Calibrate the cameras and have a result."""
+    await captured(peer, station)
+    computing.release.set()
+    station.calibrating.compute("radtan")
+    await until(lambda: station.calibrating.result)

@@ -1,0 +1,146 @@
+"""The rig's file: written whole, never overwritten where it is somebody's work."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.server.errors import FieldError
+from app.server.rig.rig_desk import RigDesk
+from app.storage import StorageFull
+from observer.geometry import Pose
+from observer.rig.rig import LIMITS, Rig, RigMount, RigValue
+from observer.rig.rig_file import read_rig
+
+FULL = Rig(
+    mount=RigMount(height_m=RigValue(0.4), tilt_deg=RigValue(5.0, 0.2)),
+    T_body_base={"P3-DX": Pose(np.eye(3), np.array([0.1, 0.0, -0.2]))},
+    models={"observer": "p3dx-sh"},
+)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "data" / "rig.yaml"
+
+
+def loaded(path: Path | None) -> RigDesk:
+    desk = RigDesk(path)
+    assert desk.load() is None
+    return desk
+
+
+def test_what_is_kept_is_found_again(path: Path) -> None:
+    desk = loaded(path)
+    assert desk.rig.mount.values() == {}
+    desk.keep(FULL)
+    again = loaded(path)
+    assert again.text == desk.text == path.read_text()
+    assert again.rig.mount == FULL.mount
+    assert dict(again.rig.models) == {"observer": "p3dx-sh"}
+    assert np.allclose(again.rig.T_body_base["P3-DX"].translation, [0.1, 0, -0.2])
+    assert [each.name for each in path.parent.iterdir()] == ["rig.yaml"]
+
+
+def test_without_a_file_it_lives_in_memory() -> None:
+    desk = loaded(None)
+    desk.keep(FULL)
+    assert desk.rig is FULL
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"mount: {height_m: 9}\n", b"mount: [", b"\xff\xfe\x00", b"a: &a [1]\nb: *a\n", b"x: 1\n"],
+)
+def test_what_cannot_be_read_is_told_and_put_aside(path: Path, content: bytes) -> None:
+    path.parent.mkdir()
+    path.write_bytes(content)
+    desk = RigDesk(path)
+    assert "the rig is unknown" in (desk.load() or "")
+    # Until somebody saves a rig it stays where it is.
+    assert path.read_bytes() == content
+    desk.keep(FULL)
+    assert path.with_name("rig.yaml.unreadable").read_bytes() == content
+    assert loaded(path).rig.mount == FULL.mount
+    # The next one that cannot be read does not take its place.
+    path.write_bytes(b"mount: 7\n")
+    desk.keep(Rig())
+    assert path.with_name("rig.yaml.unreadable").read_bytes() == content
+    assert path.with_name("rig.yaml.unreadable-2").read_bytes() == b"mount: 7\n"
+    # One that can be read is the old rig: it is replaced.
+    desk.keep(FULL)
+    assert len(list(path.parent.iterdir())) == 3
+
+
+def test_a_folder_in_its_place_is_refused_and_the_old_rig_stays(path: Path) -> None:
+    path.mkdir(parents=True)
+    desk = RigDesk(path)
+    assert "cannot be read" in (desk.load() or "")
+    with pytest.raises(FieldError, match="cannot be written"):
+        desk.keep(FULL)
+    assert desk.rig is not FULL
+
+
+def test_a_full_disk_leaves_the_old_file_whole(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    desk = loaded(path)
+    desk.keep(FULL)
+    before = path.read_text()
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(StorageFull, match="no space is left to write"):
+        desk.keep(Rig())
+    assert path.read_text() == before
+    assert desk.rig is FULL
+    assert [each.name for each in path.parent.iterdir()] == ["rig.yaml"]
+
+
+def test_a_change_leaves_what_it_does_not_name(path: Path) -> None:
+    desk = loaded(path)
+    desk.keep(FULL)
+    rig = desk.changed(
+        {"height_m": (0.5, 0.01), "tilt_deg": None},
+        None,
+        for_simulated=True,
+        calibration="abc",
+    )
+    assert rig.mount.height_m == RigValue(0.5, 0.01)
+    assert rig.mount.tilt_deg is None
+    assert dict(rig.models) == {"observer": "p3dx-sh"}
+    assert set(rig.T_body_base) == {"P3-DX"}
+    assert (rig.for_simulated, rig.calibration) == (True, "abc")
+    none = desk.changed({}, {}, for_simulated=False, calibration=None)
+    assert dict(none.models) == {}
+    # Nothing is in force before it is kept.
+    assert desk.rig is FULL
+
+
+@pytest.mark.parametrize("key", LIMITS)
+def test_a_value_out_of_range_names_its_key(key: str) -> None:
+    low, high = LIMITS[key]
+    for value in (low - 0.01, high + 0.01):
+        with pytest.raises(FieldError, match=f"^{key} must lie between") as refused:
+            RigDesk(None).changed({key: (value, None)}, None, for_simulated=False, calibration=None)
+        assert refused.value.field == ("body", "mount", key)
+    for value in (low, high):
+        given: dict[str, Any] = {key: (value, None)}
+        rig = RigDesk(None).changed(given, None, for_simulated=False, calibration=None)
+        assert rig.mount.values()[key].value == value
+
+
+def test_a_file_that_somebody_sent() -> None:
+    desk = RigDesk(None)
+    desk.keep(FULL)
+    parsed = desk.parsed(desk.text)
+    assert parsed.mount == FULL.mount
+    assert read_rig(desk.text, "it").mount == FULL.mount
+    with pytest.raises(FieldError, match=r"rig.yaml: .*height") as refused:
+        desk.parsed("mount: {height: 3}\n")
+    assert refused.value.field == ("body", "text")

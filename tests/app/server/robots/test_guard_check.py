@@ -1,0 +1,285 @@
+"""The guided check: which stops it takes, how it judges them, and what it keeps."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.drive.messages import StoppedEvent
+from app.server import Conflict, FieldError, NotThere
+from app.server.robots.check_desk import CheckDesk
+from app.server.robots.check_records import CheckRecords, advice
+from app.server.robots.circumstances import Circumstances
+from app.server.robots.guard_check import GuardCheck
+from observer.rig.rig import Rig, RigMount, RigValue
+
+from ..servers import run
+
+NOW = "2026-11-22T02:09:41.000+00:00"
+STOP = StoppedEvent(
+    role="observer",
+    kind="guard",
+    sentence="obstacle 7 is too near to stop for later",
+    incident_time=100.2,
+    cause_time=100.0,
+    zero_time=100.02,
+    stood_time=100.61,
+    speed_mps=0.26,
+    before_mps=0.26,
+    distance_m=0.1234,
+    separation_m=0.42,
+)
+BLIND = replace(STOP, kind="sight", sentence="vision is none", separation_m=None)
+GONE = replace(STOP, kind="lease", sentence="its operator gave the lease back", separation_m=None)
+ROBOT = {
+    "name": "amigo",
+    "port": "external:127.0.0.1:7700",
+    "operator": "Anna",
+    "report": {"model": "amigo-sh", "watchdog_s": 2.0, "speed_mps": 0.0, "name": "x"},
+}
+
+
+def circumstances(**changes: Any) -> Circumstances:
+    values = {
+        "software": {"dynamic-observer": "0.5"},
+        "source": "camera:0,1",
+        "calibration": "abc",
+        "rig": Rig(
+            mount=RigMount(height_m=RigValue(0.4)),
+            ports={"observer": "external:127.0.0.1:7700?key=abcdefgh12345678"},
+        ),
+        "guard": {"guard.margin_m": 0.08, "guard.reaction_s": 0.3},
+        **changes,
+    }
+    return Circumstances.of(**values)
+
+
+def begun(role: Any = "observer") -> GuardCheck:
+    check = GuardCheck(role, circumstances(), started_at=NOW, started_by="Anna", note="new robot")
+    check.robot_said(ROBOT)
+    return check
+
+
+def states(check: GuardCheck) -> list[str]:
+    return [step.state for step in check.steps]
+
+
+def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
+    check = begun()
+    assert [step.plan.name for step in check.steps] == [
+        "walk_in", "cover_lens", "unplug", "close_browser",
+    ]  # fmt: skip
+    check.stopped(BLIND, NOW)
+    assert states(check)[0] == "waiting"
+    assert "sight, not guard" in str(check.steps[0].told)
+    check.stopped(replace(STOP, role="obstacle"), NOW)
+    # A robot that was slowed first counts by how fast it was before; one that crept does not.
+    check.stopped(replace(STOP, before_mps=0.05), NOW)
+    assert "at 0.05 m/s; it must drive at 0.1" in str(check.steps[0].told)
+    check.stopped(replace(STOP, before_mps=None), NOW)
+    assert "does not tell" in str(check.steps[0].told)
+    check.stopped(replace(STOP, speed_mps=0.04), NOW)
+    assert (states(check)[0], check.steps[0].told) == ("passed", None)
+    check.stopped(BLIND, NOW)
+    check.stopped(BLIND, NOW)
+    assert check.present == 3
+    check.stopped(replace(GONE, kind="stop"), NOW)
+    assert not check.over()
+    check.stopped(GONE, NOW)
+    assert (check.over(), check.present, check.outcome) == (True, None, "passed")
+    step = check.facts()["steps"][0]
+    assert step["figures"] == {
+        "zero_ms": 20.0, "stood_ms": 610.0, "distance_m": 0.123, "speed_mps": 0.04,
+        "separation_m": 0.42,
+    }  # fmt: skip
+    assert step["verdict"] == (
+        "zero went out 20 ms after the guard's verdict, of the promised 300 ms; it stood after "
+        "610 ms and 0.12 m, with 0.42 m left"
+    )
+    assert (step["operator"], step["at"]) == ("Anna", NOW)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"zero_time": 100.301}, "zero went out 301 ms after the guard's verdict, later than"),
+        ({"zero_time": None}, "zero never went out"),
+        ({"stood_time": None}, "was not seen to stand"),
+        ({"separation_m": 0.05}, "0.05 m left: less than the margin of 0.08 m"),
+    ],
+)
+def test_what_is_not_as_promised_fails(changes: dict[str, Any], words: str) -> None:
+    check = begun("obstacle")
+    assert [step.plan.name for step in check.steps] == ["walk_in", "close_browser"]
+    check.stopped(replace(STOP, role="obstacle", **changes), NOW)
+    assert states(check) == ["failed", "waiting"]
+    assert words in str(check.steps[0].verdict)
+    check.stopped(replace(GONE, role="obstacle"), NOW)
+    assert check.outcome == "failed"
+
+
+def test_driving_is_shown_and_skipping_and_giving_up_name_who() -> None:
+    check = begun()
+    moving = {**ROBOT, "report": {**ROBOT["report"], "speed_mps": -0.2}}  # type: ignore[dict-item]
+    check.robot_said(moving)
+    assert states(check)[0] == "driving"
+    check.robot_said(None)
+    assert states(check)[0] == "waiting"
+    for _ in range(3):
+        check.skip("Bob (10.0.0.7)", NOW)
+    check.stopped(GONE, NOW)
+    assert check.outcome == "incomplete"
+    assert check.facts()["steps"][1]["skipped_by"] == "Bob (10.0.0.7)"
+    other = begun()
+    other.give_up("Bob", NOW)
+    other.stopped(STOP, NOW)
+    other.skip("Bob", NOW)
+    assert (other.outcome, states(other)) == ("given_up", ["waiting"] * 4)
+
+
+def ended(outcome: str = "passed", started_at: str = NOW) -> dict[str, Any]:
+    check = begun()
+    check.started_at = started_at
+    if outcome == "given_up":
+        check.give_up("Bob", NOW)
+    for stop in (STOP, BLIND, replace(BLIND, sentence="no frame came"), GONE):
+        check.stopped(stop, NOW)
+    return check.record(circumstances(guard={"guard.margin_m": 0.1}))
+
+
+def test_a_record_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
+    records = CheckRecords(tmp_path / "guard-checks")
+    assert records.all() == []
+    names = [records.save(ended()) for _ in range(11)]
+    assert names[:2] == ["2026-11-22T0209-observer", "2026-11-22T0209-observer-2"]
+    record = json.loads(records.text(names[0], "json"))
+    assert record["robot"] == {"name": "amigo", "model": "amigo-sh", "watchdog_s": 2.0}
+    # A port may hold a key.
+    assert "127.0.0.1" not in records.text(names[0], "json")
+    assert (record["outcome"], record["operators"], record["note"]) == (
+        "passed", ["Anna"], "new robot",
+    )  # fmt: skip
+    assert (record["calibration"], record["source"]) == ("abc", "camera:0,1")
+    assert "height_m: 0.4" in record["rig_yaml"]
+    assert record["guard"]["guard.margin_m"] == 0.08
+    assert record["software"] == {"dynamic-observer": "0.5"}
+    assert record["changed_meanwhile"] == ["the guard's parameters"]
+    text = records.text(names[0], "md")
+    assert "| Walk in | passed | 0.26 | 20 | 610 | 0.123 | 0.42 | zero went out 20 ms" in text
+    records.save(ended("given_up", "2026-12-01T10:00:00+00:00"))
+    listed = records.all()
+    assert [entry["name"] for entry in listed] == [
+        "2026-12-01T1000-observer", *reversed(names),
+    ]  # fmt: skip
+    assert (listed[0]["outcome"], listed[-1]["states"]["unplug"]) == ("given_up", "passed")
+    # What was given up tells nothing of the guard.
+    assert (records.newest("observer") or {})["name"] == names[-1]
+    assert records.newest("obstacle") is None
+    assert not [each for each in (tmp_path / "guard-checks").iterdir() if each.name[0] == "."]
+
+
+def test_only_records_are_found_whatever_is_asked_for(tmp_path: Path) -> None:
+    folder = tmp_path / "guard-checks"
+    records = CheckRecords(folder)
+    records.save(ended())
+    (tmp_path / "secret.json").write_text("{}")
+    (folder / "notes.json").write_text("{}")
+    for name in ("../secret", "notes", "", ".", "2026-11-22T0209-observer/../../secret", "a\0b"):
+        with pytest.raises(NotThere):
+            records.text(name, "json")
+    # What somebody left there, or half of a record, is left out.
+    for number, text in enumerate(("", "[]", "{", '{"outcome": 3}', '{"started_at": "x"}')):
+        (folder / f"2026-11-23T000{number}-observer.json").write_text(text)
+    assert len(records.all()) == 1
+    with pytest.raises(NotThere):
+        records.text("2026-11-23T0000-observer", "json")
+    with pytest.raises(Conflict):
+        CheckRecords(None).save(ended())
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FieldError):
+        CheckRecords(tmp_path / "file").save(ended())
+
+
+def test_it_is_said_when_to_check_again(tmp_path: Path) -> None:
+    records = CheckRecords(tmp_path)
+    today = datetime.fromisoformat(NOW) + timedelta(days=3)
+    assert "not checked yet" in str(advice(records.newest("observer"), circumstances(), today))
+    records.save(ended())
+    newest = records.newest("observer")
+    assert advice(newest, circumstances(), today) is None
+    # How a robot is reached is nothing to the guard.
+    rig = Rig(mount=RigMount(height_m=RigValue(0.4)), ports={"observer": "/dev/ttyUSB1"})
+    assert advice(newest, circumstances(rig=rig), today) is None
+    later = str(advice(newest, circumstances(), today + timedelta(days=30)))
+    assert later == "Check again: the newest check is 33 days old."
+    for changes, words in (
+        ({"rig": Rig()}, "the rig changed"),
+        ({"calibration": None}, "the calibration changed"),
+        ({"guard": {"guard.margin_m": 0.2}}, "the guard's parameters changed"),
+    ):
+        assert words in str(advice(newest, circumstances(**changes), today))
+    own = {**newest, "calibration": None}  # type: ignore[dict-item]
+    assert advice(own, circumstances(calibration=None), today) is None
+    other = circumstances(calibration=None, source="camera:2,3")
+    assert "the calibration changed" in str(advice(own, other, today))
+
+
+def desk_at(folder: Path, work: list[Any]) -> CheckDesk:
+    return CheckDesk(
+        folder, circumstances, changed=lambda: None, soon=work.append, clock=lambda: 101.0
+    )
+
+
+def test_a_record_that_cannot_be_written_is_not_lost(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        work: list[Any] = []
+        in_the_way = tmp_path / "guard-checks"
+        in_the_way.write_text("")
+        desk = desk_at(in_the_way, work)
+        desk.start("observer", None, "Anna")
+        with pytest.raises(Conflict, match="going on"):
+            desk.start("obstacle", None, "Bob")
+        for _ in range(3):
+            await desk.skip("Anna")
+        desk.stopped(GONE)
+        await work.pop()
+        facts = desk.facts() or {}
+        assert (facts["record"], facts["outcome"]) == (None, "incomplete")
+        assert "not kept" in facts["trouble"]
+        with pytest.raises(Conflict, match="not kept yet"):
+            desk.start("observer", None, "Anna")
+        with pytest.raises(FieldError):
+            await desk.give_up("Anna")
+        in_the_way.unlink()
+        await desk.give_up("Anna")
+        facts = desk.facts() or {}
+        assert (facts["outcome"], facts["trouble"]) == ("incomplete", None)
+        assert (in_the_way / f"{facts['record']}.md").exists()
+        with pytest.raises(Conflict, match="no check"):
+            await desk.give_up("Anna")
+        desk.start("observer", None, "Anna")
+
+    run(scenario())
+
+
+def test_the_servers_end_keeps_what_there_is(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        desk = desk_at(tmp_path, [])
+        await desk.close()
+        desk.start("observer", None, "Anna")
+        desk.stopped(STOP)
+        await desk.close()
+        await desk.close()
+        (entry,) = desk.records.all()
+        assert (entry["outcome"], entry["states"]["walk_in"]) == ("given_up", "passed")
+        record = json.loads(desk.records.text(entry["name"], "json"))
+        assert record["given_up_by"] == "the end of the server"
+        started = datetime.fromisoformat(record["started_at"])
+        assert abs(datetime.now(UTC) - started) < timedelta(minutes=1)
+
+    run(scenario())

@@ -1,0 +1,64 @@
+"""What goes into the database of a run that is kept."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from app.server.robots.wheels import WheelSample
+from app.server.runs.current_run import CurrentRun
+from app.server.runs.writer import Writer
+from app.storage import RunState, Storage, StorageBusy
+
+
+def test_rows_are_written_once_although_the_database_was_locked(
+    storage: Storage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    storage.open()
+    record = storage.create_run(name="a", source="b", parameters={}, versions={})
+    update, locked, written = storage.update_run, [True], threading.Event()
+
+    def locked_once(run_id: str, **changes: Any) -> None:
+        if locked:
+            locked.clear()
+            raise StorageBusy("the database is busy")
+        update(run_id, **changes)
+        written.set()
+
+    monkeypatch.setattr(storage, "update_run", locked_once)
+    writer = Writer()
+    writer.start()
+    try:
+        run = CurrentRun(record, storage, writer, lambda: 0.0)
+        # On the clock of what was open before.
+        run.measured(WheelSample(0, "observer", 41.0, 0, 0.4, 0.4))
+        run.frames = 1
+        run.measured(WheelSample(1, "observer", 1.0, 0, 0.3, 0.25))
+        run.flush()
+        assert written.wait(5.0)
+    finally:
+        writer.stop()
+    assert [row.speed for row in storage.speeds(record.id)] == [0.3, 0.25]
+    assert writer.dropped == 0
+
+
+def test_a_run_lasts_as_long_as_it_does_whatever_the_time_of_day_does(storage: Storage) -> None:
+    storage.open()
+    record = storage.create_run(name="a", source="b", parameters={}, versions={})
+    # As if the wall clock went back an hour at once.
+    record = replace(record, started_at="2031-05-04T03:02:01.000000+00:00")
+    now = [70.0]
+    writer = Writer()
+    run = CurrentRun(record, storage, writer, lambda: now[0])
+    now[0] = 72.5
+    ended = run.ended(RunState.FINISHED, None)
+    assert ended.ended_at == ended.updated_at == "2031-05-04T03:02:03.500000+00:00"
+    run.flush()
+    writer.start()
+    writer.stop()
+    kept = storage.get_run(record.id)
+    assert kept is not None
+    assert kept.updated_at == ended.updated_at

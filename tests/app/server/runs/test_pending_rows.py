@@ -1,0 +1,106 @@
+"""Rows of a run while the database does not take them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from functools import partial
+
+import pytest
+
+from app.server.robots.wheels import WheelSample
+from app.server.runs.current_run import CurrentRun
+from app.server.runs.writer import Writer
+from app.storage import RunRecord, RunState, SpeedRow, Storage, StorageBusy
+
+
+class Locked:
+    """A database that takes no speeds until it is told otherwise."""
+
+    def __init__(self, storage: Storage, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.locked = True
+        self.refused = 0
+        self._append = storage.append_speeds
+        monkeypatch.setattr(storage, "append_speeds", self._append_speeds)
+
+    def _append_speeds(self, rows: Iterable[SpeedRow]) -> int:
+        if self.locked:
+            self.refused += 1
+            raise StorageBusy("the database is locked")
+        return self._append(rows)
+
+
+def drive(run: CurrentRun, times: Iterable[int]) -> None:
+    # What robots do before a run's first frame is on no clock.
+    run.frames = 1
+    for at in times:
+        run.measured(WheelSample(1, "observer", float(at), 0, 0.01 * at, None))
+        run.flush()
+
+
+def end(run: CurrentRun, writer: Writer) -> RunRecord:
+    ended = run.ended(RunState.FINISHED, None)
+    assert writer.post(partial(run.write_end, ended, None))
+    writer.stop()
+    return ended
+
+
+@pytest.fixture
+def record(storage: Storage) -> RunRecord:
+    storage.open()
+    return storage.create_run(name="a", source="b", parameters={}, versions={})
+
+
+def test_no_row_is_lost_however_often_the_database_is_locked(
+    storage: Storage, record: RunRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lock = Locked(storage, monkeypatch)
+    # Each write is given up at once, and hardly more than the run's own fit into the queue.
+    writer = Writer(queue_length=2, patience_s=0.0)
+    writer.start()
+    run = CurrentRun(record, storage, writer, lambda: 0.0)
+    for begin in range(0, 100, 20):
+        drive(run, range(begin, begin + 20))
+        time.sleep(0.02)
+    assert lock.refused >= 2
+    lock.locked = False
+    ended = end(run, writer)
+    assert [row.time for row in storage.speeds(record.id)] == list(range(100))
+    assert writer.dropped == 0
+    kept = storage.get_run(record.id)
+    assert kept is not None
+    assert (kept.state, kept.reason, kept.ended_at) == (RunState.FINISHED, None, ended.ended_at)
+
+
+def test_while_a_write_is_tried_again_no_further_one_is_queued(
+    storage: Storage, record: RunRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lock = Locked(storage, monkeypatch)
+    writer = Writer(queue_length=1)
+    writer.start()
+    run = CurrentRun(record, storage, writer, lambda: 0.0)
+    drive(run, range(300))
+    lock.locked = False
+    # The writer looks again a quarter of a second later, and takes what came meanwhile as well.
+    deadline = time.monotonic() + 10
+    while not storage.speeds(record.id) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert len(storage.speeds(record.id)) == 300
+    end(run, writer)
+    assert writer.dropped == 0
+
+
+def test_the_oldest_rows_make_place_and_the_run_says_so(
+    storage: Storage, record: RunRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(CurrentRun, "most_rows", 30)
+    lock = Locked(storage, monkeypatch)
+    writer = Writer(patience_s=0.0)
+    run = CurrentRun(record, storage, writer, lambda: 0.0)
+    drive(run, range(100))
+    lock.locked = False
+    writer.start()
+    ended = end(run, writer)
+    assert [row.time for row in storage.speeds(record.id)] == list(range(70, 100))
+    assert ended.reason is not None
+    assert "70 speeds were lost" in ended.reason

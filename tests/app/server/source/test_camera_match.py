@@ -1,0 +1,85 @@
+"""Calibrations belong to cameras: they are found again by them, and a difference is told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from app.messages import EngineState, StateEvent
+from app.server.errors import FieldError
+from app.server.source.camera_match import binding_warnings, calibration_of_cameras
+from app.server.source.opening import make_opening
+from app.storage import CalibrationRecord, Storage
+from observer.recording.run_folder import RECORDING
+
+LEFT, RIGHT = "http://10.0.0.1/v", "http://10.0.0.2/v"
+SOURCE = f"http://me:secret@10.0.0.1/v,{RIGHT}"
+
+
+@pytest.fixture
+def opened(storage: Storage) -> Storage:
+    storage.open()
+    return storage
+
+
+def kept(storage: Storage, text: str, *devices: str, focus: str = "0") -> CalibrationRecord:
+    settings = [{"size": "640x480", "focus": focus} for _ in devices]
+    info = {"bound": {"source": "x", "devices": list(devices), "settings": settings}}
+    return storage.save_calibration(text, name=text, info=info)
+
+
+def state(*devices: str, focus: str = "0", live: bool = True) -> StateEvent:
+    cameras = [
+        {"side": side, "settings": {"size": "640x480", "focus": focus}}
+        for side in ("left", "right")
+    ]
+    source: dict[str, Any] = {"spec": "x", "devices": devices}
+    return StateEvent(
+        EngineState.PREVIEW, None, source=source, live={"cameras": cameras} if live else None
+    )
+
+
+def test_the_newest_calibration_of_the_named_cameras_is_taken(opened: Storage) -> None:
+    kept(opened, "older", LEFT, RIGHT)
+    newer = kept(opened, "newer", LEFT, RIGHT)
+    kept(opened, "others", LEFT, "http://10.0.0.3/v")
+    kept(opened, "swapped", RIGHT, LEFT)
+    opened.save_calibration("of nobody", name="of nobody")
+    found = calibration_of_cameras(opened, SOURCE)
+    assert found is not None
+    assert found.id == newer.id
+    assert make_opening(opened, SOURCE, None).calibration == found
+    # What is not live has its own.
+    for other in ("simulated:lab", "video:a.mp4,b.mp4", "/a/folder", "camera:7,8"):
+        assert make_opening(opened, other, None).calibration is None
+
+
+def test_other_cameras_swapped_ones_and_another_focus_are_told(opened: Storage) -> None:
+    record = kept(opened, "stereo.yaml", LEFT, RIGHT)
+    assert binding_warnings(state(LEFT, RIGHT), record) == []
+    (swapped,) = binding_warnings(state(RIGHT, LEFT), record)
+    assert "other way round" in swapped
+    (other,) = binding_warnings(state(LEFT, "http://10.0.0.3/v"), record)
+    assert "made with other cameras" in other
+    assert LEFT in other
+    focus = binding_warnings(state(LEFT, RIGHT, focus="35"), record)
+    assert len(focus) == 2
+    assert "focus 0 of the left camera, which is 35 now" in focus[0]
+
+
+def test_nothing_is_said_where_nothing_is_bound(opened: Storage) -> None:
+    record = kept(opened, "stereo.yaml", LEFT, RIGHT)
+    unbound = opened.save_calibration("uploaded", name="uploaded")
+    assert binding_warnings(state(LEFT, RIGHT), None) == []
+    assert binding_warnings(state(LEFT, RIGHT), unbound) == []
+    assert binding_warnings(state(LEFT, RIGHT, live=False), record) == []
+
+
+def test_a_kept_run_is_a_source_by_its_id(opened: Storage) -> None:
+    run = opened.create_run(name="a", source="b", parameters={}, versions={})
+    with pytest.raises(FieldError, match=r"was not recorded|no run"):
+        make_opening(opened, f"run:{run.id}", None)
+    recording = opened.folder.make_run(run.id) / RECORDING
+    recording.touch()
+    assert make_opening(opened, f"run:{run.id}", None).source == str(recording.absolute())

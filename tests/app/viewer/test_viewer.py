@@ -1,0 +1,360 @@
+"""What the 3D scene shows: geometry by construction, then viser's own nodes."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.channel.latest import Latest
+from app.drive.messages import DriveEvent
+from app.messages import EngineState, OpenSource
+from app.server import Station
+from app.storage import Storage
+from app.viewer import ViserViewer
+from app.viewer.picture import make_picture, read_cloud
+from app.viewer.robot_marks import MOST_ZONE_LINES, robot_marks
+from app.viewer.shapes import (
+    Follower,
+    box_edges,
+    floor_lines,
+    greyed,
+    padded,
+    rig_edges,
+    thinned,
+    trail_segments,
+    upright_rotation,
+)
+from app.viewer.trails import Trails
+from observer.geometry import Pose
+from observer.mount import CameraMount, level_pose
+
+from ..server.servers import run
+
+ANGLES = st.floats(-1.4, 1.4)
+
+
+# --- geometry -----------------------------------------------------------------------------
+
+
+def test_a_level_camera_looks_along_x_at_its_height() -> None:
+    T = level_pose(CameraMount(0.4, 0.0))
+    np.testing.assert_allclose(T.apply([0, 0, 2]), [2, 0, 0.4], atol=1e-12)
+    np.testing.assert_allclose(T.apply([1, 0, 0]), [0, -1, 0.4], atol=1e-12)
+    np.testing.assert_allclose(T.apply([0, 0.4, 0]), [0, 0, 0], atol=1e-12)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.floats(0.1, 3), st.floats(0.01, 1.2))
+def test_a_tilted_camera_sees_the_floor_at_zero(height: float, tilt: float) -> None:
+    # The optical axis meets the floor at this distance.
+    on_axis = height / math.sin(tilt)
+    at = level_pose(CameraMount(height, tilt)).apply([0, 0, on_axis])
+    np.testing.assert_allclose(at, [height / math.tan(tilt), 0, 0], atol=1e-9)
+
+
+def test_the_rig_stands_on_the_floor_below_a_tilted_camera_wherever_it_drives() -> None:
+    mount = CameraMount(0.4, 0.3, 0.1, 0.06, roll_rad=0.05)
+    display = level_pose(mount)
+    # Straight ahead by a metre, in display axes.
+    shift = Pose(np.eye(3), display.rotation.T @ np.array([1.0, 0, 0]))
+    lines = display.apply(rig_edges(mount, shift).reshape(-1, 3)).reshape(-1, 2, 3)
+    np.testing.assert_allclose(lines[0], [[1, 0, 0.4], [1, 0, 0]], atol=1e-9)
+    # The middle of the axle is behind the camera and to its right.
+    np.testing.assert_allclose(lines[1][1], [0.9, -0.06, 0], atol=1e-9)
+    assert rig_edges(CameraMount(0.4, 0.3), shift).shape == (1, 2, 3)
+    assert rig_edges(None, shift).shape == rig_edges(mount, None).shape == (0, 2, 3)
+
+
+def test_the_floor_is_a_square_grid_through_the_origin() -> None:
+    lines = floor_lines(2)
+    assert lines.shape == (10, 2, 3)
+    assert (lines[..., 2] == 0).all()
+    lengths = np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1)
+    np.testing.assert_array_equal(lengths, 4)
+    crossing = [line for line in lines if (line.mean(axis=0) == 0).all()]
+    assert len(crossing) == 2
+    assert crossing[0][0] @ crossing[1][0] == 0
+
+
+def test_an_unknown_mount_is_level_and_on_no_floor() -> None:
+    np.testing.assert_allclose(level_pose(None).apply([0, 0, 1]), [1, 0, 0])
+
+
+def test_a_box_has_twelve_edges_along_its_axes() -> None:
+    quarter = Pose.from_rotvec([0, math.pi / 2, 0], [0, 0, 0]).rotation
+    edges = box_edges([1, 2, 3], [0.4, 0.6, 1.0], quarter)
+    assert edges.shape == (12, 2, 3)
+    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    np.testing.assert_allclose(sorted(lengths), [0.4] * 4 + [0.6] * 4 + [1.0] * 4)
+    corners = edges.reshape(-1, 3)
+    np.testing.assert_allclose(corners.min(0), [0.5, 1.7, 2.8])
+    np.testing.assert_allclose(corners.max(0), [1.5, 2.3, 3.2])
+
+
+@settings(deadline=None, max_examples=50)
+@given(ANGLES, st.floats(0, 0.5))
+def test_bodies_stand_upright_and_face_their_heading(yaw: float, tilt: float) -> None:
+    T = level_pose(CameraMount(0.4, tilt))
+    up = T.rotation.T @ np.array([0.0, 0.0, 1.0])
+    axes = upright_rotation(yaw, up)
+    np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-9)
+    assert np.linalg.det(axes) == pytest.approx(1)
+    np.testing.assert_allclose(T.rotate(axes[:, 2]), [0, 0, 1], atol=1e-9)
+    # Positive is to the right, which is -y in the display.
+    assert math.copysign(1, -T.rotate(axes[:, 0])[1]) == math.copysign(1, yaw) or abs(yaw) < 1e-9
+
+
+def test_padding_repeats_and_thinning_spreads() -> None:
+    rows = np.arange(6).reshape(3, 2)
+    np.testing.assert_array_equal(padded(rows, 5)[3:], [[4, 5], [4, 5]])
+    np.testing.assert_array_equal(padded(rows, 2), rows[:2])
+    for count, most in ((0, 10), (10, 10), (11, 10), (20_000, 500), (999, 1000)):
+        assert len(range(count)[thinned(count, most)]) <= most
+    assert list(range(10)[thinned(10, 5)]) == [0, 2, 4, 6, 8]
+
+
+def test_old_colours_are_grey() -> None:
+    grey = greyed(np.array([[255, 0, 0], [0, 0, 0]], np.uint8))
+    assert grey.dtype == np.uint8
+    assert (grey == grey[:, :1]).all()
+
+
+def test_the_scene_follows_only_a_robot_that_leaves() -> None:
+    follower = Follower(radius_m=4)
+    np.testing.assert_allclose(follower.offset(np.array([3.9, 0, 1])), 0)
+    np.testing.assert_allclose(follower.offset(np.array([10.0, 0, 1])), [-6, 0, 0])
+    # On the way back it stays until the other side is left.
+    np.testing.assert_allclose(follower.offset(np.array([3.0, 0, 1])), [-6, 0, 0])
+    follower.reset()
+    np.testing.assert_allclose(follower.offset(np.zeros(3)), 0)
+
+
+def test_trails_keep_what_moved() -> None:
+    trails = Trails()
+    for k in range(5):
+        trails.add_camera(np.array([0.0, 0.0, 0.1 * k]))
+        trails.add_camera(np.array([0.0, 0.0, 0.1 * k + 0.001]))
+    assert trails.camera.shape == (4, 2, 3)
+    trails.add_obstacle(1, np.zeros(3), now=0)
+    trails.add_obstacle(1, np.ones(3), now=1)
+    trails.add_obstacle(2, np.ones(3), now=1)
+    assert trails.obstacles.shape == (1, 2, 3)
+    trails.forget_gone(now=100)
+    assert trails.obstacles.shape == (0, 2, 3)
+    assert trail_segments([]).shape == (0, 2, 3)
+
+
+# --- the picture --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def observed(peer: Any) -> Any:
+    peer.start_process()
+    peer._open(OpenSource("simulated:lab", None, {}, 0))
+    return peer
+
+
+def test_a_picture_of_one_obstacle(observed: Any) -> None:
+    event = observed.observe()
+    picture = make_picture(event, observed.state(), 1, event.received + 0.1)
+    assert picture.segment == (1, 0)
+    assert picture.boxes.shape == (1, 12, 2, 3)
+    assert picture.truth.shape == (1, 12, 2, 3)
+    np.testing.assert_allclose(picture.arrows[0, 1] - picture.arrows[0, 0], [0.4, 0, 0])
+    assert [tag.text for tag in picture.tags] == ["#7  0.40 ± 0.05 m/s"]
+    # The label stands above the box, which is up in the display and -y in the camera.
+    assert picture.tags[0].position[1] < 0
+    assert picture.fov_rad == pytest.approx(2 * math.atan(128 / 443))
+    assert picture.aspect == 2.0
+    assert picture.floor_known
+    assert picture.notice is None
+    assert not picture.stale
+
+
+def test_what_is_old_says_so(observed: Any) -> None:
+    event = observed.observe()
+    state = observed.state()
+    old = make_picture(event, state, 1, event.received + 3.2)
+    assert (old.stale, old.notice) == (True, "stale: 3 s old")
+    paused = replace(state, playback={**state.playback, "paused": True})
+    held = make_picture(event, paused, 1, event.received + 3.2)
+    assert (held.stale, held.notice) == (False, "paused")
+    ended = replace(state, playback={**state.playback, "ended": True})
+    assert not make_picture(event, ended, 1, event.received + 3.2).stale
+    failed = replace(paused, state=EngineState.FAILED)
+    assert make_picture(event, failed, 1, event.received + 0.1).stale
+    none = make_picture(None, state, 1, 5.0)
+    assert "waiting" in str(none.notice)
+    assert none.boxes.shape == (0, 12, 2, 3)
+
+
+def test_what_has_no_place_in_the_world_is_not_drawn(observed: Any) -> None:
+    event = observed.observe()
+    event.line["pose"] = None
+    for name in ("position", "velocity", "orientation_wxyz"):
+        event.line["obstacles"][0][name] = None
+    picture = make_picture(event, observed.state(), 1, event.received)
+    assert picture.T_world_camera is None
+    assert len(picture.boxes) == len(picture.arrows) == len(picture.tags) == 0
+
+
+def test_clouds_are_read_as_they_are_written(observed: Any) -> None:
+    observed.draw_cloud(40)
+    value = observed.cloud.read(0)
+    assert isinstance(value, Latest)
+    cloud = read_cloud(value)
+    assert cloud.points.shape == (40, 3)
+    assert cloud.colors.shape == (40, 3)
+    assert 1 <= cloud.points.min() <= cloud.points.max() <= 3
+    np.testing.assert_allclose(cloud.T_world_camera.matrix, np.eye(4))
+
+
+# --- the observing robot ---------------------------------------------------------------------
+
+_MOUNT = CameraMount(0.4, 0.3, 0.1, 0.06, pan_rad=0.2)
+_ROBOT: dict[str, Any] = {
+    "guard": {
+        "level": "slow",
+        "reason": "obstacle 3 is 1.2 m ahead",
+        "stop_zone": [[0.5, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.5, -0.2]],
+        "slow_zone": [[1.5, 0.3], [-0.2, 0.3], [-0.2, -0.3]],
+    },
+    "report": {
+        "width_m": 0.4,
+        "length_m": 0.6,
+        "received": 10.0,
+        "sonars": [
+            {"x": 0.1, "y": 0.0, "heading": 0.0, "range_m": 1.4, "received": 9.9},
+            {"x": 0.0, "y": 0.1, "heading": 1.5, "range_m": None, "received": 9.9},
+            {"x": 0.0, "y": 0.1, "heading": 1.5, "range_m": 0.8, "received": 8.0},
+        ],
+    },
+}
+
+
+def _in_base(lines: Any, T_world_camera: Pose) -> Any:
+    T_base_world = _MOUNT.T_base_camera @ T_world_camera.inverse()
+    return T_base_world.apply(np.reshape(lines, (-1, 3))).reshape(-1, 2, 3)
+
+
+def test_zones_and_outline_lie_on_the_floor_around_the_robot_wherever_it_is() -> None:
+    T = Pose.from_rotvec([0.0, 0.4, 0.0], [1.0, 0.0, 2.0])
+    marks = robot_marks(_ROBOT, _MOUNT, T)
+    assert marks is not None
+    zone = _in_base(marks.stop_zone, T)
+    np.testing.assert_allclose(zone[:, 0, :2], _ROBOT["guard"]["stop_zone"], atol=1e-9)
+    np.testing.assert_array_equal(zone[:, 1], np.roll(zone[:, 0], -1, axis=0))
+    assert (np.abs(zone[..., 2]) < 0.03).all()
+    assert marks.slow_zone.shape == (3, 2, 3)
+    outline = _in_base(marks.outline, T)
+    np.testing.assert_allclose(np.abs(outline[:4, 0, :2]), [[0.3, 0.2]] * 4, atol=1e-9)
+    # What points ahead begins in the middle of the axle.
+    np.testing.assert_allclose(outline[4, :, :2], [[0, 0], [0.5, 0]], atol=1e-9)
+    assert (marks.level, marks.text) == ("slow", "slowed: obstacle 3 is 1.2 m ahead")
+
+
+def test_only_echoes_that_are_new_are_drawn_at_their_distance() -> None:
+    marks = robot_marks(_ROBOT, _MOUNT, Pose.identity())
+    assert marks is not None
+    ends = _in_base(marks.sonar, Pose.identity())
+    assert ends.shape == (3, 2, 3)
+    np.testing.assert_allclose(np.linalg.norm(ends[..., :2] - (0.1, 0.0), axis=-1), 1.4)
+
+
+def test_a_robot_of_which_little_is_known_is_drawn_as_far_as_it_is() -> None:
+    assert robot_marks(_ROBOT, None, Pose.identity()) is None
+    assert robot_marks(_ROBOT, _MOUNT, None) is None
+    assert robot_marks(None, _MOUNT, Pose.identity()) is None
+    marks = robot_marks({"guard": None, "report": None}, _MOUNT, Pose.identity())
+    assert marks is not None
+    assert len(marks.outline) == len(marks.stop_zone) == len(marks.sonar) == 0
+    assert (marks.level, marks.text) == (None, None)
+    around = np.linspace(0, 2 * math.pi, 200, endpoint=False)
+    many = {"guard": {"stop_zone": np.stack([np.cos(around), np.sin(around)], 1).tolist()}}
+    circle = robot_marks(many, _MOUNT, Pose.identity())
+    assert circle is not None
+    assert 30 < len(circle.stop_zone) <= MOST_ZONE_LINES
+
+
+def test_the_robot_comes_from_what_the_drive_process_tells(observed: Any) -> None:
+    event, state = observed.observe(), observed.state()
+    told = {"robots": {"observer": _ROBOT, "obstacle": None}}
+    assert make_picture(event, state, 1, event.received, told).robot is not None
+    for nothing in (None, {}, {"robots": {"observer": None}}):
+        assert make_picture(event, state, 1, event.received, nothing).robot is None
+
+
+# --- viser's nodes --------------------------------------------------------------------------
+
+
+def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
+    peer: Any, drive: Any, storage: Storage, capsys: Any
+) -> None:
+    async def scenario() -> None:
+        station = Station(peer, storage, source="simulated:lab", drive=drive)
+        viewer = None
+        try:
+            await station.start()
+            while station.state.state is EngineState.IDLE:
+                await asyncio.sleep(0.005)
+            viewer = await asyncio.to_thread(ViserViewer, station, points=300, rate_hz=20)
+            await watch(viewer)
+        finally:
+            if viewer is not None:
+                await asyncio.to_thread(viewer.stop)
+            await station.stop()
+
+    async def watch(viewer: ViserViewer) -> None:
+        scene = viewer._scene
+        handles = dict(viewer._server.scene._handle_from_node_name)
+        with viewer.connected():
+            while "cloud" not in peer.watched:
+                await asyncio.sleep(0.005)
+            for _ in range(5):
+                peer.observe()
+                await asyncio.sleep(0.06)
+            assert scene._cloud.visible
+            assert scene._cloud.points.shape == (300, 3)
+            assert scene._boxes.visible
+            assert scene._boxes.points.shape == (16 * 12, 2, 3)
+            assert scene._labels[0].visible
+            assert scene._labels[0].text.startswith("#7  0.40")
+            assert not scene._labels[1].visible
+            assert scene._camera._image_data == peer.views["plain"].read(0).payload
+            assert not scene._notice.visible
+            assert not scene._outline.visible
+            told = {"stopped": None, "robots": {"observer": _ROBOT, "obstacle": None}}
+            drive.publish(DriveEvent(told, 0.0))
+            while not scene._outline.visible:
+                peer.observe()
+                await asyncio.sleep(0.03)
+            assert scene._stop_zone.points.shape == (MOST_ZONE_LINES, 2, 3)
+            assert scene._slow_zone.visible
+            assert scene._sonar.visible
+            assert scene._guard_label.text == "slowed: obstacle 3 is 1.2 m ahead"
+            colourful = scene._cloud.colors.copy()
+            peer.lose()
+            while not scene._stale:
+                await asyncio.sleep(0.01)
+            await asyncio.sleep(0.1)
+            assert scene._notice.visible
+            assert not scene._outline.visible
+            assert not scene._guard_label.visible
+            assert (scene._cloud.colors == scene._cloud.colors[:, :1]).all()
+            assert not (colourful == colourful[:, :1]).all()
+            peer.start_process()
+            while scene._stale:
+                if peer.opened is not None:
+                    peer.observe()
+                await asyncio.sleep(0.03)
+        assert viewer._server.scene._handle_from_node_name == handles
+
+    run(scenario())
+    assert "viser" not in capsys.readouterr().out

@@ -1,0 +1,96 @@
+"""Image files: every cut is noticed, in every format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.errors import SourceError
+from observer.image_files.reading import damage, read_image
+
+NOISE = np.random.default_rng(0).integers(0, 255, (40, 60), dtype=np.uint8)
+FORMATS = (".png", ".jpg", ".pgm", ".bmp", ".webp")
+PROGRESSIVE = [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
+
+
+def encoded(extension: str, image: np.ndarray = NOISE, options: list[int] | None = None) -> bytes:
+    ok, content = cv2.imencode(extension, image, options or [])
+    assert ok
+    return content.tobytes()
+
+
+@pytest.mark.parametrize("extension", [".png", ".pgm", ".bmp"])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_reads_what_was_written(extension: str, channels: int, tmp_path: Path) -> None:
+    image = NOISE if channels == 1 else np.dstack([NOISE, NOISE[::-1], 255 - NOISE])
+    path = tmp_path / ("a.ppm" if (extension, channels) == (".pgm", 3) else f"a{extension}")
+    assert cv2.imwrite(str(path), image)
+    read = read_image(path)
+    assert read.dtype == np.uint8
+    # A bitmap of 8 bits has a palette, so its decoder gives colour.
+    assert np.array_equal(read if read.ndim == image.ndim else read[..., 0], image)
+
+
+def test_sixteen_bits_keep_the_upper_eight(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "deep.png"), NOISE.astype(np.uint16) * 256 + 7)
+    assert np.array_equal(read_image(tmp_path / "deep.png"), NOISE)
+
+
+@pytest.mark.parametrize("extension", FORMATS)
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 0.7, 0.99])
+def test_a_cut_off_file_is_refused(extension: str, share: float, tmp_path: Path) -> None:
+    whole = encoded(extension)
+    path = tmp_path / "left" / f"000003{extension}"
+    path.parent.mkdir()
+    path.write_bytes(whole[: int(len(whole) * share)])
+    with pytest.raises(SourceError, match=rf"^left/000003\{extension} (is|cannot)") as caught:
+        read_image(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("options", [[], PROGRESSIVE])
+@given(length=st.integers(3, 3000))
+@settings(deadline=None, max_examples=60)
+def test_no_cut_of_a_jpeg_goes_unnoticed(options: list[int], length: int) -> None:
+    whole = encoded(".jpg", options=options)
+    assert damage(whole) is None
+    if length < len(whole) - 1:
+        assert damage(whole[:length])
+
+
+@given(position=st.integers(8, 2000), value=st.integers(1, 255))
+@settings(deadline=None, max_examples=100)
+def test_no_changed_byte_of_a_png_goes_unnoticed(position: int, value: int) -> None:
+    content = bytearray(encoded(".png"))
+    content[min(position, len(content) - 1)] ^= value
+    assert damage(bytes(content))
+
+
+def test_what_follows_the_end_is_no_damage() -> None:
+    for extension in FORMATS:
+        assert damage(encoded(extension) + b"\0" * 40) is None
+
+
+@given(st.binary(max_size=60) | st.builds(lambda b: b"\xff\xd8" + b, st.binary(max_size=60))
+       | st.builds(lambda b: b"\x89PNG\r\n\x1a\n" + b, st.binary(max_size=60))
+       | st.builds(lambda b: b"P5 " + b, st.binary(max_size=60)))  # fmt: skip
+@settings(deadline=None, max_examples=200)
+def test_damage_answers_for_any_bytes(content: bytes) -> None:
+    problem = damage(content)
+    assert problem is None or problem.startswith("is ")
+
+
+def test_names_what_is_no_image(tmp_path: Path) -> None:
+    (tmp_path / "note.png").write_text("this is no image at all")
+    with pytest.raises(SourceError, match=r"note\.png is damaged or no image"):
+        read_image(tmp_path / "note.png")
+    with pytest.raises(SourceError, match=r"absent\.png is missing"):
+        read_image(tmp_path / "absent.png")
+    (tmp_path / "folder.png").mkdir()
+    with pytest.raises(SourceError, match=r"folder\.png cannot be read"):
+        read_image(tmp_path / "folder.png")

@@ -1,0 +1,225 @@
+"""One camera on simulated frames: what it finds, what it refuses, and what it must not look at."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer.explanation.answer import PixelVerdict
+from observer.explanation.pixel import explain_pixel
+from observer.jsonl import observation_line
+from observer.methods.monocular.method import NO_SCALE, ONLY_TURNED
+from observer.mount import CameraMount
+from observer.observer import Observer
+from observer.parameters import Parameters
+from observer.simulation.scenarios import load_scenario, scenario_from_text
+from observer.simulation.source import SimulatedSource
+from observer.simulation.truth import SimulatedTruth
+from observer.simulation.world import World
+from observer.types import FullTrace, Observation, Status, StereoFrame, TrackState
+
+ONE_CAMERA = Parameters().changed({"ego_motion.model": "one_camera"})
+LATERAL = World(load_scenario("lateral"), 3)
+SOURCE = SimulatedSource(LATERAL)
+MOUNT = SOURCE.info.mount
+TRUTH = SimulatedTruth(LATERAL)
+COUNT = 48
+
+
+def read(source: SimulatedSource, count: int) -> list[StereoFrame]:
+    frames = [source.read() for _ in range(count)]
+    return [replace(f, right=f.left, received=0.0) for f in frames if f is not None]
+
+
+@pytest.fixture(scope="module")
+def lateral() -> list[StereoFrame]:
+    """A robot crosses at about 0.35 m/s, 3.7 m ahead; the camera drives towards it."""
+    return read(SOURCE, COUNT)
+
+
+def without_odometry(frames: Sequence[StereoFrame]) -> list[StereoFrame]:
+    return [replace(f, odometry=None) for f in frames]
+
+
+def observe(
+    frames: Sequence[StereoFrame],
+    mount: CameraMount | None = MOUNT,
+    parameters: Parameters = ONE_CAMERA,
+) -> list[Observation]:
+    observer = Observer(SOURCE.calibration, parameters, mount=mount, clock=lambda: 0.0)
+    return [observer.observe(f) for f in frames]
+
+
+def as_text(seen: Sequence[Observation]) -> list[str]:
+    return [json.dumps(observation_line(o, tentative=True)) for o in seen]
+
+
+@pytest.fixture(scope="module")
+def seen(lateral: list[StereoFrame]) -> list[Observation]:
+    return observe(lateral)
+
+
+def way_share(seen: Sequence[Observation], frames: Sequence[StereoFrame]) -> float:
+    """How long the way of the last frames is against the true one."""
+    start, end = COUNT - 10, COUNT - 1
+    poses = [seen[k].T_world_camera for k in (start, end)]
+    true = [TRUTH.camera_pose(frames[k].time) for k in (start, end)]
+    assert poses[0] is not None
+    assert poses[1] is not None
+    way = np.linalg.norm(poses[1].translation - poses[0].translation)
+    return float(way / np.linalg.norm(true[1].translation - true[0].translation))
+
+
+def test_a_crossing_robot_is_confirmed_with_its_place_and_velocity(seen, lateral) -> None:
+    for observation, frame in list(zip(seen, lateral, strict=True))[25:]:
+        (true,) = [b for b in TRUTH.bodies(frame.time) if b.id == 1]
+        (o,) = observation.reported
+        assert o.position is not None
+        assert o.velocity is not None
+        assert np.linalg.norm(o.position - true.position) < 0.3
+        assert np.linalg.norm(o.velocity - true.velocity) < 0.15
+        assert o.velocity_cov is not None
+        error = o.velocity - true.velocity
+        assert error @ np.linalg.inv(o.velocity_cov) @ error < 3.5**2
+    assert len({o.id for s in seen[25:] for o in s.reported}) == 1
+    assert "foot on the floor" in seen[-1].reported[0].reason
+
+
+def test_odometry_and_mount_tell_the_pose_in_metres(seen, lateral) -> None:
+    assert [s.status for s in seen[30:]] == [Status.OK] * (COUNT - 30)
+    for observation, frame in zip(seen, lateral, strict=True):
+        assert observation.T_world_camera is not None
+        true = TRUTH.camera_pose(frame.time)
+        gap = observation.T_world_camera.translation - true.translation
+        assert np.linalg.norm(gap) < 0.03
+
+
+def test_the_height_above_the_floor_alone_tells_metres(lateral) -> None:
+    seen = observe(without_odometry(lateral))
+    assert seen[5].T_world_camera is None
+    assert seen[5].status is Status.DEGRADED
+    assert "travelled" in seen[5].reasons[-1]
+    assert {s.segment for s in seen} == {0}
+    assert way_share(seen, lateral) == pytest.approx(1, abs=0.05)
+
+
+def test_odometry_alone_tells_metres(lateral) -> None:
+    seen = observe(lateral, mount=None)
+    assert way_share(seen, lateral) == pytest.approx(1, abs=0.05)
+    # Nothing tells where the floor is, on which obstacles stand.
+    assert not any(s.obstacles for s in seen)
+
+
+def test_a_given_height_counts_rather_than_the_rig(lateral) -> None:
+    assert MOUNT is not None
+    tilt = float(np.degrees(MOUNT.tilt_rad))
+    given = {"one_camera.height_m": 2 * MOUNT.height_m, "one_camera.tilt_deg": tilt}
+    seen = observe(without_odometry(lateral), parameters=ONE_CAMERA.changed(given))
+    assert way_share(seen, lateral) == pytest.approx(2, abs=0.1)
+
+
+def test_without_scale_it_refuses_and_says_what_it_needs(lateral) -> None:
+    for observation in observe(without_odometry(lateral[:12]), mount=None)[1:]:
+        assert observation.status is Status.LOST
+        assert observation.T_world_camera is None
+        assert observation.obstacles == ()
+        assert observation.reasons == (NO_SCALE,)
+        assert observation.segment == 0
+
+
+def test_a_camera_that_only_turns_is_told_so() -> None:
+    text = "based_on: static_turning\ncamera: {forward_m: 0.0}\ntitle: x\nhelp: x\n"
+    source = SimulatedSource(World(scenario_from_text(text, "x"), 3))
+    seen = observe(without_odometry(read(source, 25)))
+    for observation in seen[10:]:
+        assert observation.status is Status.DEGRADED
+        assert observation.reasons == (ONLY_TURNED,)
+        assert observation.T_world_camera is None
+        assert observation.obstacles == ()
+
+
+def test_the_right_image_changes_nothing_to_the_last_digit(seen, lateral) -> None:
+    rng = np.random.default_rng(1)
+    noisy = [replace(f, right=rng.integers(0, 255, f.left.shape).astype(np.uint8)) for f in lateral]
+    assert as_text(observe(noisy)) == as_text(seen)
+
+
+def test_equal_input_gives_equal_results_to_the_last_digit(seen, lateral) -> None:
+    assert as_text(observe(lateral)) == as_text(seen)
+
+
+def test_it_states_a_larger_uncertainty_than_two_cameras(seen) -> None:
+    source = SimulatedSource(LATERAL)
+    frames = [source.read() for _ in range(COUNT)]
+    observer = Observer(source.calibration, Parameters().changed({"ego_motion.model": "rigid"}))
+    stereo = [observer.observe(f) for f in frames if f is not None]
+    (one,), (two,) = seen[-1].reported, stereo[-1].reported
+    for name in ("position_cov", "velocity_cov"):
+        wide, narrow = getattr(one, name), getattr(two, name)
+        assert np.trace(wide) > np.trace(narrow)
+
+
+def test_it_recovers_from_black_images(lateral) -> None:
+    dark = [
+        replace(f, left=np.zeros_like(f.left), right=np.zeros_like(f.left)) for f in lateral[20:30]
+    ]
+    seen = observe([*lateral[:20], *dark, *lateral[30:]])
+    assert seen[22].status is Status.LOST
+    assert seen[22].T_world_camera is None
+    assert seen[-1].segment > 0
+    assert seen[-1].status is Status.OK
+    assert seen[-1].T_world_camera is not None
+
+
+def test_only_who_is_confirmed_has_a_number_that_lasts(seen) -> None:
+    told = {(o.id, o.state is TrackState.TENTATIVE) for each in seen for o in each.obstacles}
+    assert {number for number, tentative in told if not tentative} == {1}
+    provisional = {number for number, tentative in told if tentative}
+    assert provisional
+    assert max(provisional) < -1
+
+
+def test_who_was_there_coasts_through_black_images_and_keeps_its_number(lateral) -> None:
+    dark = [
+        replace(f, left=np.zeros_like(f.left), right=np.zeros_like(f.left)) for f in lateral[34:36]
+    ]
+    seen = observe([*lateral[:34], *dark, *lateral[36:]])
+    (before,) = seen[33].reported
+    for lost in seen[34:36]:
+        assert lost.status is Status.LOST
+        (robot,) = lost.reported
+        assert (robot.id, robot.state) == (before.id, TrackState.COASTING)
+        assert robot.position is None
+        assert robot.velocity is None
+        json.dumps(observation_line(lost), allow_nan=False)
+    assert {o.segment for o in seen} == {0}
+    (after,) = seen[-1].reported
+    assert after.id == before.id
+    assert after.state is TrackState.CONFIRMED
+    assert after.position is not None
+
+
+def test_any_pixel_can_be_asked(lateral) -> None:
+    observer = Observer(SOURCE.calibration, ONE_CAMERA, mount=MOUNT)
+    early = Observer(SOURCE.calibration, ONE_CAMERA, mount=None)
+    for f in lateral[:40]:
+        trace = FullTrace()
+        observation = observer.observe(f, trace)
+    (o,) = observation.reported
+    u0, v0, u1, v1 = o.box_px
+    answers = {
+        explain_pixel(trace, observer.camera, ONE_CAMERA, (u, v)).verdict
+        for u in np.linspace(u0, u1, 6)
+        for v in np.linspace(v0, v1, 4)
+    }
+    assert PixelVerdict.DYNAMIC in answers
+    for f in lateral[:3]:
+        trace = FullTrace()
+        early.observe(f, trace)
+    answer = explain_pixel(trace, early.camera, ONE_CAMERA, (250.0, 120.0))
+    assert answer.verdict is PixelVerdict.UNDECIDED
+    assert "travel" in answer.sentence

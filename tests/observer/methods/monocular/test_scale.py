@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from observer.geometry import Pose
+from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.rays import RayPoints
+from observer.methods.monocular.scale import Scale, floor_scale, odometry_scale, scale_by_floor
+from observer.mount import CameraMount
+
+MOUNT = CameraMount(0.4, np.radians(5))
+
+
+def planted(seed: int, enlarged: float, floor_share: float = 0.6) -> RayPoints:
+    """Points on the floor and on things that stand on it, of a map enlarged by a factor."""
+    rng = np.random.default_rng(seed)
+    rays = np.column_stack([rng.uniform(-0.5, 0.5, 200), rng.uniform(0.0, 0.28, 200), np.ones(200)])
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    inverse = Floor.below(MOUNT).inverse_distance(np.zeros(3), rays)
+    above = rng.uniform(size=200) > floor_share
+    inverse = np.where(above, inverse * rng.uniform(1.2, 3.0, 200), inverse)
+    sigma = 0.02 * inverse
+    noisy = inverse + sigma * rng.standard_normal(200)
+    return RayPoints.begin(
+        np.zeros((200, 2), np.float32), np.zeros(3), rays, noisy / enlarged, (sigma / enlarged) ** 2
+    )
+
+
+@pytest.mark.parametrize("enlarged", [0.2, 1.0, 7.0])
+def test_the_floor_gives_the_scale_at_the_start_to_one_percent(enlarged: float) -> None:
+    points = planted(1, enlarged)
+    slope = points.ray @ MOUNT.down
+    low = slope > 0.06
+    told = scale_by_floor(
+        points.inverse[low] / slope[low], np.full(low.sum(), 0.02), MOUNT.height_m, np.inf
+    )
+    assert told is not None
+    assert np.exp(told[0]) * enlarged == pytest.approx(1, abs=0.01)
+    assert 0 < told[1] < 0.03
+
+
+def test_a_map_that_has_drifted_is_corrected_by_the_floor() -> None:
+    told = floor_scale(
+        planted(2, 1.06), Pose.identity(), Floor.below(MOUNT), MOUNT.height_m, Scale(0.05)
+    )
+    assert told is not None
+    assert np.exp(told[0]) == pytest.approx(1 / 1.06, abs=0.01)
+    factor, after = Scale(0.05).corrected(*told)
+    assert factor == pytest.approx(1 / 1.06, abs=0.015)
+    assert after.sigma < 0.05
+
+
+def test_without_a_floor_there_is_no_scale_rather_than_a_wrong_one() -> None:
+    assert scale_by_floor(np.ones(5), np.full(5, 0.02), 0.4, np.inf) is None
+    assert scale_by_floor(np.ones(50), np.full(50, 0.9), 0.4, np.inf) is None
+
+
+def test_odometry_gives_the_scale_once_the_way_is_long_enough() -> None:
+    assert odometry_scale(0.01, 0.05, 0.0, 0.02) is None
+    told = odometry_scale(0.15, 0.30, 0.0, 0.02)
+    assert told is not None
+    assert np.exp(told[0]) == pytest.approx(2)
+    assert told[1] >= 0.02
+    # A turn moves the camera about an axle whose place is not known well.
+    turning = odometry_scale(0.15, 0.30, 0.2, 0.02)
+    assert turning is not None
+    assert turning[1] > told[1]
+
+
+def test_the_scale_gets_less_certain_with_the_way_and_more_by_measuring() -> None:
+    later = Scale(0.01).after_way(1.0)
+    assert later.sigma > 0.02
+    _, measured = later.corrected(0.0, 0.02)
+    assert measured.sigma < 0.02

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.geometry import Pose
+from observer.methods.monocular.two_views import turned_between, two_views
+
+CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
+
+
+def views(T: Pose, seed: int = 0, moving: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lines of sight of points in a room before and after ``T_second_first``, and distances."""
+    rng = np.random.default_rng(seed)
+    p = np.column_stack([
+        rng.uniform(-2, 2, 150), rng.uniform(-1, 0.4, 150), rng.uniform(2, 7, 150)
+    ])  # fmt: skip
+    later = T.apply(p)
+    later[:moving] += (0.3, 0.0, 0.0)
+    noise = rng.normal(0, 0.1 / 443, (150, 2))
+    first, second = p / p[:, 2:], later / later[:, 2:]
+    second[:, :2] += noise
+    distance = np.linalg.norm(p, axis=1)
+    unit = [r / np.linalg.norm(r, axis=1, keepdims=True) for r in (first, second)]
+    return unit[0], unit[1], distance
+
+
+def test_two_views_tell_the_way_and_the_depths_but_for_their_scale() -> None:
+    T = Pose.from_rotvec([0.01, 0.05, 0.0], [-0.06, 0.0, -0.25])
+    first, second, distance = views(T, moving=20)
+    told = two_views(first, second, 0.1 / 443, CAMERA)
+    assert told is not None
+    way = float(np.linalg.norm(T.translation))
+    direction = told.T_second_first.translation @ T.translation / way
+    assert np.degrees(np.arccos(min(direction, 1.0))) < 3
+    assert not told.inliers[:20].all()
+    sharp = told.inliers & (told.sigma * distance / way < 0.05)
+    sharp[:20] = False
+    assert sharp.sum() > 30
+    ratio = told.inverse[sharp] / way * distance[sharp]
+    assert abs(np.median(ratio) - 1) < 0.05
+
+
+def test_turning_leaves_no_parallax() -> None:
+    T = Pose.from_rotvec([0.02, 0.3, -0.01], np.zeros(3))
+    first, second, _ = views(T)
+    R, parallax = turned_between(first, second)
+    np.testing.assert_allclose(R, T.rotation, atol=1e-3)
+    assert np.degrees(np.median(parallax)) < 0.05
+
+
+def test_travel_leaves_parallax_that_no_turning_explains() -> None:
+    first, second, _ = views(Pose.from_rotvec([0.0, 0.1, 0.0], [0.0, 0.0, -0.4]))
+    _, parallax = turned_between(first, second)
+    assert np.degrees(np.median(parallax)) > 0.5
+
+
+def test_too_few_points_start_nothing() -> None:
+    first, second, _ = views(Pose.from_rotvec([0, 0, 0], [0.3, 0, 0]))
+    assert two_views(first[:10], second[:10], 0.1 / 443, CAMERA) is None

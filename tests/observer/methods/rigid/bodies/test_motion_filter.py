@@ -1,0 +1,340 @@
+"""The motion filter of one obstacle against motion whose truth and noise are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import chi2
+
+from observer.methods.rigid.bodies.motion_filter import (
+    MEASURED,
+    POSITION,
+    STATE_SIZE,
+    VELOCITY,
+    YAW,
+    YAW_RATE,
+    ObstacleMotion,
+    turning_velocity,
+    yaw_matrix,
+)
+
+DT = 1 / 15
+# Of the measured place (m) and yaw (rad).
+NOISE = np.diag([0.01, 0.01, 0.03, 0.02]) ** 2
+# m/s^2 and rad/s^2, steady and manoeuvring.
+ACCELERATION, YAW_ACCELERATION = (0.1, 1.0), (0.3, 5.0)
+# How much the first state may be off: 5 cm, 20 cm/s and 0.3 rad/s.
+FIRST_SIGMA = np.array([0.05] * 3 + [0.2] * 3 + [1e-4] + [0.3])
+
+
+def on_circle(state: np.ndarray, dt: float) -> np.ndarray:
+    """Where a body (8,) is that keeps its speed and its yaw rate for ``dt`` seconds, exactly."""
+    out, rate = state.copy(), state[YAW_RATE]
+    out[VELOCITY] = yaw_matrix(rate * dt) @ state[VELOCITY]
+    if abs(rate) < 1e-9:
+        out[POSITION] += dt * state[VELOCITY]
+    else:
+        # The velocity's integral: turned a quarter to the left, over the rate.
+        quarter = yaw_matrix(-np.pi / 2) * [1, 0, 1]
+        out[POSITION] += quarter @ (out[VELOCITY] - state[VELOCITY]) / rate
+        out[1] += dt * state[4]
+    out[YAW] += dt * rate
+    return out
+
+
+def begun(state: np.ndarray, sigma: np.ndarray = FIRST_SIGMA) -> ObstacleMotion:
+    """Knowing (8,) to within a standard deviation (8,)."""
+    cov = np.diag(sigma**2)
+    motion = ObstacleMotion.begin(
+        state[POSITION], state[VELOCITY], cov[POSITION, POSITION], cov[VELOCITY, VELOCITY],
+        float(sigma[YAW_RATE]),
+    )  # fmt: skip
+    motion.means[:, YAW:] = state[YAW:]
+    motion.covariances[:, YAW, YAW] = sigma[YAW] ** 2
+    return motion
+
+
+def truth(speed: float = 0.4, rate: float = 0.0) -> np.ndarray:
+    return np.array([0.5, 0.1, 3.0, speed * 0.6, 0.0, speed * 0.8, 0.0, rate])
+
+
+def squared_error(motion: ObstacleMotion, state: np.ndarray, rows: slice | list[int]) -> float:
+    """Squared Mahalanobis length of the error."""
+    gap = (motion.mean - state)[rows]
+    return float(gap @ np.linalg.solve(motion.covariance[rows, rows], gap))
+
+
+def inside(mean: float, draws: int, freedom: int, share: float = 0.9999) -> bool:
+    low, high = chi2.interval(share, draws * freedom) / np.float64(draws)
+    return bool(low <= mean <= high)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.6, -1.2])
+def test_the_exact_circle_of_these_tests_is_one(rate: float) -> None:
+    state = truth(rate=rate)
+    small = state
+    for _ in range(20000):
+        small = small.copy()
+        small[VELOCITY] = yaw_matrix(rate * 5e-5) @ small[VELOCITY]
+        small[POSITION] += 5e-5 * small[VELOCITY]
+        small[YAW] += 5e-5 * rate
+    np.testing.assert_allclose(on_circle(state, 1.0), small, atol=1e-4)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.6, -1.2])
+@pytest.mark.parametrize("steps", [1, 4, 30])
+def test_errors_are_as_large_as_stated_where_the_noise_is_as_declared(
+    rate: float, steps: int
+) -> None:
+    """Normalised squared errors over many draws, for truth that jolts as both modes expect."""
+    draws, rng, found = 120, np.random.default_rng(steps), []
+    a, yaw_a = 0.5, 1.0
+    for _ in range(draws):
+        state = truth(rate=rate)
+        motion = begun(state + rng.normal(0, FIRST_SIGMA))
+        for _ in range(steps):
+            jolt, twist = rng.normal(0, a, 3), rng.normal(0, yaw_a)
+            state = on_circle(state, DT)
+            state[POSITION] += DT**2 / 2 * jolt
+            state[VELOCITY] += DT * jolt
+            state[YAW] += DT**2 / 2 * twist
+            state[YAW_RATE] += DT * twist
+            motion = motion.predicted(DT, (a, a), (yaw_a, yaw_a), None)
+            measured = state[MEASURED] + rng.multivariate_normal(np.zeros(4), NOISE)
+            motion = motion.updated(measured, NOISE)
+        found.append(squared_error(motion, state, slice(None)))
+    assert inside(float(np.mean(found)), draws, STATE_SIZE), np.mean(found) / STATE_SIZE
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.5])
+def test_what_is_stated_of_steady_motion_is_never_too_little(rate: float) -> None:
+    draws, rng = 100, np.random.default_rng(1)
+    errors = {"place": [], "velocity": [], "turn": []}
+    for _ in range(draws):
+        state = truth(rate=rate)
+        motion = begun(state + rng.normal(0, FIRST_SIGMA))
+        for _ in range(30):
+            state = on_circle(state, DT)
+            motion = motion.predicted(DT, ACCELERATION, YAW_ACCELERATION, None)
+            measured = state[MEASURED] + rng.multivariate_normal(np.zeros(4), NOISE)
+            motion = motion.updated(measured, NOISE)
+        for kept, rows in zip(
+            errors.values(), (POSITION, VELOCITY, slice(YAW, STATE_SIZE)), strict=True
+        ):
+            kept.append(squared_error(motion, state, rows))
+    for name, kept in errors.items():
+        freedom = 2 if name == "turn" else 3
+        assert np.mean(kept) < chi2.ppf(0.999, draws * freedom) / draws, name
+        # nor so large that it says nothing
+        assert np.mean(kept) > 0.1 * freedom, name
+
+
+def test_two_modes_are_patient_with_steady_motion_and_quick_with_a_brake() -> None:
+    """Steady: as good as the steady mode alone. Braking: almost as quick as the other one."""
+    rng = np.random.default_rng(2)
+    modes = {
+        "both": ACCELERATION,
+        "steady": (ACCELERATION[0],) * 2,
+        "agile": (ACCELERATION[1],) * 2,
+    }
+    errors = {name: {"steady": [], "braking": []} for name in modes}
+    for _ in range(30):
+        states = [truth(speed=0.6)]
+        for k in range(60):
+            state = on_circle(states[-1], DT)
+            if k >= 40:
+                speed = max(0.0, 0.6 - 1.5 * (k - 39) * DT)
+                state[VELOCITY] = speed * np.array([0.6, 0, 0.8])
+            states.append(state)
+        noise = rng.multivariate_normal(np.zeros(4), NOISE, len(states))
+        for name, acceleration in modes.items():
+            motion = begun(states[0])
+            for k, state in enumerate(states[1:]):
+                motion = motion.predicted(DT, acceleration, YAW_ACCELERATION, None)
+                motion = motion.updated(state[MEASURED] + noise[k], NOISE)
+                error = float(np.linalg.norm((motion.mean - state)[VELOCITY]))
+                if 20 <= k < 40:
+                    errors[name]["steady"].append(error**2)
+                elif 43 <= k < 55:
+                    errors[name]["braking"].append(error**2)
+    rms = {n: {k: np.sqrt(np.mean(v)) for k, v in e.items()} for n, e in errors.items()}
+    assert rms["both"]["steady"] < 0.75 * rms["agile"]["steady"]
+    assert rms["both"]["braking"] < 0.75 * rms["steady"]["braking"]
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.5, -0.8])
+def test_a_body_that_is_known_is_predicted_on_its_circle(rate: float) -> None:
+    state = truth(rate=rate)
+    motion = begun(state, np.full(STATE_SIZE, 1e-4))
+    for _ in range(15):
+        motion = motion.predicted(DT, (1e-3, 1e-3), (1e-3, 1e-3), None)
+    np.testing.assert_allclose(motion.mean, on_circle(state, 1.0), atol=5e-4)
+
+
+@given(
+    parts=st.lists(st.floats(0.02, 0.2), min_size=2, max_size=5),
+    rate=st.floats(-1.0, 1.0),
+)
+@settings(max_examples=40, deadline=None)
+def test_prediction_adds_up_over_time(parts: list[float], rate: float) -> None:
+    """Without noise, in one go or in several: the same mean and the same covariance."""
+    state = truth(rate=rate)
+    sigma = np.array([0.02] * 3 + [0.05] * 3 + [0.01, 0.02])
+    once = begun(state, sigma).predicted(sum(parts), (0, 0), (0, 0), None)
+    often = begun(state, sigma)
+    for dt in parts:
+        often = often.predicted(dt, (0, 0), (0, 0), None)
+    # The chord over half the turn is right to the second order: 1/24 of the turned angle squared.
+    turned = abs(rate) * sum(parts)
+    np.testing.assert_allclose(
+        often.mean, once.mean, atol=1e-9 + 0.4 * sum(parts) * turned**2 / 24 * 1.2
+    )
+    scale = np.sqrt(np.diag(once.covariance))
+    ratio = (often.covariance - once.covariance) / np.outer(scale, scale)
+    assert np.abs(ratio).max() < 1e-6 + 0.1 * turned
+
+
+def test_unsteadiness_adds_up_over_time() -> None:
+    """White acceleration: velocity's variance grows with the number of frames."""
+    motion = begun(truth(speed=0.0), np.full(STATE_SIZE, 1e-6))
+    for _ in range(9):
+        motion = motion.predicted(DT, (0.5, 0.5), (1.0, 1.0), None)
+    np.testing.assert_allclose(np.diag(motion.covariance)[VELOCITY], 9 * (DT * 0.5) ** 2, rtol=1e-3)
+    assert motion.covariance[YAW_RATE, YAW_RATE] == pytest.approx(9 * DT**2, rel=1e-3)
+
+
+def test_along_its_axis_a_body_may_accelerate_more_than_across() -> None:
+    axis = np.array([0.6, 0.0, 0.8])
+    motion = begun(truth(), np.full(STATE_SIZE, 1e-6)).predicted(DT, (1, 1), (1, 1), axis)
+    cov = motion.covariance[VELOCITY, VELOCITY]
+    across = np.array([0.8, 0.0, -0.6])
+    assert axis @ cov @ axis == pytest.approx(DT**2, rel=1e-3)
+    assert across @ cov @ across < 0.5 * DT**2
+    # What is measured along one image axis then tells of the other one.
+    assert abs(cov[0, 2]) > 0.2 * np.sqrt(cov[0, 0] * cov[2, 2])
+
+
+def test_where_the_world_begins_makes_no_difference() -> None:
+    """A kilometre away from the origin a body moves as near it."""
+    shift = np.array([400.0, -30.0, 1000.0])
+    rng = np.random.default_rng(3)
+    state = truth(rate=0.3)
+    far_state = state.copy()
+    far_state[POSITION] += shift
+    near, far = begun(state), begun(far_state)
+    for k in range(20):
+        state = on_circle(state, DT)
+        if k == 10:
+            state[VELOCITY] *= -10  # which leaves no doubt which mode it is
+        near = near.predicted(DT, (0.01, 10.0), YAW_ACCELERATION, None)
+        far = far.predicted(DT, (0.01, 10.0), YAW_ACCELERATION, None)
+        measured = state[MEASURED] + rng.multivariate_normal(np.zeros(4), NOISE)
+        near = near.updated(measured, NOISE)
+        far = far.updated(measured + np.append(shift, 0), NOISE)
+        np.testing.assert_allclose(far.mean[POSITION] - shift, near.mean[POSITION], atol=1e-8)
+        np.testing.assert_allclose(far.covariance, near.covariance, atol=1e-8)
+        assert near.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_rebased_is_the_same_motion_told_of_another_point() -> None:
+    """The other point of a turning body runs on a circle of its own."""
+    state, offset = truth(rate=0.7), np.array([0.2, -0.1, 0.3])
+    state[YAW] = 0.4
+    motion = begun(state, np.full(STATE_SIZE, 1e-3)).rebased(offset)
+    step = 1e-5
+    here, soon = state, on_circle(state, step)
+    place, later = (s[POSITION] + yaw_matrix(s[YAW]) @ offset for s in (here, soon))
+    np.testing.assert_allclose(motion.mean[POSITION], place, atol=1e-9)
+    np.testing.assert_allclose(motion.mean[VELOCITY], (later - place) / step, atol=1e-4)
+    assert motion.mean[YAW] == state[YAW]
+    assert motion.mean[YAW_RATE] == state[YAW_RATE]
+    # and a second later it is still the same body
+    for _ in range(30):
+        motion = motion.predicted(1 / 30, (0, 0), (0, 0), None)
+    end = on_circle(state, 1.0)
+    expected = end[POSITION] + yaw_matrix(end[YAW]) @ offset
+    np.testing.assert_allclose(motion.mean[POSITION], expected, atol=1e-3)
+
+
+def test_rebased_there_and_back_is_nothing() -> None:
+    rng = np.random.default_rng(4)
+    A = rng.normal(0, 0.05, (STATE_SIZE, STATE_SIZE))
+    state = truth(rate=0.7)
+    state[YAW] = -0.6
+    motion = begun(state)
+    motion.covariances[:] = A @ A.T + 1e-4 * np.eye(STATE_SIZE)
+    offset = np.array([0.2, 0.05, -0.3])
+    back = motion.rebased(offset).rebased(-offset)
+    np.testing.assert_allclose(back.mean, motion.mean, atol=1e-12)
+    np.testing.assert_allclose(back.covariance, motion.covariance, atol=1e-12)
+
+
+def test_the_covariance_of_another_point_is_that_of_many_draws() -> None:
+    rng = np.random.default_rng(5)
+    A = rng.normal(0, 0.01, (STATE_SIZE, STATE_SIZE))
+    state, offset = truth(rate=0.7), np.array([0.4, 0.0, 0.5])
+    motion = begun(state)
+    motion.covariances[:] = A @ A.T + 1e-5 * np.eye(STATE_SIZE)
+    drawn = rng.multivariate_normal(state, motion.covariance, 20000)
+    told = drawn.copy()
+    for each, out in zip(drawn, told, strict=True):
+        arm = yaw_matrix(each[YAW]) @ offset
+        out[POSITION] += arm
+        out[VELOCITY] += np.cross([0, each[YAW_RATE], 0], arm)
+    expected = np.cov(told.T)
+    scale = np.sqrt(np.diag(expected))
+    gap = (motion.rebased(offset).covariance - expected) / np.outer(scale, scale)
+    assert np.abs(gap).max() < 0.05
+    moved = (motion.covariance - expected) / np.outer(scale, scale)
+    assert np.abs(moved).max() > 0.2
+
+
+@given(rate=st.floats(-3, 3), x=st.floats(-5, 5), z=st.floats(-5, 5))
+def test_turning_velocity_is_the_cross_product_with_the_vertical(
+    rate: float, x: float, z: float
+) -> None:
+    arm = np.array([x, 0.7, z])
+    np.testing.assert_allclose(turning_velocity(rate, arm), np.cross([0, rate, 0], arm), atol=1e-12)
+    step = 1e-6
+    moved = (yaw_matrix(rate * step) @ arm - arm) / step
+    np.testing.assert_allclose(turning_velocity(rate, arm), moved, atol=1e-4)
+
+
+ACTIONS = st.lists(
+    st.one_of(
+        st.tuples(st.just("predict"), st.floats(1e-3, 1.0), st.booleans()),
+        st.tuples(st.just("update"), st.floats(1e-4, 1.0), st.floats(-3, 3)),
+        st.tuples(st.just("rebase"), st.floats(-2, 2), st.floats(-2, 2)),
+    ),
+    min_size=1,
+    max_size=40,
+)
+
+
+@given(actions=ACTIONS, rate=st.floats(-2, 2), agile=st.floats(0.01, 20))
+@settings(max_examples=150, deadline=None)
+def test_the_covariance_stays_one_whatever_happens(
+    actions: list[tuple[str, float, float]], rate: float, agile: float
+) -> None:
+    motion = begun(truth(rate=rate))
+    axis = np.array([0.6, 0.0, 0.8])
+    for what, a, b in actions:
+        if what == "predict":
+            jolts = (0.1 * agile, agile)
+            motion = motion.predicted(a, jolts, YAW_ACCELERATION, axis if b else None)
+        elif what == "update":
+            measured = motion.mean[MEASURED] + b * np.array([0.3, 0.1, 1.0, 0.2])
+            motion = motion.updated(measured, np.diag([a, a, 4 * a, a]) ** 2)
+        else:
+            motion = motion.rebased(np.array([a, 0.1, b]))
+        assert np.isfinite(motion.mean).all()
+        assert motion.probabilities.sum() == pytest.approx(1.0, abs=1e-9)
+        assert (motion.probabilities > 0).all()
+        cov = motion.covariance
+        scale = np.sqrt(np.diag(cov))
+        correlation = cov / np.outer(scale, scale)
+        np.testing.assert_allclose(correlation, correlation.T, atol=1e-9)
+        assert np.linalg.eigvalsh(correlation)[0] > -1e-9
+        np.linalg.cholesky(correlation + 1e-9 * np.eye(STATE_SIZE))

@@ -1,0 +1,49 @@
+"""What is remembered of how a body moved."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from observer.methods.rigid.bodies.recent_motion import RecentMotion
+
+
+def remembered(seconds: float, acceleration: float, rate: float = 15.0) -> RecentMotion:
+    """Of a body that gained speed from rest for so long."""
+    recent = RecentMotion()
+    for k in range(round(seconds * rate) + 1):
+        recent.note(k / rate, np.array([acceleration * k / rate, 0.0, 0.0]), 0.1)
+    return recent
+
+
+def test_of_nothing_noted_nothing_is_known() -> None:
+    ago, moved = RecentMotion().instants()
+    assert ago.shape == (0,)
+    assert moved.shape == (0, 4)
+    assert RecentMotion().acceleration(np.array([0.5])).tolist() == [0.0]
+
+
+@pytest.mark.parametrize("rate", [7.0, 15.0, 60.0])
+def test_the_instants_reach_from_now_back_as_far_as_points_remember(rate: float) -> None:
+    ago, moved = remembered(10.0, 0.3, rate).instants()
+    assert len(ago) <= 16
+    assert (ago[-1], ago[0]) == pytest.approx((0.0, 3.5), abs=1 / rate)
+    assert (np.diff(ago) < 0).all()
+    assert moved[:, 0] == pytest.approx(0.3 * (10.0 - ago), abs=0.3 / rate)
+    assert moved[:, 3] == pytest.approx(0.1)
+
+
+def test_acceleration_is_the_change_of_velocity_over_its_time() -> None:
+    recent = remembered(2.0, 0.3)
+    assert recent.acceleration(np.array([0.2, 1.0, 2.0])) == pytest.approx(0.3)
+    # Before it was first seen it may have moved as it did then.
+    assert recent.acceleration(np.array([4.0])) == pytest.approx(0.15)
+
+
+def test_a_body_seen_anew_has_no_past() -> None:
+    recent = remembered(2.0, 0.3)
+    recent.forget()
+    recent.note(9.0, np.array([1.0, 0, 0]), 0.0)
+    ago, moved = recent.instants()
+    assert ago.tolist() == [0.0]
+    assert moved[0].tolist() == [1.0, 0, 0, 0]

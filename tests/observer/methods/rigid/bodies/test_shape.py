@@ -1,0 +1,196 @@
+"""The box of an obstacle, from points whose places on it are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from observer.methods.rigid.bodies.motion_filter import yaw_matrix
+from observer.methods.rigid.bodies.shape import Box, ObstacleShape
+
+# Across its heading, high, along its heading, metres.
+SIZE = np.array([0.4, 0.3, 0.7])
+SURE = np.eye(3) * 0.01**2
+# Seconds after which a side that is shown is known.
+LONG = 2.0
+
+
+def face(rng: np.random.Generator, axis: int, sign: int, count: int = 400) -> np.ndarray:
+    """Points (N, 3) on one face of a box about the origin whose heading is z."""
+    points = rng.uniform(-SIZE / 2, SIZE / 2, (count, 3))
+    points[:, axis] = sign * SIZE[axis] / 2
+    return points
+
+
+def heading_for(shape: ObstacleShape, heading: float, yaw: float = 0.0) -> None:
+    for _ in range(20):
+        velocity = 0.4 * yaw_matrix(heading + yaw) @ [0, 0, 1]
+        shape.note_heading(velocity, SURE, yaw)
+
+
+def same_axis(a: float, b: float) -> float:
+    """Radians between two axes, to and fro alike."""
+    return abs(float((a - b + np.pi / 2) % np.pi - np.pi / 2))
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.6, -1.1])
+def test_box_and_heading_are_learnt_from_two_faces(heading: float) -> None:
+    rng, shape = np.random.default_rng(0), ObstacleShape()
+    heading_for(shape, heading)
+    R = yaw_matrix(heading)
+    centre = np.array([0.3, 0.1, -0.2])
+    points = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)]) @ R.T + centre
+    # Seen from where both faces show themselves.
+    box = shape.box(points, R @ np.array([1.0, 0.0, 1.0]), LONG)
+    assert same_axis(box.heading, heading) < 0.01
+    np.testing.assert_allclose(box.size, SIZE, rtol=0.1)
+    np.testing.assert_allclose(box.centre, centre, atol=0.03)
+    inside = rng.uniform(-0.4, 0.4, (50, 3)) * SIZE @ R.T + centre
+    assert box.contains(inside).all()
+    assert not box.contains(centre + R @ [0, 0, 0.45] + np.zeros((1, 3))).any()
+
+
+@pytest.mark.parametrize(("axis", "other"), [(0, 2), (2, 0)])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_side_that_was_never_seen_is_completed_behind_the_face(
+    axis: int, other: int, sign: int
+) -> None:
+    rng, shape = np.random.default_rng(1), ObstacleShape()
+    heading_for(shape, 0.0)
+    view = np.zeros(3)
+    view[axis] = -sign
+    box = shape.box(face(rng, axis, sign), view, LONG)
+    assert box.size[other] == pytest.approx(SIZE[other], rel=0.1)
+    # Of an unknown depth, but surely not flat, and not nearer than what is seen.
+    assert 0.5 * SIZE[other] < box.size[axis] < 1.2 * SIZE[other]
+    seen = sign * SIZE[axis] / 2
+    assert box.centre[axis] + sign * box.size[axis] / 2 == pytest.approx(seen, abs=0.01)
+    assert sign * box.centre[axis] < sign * seen
+
+
+def test_a_side_is_believed_the_longer_it_is_shown() -> None:
+    """At first only few points are found on a face that comes into view."""
+    rng, shape = np.random.default_rng(7), ObstacleShape()
+    heading_for(shape, 0.0)
+    thin = np.concatenate([face(rng, 0, -1), face(rng, 2, -1) * [0.3, 1.0, 1.0]])
+    thin[:, 0] = np.maximum(thin[:, 0], -0.06)
+    corner, front = np.array([1.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.2])
+    usual = shape.box(thin, front, LONG).size[0]
+    assert usual > 0.75 * SIZE[2]
+    widths = [shape.box(thin, corner, 0.1).size[0] for _ in range(20)]
+    assert widths[0] > 0.9 * usual
+    assert all(np.diff(widths) <= 0)
+    assert widths[-1] < 0.15
+
+
+def test_a_first_guess_of_the_heading_does_not_tell_the_faces_apart() -> None:
+    rng, shape = np.random.default_rng(8), ObstacleShape()
+    # It seems to drive along x, and is found to drive along z: the face seen is its front.
+    shape.note_heading(np.array([0.1, 0.0, 0.0]), np.eye(3) * 0.02**2, 0.0)
+    shape.box(face(rng, 2, -1), np.array([0.0, 0.0, 1.0]), LONG)
+    heading_for(shape, 0.0)
+    box = shape.box(face(rng, 2, -1), np.array([0.0, 0.0, 1.0]), LONG)
+    assert box.size[2] > 0.5 * SIZE[0]
+
+
+def test_a_face_that_is_hidden_now_is_remembered() -> None:
+    rng, shape = np.random.default_rng(2), ObstacleShape()
+    heading_for(shape, 0.0)
+    for _ in range(30):
+        both = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
+        shape.note(both)
+    shape.box(both, np.array([1.0, 0.0, 1.0]), LONG)
+    for _ in range(9):
+        shape.note(face(rng, 2, -1, 20))
+    box = shape.box(face(rng, 2, -1, 20), np.array([0.0, 0.0, 1.0]), LONG)
+    np.testing.assert_allclose(box.size, SIZE, rtol=0.15)
+    np.testing.assert_allclose(box.centre, 0, atol=0.06)
+
+
+def test_few_wrong_points_do_not_stretch_the_box() -> None:
+    rng, shape = np.random.default_rng(3), ObstacleShape()
+    heading_for(shape, 0.0)
+    points = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)])
+    points[:8] += [2.0, 0.5, 2.0]
+    points[8:16, :] = np.nan
+    box = shape.box(points, np.array([1.0, 0.0, 1.0]), LONG)
+    np.testing.assert_allclose(box.size, SIZE, rtol=0.15)
+
+
+def test_shift_tells_the_places_from_another_origin() -> None:
+    rng = np.random.default_rng(4)
+    view, offset = np.array([1.0, 0.0, 1.0]), np.array([0.2, -0.1, 0.3])
+    both = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
+    boxes = []
+    for shift in (False, True):
+        shape = ObstacleShape()
+        heading_for(shape, 0.3)
+        for _ in range(12):
+            shape.note(both)
+        if shift:
+            shape.shift(offset)
+        boxes.append(shape.box(both[:5] - offset * shift, view, LONG))
+    np.testing.assert_allclose(boxes[1].centre, boxes[0].centre - offset, atol=1e-12)
+    np.testing.assert_allclose(boxes[1].size, boxes[0].size)
+
+
+def test_forgotten_places_are_forgotten() -> None:
+    rng, shape = np.random.default_rng(5), ObstacleShape()
+    heading_for(shape, 0.0)
+    elsewhere = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
+    elsewhere += np.array([5.0, 0.0, 5.0])
+    for _ in range(30):
+        shape.note(elsewhere)
+    shape.forget()
+    both = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)])
+    box = shape.box(both, np.array([1.0, 0.0, 1.0]), LONG)
+    np.testing.assert_allclose(box.size, SIZE, rtol=0.1)
+    np.testing.assert_allclose(box.centre, 0, atol=0.03)
+    # but neither how it drives
+    assert same_axis(box.heading, 0.0) < 0.01
+
+
+def test_a_body_that_was_lost_keeps_its_size() -> None:
+    """Found again, it shows one face; it is no flatter for that."""
+    rng, shape = np.random.default_rng(6), ObstacleShape()
+    heading_for(shape, 0.0)
+    both = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
+    for _ in range(30):
+        shape.note(both)
+    before = shape.box(both, np.array([1.0, 0.0, 1.0]), LONG)
+    shape.forget()
+    after = shape.box(face(rng, 2, -1), np.array([0.0, 0.0, 1.0]), LONG)
+    np.testing.assert_allclose(after.size, before.size, rtol=0.2)
+
+
+def test_the_heading_is_unknown_until_it_moves_for_sure() -> None:
+    shape = ObstacleShape()
+    assert shape.axis(0.0) is None
+    shape.note_heading(np.array([0.02, 0.0, 0.0]), SURE, 0.0)
+    assert shape.axis(0.0) is None
+    shape.note_heading(np.array([0.2, 0.0, 0.0]), SURE, 0.0)
+    axis = shape.axis(0.0)
+    assert axis is not None
+    np.testing.assert_allclose(np.abs(axis), [1, 0, 0], atol=1e-12)
+
+
+def test_to_and_fro_is_one_axis_that_turns_with_the_body() -> None:
+    shape = ObstacleShape()
+    for k in range(40):
+        yaw = 0.05 * k
+        forward = yaw_matrix(0.4 + yaw) @ [0, 0, 0.3]
+        shape.note_heading(forward if k % 2 else -forward, SURE, yaw)
+    axis = shape.axis(1.0)
+    assert axis is not None
+    assert np.linalg.norm(axis) == pytest.approx(1.0)
+    assert abs(axis @ (yaw_matrix(1.4) @ [0, 0, 1])) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_box_contains_what_lies_within_its_margin() -> None:
+    box = Box(np.array([1.0, 0.0, 2.0]), SIZE, np.pi / 2)
+    # Its long way is x now.
+    places = box.centre + np.array([[0.34, 0, 0], [0, 0, 0.34], [0.4, 0, 0], [0, 0.14, 0.19]])
+    assert box.contains(places).tolist() == [True, False, False, True]
+    assert box.contains(places, 0.06).tolist() == [True, False, True, True]
+    each = np.array([0.0, 0.2, 0.0, -0.1])
+    assert box.contains(places, each).tolist() == [True, True, False, False]

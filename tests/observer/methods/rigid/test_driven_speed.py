@@ -1,0 +1,91 @@
+"""Speeds of a robot that is driven as figure 17's programmes drive it, against the truth.
+
+What a server with drive process and robots' firmware does is done here by the frames' clock, so
+that it is the same each time; ``dynamic-observer reproduce`` measures the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from observer.evaluation.speed_errors import BAND_95
+from observer.motion_profiles.gesture import GESTURE_S
+from observer.motion_profiles.library import load_programme
+from observer.motion_profiles.playing import duration_s, velocity_at
+from observer.observer import Observer
+from observer.parameters import Parameters
+from observer.rig.rig import Role
+from observer.simulation.robots.chassis import Drive
+from observer.simulation.robots.world_robots import SimulatedRobots
+from observer.simulation.scenarios import load_scenario
+from observer.simulation.source import SimulatedSource
+from observer.simulation.truth import SimulatedTruth
+from observer.simulation.world import World
+from observer.types import StereoFrame, TrackState
+
+# The paper's experiments are judged by this, m/s.
+RMSE_MPS = 0.03
+# When the obstacle, which crosses until then, is stopped, and when the programme begins, seconds.
+STOPPED_S, BEGINS_S = 2.6, 4.0
+SAME_M = 1.0
+
+
+def driven(world: World, source: SimulatedSource, until_s: float) -> Iterator[StereoFrame]:
+    """Frames of the first experiment: both robots driven by the programme."""
+    programme = load_programme("figure17_a")
+    robots = SimulatedRobots(world, source)
+    robots.serve()
+    # Their firmware, which goes by the wall clock, has no part in it.
+    for serving in robots.servings.values():
+        serving.close()
+    time = 0.0
+    while time < until_s:
+        roles: tuple[Role, ...] = ("observer", "obstacle") if time >= STOPPED_S else ()
+        for role in roles:
+            velocity = velocity_at(programme, role, time - BEGINS_S)
+            speed = 0.0 if velocity is None else velocity[0]
+            robots.chassis(role).drive(Drive(speed_mps=speed, powered=True))
+        frame = source.read()
+        assert frame is not None
+        yield frame
+        time = frame.time + 1 / source.info.frame_rate
+    robots.close()
+
+
+@pytest.mark.parametrize(
+    ("seed", "seconds"),
+    [
+        (1, GESTURE_S),
+        *(
+            pytest.param(seed, duration_s(load_programme("figure17_a")), marks=pytest.mark.patient)
+            for seed in (5, 6)
+        ),
+    ],
+)
+def test_speeds_are_right_while_a_robot_starts_stops_and_goes_to_and_fro(
+    seed: int, seconds: float
+) -> None:
+    world = World(load_scenario("drive"), seed)
+    source, truth = SimulatedSource(world), SimulatedTruth(world)
+    observer = Observer(source.calibration, Parameters(), mount=source.info.mount)
+    errors, bands, names = [], [], set()
+    for frame in driven(world, source, BEGINS_S + seconds):
+        seen = observer.observe(frame).obstacles or ()
+        if frame.time < BEGINS_S:
+            continue
+        for obstacle in seen:
+            (body,) = [b for b in truth.bodies(obstacle.velocity_time) if b.role == "obstacle"]
+            near = np.linalg.norm(obstacle.position - body.position) < SAME_M
+            if obstacle.state is TrackState.CONFIRMED and near:
+                errors.append(obstacle.speed - float(np.linalg.norm(body.velocity)))
+                bands.append(BAND_95 * obstacle.speed_std)
+                names.add(obstacle.id)
+    # It is never lost, and stays who it is.
+    assert len(names) == 1
+    assert len(errors) >= 0.98 * seconds * source.info.frame_rate
+    assert np.sqrt(np.mean(np.square(errors))) <= RMSE_MPS
+    assert np.abs(errors).max() <= 2 * RMSE_MPS
+    assert np.mean(np.abs(errors) <= bands) >= 0.85

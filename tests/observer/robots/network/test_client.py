@@ -1,0 +1,61 @@
+"""The reference client of a robot of one's own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from observer.robots.contract import RobotPhase, RobotReport
+from observer.robots.network import client as external_client
+from observer.robots.network.address import ExternalRobot
+from observer.robots.network.client import ExternalClient, demo
+
+from .sides import driving, until
+
+
+def test_the_demo_drives_and_comes_back_after_a_loss(
+    robot: ExternalRobot, free_port: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    client = ExternalClient("127.0.0.1", free_port, name="demo")
+    thread = threading.Thread(target=demo, args=(client, 2.5, 0.02))
+    thread.start()
+    until(lambda: robot.report().received is not None)
+    with driving(robot, client):
+        until(lambda: (robot.report().speed_mps or 0) > 0.25)
+        client.close()
+        until(lambda: robot.report().fault is not None)
+        until(lambda: robot.report().phase is RobotPhase.CONNECTED)
+        # It came back by itself, and stands.
+        until(lambda: robot.report().speed_mps == 0)
+        assert client.permitted().speed_mps == 0
+    thread.join()
+    report: RobotReport = robot.report()
+    assert report.odometry is not None
+    assert report.odometry.x > 0.02
+    client.close()
+    assert "0.3 m/s" in capsys.readouterr().out
+
+
+def test_the_reference_client_needs_nothing_but_python(
+    robot: ExternalRobot, free_port: int
+) -> None:
+    file = Path(external_client.__file__)
+    # Isolated and without site-packages: nothing of ours can be imported.
+    command = [sys.executable, "-I", "-S", str(file), "--demo", "127.0.0.1", str(free_port)]
+    with subprocess.Popen(
+        [*command, "--name", "alone"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        until(lambda: robot.report().name == "alone")
+        process.kill()
+        _, err = process.communicate()
+    assert err == b""
+    until(lambda: robot.report().phase is RobotPhase.WAITING)
+    refused = subprocess.run(
+        [*command[:-1], "no"], capture_output=True, text=True, timeout=20, check=False
+    )
+    assert refused.returncode == 2
+    assert "no is no port" in refused.stderr

@@ -1,0 +1,263 @@
+"""What a robot of one's own says or does not say: faults, permits, odometry; time is told."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+
+from observer.robots.contract import SETPOINT_FRESH_S, RobotLimits, RobotPhase
+from observer.robots.models import robot_spec
+from observer.robots.network.messages import Hello, OdometryMessage, Permit
+from observer.robots.network.watch import SILENCE_S, UNHEARD_S, ExternalWatch
+
+HELLO = Hello("Robbie", "driven", None, RobotLimits(0.5, 1.0, 0.4, 2.0), 0.3, 0.4, 0.5)
+STEP_S = 0.05
+
+
+class Scene:
+    """A robot that says every 50 ms how it is, on a clock 1000 s ahead of ours.
+
+    Attributes:
+        obeys: its motors follow what is permitted. speaks, confirms: whether it does.
+        late_s: how long what it says is on its way.
+    """
+
+    def __init__(self, model: str | None = None, hello: Hello = HELLO) -> None:
+        self.watch = ExternalWatch(None if model is None else robot_spec(model))
+        self.now, self.sequence, self.said = 100.0, 0, 0
+        self.enabled = False
+        self.obeys = self.speaks = self.confirms = True
+        self.late_s = 0.0
+        self.more: dict[str, Any] = {}
+        self.permit = Permit(0, 0, True, None)
+        self.confirmed = 0
+        self.watch.connected(hello, self.now)
+
+    def odometry(self, **changes: Any) -> OdometryMessage:
+        self.said += 1
+        message = OdometryMessage(
+            self.said, self.now + 1000 - self.late_s, 0.0, 0.0, 0.0, 0.0, 0.0, self.enabled,
+            self.confirmed, None, None, None,
+        )  # fmt: skip
+        return dataclasses.replace(message, **{**self.more, **changes})
+
+    def step(self, drive: tuple[float, float] | None = None) -> Permit:
+        self.now += STEP_S
+        if drive is not None:
+            self.watch.drive(*drive, self.now)
+        self.permit = self.watch.permit(self.now)
+        self.sequence += 1
+        self.watch.told(self.permit, self.sequence, self.now)
+        if self.confirms:
+            self.confirmed = self.sequence
+        if self.obeys:
+            self.enabled = not self.permit.stop
+        if self.speaks:
+            self.watch.said(self.odometry(), self.now)
+        return self.permit
+
+    def steps(self, seconds: float, drive: tuple[float, float] | None = None) -> Permit:
+        for _ in range(round(seconds / STEP_S)):
+            self.step(drive)
+        return self.permit
+
+    @property
+    def fault(self) -> str | None:
+        return self.watch.report(self.now, 0.25).fault
+
+
+def driving(**more: Any) -> Scene:
+    scene = Scene(**more)
+    scene.steps(0.2)
+    scene.watch.enable(scene.now)
+    assert scene.steps(0.2, (0.3, 0.1)) == Permit(0.3, 0.1, False, None)
+    return scene
+
+
+def test_nothing_is_permitted_until_it_is_armed_and_driven() -> None:
+    scene = Scene()
+    assert scene.steps(0.2, (0.3, 0.0)) == Permit(0, 0, True, "not armed")
+    scene.watch.enable(scene.now)
+    assert scene.step((0.3, 0.0)) == Permit(0, 0, False, "its motors are not on yet")
+    assert scene.step((0.3, 0.0)) == Permit(0.3, 0, False, None)
+    scene.watch.disable()
+    assert scene.step((0.3, 0.0)) == Permit(0, 0, True, "not armed")
+    scene.watch.enable(scene.now)
+    scene.steps(0.2, (0.3, 0.0))
+    scene.watch.stop()
+    assert scene.step((0.3, 0.0)) == Permit(0, 0, True, "stopped")
+
+
+def test_a_velocity_that_is_not_repeated_is_no_longer_permitted() -> None:
+    scene = driving()
+    scene.now += SETPOINT_FRESH_S + 0.001
+    assert scene.watch.permit(scene.now) == Permit(0, 0, False, "nothing says how fast to drive")
+
+
+def test_what_is_asked_for_is_kept_within_the_limits_and_says_why() -> None:
+    scene = driving()
+    assert scene.watch.drive(9, -9, scene.now) == (0.5, -1.0)
+    assert scene.watch.explain("it is as fast as may be")
+    assert not scene.watch.explain("it is as fast as may be")
+    assert scene.watch.permit(scene.now).reason == "it is as fast as may be"
+    assert scene.watch.explain(None)
+    assert scene.watch.permit(scene.now).reason is None
+    for bad in (math.nan, math.inf):
+        assert scene.watch.drive(bad, 0.1, scene.now) == (0, 0)
+        assert scene.watch.drive(0.1, bad, scene.now) == (0, 0)
+    fast = dataclasses.replace(HELLO, limits=RobotLimits(50, 50, 50, 50))
+    amigo = driving(model="amigo-sh", hello=fast)
+    assert amigo.watch.drive(9, 0, amigo.now) == (robot_spec("amigo-sh").speed_max_mps, 0)
+
+
+def test_silence_is_a_fault_that_stays_until_it_is_cleared() -> None:
+    scene = driving()
+    scene.speaks = False
+    before = scene.now
+    while not scene.step((0.3, 0.1)).stop:
+        assert scene.now - before < SILENCE_S + 2 * STEP_S
+    assert scene.fault == "its odometry has not come for 0.5 s"
+    scene.watch.clear(scene.now)
+    assert scene.fault is not None
+    scene.speaks = True
+    scene.steps(0.2, (0.3, 0.1))
+    assert scene.fault is not None
+    scene.watch.enable(scene.now)
+    assert scene.step((0.3, 0.1)).stop
+    scene.watch.clear(scene.now)
+    assert scene.fault is None
+    assert scene.step((0.3, 0.1)) == Permit(0, 0, True, "not armed")
+
+
+def test_permits_that_are_not_confirmed_are_a_fault() -> None:
+    scene = driving()
+    scene.confirms = False
+    scene.steps(UNHEARD_S - STEP_S, (0.3, 0.1))
+    assert scene.fault is None
+    scene.steps(3 * STEP_S, (0.3, 0.1))
+    assert scene.fault == "it has not confirmed a permit for 0.7 s"
+
+
+def test_odometry_that_waited_on_its_way_is_as_old_as_it_is() -> None:
+    """A link that falls behind delivers often enough, but tells nothing of now."""
+    scene = driving()
+    while scene.late_s < 0.6:
+        assert scene.late_s > 0.4 or scene.fault is None
+        scene.late_s += 0.9 * STEP_S
+        scene.step((0.3, 0.1))
+    assert scene.fault == "its odometry has not come for 0.5 s"
+
+
+@pytest.mark.parametrize("drift", [-1e-3, 1e-3])
+def test_clocks_that_drift_apart_are_no_silence(drift: float) -> None:
+    scene = driving()
+    for _ in range(round(600 / STEP_S)):
+        scene.late_s += drift * STEP_S
+        scene.step((0.3, 0.1))
+    assert scene.fault is None
+    assert abs(scene.late_s) > 0.5
+
+
+def test_old_and_repeated_odometry_is_ignored_and_counted() -> None:
+    scene = driving()
+    last = scene.odometry()
+    scene.watch.said(last, scene.now)
+    heard = scene.watch.report(scene.now, 0.25)
+    for replayed in (
+        last,
+        dataclasses.replace(last, sequence=1, fault="replayed", x=5),
+        dataclasses.replace(last, sequence=last.sequence + 1, time=last.time - 1, x=5),
+    ):
+        scene.watch.said(replayed, scene.now + 0.3)
+    told = scene.watch.report(scene.now, 0.25)
+    assert (told.fault, told.odometry, told.received) == (None, heard.odometry, heard.received)
+    assert told.counters["bad_packets"] == heard.counters["bad_packets"] + 3
+
+
+def test_motors_that_go_off_by_themselves_or_stay_off_are_a_fault() -> None:
+    scene = driving()
+    scene.obeys = scene.enabled = False
+    scene.steps(2 * STEP_S, (0.3, 0.1))
+    assert scene.fault == "its motors went off by themselves"
+    scene = Scene()
+    scene.steps(0.2)
+    scene.obeys = False
+    scene.watch.enable(scene.now)
+    scene.steps(0.9, (0.3, 0.1))
+    assert scene.fault is None
+    scene.steps(0.3, (0.3, 0.1))
+    assert scene.fault == "its motors did not go on"
+
+
+def test_arming_again_at_once_is_not_taken_for_motors_that_went_off() -> None:
+    """The robot's answer to the disarming comes after the arming."""
+    scene = driving()
+    scene.watch.disable()
+    late = scene.odometry(enabled=False)
+    scene.watch.enable(scene.now)
+    scene.watch.said(late, scene.now)
+    assert scene.steps(0.2, (0.3, 0.1)) == Permit(0.3, 0.1, False, None)
+
+
+def test_its_own_fault_is_ours_until_it_is_over_and_cleared() -> None:
+    scene = driving()
+    scene.more = {"fault": "a bumper is pressed"}
+    scene.step((0.3, 0.1))
+    assert scene.step((0.3, 0.1)) == Permit(0, 0, True, "a bumper is pressed")
+    scene.watch.clear(scene.now)
+    assert scene.fault == "a bumper is pressed"
+    scene.more = {}
+    scene.step()
+    scene.watch.clear(scene.now)
+    assert scene.fault is None
+
+
+def test_a_lost_connection_is_a_fault_and_the_next_one_stands() -> None:
+    scene = driving()
+    scene.watch.lost("the robot ended the connection")
+    report = scene.watch.report(scene.now, 0.25)
+    assert (report.phase, report.fault) == (RobotPhase.WAITING, "the robot ended the connection")
+    assert (report.speed_mps, report.motors_enabled, report.received) == (None, None, None)
+    scene.watch.clear(scene.now)
+    assert scene.fault is not None
+    scene.watch.connected(HELLO, scene.now)
+    assert scene.step((0.3, 0.1)).stop
+    scene.watch.clear(scene.now)
+    assert scene.step((0.3, 0.1)) == Permit(0, 0, True, "not armed")
+    assert scene.watch.report(scene.now, 0.25).counters["reconnects"] == 1
+
+
+def test_odometry_is_summed_up_from_wherever_the_robot_counts() -> None:
+    scene = Scene()
+    for x, y, yaw in ((5, 5, 1.0), (5 + math.cos(1.0), 5 + math.sin(1.0), 1.0 + math.pi / 2)):
+        scene.more = {"x": x, "y": y, "yaw": yaw}
+        scene.step()
+    place = scene.watch.report(scene.now, 0.25).odometry
+    assert place is not None
+    assert (place.x, place.y, place.yaw) == pytest.approx((1, 0, math.pi / 2))
+    # The next connection counts from elsewhere, and its heading goes once round.
+    scene.watch.lost("away")
+    scene.watch.connected(HELLO, scene.now)
+    for x, yaw in ((-3, math.pi - 0.1), (-4, -math.pi + 0.1)):
+        scene.more = {"x": x, "y": 0, "yaw": yaw}
+        scene.step()
+    place = scene.watch.report(scene.now, 0.25).odometry
+    assert place is not None
+    turn = math.pi / 2 - (math.pi - 0.1)
+    assert (place.x, place.y, place.yaw) == pytest.approx(
+        (1 - math.cos(turn), -math.sin(turn), math.pi / 2 + 0.2)
+    )
+
+
+def test_only_a_guarded_robot_wants() -> None:
+    for mode, expected in (("driven", None), ("guarded", (0.4, 0.1))):
+        scene = Scene(hello=dataclasses.replace(HELLO, mode=mode))  # type: ignore[arg-type]
+        scene.more = {"wanted": (0.4, 0.1)}
+        scene.step()
+        assert scene.watch.report(scene.now, 0.25).wanted == expected
+    scene.more = {}
+    scene.step()
+    assert scene.watch.report(scene.now, 0.25).wanted == (0, 0)

@@ -1,0 +1,347 @@
+"""Health of a pair: faults by construction are told, no built-in scene raises an alarm."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from observer.camera import StereoCamera, as_gray
+from observer.opening import open_source
+from observer.parameters import FeaturesParameters, StereoParameters
+from observer.simulation.imaging import StereoImager
+from observer.simulation.scenarios import load_scenario, scenario_names
+from observer.simulation.world import World
+from observer.types import StereoFrame
+from observer.vision.features import detect_features
+from observer.vision.image_checks import (
+    VerticalError,
+    exposure_reason,
+    frozen_reason,
+    rectification_reason,
+    swapped_reason,
+    vertical_error,
+)
+from observer.vision.rectification import Rectification
+from observer.vision.stereo import disparity_map, sample_disparity
+
+Pair = tuple[np.ndarray, np.ndarray]
+MAX_DISPARITY_PX = StereoParameters().max_disparity_px
+CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
+KITTI = ["kitti_static", "kitti_oncoming", "kitti_raw_unrectified"]
+# Where the rows are declared to be wrong.
+WRONG_ROWS = {"miscalibrated"}
+
+
+@functools.cache
+def scene(name: str) -> tuple[StereoCamera, tuple[Pair, ...]]:
+    """Some rectified grey pairs of a scenario, over its whole length."""
+    world = World(load_scenario(name), 0)
+    imager, rectification = StereoImager(world), Rectification(world.calibration)
+    s = world.scenario
+    pairs = []
+    for index in (0, s.frame_count // 2, s.frame_count - 2):
+        left, right = rectification.apply(*imager.pair(index, index / s.frame_rate))
+        pairs.append((as_gray(left), as_gray(right)))
+    return rectification.camera, tuple(pairs)
+
+
+@pytest.fixture
+def pair() -> Pair:
+    return scene("lateral")[1][0]
+
+
+def turned(image: np.ndarray, degrees: float) -> np.ndarray:
+    """Clockwise on the screen, about the principal point."""
+    M = cv2.getRotationMatrix2D((CAMERA.cx, CAMERA.cy), -degrees, 1.0)
+    size = (image.shape[1], image.shape[0])
+    return cv2.warpAffine(image, M, size, borderMode=cv2.BORDER_REFLECT)
+
+
+def lowered(image: np.ndarray, rows: int) -> np.ndarray:
+    return cv2.copyMakeBorder(image, rows, 0, 0, 0, cv2.BORDER_REFLECT)[: image.shape[0]]
+
+
+def noisy(image: np.ndarray, sigma: float = 3.0) -> np.ndarray:
+    noise = np.random.default_rng(0).normal(0, sigma, image.shape)
+    return np.clip(image + noise, 0, 255).astype(np.uint8)
+
+
+def with_gamma(image: np.ndarray, gamma: float) -> np.ndarray:
+    return (255 * (image / 255.0) ** gamma).astype(np.uint8)
+
+
+def measured_rows(pair: Pair, camera: StereoCamera) -> VerticalError | None:
+    """The rows of features as a sparse stereo finds them, by Lucas-Kanade from left to right."""
+    left, right = pair
+    px = detect_features(left, FeaturesParameters(max_count=300)).px
+    start = sample_disparity(disparity_map(left, right, StereoParameters()), px)
+    px, start = px[np.isfinite(start)], start[np.isfinite(start)]
+    guess = px - np.stack([start, np.zeros_like(start)], axis=1).astype(np.float32)
+    found, status, _ = cv2.calcOpticalFlowPyrLK(
+        left, right, px, guess, winSize=(15, 15), maxLevel=1, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
+    )
+    kept = status[:, 0] > 0
+    return vertical_error(px[kept], px[kept, 1] - found[kept, 1], camera)
+
+
+# --- no false alarm ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_no_built_in_scene_raises_an_alarm(name: str) -> None:
+    camera, pairs = scene(name)
+    for left, right in pairs:
+        assert exposure_reason(left, right) is None
+        assert swapped_reason(left, right, MAX_DISPARITY_PX) is None
+        rows = measured_rows((left, right), camera)
+        assert rows is not None
+        told = rectification_reason(rows)
+        assert (told is not None) == (name in WRONG_ROWS), told
+    for before, now in itertools.pairwise(pairs):
+        assert frozen_reason(*before, *now) is None
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_built_in_scene_is_seen_swapped(name: str) -> None:
+    for left, right in scene(name)[1]:
+        assert "swapped" in (swapped_reason(right, left, MAX_DISPARITY_PX) or "")
+
+
+@pytest.mark.parametrize("name", KITTI)
+def test_the_road_raises_no_alarm_and_is_seen_swapped(shared_data: Path, name: str) -> None:
+    source = open_source(str(shared_data / name)).source
+    assert source.calibration is not None
+    rectification = Rectification(source.calibration)
+    for _ in range(4):
+        frame = source.read()
+        assert isinstance(frame, StereoFrame)
+        left, right = map(as_gray, rectification.apply(frame.left, frame.right))
+        assert exposure_reason(left, right) is None
+        assert swapped_reason(left, right, 128) is None
+        assert swapped_reason(right, left, 128) is not None
+        assert rectification_reason(measured_rows((left, right), rectification.camera)) is None
+
+
+# --- exposure ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        (lambda image: cv2.convertScaleAbs(image, alpha=1.5), "right image is 1.6 times"),
+        (lambda image: cv2.convertScaleAbs(image, alpha=0.6), "left image is 1.6 times"),
+        (lambda image: with_gamma(image, 0.45), "right image is 1"),
+        (lambda image: with_gamma(image, 1.8), "left image is"),
+        (lambda image: noisy(np.zeros_like(image)), "right image is black"),
+        (lambda image: np.full_like(image, 255), "right image is overexposed"),
+        (lambda image: noisy(np.full_like(image, 90)), "right image is without any contrast"),
+        (lambda image: cv2.GaussianBlur(image, (0, 0), 12), "right image has only"),
+    ],
+    ids=["brighter", "darker", "gamma up", "gamma down", "black", "white", "covered", "blurred"],
+)
+def test_what_is_wrong_with_one_image_is_told(
+    pair: Pair, fault: Callable[[np.ndarray], np.ndarray], told: str
+) -> None:
+    # Dark enough that nothing is cut off where it gets brighter.
+    left, right = (cv2.convertScaleAbs(image, alpha=0.6) for image in pair)
+    assert told in (exposure_reason(left, fault(right)) or "")
+    other_way = told.replace("right", "?").replace("left", "right").replace("?", "left")
+    if "times" not in told:
+        assert other_way in (exposure_reason(fault(left), right) or "")
+
+
+@pytest.mark.parametrize("share", [0.6, 0.8, 1.0])
+def test_light_falling_through_fingers_is_a_covered_lens(pair: Pair, share: float) -> None:
+    left, right = pair
+    glow = np.linspace(20, 120, right.size).reshape(right.shape)
+    covered = right.copy()
+    columns = int(share * right.shape[1])
+    covered[:, :columns] = noisy(glow)[:, :columns]
+    assert exposure_reason(left, covered) is not None
+
+
+def test_both_images_black_are_one_sentence(pair: Pair) -> None:
+    dark = noisy(np.zeros_like(pair[0]), 2.0)
+    assert (exposure_reason(dark, dark) or "").startswith("both images are black")
+
+
+@pytest.mark.parametrize("gain", [0.6, 1.4])
+def test_light_that_changes_for_both_is_no_fault_of_a_camera(pair: Pair, gain: float) -> None:
+    assert exposure_reason(*(cv2.convertScaleAbs(image, alpha=gain) for image in pair)) is None
+
+
+def test_pictures_of_any_size_can_be_judged() -> None:
+    rng = np.random.default_rng(0)
+    for shape in ((8, 8), (17, 33), (375, 1242), (1024, 1280)):
+        image = rng.integers(30, 220, shape).astype(np.uint8)
+        assert exposure_reason(image, image) is None
+        assert swapped_reason(image, image, 96) is None
+
+
+# --- frozen --------------------------------------------------------------------------------
+
+
+def test_a_frozen_camera_is_told_and_one_pixel_frees_it(pair: Pair) -> None:
+    left, right = pair
+    next_left, next_right = scene("lateral")[1][1]
+    assert frozen_reason(left, right, next_left, next_right) is None
+    assert "the right image is" in (frozen_reason(left, right, next_left, right.copy()) or "")
+    assert "the left image is" in (frozen_reason(left, right, left.copy(), next_right) or "")
+    assert "both images are" in (frozen_reason(left, right, left, right) or "")
+    touched = right.copy()
+    touched[200, 300] ^= 1
+    assert frozen_reason(left, right, next_left, touched) is None
+
+
+def test_a_camera_that_stands_before_a_still_scene_is_not_frozen(pair: Pair) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        before, now = (
+            [np.clip(image + rng.normal(0, 1, image.shape), 0, 255).astype(np.uint8)
+             for image in pair]
+            for _ in range(2)
+        )  # fmt: skip
+        assert frozen_reason(*before, *now) is None
+
+
+# --- rows ----------------------------------------------------------------------------------
+
+
+def rows_of(
+    px: np.ndarray, shift: float, roll_deg: float, stretch: float, noise: float
+) -> np.ndarray:
+    """v_left - v_right where the right image is shifted down, turned clockwise and stretched."""
+    rng = np.random.default_rng(7)
+    u, v = (px - (CAMERA.cx, CAMERA.cy)).T
+    return -(shift + np.radians(roll_deg) * u + stretch * v) + rng.normal(0, noise, len(px))
+
+
+@pytest.fixture
+def places() -> np.ndarray:
+    return np.random.default_rng(3).uniform((0, 0), (511, 255), (200, 2))
+
+
+def test_shift_roll_and_stretch_are_measured_apart_despite_outliers(places: np.ndarray) -> None:
+    wrong = rows_of(places, 0.8, 0.4, 0.006, 0.2)
+    wrong[:50] = np.random.default_rng(1).uniform(-20, 20, 50)
+    error = vertical_error(places, wrong, CAMERA)
+    assert error is not None
+    assert error.median_px == pytest.approx(-0.8, abs=0.25)
+    assert np.degrees(error.roll_rad) == pytest.approx(0.4, abs=0.03)
+    assert error.stretch == pytest.approx(0.006, abs=0.001)
+    assert 140 <= error.count <= 165
+    # Root mean square over the image of the plane: 0.8, 1.79 / sqrt 3 and 0.77 / sqrt 3.
+    assert error.typical_px == pytest.approx(1.38, abs=0.08)
+    assert 1.4 < error.p95_px < 3.5
+
+
+def test_the_stated_deviation_is_true() -> None:
+    rng = np.random.default_rng(5)
+    found, stated = [], []
+    for _ in range(200):
+        px = rng.uniform((0, 0), (511, 255), (60, 2))
+        error = vertical_error(px, 1.0 + rng.normal(0, 0.5, 60), CAMERA)
+        assert error is not None
+        found.append(error.typical_px)
+        stated.append(error.typical_std_px)
+    assert np.std(found) == pytest.approx(np.median(stated), rel=0.35)
+
+
+def test_too_few_rows_say_nothing(places: np.ndarray) -> None:
+    assert vertical_error(places[:19], np.full(19, 5.0), CAMERA) is None
+    unknown = np.full(len(places), np.nan)
+    unknown[:19] = 5.0
+    assert vertical_error(places, unknown, CAMERA) is None
+    assert rectification_reason(None) is None
+    assert vertical_error(places[:20], np.full(20, 5.0), CAMERA) is not None
+
+
+def test_a_few_noisy_rows_raise_no_alarm() -> None:
+    rng = np.random.default_rng(2)
+    alarms = 0
+    for _ in range(200):
+        px = rng.uniform((0, 0), (511, 255), (25, 2))
+        alarms += rectification_reason(
+            vertical_error(px, 0.8 + rng.normal(0, 1.0, 25), CAMERA)
+        ) is not None  # fmt: skip
+    assert alarms <= 4
+
+
+def test_points_on_one_line_make_no_slope_of_nothing() -> None:
+    px = np.stack([np.linspace(10, 500, 60), np.full(60, 40.0)], axis=1)
+    noise = np.random.default_rng(0).normal(0, 0.2, 60)
+    error = vertical_error(px, noise, CAMERA)
+    assert error is not None
+    assert np.isfinite([error.typical_px, error.typical_std_px, error.roll_rad]).all()
+    assert rectification_reason(error) is None
+
+
+@pytest.mark.parametrize(
+    ("fault", "median_px", "roll_deg"),
+    [
+        (lambda image: lowered(image, 2), -2.0, 0.0),
+        (lambda image: turned(image, 0.5), 0.0, 0.5),
+        (lambda image: turned(lowered(image, 2), -0.5), -2.0, -0.5),
+    ],
+    ids=["2 rows", "0.5 deg", "both"],
+)
+@pytest.mark.parametrize("name", ["lateral", "low_texture_flicker", "turning"])
+def test_wrong_rows_of_pictures_are_told_with_numbers(
+    name: str, fault: Callable[[np.ndarray], np.ndarray], median_px: float, roll_deg: float
+) -> None:
+    left, right = scene(name)[1][0]
+    error = measured_rows((left, fault(right)), CAMERA)
+    assert error is not None
+    # Rotation about the centre moves what lies on one side; the median follows the features.
+    assert error.median_px == pytest.approx(median_px, abs=0.25 if roll_deg == 0 else 0.8)
+    assert np.degrees(error.roll_rad) == pytest.approx(roll_deg, abs=0.06)
+    told = rectification_reason(error)
+    assert told is not None
+    assert f"median {error.median_px:+.1f} px" in told
+    assert f"turned by {np.degrees(error.roll_rad):+.2f} deg" in told
+    assert "1 px are allowed" in told
+    assert rectification_reason(error, warn_px=4.0) is None
+
+
+# --- swapped -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        lambda image: lowered(image, 2),
+        lambda image: turned(image, 0.5),
+        lambda image: with_gamma(image, 0.6),
+        lambda image: cv2.GaussianBlur(image, (0, 0), 1.5),
+    ],
+    ids=["2 rows", "0.5 deg", "gamma", "blur"],
+)
+def test_other_faults_are_not_taken_for_a_swap_nor_hide_it(
+    pair: Pair, fault: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    left, right = pair
+    assert swapped_reason(left, fault(right), MAX_DISPARITY_PX) is None
+    assert swapped_reason(fault(right), left, MAX_DISPARITY_PX) is not None
+
+
+@pytest.mark.parametrize("max_disparity_px", [16, 64, 128, 256])
+def test_the_order_is_seen_with_any_largest_disparity(pair: Pair, max_disparity_px: int) -> None:
+    left, right = pair
+    assert swapped_reason(left, right, max_disparity_px) is None
+    if max_disparity_px >= 64:
+        assert swapped_reason(right, left, max_disparity_px) is not None
+
+
+def test_without_depth_or_texture_the_order_is_not_judged(pair: Pair) -> None:
+    left = pair[0]
+    far = left[:, :480]
+    assert swapped_reason(far, far, 96) is None
+    blank = np.full_like(left, 100)
+    assert swapped_reason(blank, blank, 96) is None
+    assert swapped_reason(noisy(blank), noisy(blank.T).T, 96) is None

@@ -1,0 +1,109 @@
+"""Every detector with motion in space: what it finds is followed, from one frame to the next."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from observer.errors import ParameterError
+from observer.observer import Observer
+from observer.parameters import FollowingParameters, Parameters, parameter_schema
+from observer.types import FullTrace, Status
+from observer.vision.features import strongest_first
+from observer.vision.keypoint_choice import chosen_points
+from observer.vision.keypoint_grid import new_points, squares
+
+from ..builders import Texture, as_image
+from ..conftest import OpenClip
+
+DETECTORS = next(e["choices"] for e in parameter_schema() if e["name"] == "features.detector")
+SPEC = "simulated:lateral"
+FRAMES = 22
+IMAGE = as_image(Texture(3).moved(), noise=1.0)
+NOWHERE = np.zeros([-(-side // FollowingParameters().spacing_px) for side in IMAGE.shape], np.bool_)
+NONE_TAKEN = np.zeros(0, np.intp)
+
+
+def using(detector: str) -> Parameters:
+    return Parameters().changed({"features.detector": detector})
+
+
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_every_detector_finds_the_robot_that_crosses(detector: str, clip: OpenClip) -> None:
+    here = clip(SPEC, FRAMES)
+    assert here.truth is not None
+    observer = Observer(here.calibration, using(detector))
+    for frame in here.frames:
+        newest = observer.observe(frame)
+    assert newest.status is Status.OK, newest.reasons
+    (robot,) = newest.reported
+    (true,) = [b for b in here.truth.bodies(newest.time) if b.role != "observer" and b.speed > 0.05]
+    assert np.linalg.norm(robot.position - true.position) < 0.35
+    assert np.linalg.norm(robot.velocity - true.velocity) < 0.12
+    gap = newest.T_world_camera.inverse() @ here.truth.camera_pose(newest.time)
+    assert np.linalg.norm(gap.translation) < 0.03
+
+
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_every_empty_square_gets_the_detector_s_strongest_point(detector: str) -> None:
+    p = using(detector)
+    px = chosen_points(IMAGE, NONE_TAKEN, NOWHERE, p)
+    square = squares(px, NOWHERE, p.following)
+    assert len(px) > 20
+    assert len(np.unique(square)) == len(px)
+    if detector == "shi_tomasi":
+        np.testing.assert_array_equal(px, new_points(IMAGE, NONE_TAKEN, NOWHERE, p.following))
+        return
+    found = {tuple(each) for each in strongest_first(IMAGE, p.features, 8 * NOWHERE.size)}
+    assert {tuple(each) for each in px} <= found
+    some = square[::2]
+    left = squares(chosen_points(IMAGE, some, NOWHERE, p), NOWHERE, p.following)
+    assert sorted(left) == sorted(set(square) - set(some))
+
+
+def test_another_detector_acts_from_the_next_frame_in_the_same_world(clip: OpenClip) -> None:
+    frames = clip(SPEC, FRAMES).frames
+    observer = Observer(clip(SPEC, 1).calibration)
+    other = Observer(clip(SPEC, 1).calibration)
+    for frame in frames[:8]:
+        observer.observe(frame)
+        other.observe(frame)
+    observer.use(using("orb"), 7)
+    for frame in frames[8:]:
+        trace, plain = FullTrace(), FullTrace()
+        now, then = observer.observe(frame, trace), other.observe(frame, plain)
+        assert now.segment == then.segment == 0
+        assert now.parameters_revision == 7
+        assert now.status is Status.OK
+        if frame is not frames[8]:  # New points are followed from the frame after.
+            assert len(trace["features_px"])
+            assert not np.array_equal(trace["features_px"], plain["features_px"])
+
+
+def test_one_camera_follows_what_the_detector_found(clip: OpenClip) -> None:
+    frames = clip("simulated:lateral", 3).frames
+    seen = []
+    for detector in ("shi_tomasi", "kaze"):
+        p = using(detector).changed({"ego_motion.model": "one_camera", "one_camera.height_m": 0.3})
+        observer, trace = Observer(clip(SPEC, 1).calibration, p), FullTrace()
+        for frame in frames:
+            observer.observe(frame, trace)
+        seen.append(trace["features_px"])
+    assert min(map(len, seen)) > 60
+    assert not np.array_equal(*seen)
+
+
+def test_without_its_extra_surf_is_refused_and_what_was_in_force_goes_on(
+    clip: OpenClip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mahotas", None)
+    here = clip(SPEC, 3)
+    observer = Observer(here.calibration, using("fast"))
+    observer.observe(here.frames[0])
+    before = observer.parameters
+    with pytest.raises(ParameterError, match="pip install 'dynamic-observer"):
+        observer.use(before.changed({"features.detector": "surf"}), 2)
+    assert observer.parameters is before
+    assert observer.observe(here.frames[1]).status is Status.OK

@@ -1,0 +1,48 @@
+"""What every method tells alike of an obstacle: how sure its speed is, how fast it comes nearer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.05, 0.2, 1.0, 5.0])
+@pytest.mark.parametrize("sigmas", [(0.02, 0.02, 0.02), (0.03, 0.02, 0.4)])
+def test_the_speeds_deviation_is_that_of_noisy_velocities(speed: float, sigmas) -> None:
+    """Noise across the motion only lengthens the vector: no less error, but never more."""
+    rng = np.random.default_rng(0)
+    truth = np.array([speed, 0.0, 0.0])
+    covariance = np.diag(np.square(sigmas))
+    velocities = truth + rng.normal(0, sigmas, (3000, 3))
+    error = np.sqrt(np.mean((np.linalg.norm(velocities, axis=1) - speed) ** 2))
+    stated = np.median([speed_std(v, covariance) for v in velocities])
+    assert 0.5 * error < stated < 1.7 * error
+
+
+@given(
+    st.lists(st.floats(-50, 50), min_size=3, max_size=3),
+    st.lists(st.floats(-20, 20), min_size=3, max_size=3),
+    st.lists(st.floats(-20, 20), min_size=3, max_size=3),
+)
+def test_the_closing_speed_is_by_how_much_the_distance_shrinks(
+    place: list[float], own: list[float], camera: list[float]
+) -> None:
+    p, v, c = np.array(place), np.array(own), np.array(camera)
+    dt = 1e-6
+    if np.linalg.norm(p) < 0.1:
+        return
+    shrinks = np.linalg.norm(p) - np.linalg.norm(p + (v - c) * dt)
+    assert closing_speed(p, v, c) == pytest.approx(shrinks / dt, abs=0.02)
+
+
+def test_at_the_camera_itself_it_is_finite() -> None:
+    assert closing_speed(np.zeros(3), np.ones(3), np.zeros(3)) == 0
+
+
+def test_what_is_out_of_sight_says_for_how_long() -> None:
+    told = out_of_sight(1.26, "it drove off")
+    assert told == "not seen for 1.3 s, expected where it should be by now; it drove off"

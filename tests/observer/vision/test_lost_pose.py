@@ -1,0 +1,56 @@
+"""Obstacles while the pose is lost: nowhere in the world, expected by the camera, for a while."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from observer.geometry import Pose
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.reporting import describe_body
+from observer.types import Obstacle, TrackState
+from observer.vision.lost_pose import while_lost, without_pose
+
+MakeTrack = Callable[..., BodyTrack]
+WORLD = ("position", "velocity", "position_cov", "velocity_cov", "orientation_wxyz")
+
+
+def described(make_track: MakeTrack, state: TrackState) -> Obstacle:
+    track = make_track((0.0, 0.0, 3.0), (0.3, 0.0, 0.0))
+    track.state = state
+    return describe_body(track, Pose.identity(), np.zeros(3), 2.0)
+
+
+def test_without_a_pose_all_of_the_world_is_unknown_and_the_rest_stays(make_track) -> None:
+    known = described(make_track, TrackState.CONFIRMED)
+    lost = without_pose(known)
+    assert all(getattr(lost, name) is None for name in WORLD)
+    assert lost.closing_speed is None
+    assert (lost.id, lost.state, lost.speed) == (known.id, known.state, known.speed)
+    assert lost.range == known.range
+
+
+@pytest.mark.parametrize(
+    ("state", "reported"),
+    [
+        (TrackState.CONFIRMED, TrackState.COASTING),
+        (TrackState.COASTING, TrackState.COASTING),
+        (TrackState.TENTATIVE, TrackState.TENTATIVE),
+    ],
+)
+def test_who_was_confirmed_coasts(make_track, state: TrackState, reported: TrackState) -> None:
+    known = described(make_track, state)
+    (lost,) = while_lost([(known, 0.1)], 0.4, 1.5)
+    assert lost.state is reported
+    assert lost.points == 0
+    np.testing.assert_allclose(lost.position_camera, (0.12, 0, 3), atol=1e-12)
+    assert lost.velocity_time == 2.0
+    assert lost.reason.count("not seen for") == 1
+
+
+def test_who_was_not_seen_for_too_long_is_left_out(make_track) -> None:
+    known = described(make_track, TrackState.COASTING)
+    assert len(while_lost([(known, 1.0), (known, 1.2)], 0.4, 1.5)) == 1
+    assert while_lost([], 0.4, 1.5) == ()

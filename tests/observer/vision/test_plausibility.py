@@ -1,0 +1,95 @@
+"""A memory of the camera's motions by which jumps are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.geometry import Pose
+from observer.vision.motion_gate import RECENT_MOTIONS, ImageReach
+from observer.vision.plausibility import PlausibleMotions
+
+DT = 1 / 15
+COVARIANCE = np.diag([1e-7] * 3 + [1e-6] * 3)
+# Over 2 m as far as 60 px.
+REACH = ImageReach(focal_px=443.0, depth_m=2.0, reach_px=60.0)
+
+
+def ahead(speed: float) -> Pose:
+    """The motion within a frame of a camera that drives ahead at so many m/s."""
+    return Pose(np.eye(3), np.array([0.0, 0.0, -speed * DT]))
+
+
+class Drive:
+    """Tells of one frame after the other."""
+
+    def __init__(self) -> None:
+        self.motions = PlausibleMotions()
+        self._time = 0.0
+
+    def goes(self, speed: float, reach: ImageReach | None = None) -> str | None:
+        self._time += DT
+        return self.motions.refusal(self._time, DT, ahead(speed), COVARIANCE, reach)
+
+
+def test_steady_driving_is_never_refused() -> None:
+    drive = Drive()
+    assert [drive.goes(0.3, REACH) for _ in range(20)] == [None] * 20
+
+
+def test_a_jump_is_refused_with_its_figures() -> None:
+    drive = Drive()
+    for _ in range(3):
+        assert drive.goes(0.3) is None
+    reason = drive.goes(9.0)
+    assert reason is not None
+    assert "jumps" in reason
+    assert "8.7 m/s" in reason
+
+
+def test_what_was_refused_is_not_remembered() -> None:
+    """Else a second jump of the same kind would be borne out by the first."""
+    drive = Drive()
+    for _ in range(3):
+        drive.goes(0.3)
+    for _ in range(RECENT_MOTIONS + 1):
+        assert drive.goes(9.0) is not None
+    assert drive.goes(0.3) is None
+
+
+def test_with_nothing_to_compare_with_only_the_impossible_is_refused() -> None:
+    assert Drive().goes(9.0) is None
+    assert Drive().goes(150.0) is not None
+
+
+def test_once_cleared_it_remembers_nothing() -> None:
+    drive = Drive()
+    for _ in range(3):
+        drive.goes(0.3)
+    assert drive.goes(9.0) is not None
+    drive.motions.clear()
+    assert drive.goes(9.0) is None
+    # And this is what the next one is compared with.
+    assert drive.goes(9.1) is None
+    assert drive.goes(0.3) is not None
+
+
+def test_what_was_accepted_long_ago_is_forgotten() -> None:
+    drive = Drive()
+    drive.goes(0.0)
+    speed = 0.0
+    while speed < 9.0:
+        speed += 1.0
+        assert drive.goes(speed) is None
+    for _ in range(RECENT_MOTIONS):
+        assert drive.goes(speed) is None
+    assert drive.goes(0.0) is not None
+
+
+def test_features_cannot_have_been_followed_so_far() -> None:
+    """A body may well change its speed by 1.4 m/s; the image, close by, then moves too far."""
+    near = ImageReach(focal_px=443.0, depth_m=0.4, reach_px=60.0)
+    for reach, refused in ((None, False), (REACH, False), (near, True)):
+        drive = Drive()
+        for _ in range(3):
+            assert drive.goes(0.2, reach) is None
+        assert (drive.goes(1.6, reach) is not None) == refused

@@ -1,0 +1,132 @@
+"""Disparity of single points, on pairs whose disparity was planted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.parameters import StereoParameters
+from observer.vision.sparse_stereo import coarse_disparity
+
+from ..builders import Texture, as_image, pixel_grid
+
+quick = settings(deadline=None, max_examples=30)
+P = StereoParameters(max_disparity_px=96)
+WIDTH, HEIGHT = 320, 128
+WALL = Texture(5, (HEIGHT, WIDTH))
+BOARD = Texture(6, (HEIGHT, WIDTH))
+# Seen by both cameras, whatever the disparity.
+POINTS = pixel_grid(WIDTH, HEIGHT, 11, 10)
+FREE = POINTS[POINTS[:, 0] > 106]
+
+
+def pair(disparity: float, noise: float = 1.5, gain: float = 1.0, offset: float = 0.0):
+    left, right = WALL.moved(), WALL.moved(-disparity)
+    return (
+        as_image(left, noise, seed=1),
+        as_image(right, noise, seed=2, gain=gain, mean=110 + offset),
+    )
+
+
+@quick
+@given(st.floats(0.0, 80.0))
+def test_planted_disparities_are_found_to_within_a_pixel(planted: float) -> None:
+    found = coarse_disparity(*pair(planted), FREE, P)
+    known = np.isfinite(found)
+    assert known.mean() > 0.9
+    error = np.abs(found - planted)[known]
+    assert np.mean(error < 1.5) > 0.99
+    assert np.median(error) < 1.1
+
+
+def test_each_point_has_its_own() -> None:
+    """A board of 40 px from column 160 to 240 of the left image, before a wall of 12 px."""
+    u = np.arange(WIDTH)
+    left = np.where((u >= 160) & (u < 240), BOARD.moved(), WALL.moved())
+    right = np.where((u >= 120) & (u < 200), BOARD.moved(-40.0), WALL.moved(-12.0))
+    found = coarse_disparity(as_image(left), as_image(right), POINTS, P)
+    on_board = (POINTS[:, 0] > 172) & (POINTS[:, 0] < 228)
+    beside = (POINTS[:, 0] > 252) | ((POINTS[:, 0] > 40) & (POINTS[:, 0] < 120))
+    for which, planted in ((on_board, 40.0), (beside, 12.0)):
+        known = np.isfinite(found[which])
+        assert known.mean() > 0.9
+        assert np.mean(np.abs(found[which][known] - planted) < 1.5) > 0.98
+    # Of the wall, these columns of the left image lie behind the board in the right one.
+    hidden = (POINTS[:, 0] > 138) & (POINTS[:, 0] < 154)
+    wrong = np.isfinite(found[hidden]) & (np.abs(found[hidden] - 12) > 2)
+    assert wrong.mean() < 0.3
+
+
+@pytest.mark.parametrize(("gain", "offset"), [(0.75, 0.0), (1.25, 0.0), (1.0, 25.0), (1.0, -40.0)])
+def test_one_camera_may_be_brighter_than_the_other(gain: float, offset: float) -> None:
+    found = coarse_disparity(*pair(23.0, gain=gain, offset=offset), FREE, P)
+    known = np.isfinite(found)
+    assert known.mean() > 0.9
+    assert np.mean(np.abs(found[known] - 23.0) < 1.5) > 0.99
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("period_px", [10, 16, 24])
+def test_texture_that_repeats_along_the_row_has_no_disparity(period_px: int, noise: float) -> None:
+    """Which of the repetitions is the right one cannot be told."""
+    u, v = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+
+    def tiles(shift: float) -> np.ndarray:
+        wave = np.sin(2 * np.pi * (u + shift) / period_px) + np.sin(
+            4 * np.pi * (u + shift) / period_px
+        )
+        return 30 * wave + 20 * np.sin(v / 3)
+
+    found = coarse_disparity(
+        as_image(tiles(0), noise, seed=1), as_image(tiles(20.0), noise, seed=2), FREE, P
+    )
+    assert np.isfinite(found).mean() < 0.05
+
+
+def horizontal_stripes() -> np.ndarray:
+    v = np.arange(HEIGHT)[:, None]
+    return np.broadcast_to(50 * np.sin(v / 3.0), (HEIGHT, WIDTH))
+
+
+@pytest.mark.parametrize(
+    "grey", [np.zeros((HEIGHT, WIDTH)), horizontal_stripes()], ids=["blank", "stripes"]
+)
+def test_without_texture_along_the_row_there_is_no_disparity(grey: np.ndarray) -> None:
+    """Wherever it is compared it fits equally well."""
+    image = as_image(grey)
+    assert np.isnan(coarse_disparity(image, image, FREE, P)).all()
+
+
+def test_what_the_right_camera_does_not_see_has_none() -> None:
+    """With 60 px of disparity, what is left of column 60 is outside the right image."""
+    u = np.arange(WIDTH)
+    right = np.where(u < WIDTH - 60, WALL.moved(-60.0), BOARD.moved())
+    found = coarse_disparity(as_image(WALL.moved()), as_image(right), POINTS, P)
+    known = np.isfinite(found)
+    assert (found[known] <= POINTS[known, 0]).all()
+    # By chance some of them look like something else.
+    assert known[POINTS[:, 0] < 50].mean() < 0.5
+    assert known[POINTS[:, 0] > 72].mean() > 0.9
+
+
+def test_nearer_than_the_largest_disparity_nothing_is_known() -> None:
+    found = coarse_disparity(*pair(60.0), FREE, StereoParameters(max_disparity_px=48))
+    # By chance some of them look like something else that is within reach.
+    assert np.isfinite(found).mean() < 0.5
+    assert (found[np.isfinite(found)] <= 48).all()
+    wider = coarse_disparity(*pair(60.0), FREE, StereoParameters(max_disparity_px=64))
+    assert np.isfinite(wider).mean() > 0.9
+
+
+def test_points_at_the_very_edge_and_none_at_all() -> None:
+    corners = np.array(
+        [[0, 0], [WIDTH - 1, 0], [0, HEIGHT - 1], [WIDTH - 1, HEIGHT - 1]], np.float32
+    )
+    found = coarse_disparity(*pair(8.0), corners, P)
+    assert found.shape == (4,)
+    assert np.isnan(found[[0, 2]]).all() or (found[[0, 2]] <= 0.5).all()
+    none = coarse_disparity(*pair(8.0), np.zeros((0, 2), np.float32), P)
+    assert none.shape == (0,)
+    assert none.dtype == np.float32
