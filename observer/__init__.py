@@ -12,7 +12,8 @@ image      pixels: u right, v down, the upper left pixel's centre is (0, 0)
 Units: metres, seconds, radians, pixels, m/s. ``time`` is the exposure on the source's own clock,
 ``received`` the host's monotonic clock.
 
-For notebooks and scripts there are ``observer.open`` and ``observer.load``::
+The public face is ``open`` and ``load`` for notebooks and scripts, and for frames of your own
+``Observer``, ``StereoFrame``, ``StereoCalibration`` and ``Parameters``::
 
     import observer
 
@@ -27,15 +28,48 @@ For notebooks and scripts there are ``observer.open`` and ``observer.load``::
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from observer.camera import StereoCalibration
     from observer.notebook.live import ObservedSource
     from observer.notebook.run import LoadedRun
+    from observer.observer import Observer
+    from observer.parameters import Parameters
+    from observer.types import StereoFrame
 
-__all__ = ["load", "open"]
+    __version__: str
+
+__all__ = [
+    "Observer",
+    "Parameters",
+    "StereoCalibration",
+    "StereoFrame",
+    "__version__",
+    "load",
+    "open",
+]
+
+# Imported when first used: whoever uses a part of the library alone waits for no other.
+_HOMES = {
+    "Observer": "observer.observer",
+    "Parameters": "observer.parameters",
+    "StereoCalibration": "observer.camera",
+    "StereoFrame": "observer.types",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from observer.version import library_version
+
+        return library_version()
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def open(
@@ -65,7 +99,6 @@ def open(
             source.set({"flow.residual_threshold_px": 1.5})
             last = list(source.steps(20))[-1]
     """
-    # Here and below: whoever uses a part of the library alone waits for no other.
     from observer.calibration.formats.recognition import named_file, read_any
     from observer.notebook.live import ObservedSource
     from observer.opening import open_source

@@ -87,6 +87,12 @@ class StereoCalibration:
                 f"{MIN_BASELINE_M:g} to {MAX_BASELINE_M:g} m{_unit_hint(baseline)}"
             )
 
+    def __repr__(self) -> str:
+        return (
+            f"<calibration {self.width}x{self.height}, f {self.K1[0, 0]:.1f} px, "
+            f"baseline {1000 * float(np.linalg.norm(self.T)):.1f} mm>"
+        )
+
     def _set(self, name: str, shape: tuple[int, ...]) -> None:
         try:
             value = np.array(getattr(self, name), dtype=np.float64)

@@ -47,15 +47,16 @@ from typing import Literal
 
 from observer.camera import StereoCalibration, StereoCamera, as_gray
 from observer.geometry import Pose
-from observer.methods.contract import Method, View
-from observer.methods.monocular.method import OneCameraMethod
+from observer.methods.contract import Method
+from observer.methods.monocular.method import MonocularMethod
 from observer.methods.planar.method import PlanarMethod
 from observer.methods.rigid.method import RigidMethod
 from observer.mount import CameraMount
 from observer.parameters import Parameters
 from observer.types import NoTrace, Observation, Obstacle, Status, StereoFrame, Trace
-from observer.vision.image_health import HealthWatch
+from observer.vision.image_health import ImageHealth
 from observer.vision.rectification import Rectification
+from observer.vision.view import View
 
 _NO_TRACE = NoTrace()
 
@@ -122,7 +123,7 @@ class Observer:
         self._method: Method | None = None
         # An obstacle's number is not used again in a later segment.
         self._numbers = count(1)
-        self._health = HealthWatch(self.camera)
+        self._health = ImageHealth(self.camera)
         self._newest: tuple[int, float] | None = None
         self._segment = 0
         self._frames_lost = 0
@@ -179,7 +180,7 @@ class Observer:
         else:
             self._frames_lost += 1
         with timer("health"):
-            ills = self._health.look(view, step, p)
+            ills = self._health.look(view, p.stereo, step.stereo_share, step.rows)
         status = Status.DEGRADED if ills and step.ego.status is Status.OK else step.ego.status
         reasons = (*notes, *ills, *step.ego.reasons)
         return self._observation(frame, status, reasons, step.T_world_camera, step.obstacles, timer)
@@ -214,21 +215,22 @@ class Observer:
         self, frame: StereoFrame, view: View, notes: tuple[str, ...], timer: _StageTimer
     ) -> Observation:
         """The first frame of a segment: its camera is where the world begins."""
-        self._method = self._new_method()
-        self._method.begin(view, self.parameters)
+        self._method = self._new_method(view)
         self._newest = (frame.index, frame.time)
-        ills = self._health.look(view, None, self.parameters)
+        ills = self._health.look(view, self.parameters.stereo)
         notes = (*notes, *ills, "first frame: there is none before it to compare with")
         return self._observation(frame, Status.DEGRADED, notes, Pose.identity(), (), timer)
 
-    def _new_method(self) -> Method:
+    def _new_method(self, view: View) -> Method:
         match _method_name(self.parameters):
             case "rigid":
-                return RigidMethod(self.camera, self._numbers)
+                return RigidMethod(self.camera, view, self.parameters, self._numbers)
             case "one_camera":
-                return OneCameraMethod(self.camera, self._numbers, self._mount)
+                return MonocularMethod(
+                    self.camera, view, self.parameters, self._numbers, self._mount
+                )
             case _:
-                return PlanarMethod(self.camera, self._numbers)
+                return PlanarMethod(self.camera, view, self._numbers)
 
     def _observation(
         self,

@@ -79,6 +79,10 @@ class StereoFrame:
         if not (np.isfinite(self.time) and np.isfinite(self.received)):
             raise ValueError("a frame's times must be finite")
 
+    def __repr__(self) -> str:
+        height, width = self.left.shape[:2]
+        return f"<frame {self.index} at {self.time:.3f} s, {width}x{height}>"
+
 
 class Status(StrEnum):
     """How far a result may be trusted."""
@@ -322,6 +326,13 @@ class Obstacle:
     box_px: tuple[float, float, float, float]
     reason: str
 
+    def __repr__(self) -> str:
+        std = "" if self.speed_std is None else f" ± {self.speed_std:.2f}"
+        return (
+            f"<obstacle {self.id}, {self.state}, {self.motion}, {self.speed:.2f}{std} m/s, "
+            f"{self.range:.2f} m away>"
+        )
+
     @property
     def range(self) -> float:
         """Distance from the camera, metres."""
@@ -357,6 +368,12 @@ class Observation:
     T_world_camera: Pose | None
     obstacles: tuple[Obstacle, ...]
     timings_ms: Mapping[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return (
+            f"<observation of frame {self.frame} at {self.time:.3f} s, {self.status}, "
+            f"{len(self.reported)} obstacles>"
+        )
 
     @property
     def reported(self) -> tuple[Obstacle, ...]:

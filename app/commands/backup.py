@@ -22,7 +22,7 @@ def backup(
 ) -> None:
     """Write runs, speeds, parameters, presets, calibrations, rig, programmes and truths."""
     from app.storage.backup import write_backup
-    from app.versions import app_version
+    from observer.version import library_version
 
     settings = storage_settings(data, database)
     with progress_bar("Backup") as progress:
@@ -31,7 +31,7 @@ def backup(
             settings.data.expanduser().absolute(),
             settings.database_location,
             recordings=recordings,
-            application=app_version(),
+            application=library_version(),
             progress=progress,
         )
     size = sum(entry.size for entry in manifest.files.values())

@@ -52,8 +52,8 @@ from app.server.robots import check_records
 from app.server.robots import profile_library as shelf
 from app.settings import Settings
 from app.storage import Storage
-from app.versions import app_version
 from app.viewer import Viewer, start_viewer
+from observer.version import library_version
 
 _DESCRIPTION = """
 Sees moving obstacles from a moving robot with a stereo camera.
@@ -157,7 +157,7 @@ def create_app(
 
     app = FastAPI(
         title="Dynamic Observer",
-        version=app_version(),
+        version=library_version(),
         description=_DESCRIPTION,
         openapi_tags=_TAGS,
         openapi_url="/openapi.json",

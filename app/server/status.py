@@ -7,7 +7,7 @@ from typing import Any
 
 from app.server.service import Station
 from app.server.source.camera_match import binding_warnings
-from app.versions import app_version
+from observer.version import library_version
 
 
 def status(station: Station) -> dict[str, Any]:
@@ -59,7 +59,7 @@ def status(station: Station) -> dict[str, Any]:
         "viewers": station.viewers,
         "has_truth": state.has_truth,
         "warnings": [*station.warnings, *station.driving.warnings, *_trouble(station)],
-        "version": app_version(),
+        "version": library_version(),
     }
 
 

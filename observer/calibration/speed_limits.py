@@ -28,15 +28,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.camera import StereoCamera
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import BodyFilter
 from observer.methods.rigid.bodies.lifecycle import judge
-from observer.methods.rigid.bodies.motion_filter import ObstacleMotion
-from observer.methods.rigid.bodies.shape import ObstacleShape
+from observer.methods.rigid.bodies.shape import BodyShape
 from observer.methods.rigid.bodies.tracker import BodyTracker
-from observer.methods.rigid.position_velocity_filter import MotionSums
+from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.parameters import Parameters
 from observer.types import TrackState
+from observer.vision.camera_rate import CameraRate
 from observer.vision.chi_square import upper_quantile
 
 # Seconds of rest before it moves: several memories.
@@ -139,12 +141,13 @@ def report_delay(
     step_cov = np.diag(deviations**2) * p.ego_motion.shared_error
     information = np.diag(1 / deviations**2)
     start = np.array([0.0, 0.0, depth])
-    sums = MotionSums.begin(start[None], information[None])
+    sums = PositionVelocityFilter.begin(start[None], information[None])
     for _ in range(round(_REST_S * frame_rate)):
         sums = sums.advanced(dt, p.evidence.memory_s).with_sightings(start[None], information[None])
     neighbours = _neighbours(count, p)
     threshold = _threshold(camera, neighbours, p)
     tracker = BodyTracker()
+    still = CameraStep(camera, Pose.identity(), step_cov, CameraRate.still(), dt)
     for frame in range(1, int(within_s * frame_rate + 1e-6) + 1):
         place = start + velocity * frame * dt
         sums = sums.advanced(dt, p.evidence.memory_s).with_sightings(place[None], information[None])
@@ -160,7 +163,7 @@ def report_delay(
             cov = own_cov * (1 + p.obstacles.shared_error * count) / count
             tracker.tracks.append(_begun(place, own, cov, count))
             continue
-        tracker.predict(dt, np.zeros(3), camera, p.obstacles)
+        tracker.predict(still, p.obstacles)
         track = tracker.tracks[0]
         noise = _measured_noise(deviations, count, thing, p)
         noise[:3, :3] += step_cov
@@ -184,7 +187,7 @@ def _point_deviations(camera: StereoCamera, depth: float, thing: Thing) -> Float
     return np.array([across, down, 1 / math.hypot(by_disparity, by_growth)])
 
 
-def _own_velocity(sums: MotionSums) -> tuple[Float64Array, Float64Array]:
+def _own_velocity(sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Array]:
     """(3,) m/s and (3, 3): of one point, as it seems, for part of what is remembered is rest."""
     information, vector = sums.velocity_information()
     cov = np.linalg.inv(information[0])
@@ -212,14 +215,14 @@ def _threshold(camera: StereoCamera, neighbours: float, p: Parameters) -> float:
 
 def _begun(place: Float64Array, velocity: Float64Array, cov: Float64Array, count: int) -> BodyTrack:
     """A track as the method begins it."""
-    motion = ObstacleMotion.begin(
+    motion = BodyFilter.begin(
         place,
         velocity,
         np.eye(3) * 1e-6,
         cov + np.eye(3) * _LEAST_VELOCITY_VARIANCE,
         _YAW_RATE_SIGMA,
     )
-    track = BodyTrack(id=-1, filter=motion, shape=ObstacleShape())
+    track = BodyTrack(id=-1, filter=motion, shape=BodyShape())
     track.points = count
     return track
 

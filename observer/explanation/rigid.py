@@ -20,12 +20,12 @@ from observer.explanation.answer import (
     radius_px,
 )
 from observer.explanation.texture import texture_around
-from observer.methods.rigid.point_evidence import Evidence
+from observer.methods.rigid.point_evidence import PointEvidence
 from observer.methods.rigid.tracked_points import NO_OBSTACLE
 from observer.parameters import Parameters
 from observer.types import Image
 from observer.vision.chi_square import log_share_above
-from observer.vision.track_ids import is_provisional
+from observer.vision.lifecycle import is_provisional
 
 # 99 of 100 standing points stay below this Mahalanobis length (chi, 3 degrees of freedom).
 _STANDING_LENGTH = 3.37
@@ -38,7 +38,7 @@ _FEWEST = "evidence.min_points"
 
 
 def explain_by_evidence(
-    evidence: Evidence,
+    evidence: PointEvidence,
     camera: StereoCamera,
     parameters: Parameters,
     px: tuple[float, float],
@@ -125,7 +125,7 @@ def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple
 
 
 def _numbers(
-    evidence: Evidence, speaker: int, middle: float, near: Nearby
+    evidence: PointEvidence, speaker: int, middle: float, near: Nearby
 ) -> dict[str, float | None]:
     judged = evidence.significance[speaker] > 0
     return near.numbers | {
@@ -140,13 +140,13 @@ def _numbers(
     }
 
 
-def _least_speed(evidence: Evidence, speaker: int) -> float:
+def _least_speed(evidence: PointEvidence, speaker: int) -> float:
     """m/s above which a motion would stand out here."""
     return float(evidence.threshold * evidence.velocity_std[speaker])
 
 
 def _judge(
-    evidence: Evidence, speaker: int, middle: float, moving: bool, parameters: Parameters
+    evidence: PointEvidence, speaker: int, middle: float, moving: bool, parameters: Parameters
 ) -> tuple[PixelVerdict, str, str]:
     threshold = evidence.threshold
     depth, age = float(evidence.depth[speaker]), float(evidence.age_s[speaker])
@@ -242,7 +242,7 @@ def _name(obstacle: int) -> str:
     return "an obstacle not confirmed yet" if is_provisional(obstacle) else f"obstacle {obstacle}"
 
 
-def _until_it_ends(evidence: Evidence, obstacle: int, parameters: Parameters) -> str:
+def _until_it_ends(evidence: PointEvidence, obstacle: int, parameters: Parameters) -> str:
     """What would end the obstacle that a feature is part of."""
     seen, now = int(np.count_nonzero(evidence.obstacle_id == obstacle)), parameters.obstacles
     _, most = limits("obstacles.min_points")

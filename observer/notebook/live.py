@@ -18,7 +18,7 @@ from observer.opening import OpenedSource
 from observer.parameters import Parameters
 from observer.sources.contract import NoFrame, SkippedFrame, SourceInfo
 from observer.truth.contract import TrueBody, Truth
-from observer.types import Image, Observation, Obstacle, StereoFrame
+from observer.types import FullTrace, Image, NoTrace, Observation, Obstacle, StereoFrame
 from observer.vision.rectification import Rectification
 
 
@@ -29,12 +29,18 @@ class Step:
     Attributes:
         frame: as the source gave it. observation: what was found.
         truth: true bodies at that instant, in the truth's own world; empty where none is known.
+        trace: every intermediate image and number by name (see ``observer.observer``); None where
+            it was not asked for.
     """
 
     frame: StereoFrame
     observation: Observation
     truth: tuple[TrueBody, ...]
+    trace: FullTrace | None
     _rectification: Rectification
+
+    def __repr__(self) -> str:
+        return f"<step: {self.observation!r}>"
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -82,6 +88,9 @@ class ObservedSource:
         self._rectification = Rectification(used)
         self._observer = Observer(used, parameters, mount=source.info.mount)
 
+    def __repr__(self) -> str:
+        return f"<observed source {self.info.spec}, {self.info.width}x{self.info.height}>"
+
     def __enter__(self) -> ObservedSource:
         return self
 
@@ -119,11 +128,12 @@ class ObservedSource:
     def __iter__(self) -> Iterator[Step]:
         return self.steps()
 
-    def steps(self, count: int | None = None) -> Iterator[Step]:
+    def steps(self, count: int | None = None, *, trace: bool = False) -> Iterator[Step]:
         """Observe on from where the source is.
 
         Args:
             count: of frames; None until the source ends, which live ones never do.
+            trace: also keep every intermediate image and number of each frame.
         """
         done = 0
         while count is None or done < count:
@@ -134,10 +144,11 @@ class ObservedSource:
                 self.skipped.append(frame)
             elif not isinstance(frame, NoFrame):
                 done += 1
-                observation = self._observer.observe(frame)
+                kept = FullTrace() if trace else None
+                observation = self._observer.observe(frame, NoTrace() if kept is None else kept)
                 truth = self._opened.truth
                 bodies = () if truth is None else truth.bodies(frame.time)
-                yield Step(frame, observation, bodies, self._rectification)
+                yield Step(frame, observation, bodies, kept, self._rectification)
 
     def close(self) -> None:
         """Release files and devices; safe to call twice."""

@@ -53,6 +53,9 @@ class Track:
     ranges: Float64Array
     coasting: NDArray[np.bool_]
 
+    def __repr__(self) -> str:
+        return f"<track {self.id} of segment {self.segment}, {len(self)} frames>"
+
     def __len__(self) -> int:
         return len(self.times)
 

@@ -1,10 +1,9 @@
-"""Watches from frame to frame whether the two cameras deliver what can be used."""
+"""Health of the images over time: what keeps a pair from being used, one sentence each."""
 
 from __future__ import annotations
 
 from observer.camera import StereoCamera
-from observer.methods.contract import Step, View
-from observer.parameters import Parameters
+from observer.parameters import StereoParameters
 from observer.vision.image_checks import (
     exposure_reason,
     frozen_reason,
@@ -12,6 +11,7 @@ from observer.vision.image_checks import (
     swapped_reason,
     vertical_error,
 )
+from observer.vision.view import StereoRows, View
 
 # One equal pair may be a repeated frame of a video.
 _FROZEN_FRAMES = 2
@@ -22,7 +22,7 @@ _POOR_STEREO = 0.35
 _SWAPPED_EVERY = 10
 
 
-class HealthWatch:
+class ImageHealth:
     """Gives one sentence for everything that is wrong with the images of a frame."""
 
     def __init__(self, camera: StereoCamera) -> None:
@@ -33,16 +33,24 @@ class HealthWatch:
         self._rows: str | None = None
         self._swapped: str | None = None
 
-    def look(self, view: View, step: Step | None, parameters: Parameters) -> tuple[str, ...]:
-        """What is wrong with this view.
+    def look(
+        self,
+        view: View,
+        parameters: StereoParameters,
+        stereo_share: float | None = None,
+        rows: StereoRows | None = None,
+    ) -> tuple[str, ...]:
+        """Return what is wrong with this view.
 
         Args:
-            step: what the method made of it; None for the first view of a segment.
+            stereo_share: share of its features whose depth is known; None where the method has
+                not matched it, as of the first view of a segment.
+            rows: its stereo matches, where there are any.
         """
         exposure = exposure_reason(view.left, view.right)
         frozen = self._look_frozen(view)
-        if exposure is None and step is not None:
-            self._look_at_stereo(view, step, parameters)
+        if exposure is None and stereo_share is not None:
+            self._look_at_stereo(view, parameters, stereo_share, rows)
         self._frames += 1
         return tuple(r for r in (exposure, frozen, self._swapped, self._rows) if r is not None)
 
@@ -54,13 +62,17 @@ class HealthWatch:
         self._frozen = 0 if reason is None else self._frozen + 1
         return reason if self._frozen >= _FROZEN_FRAMES else None
 
-    def _look_at_stereo(self, view: View, step: Step, parameters: Parameters) -> None:
-        if step.stereo_share >= _POOR_STEREO:
+    def _look_at_stereo(
+        self,
+        view: View,
+        parameters: StereoParameters,
+        stereo_share: float,
+        rows: StereoRows | None,
+    ) -> None:
+        if stereo_share >= _POOR_STEREO:
             self._swapped = None
         elif self._frames % _SWAPPED_EVERY == 0:
-            self._swapped = swapped_reason(
-                view.left, view.right, parameters.stereo.max_disparity_px
-            )
-        if step.rows is not None and self._frames % _ROWS_EVERY == 0:
-            error = vertical_error(step.rows.px, step.rows.offset_px, self._camera)
+            self._swapped = swapped_reason(view.left, view.right, parameters.max_disparity_px)
+        if rows is not None and self._frames % _ROWS_EVERY == 0:
+            error = vertical_error(rows.px, rows.offset_px, self._camera)
             self._rows = None if error is None else rectification_reason(error)

@@ -1,4 +1,4 @@
-"""Following points from t to t+dt in both cameras, each from where it is expected."""
+"""Pyramidal Lucas-Kanade tracking of points, from frame to frame and from left to right."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.parameters import FollowingParameters
+from observer.parameters import FlowParameters, FollowingParameters
 from observer.types import Image
 
 # OpenCV gives the smaller eigenvalue of the mean gradient matrix in 1/1024 (grey levels/px)^2.
 _EIGENVALUE_UNIT = 1024.0
-# Lucas-Kanade ends when it moves less than this, px, or after so many steps.
-_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.01)
+# Lucas-Kanade ends when it moves less than this, px, or after so many steps: few from where a
+# point is expected, OpenCV's own number from where it was.
+_CONVERGED_PX = 0.01
+_STEPS_FROM_EXPECTED, _STEPS = 15, 30
 # The first attempt, the checks, and the other camera's view of points whose depth is known, start
 # where the answer should be: a pyramid would only find what is somewhere else. What the first
 # attempt does not find is searched for over all levels.
@@ -46,7 +48,7 @@ class Sightings:
     sigma: NDArray[np.float32]
 
 
-def follow(
+def track_stereo_points(
     previous: tuple[Image, Image],
     current: tuple[Image, Image],
     px: NDArray[np.float32],
@@ -56,7 +58,7 @@ def follow(
     levels: int,
     parameters: FollowingParameters,
 ) -> Sightings:
-    """Follow points by Lucas-Kanade, back again, and around the circle of the four images.
+    """Track points by Lucas-Kanade, back again, and around the circle of the four images.
 
     A point is found if following it back returns to within ``back_check_px`` of its start and its
     surroundings have texture in every direction. Its match in the right image counts if the two
@@ -98,6 +100,43 @@ def follow(
     return Sightings(end, matched, found, noise)
 
 
+def track_points(
+    first: Image,
+    second: Image,
+    px: NDArray[np.float32],
+    parameters: FlowParameters,
+    *,
+    back_check: bool,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Track points from one image to another, each from where it was.
+
+    A point is refused where it is lost, leaves the image, has less than ``min_texture`` in any
+    direction (along a straight edge it would slide) or its surroundings differ by more than
+    ``max_error``; with ``back_check`` also where tracking it back does not return to within
+    ``back_check_px`` of the start.
+
+    Args:
+        first, second: (H, W) grey.
+        px: (N, 2) pixels in the first image.
+
+    Returns:
+        (N, 2) pixels in the second image, and (N,) which of them are good.
+    """
+    p = parameters
+    if p.match_brightness:
+        second = as_bright_as(first, second, ignore_black=True)
+    end, found, error = _lucas_kanade(
+        first, second, px, None, p.window_px, p.pyramid_levels, p.min_texture
+    )
+    good = found & (error <= p.max_error) & _inside(end, first, 0.0)
+    if back_check:
+        back, found, _ = _lucas_kanade(
+            second, first, end, None, p.window_px, p.pyramid_levels, p.min_texture
+        )
+        good &= found & (np.linalg.norm(back - px, axis=1) <= p.back_check_px)
+    return end, good
+
+
 def match_right(
     pair: tuple[Image, Image],
     px: NDArray[np.float32],
@@ -126,12 +165,16 @@ def match_right(
     return np.where(good[:, None], end, np.float32(np.nan)), difference
 
 
-def as_bright_as(first: Image, second: Image) -> Image:
-    """The second image (H, W), scaled to the brightness of the first.
+def as_bright_as(first: Image, second: Image, *, ignore_black: bool = False) -> Image:
+    """Return the second image (H, W), scaled to the brightness of the first.
 
     Lucas-Kanade compares grey levels, so that a light that flickers looks like motion to it.
+
+    Args:
+        ignore_black: compare only where the second image is not 0, as outside a warped image.
     """
-    before, after = cv2.mean(first)[0], cv2.mean(second)[0]
+    seen = np.not_equal(second, 0).view(np.uint8) if ignore_black else None
+    before, after = cv2.mean(first, seen)[0], cv2.mean(second, seen)[0]
     # Below a grey level the scaling would make the image worse by rounding.
     if min(before, after) < 1 or abs(after - before) < 1:
         return second
@@ -194,10 +237,26 @@ def _flow(
     *,
     want_texture: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:
+    """Track from where points are expected; see ``_lucas_kanade``."""
+    return _lucas_kanade(
+        first, second, px, start, parameters.window_px, levels, parameters.min_texture, want_texture
+    )
+
+
+def _lucas_kanade(
+    first: Image,
+    second: Image,
+    px: NDArray[np.float32],
+    start: NDArray[np.float32] | None,
+    window_px: int,
+    levels: int,
+    min_texture: float,
+    want_texture: bool = False,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:
     """Where points are, whether they were found, and how well they match or can be matched.
 
     Args:
-        px, start: (N, 2) in the first image, and about where in the second.
+        px, start: (N, 2) in the first image, and about where in the second; None: where they were.
 
     Returns:
         (N, 2) pixels; (N,); (N,) mean absolute difference, grey levels, or with ``want_texture``
@@ -205,18 +264,18 @@ def _flow(
     """
     if len(px) == 0:
         return px.copy(), np.zeros(0, np.bool_), np.zeros(0, np.float32)
-    side = parameters.window_px | 1
+    steps = _STEPS if start is None else _STEPS_FROM_EXPECTED
     end, status, error = cv2.calcOpticalFlowPyrLK(
         first,
         second,
         np.ascontiguousarray(px),
-        np.array(start, np.float32),
-        winSize=(side, side),
+        cast(Any, None if start is None else np.array(start, np.float32)),
+        winSize=(window_px | 1, window_px | 1),
         maxLevel=levels,
-        criteria=cast(Any, _CRITERIA),
-        flags=cv2.OPTFLOW_USE_INITIAL_FLOW
+        criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, steps, _CONVERGED_PX),
+        flags=(0 if start is None else cv2.OPTFLOW_USE_INITIAL_FLOW)
         | (cv2.OPTFLOW_LK_GET_MIN_EIGENVALS if want_texture else 0),
-        minEigThreshold=parameters.min_texture**2 / _EIGENVALUE_UNIT,
+        minEigThreshold=min_texture**2 / _EIGENVALUE_UNIT,
     )
     found = np.asarray(status, dtype=np.uint8)[:, 0] > 0
     # OpenCV leaves the quality of lost points as it found the memory.

@@ -1,7 +1,8 @@
-"""Whether the camera can have moved as its estimated motion says: implausible jumps."""
+"""Gate for the camera's estimated motion: implausible jumps are refused."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -95,6 +96,34 @@ class ImageReach:
             return None
         far = camera.fx * camera.baseline / float(np.median(known))
         return ImageReach(camera.fx, far, reach_px)
+
+
+class MotionGate:
+    """Remembers the motions that it accepted; a jump is refused and not remembered."""
+
+    def __init__(self) -> None:
+        self._recent: deque[CameraMotion] = deque(maxlen=RECENT_MOTIONS)
+
+    def refusal(
+        self,
+        time: float,
+        dt: float,
+        T_current_previous: Pose,
+        covariance: Float64Array | None,
+        reach: ImageReach | None,
+    ) -> str | None:
+        """Why this motion cannot be true, in one sentence, or None; then it is remembered.
+
+        Args:
+            time: of the later frame, seconds. dt: between the two, seconds.
+            covariance: (6, 6) of the motion (rad, m), None unknown.
+            reach: how far features could be followed; None where they were not followed.
+        """
+        motion = CameraMotion.from_pose(time, dt, T_current_previous, covariance)
+        reason = jump_reason(motion, tuple(self._recent), reach)
+        if reason is None:
+            self._recent.append(motion)
+        return reason
 
 
 def jump_reason(

@@ -6,8 +6,8 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.methods.rigid.position_velocity_filter import MotionSums
-from observer.methods.rigid.tracked_points import Points
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.types import Image
 
 LAB = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
@@ -99,7 +99,7 @@ def watched(
     dt: float = 1 / 15,
     memory_s: float = 0.5,
     step_std: Float64Array | None = None,
-) -> Points:
+) -> TrackedPoints:
     """Points (N, 3) with velocities (N, 3) m/s, seen in so many frames by a camera at rest.
 
     ``place`` is where they are in the last frame.
@@ -118,14 +118,16 @@ def watched(
         seen = belief.apply(noisy_place(camera, now, sigma_px, rng))
         information = place_information(camera, now, sigma_px)
         if sums is None:
-            sums = MotionSums.begin(seen, information)
+            sums = PositionVelocityFilter.begin(seen, information)
         else:
             sums = sums.advanced(dt, memory_s).with_sightings(seen, information)
     assert sums is not None
     px, disparity = camera.project(place)
     right = px - np.stack([disparity, np.zeros_like(disparity)], axis=1)
     count = len(place)
-    points = Points.begin(0, px.astype(np.float32), right.astype(np.float32), disparity, sums)
+    points = TrackedPoints.begin(
+        0, px.astype(np.float32), right.astype(np.float32), disparity, sums
+    )
     return points.but(
         sightings=np.full(count, frames, np.int64), age=np.full(count, (frames - 1) * dt)
     )

@@ -11,16 +11,18 @@ import pytest
 from observer.camera import StereoCalibration, StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.motion_filter import ObstacleMotion, yaw_matrix
-from observer.methods.rigid.bodies.shape import Box, ObstacleShape
+from observer.methods.rigid.bodies.filter import BodyFilter, yaw_matrix
+from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.methods.rigid.bodies.tracker import BodyTracker
-from observer.methods.rigid.motion_test import group_dynamic, pooled_motion
-from observer.methods.rigid.position_velocity_filter import MotionSums
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, Points
+from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.motion_test import pooled_motion
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
+from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 from observer.opening import open_source
 from observer.parameters import Parameters
 from observer.truth.contract import Truth
 from observer.types import StereoFrame
+from observer.vision.camera_rate import CameraRate
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 HERE = Pose.identity()
@@ -138,7 +140,7 @@ class Watched:
             {f"obstacles.{name}": value for name, value in obstacles.items()}
         )
         self.tracker = BodyTracker()
-        self.points = Points.none()
+        self.points = TrackedPoints.none()
         self.time = 0.0
         self._rng = np.random.default_rng(seed)
         self.owner = np.zeros(0, np.int64)
@@ -154,26 +156,13 @@ class Watched:
         """One frame more."""
         self.time += dt
         points, p = self._followed(dt), self.parameters
-        sighting, information = self._seen(points)
-        sums = points.sums.advanced(dt, p.evidence.memory_s)
-        points = points.but(sums=sums.with_sightings(sighting, information))
+        sightings = WorldSightings(*self._seen(points))
+        points = points.sighted(sightings, dt, p.evidence.memory_s)
         step_cov = np.diag([1e-14] * 3 + [1e-12] * 3)
-        motion = pooled_motion(points, HERE, step_cov, dt, CAMERA, p.evidence)
+        now = CameraStep(CAMERA, HERE, step_cov, CameraRate.still(), dt)
+        motion = pooled_motion(points, now, p.evidence)
         points = points.but(dynamic=motion.dynamic)
-        tracker, o, origin = self.tracker, p.obstacles, np.zeros(3)
-        tracker.predict(dt, origin, CAMERA, o)
-        points = tracker.update(points, sighting, information, HERE, step_cov, dt, o)
-        points = tracker.adopt(points, motion, o)
-        free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
-        groups = group_dynamic(motion, free, o.min_points)
-        radius = p.evidence.radius_px / CAMERA.fx
-
-        def radius_m(at: Float64Array) -> float:
-            return radius * float(np.linalg.norm(at))
-
-        points = tracker.found(points, groups, motion, radius_m, o)
-        points = tracker.live(points, origin, radius_m, dt, o)
-        self.points = points
+        self.points = self.tracker.step(points, sightings, motion, now, p)
         self._renew()
         return self.tracks
 
@@ -183,7 +172,7 @@ class Watched:
             self.step(dt)
         return self.tracks
 
-    def _followed(self, dt: float) -> Points:
+    def _followed(self, dt: float) -> TrackedPoints:
         shown = [body.shown(self.time) for body in self.bodies]
         keep = np.array(
             [shown[b][k] for b, k in zip(self.owner, self.which, strict=True)],
@@ -209,7 +198,7 @@ class Watched:
         noise = self._rng.normal(0, SIGMA_PX, (len(px), 3))
         return px + noise[:, :2], disparity + noise[:, 2]
 
-    def _seen(self, points: Points) -> tuple[Float64Array, Float64Array]:
+    def _seen(self, points: TrackedPoints) -> tuple[Float64Array, Float64Array]:
         J = CAMERA.projection_jacobian(self._truth()) / SIGMA_PX
         return CAMERA.triangulate(points.px, points.disparity), np.swapaxes(J, 1, 2) @ J
 
@@ -230,8 +219,8 @@ class Watched:
         px, disparity = self._measured()
         begun = self.points.none().but(px=px.astype(np.float32), disparity=disparity)
         place, information = self._seen(begun)
-        sums = MotionSums.begin(place, information)
-        begun = Points.begin(self._next, px.astype(np.float32), px, disparity, sums)
+        sums = PositionVelocityFilter.begin(place, information)
+        begun = TrackedPoints.begin(self._next, px.astype(np.float32), px, disparity, sums)
         self._next += len(px)
         self.points = self.points.joined(begun)
         self.owner = np.concatenate([kept[0], owner])
@@ -269,23 +258,25 @@ def make_track() -> Callable[..., BodyTrack]:
         sigma: float = 0.01,
     ) -> BodyTrack:
         cov = np.eye(3) * sigma**2
-        motion = ObstacleMotion.begin(
+        motion = BodyFilter.begin(
             np.asarray(position, float), np.asarray(velocity, float), cov, cov, sigma
         )
         motion.means[:, 6], motion.means[:, 7] = yaw, yaw_rate
         box = box or Box(np.zeros(3), np.array([0.4, 0.3, 0.6]), 0.0)
-        return BodyTrack(id=number, filter=motion, shape=ObstacleShape(), box=box)
+        return BodyTrack(id=number, filter=motion, shape=BodyShape(), box=box)
 
     return make
 
 
 @pytest.fixture(scope="session")
-def sightings_of() -> Callable[..., MotionSums]:
+def sightings_of() -> Callable[..., PositionVelocityFilter]:
     """Gives the sums of points that were seen at (T, N, 3) m, at times (T,), the last one now."""
 
-    def make(places: Float64Array, times: Sequence[float], sigma: float = 0.005) -> MotionSums:
+    def make(
+        places: Float64Array, times: Sequence[float], sigma: float = 0.005
+    ) -> PositionVelocityFilter:
         information = np.broadcast_to(np.eye(3) / sigma**2, (places.shape[1], 3, 3)).copy()
-        sums = MotionSums.begin(places[0], information)
+        sums = PositionVelocityFilter.begin(places[0], information)
         for before, now, at in zip(times[:-1], times[1:], places[1:], strict=True):
             sums = sums.advanced(now - before, 1e9).with_sightings(at, information)
         return sums

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.mount import CameraMount
 from observer.types import Odometry
 from observer.vision.wheel_odometry import driven_step
@@ -17,7 +17,7 @@ def test_down_is_where_the_floor_is() -> None:
     np.testing.assert_allclose(CameraMount(0.4, np.radians(30)).down, (0, np.sqrt(0.75), 0.5))
     mount = CameraMount(0.4, 0.1)
     np.testing.assert_allclose(mount.R_base_camera @ mount.down, (0, 0, -1), atol=1e-12)
-    assert Floor.below(mount).height_of(np.zeros(3)) == pytest.approx(0.4)
+    assert GroundPlane.below(mount).height_of(np.zeros(3)) == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize("tilt", [-0.4, 0.0, 0.3])

@@ -19,8 +19,8 @@ from app.server.runs.commands import CommandRefused, RunCommands
 from app.server.runs.row_charts import chart_of_rows
 from app.storage import RunRecord, Storage, StorageFull
 from app.storage.comparison import kept_comparison
-from app.versions import app_version
 from observer.recording.run_folder import RECORDING
+from observer.version import library_version
 
 ChartFormat = Literal["csv", "png", "svg", "pdf"]
 ExportFormat = Literal["zip", "csv", "parquet", "mp4", "ply", "ros2"]
@@ -172,7 +172,7 @@ def _content(made: MadeFile) -> bytes:
 def _key(run: RunRecord, recording: Path) -> str:
     """Another one whenever the chart may be another one."""
     stat = recording.stat()
-    facts = [app_version(), stat.st_size, stat.st_mtime_ns, run.alignment, run.truth_id]
+    facts = [library_version(), stat.st_size, stat.st_mtime_ns, run.alignment, run.truth_id]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
 
 

@@ -15,9 +15,9 @@ import numpy as np
 from observer.calibration.ageing.vergence_fit import SeenTwice, WayEquation, way_equation
 from observer.camera import StereoCamera
 from observer.geometry import Pose
-from observer.methods.contract import StereoRows
 from observer.mount import CameraMount
 from observer.types import Odometry
+from observer.vision.view import StereoRows
 from observer.vision.wheel_odometry import driven_step, driven_way
 
 # Metres between the two views of a pair, and radians: a longer way loses the points, a turn makes

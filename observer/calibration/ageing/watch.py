@@ -10,9 +10,9 @@ from observer.calibration.ageing.row_drift import RowDrift, RowDriftWatch
 from observer.calibration.ageing.scene_pairs import ScenePairs
 from observer.calibration.ageing.vergence import VergenceCheck, VergenceWatch
 from observer.camera import StereoCamera
-from observer.methods.contract import StereoRows
 from observer.mount import CameraMount
 from observer.types import Image, Observation, StereoFrame
+from observer.vision.view import StereoRows
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_contact import floor_place, lower_edge
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import OneCameraParameters
@@ -30,7 +30,7 @@ _LOWEST_PERCENT, _MARGIN_PX = 92.0, 3.0
 
 
 def off_floor(
-    points: RayPoints, T_world_camera: Pose, floor: Floor
+    points: RayPoints, T_world_camera: Pose, floor: GroundPlane
 ) -> tuple[NDArray[np.bool_], Float64Array]:
     """(N,) which points seem to stand clear of the floor, and (N,) their inverse distance now."""
     here = T_world_camera.translation
@@ -58,7 +58,7 @@ def floating(
     inverse: Float64Array,
     image: Image,
     T_world_camera: Pose,
-    floor: Floor,
+    floor: GroundPlane,
     camera: StereoCamera,
     p: OneCameraParameters,
 ) -> tuple[NDArray[np.int64], Float64Array]:

@@ -12,7 +12,7 @@ from observer.mount import CameraMount
 
 
 @dataclass(frozen=True, eq=False)
-class Floor:
+class GroundPlane:
     """The plane ``down . X = depth``; its own axes are ``right`` and ``ahead``.
 
     Attributes:
@@ -23,9 +23,9 @@ class Floor:
     depth: float
 
     @staticmethod
-    def below(mount: CameraMount) -> Floor:
+    def below(mount: CameraMount) -> GroundPlane:
         """The floor below the camera of a segment's first frame."""
-        return Floor(mount.down, mount.height_m)
+        return GroundPlane(mount.down, mount.height_m)
 
     @property
     def axes(self) -> Float64Array:

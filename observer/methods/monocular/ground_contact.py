@@ -6,7 +6,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.types import Image
 
 # Of the box: the middle part of its width that is looked at, and how far above and below its
@@ -50,7 +50,7 @@ def floor_place(
     px: tuple[float, float],
     sigma_px: tuple[float, float],
     T_world_camera: Pose,
-    floor: Floor,
+    floor: GroundPlane,
     camera: StereoCamera,
 ) -> tuple[Float64Array, Float64Array] | None:
     """Where on the floor a pixel lies: (2,) metres in the floor's axes, and covariance (2, 2).
@@ -73,7 +73,7 @@ def floor_place(
 def shared_covariance(
     place: Float64Array,
     T_world_camera: Pose,
-    floor: Floor,
+    floor: GroundPlane,
     height_sigma: float,
     tilt_sigma: float,
 ) -> Float64Array:
@@ -94,7 +94,7 @@ def shared_velocity_covariance(
     place: Float64Array,
     velocity: Float64Array,
     T_world_camera: Pose,
-    floor: Floor,
+    floor: GroundPlane,
     height_sigma: float,
     tilt_sigma: float,
 ) -> Float64Array:
@@ -114,7 +114,7 @@ def shared_velocity_covariance(
 
 
 def _reach(
-    place: Float64Array, T_world_camera: Pose, floor: Floor
+    place: Float64Array, T_world_camera: Pose, floor: GroundPlane
 ) -> tuple[Float64Array, float, float]:
     gap = place - floor.axes.T @ T_world_camera.translation
     height = max(float(floor.height_of(T_world_camera.translation)), 1e-3)

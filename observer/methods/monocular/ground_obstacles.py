@@ -9,12 +9,12 @@ import numpy as np
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.floating import alike_in_depth, floating, off_floor
-from observer.methods.monocular.ground import Floor
-from observer.methods.monocular.ground_tracking import FloorTracker
+from observer.methods.monocular.ground import GroundPlane
+from observer.methods.monocular.ground_tracking import GroundTracker
 from observer.methods.monocular.inverse_depth import expected_sightings
 from observer.methods.monocular.ray_evidence import RayEvidence
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
-from observer.methods.monocular.reporting import describe_floor_body
+from observer.methods.monocular.reporting import describe_ground_track
 from observer.parameters import Parameters
 from observer.types import Image, Obstacle
 from observer.vision.lost_pose import while_lost
@@ -24,18 +24,15 @@ from observer.vision.neighbourhoods import grouped
 _LEAST_FLOATING = 4
 
 
-class FloorObstacles:
+class GroundObstacles:
     """What moves over the floor; without a known floor there is nothing to place it on."""
 
-    def __init__(self, camera: StereoCamera, numbers: Iterator[int] | None) -> None:
+    def __init__(
+        self, camera: StereoCamera, ground: GroundPlane | None, numbers: Iterator[int] | None
+    ) -> None:
         self._camera = camera
-        self._tracker = FloorTracker(numbers)
-        self._floor: Floor | None = None
-
-    def begin(self, floor: Floor | None) -> None:
-        """Forget all obstacles; this is the floor from now on."""
-        self._tracker.clear()
-        self._floor = floor
+        self._ground = ground
+        self._tracker = GroundTracker(numbers)
 
     def boxes_px(self) -> Float64Array:
         """(B, 4) pixels, around all obstacles that are seen."""
@@ -56,7 +53,7 @@ class FloorObstacles:
         Args:
             image: (H, W) grey. T_world_camera: the pose now; T_before_world: of the frame before.
         """
-        floor, tracker, q = self._floor, self._tracker, p.one_camera
+        floor, tracker, q = self._ground, self._tracker, p.one_camera
         if floor is None:
             return points
         now = expected_sightings(points, T_world_camera.inverse(), self._camera).px
@@ -91,12 +88,18 @@ class FloorObstacles:
         time: float,
         p: Parameters,
     ) -> tuple[Obstacle, ...]:
-        """All obstacles as they are reported; see ``describe_floor_body``."""
-        if self._floor is None:
+        """All obstacles as they are reported; see ``describe_ground_track``."""
+        if self._ground is None:
             return ()
         return tuple(
-            describe_floor_body(
-                track, T_world_camera, camera_velocity, scale_sigma, self._floor, time, p.one_camera
+            describe_ground_track(
+                track,
+                T_world_camera,
+                camera_velocity,
+                scale_sigma,
+                self._ground,
+                time,
+                p.one_camera,
             )
             for track in self._tracker.tracks
         )

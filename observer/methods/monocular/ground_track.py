@@ -11,7 +11,7 @@ from observer.types import MotionState, TrackState
 
 
 @dataclass(eq=False)
-class FloorTrack:
+class GroundTrack:
     """An obstacle that stands and drives on the floor.
 
     Attributes:

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_contact import floor_place, lower_edge
-from observer.methods.monocular.ground_track import FloorTrack
+from observer.methods.monocular.ground_track import GroundTrack
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import ObstacleParameters, OneCameraParameters
 from observer.types import Image, MotionState, TrackState
-from observer.vision.track_ids import ObstacleNumbers
+from observer.vision.lifecycle import TrackIds, expired, next_state
 
 Box = tuple[float, float, float, float]
 
@@ -35,19 +35,21 @@ _MARGIN_PX = 3.0
 _LOWEST_PERCENT = 92.0
 # What is nearer than this share of its size, and moves alike in the image, is one obstacle.
 _GAP_SHARE, _ALIKE_PX = 0.5, 0.8
+# Seconds: a tentative track that was not seen for so long, or is not confirmed so long after it
+# began, was none.
+_TENTATIVE_COAST_S = 0.3
+_PATIENCE_S = 3.0
+# An obstacle farther away than this share of the farthest distance ends.
+_OUT_OF_REACH = 1.3
 
 
-class FloorTracker:
+class GroundTracker:
     """The obstacles of one segment."""
 
     def __init__(self, numbers: Iterator[int] | None = None) -> None:
         """``numbers`` gives each confirmed obstacle its own; from 1 if left out."""
-        self._numbers = ObstacleNumbers(numbers)
-        self.tracks: list[FloorTrack] = []
-
-    def clear(self) -> None:
-        """Forget all obstacles; their numbers are not used again."""
-        self.tracks = []
+        self._numbers = TrackIds(numbers)
+        self.tracks: list[GroundTrack] = []
 
     def boxes_px(self) -> Float64Array:
         """(B, 4) pixels, around all obstacles that are seen."""
@@ -62,7 +64,7 @@ class FloorTracker:
         standing_flow: Float64Array,
         image: Image,
         T_world_camera: Pose,
-        floor: Floor,
+        floor: GroundPlane,
         camera: StereoCamera,
         dt: float,
         p: OneCameraParameters,
@@ -113,7 +115,7 @@ class FloorTracker:
         floating: bool,
         image: Image,
         T_world_camera: Pose,
-        floor: Floor,
+        floor: GroundPlane,
         camera: StereoCamera,
         p: OneCameraParameters,
     ) -> RayPoints:
@@ -140,7 +142,7 @@ class FloorTracker:
                 full = np.zeros((4, 4))
                 full[:2, :2], full[2:, 2:] = cov, _FIRST_SPEED**2 * np.eye(2)
                 strongest = float(np.median(significance[members]))
-                track = FloorTrack(
+                track = GroundTrack(
                     self._numbers.provisional(), np.append(place, [0.0, 0.0]), full, box,
                     np.zeros(2), strongest, floating,
                 )  # fmt: skip
@@ -155,7 +157,7 @@ class FloorTracker:
         return points.but(obstacle=owner)
 
     def merge(
-        self, points: RayPoints, T_world_camera: Pose, floor: Floor, camera: StereoCamera
+        self, points: RayPoints, T_world_camera: Pose, floor: GroundPlane, camera: StereoCamera
     ) -> RayPoints:
         """Make one obstacle of those that touch in the image and move alike there."""
         owner = points.obstacle.copy()
@@ -184,12 +186,14 @@ class FloorTracker:
         """End what was not seen for too long, never was confirmed, or left the floor in reach."""
         ended = []
         for track in self.tracks:
-            if track.missed_s > 0 and track.state is TrackState.CONFIRMED:
-                track.state = TrackState.COASTING
-            patience = q.coast_s if track.state is not TrackState.TENTATIVE else 0.3
-            far = float(np.linalg.norm(track.place - here)) > 1.3 * reach
-            never = track.state is TrackState.TENTATIVE and track.age_s > 3.0
-            if track.missed_s > patience or far or never:
+            if track.missed_s > 0:
+                track.state = next_state(track.state, seen=False, confirmed=False)
+            far = float(np.linalg.norm(track.place - here)) > _OUT_OF_REACH * reach
+            never = track.state is TrackState.TENTATIVE and track.age_s > _PATIENCE_S
+            over = expired(
+                track.state, track.missed_s, coast=q.coast_s, patience=_TENTATIVE_COAST_S
+            )
+            if over or far or never:
                 ended.append(track.id)
         if not ended:
             return points
@@ -197,7 +201,7 @@ class FloorTracker:
         gone = np.isin(points.obstacle, ended)
         return points.but(obstacle=np.where(gone, NO_OBSTACLE, points.obstacle))
 
-    def _expected_at(self, place: Float64Array, cov: Float64Array, box: Box) -> FloorTrack | None:
+    def _expected_at(self, place: Float64Array, cov: Float64Array, box: Box) -> GroundTrack | None:
         best, least = None, _GATE
         for track in self.tracks:
             if track.missed_s == 0 and _overlap(box, track.box_px) > 0.3:
@@ -208,7 +212,7 @@ class FloorTracker:
         return best
 
     def _measure(
-        self, track: FloorTrack, T_world_camera: Pose, floor: Floor, camera: StereoCamera,
+        self, track: GroundTrack, T_world_camera: Pose, floor: GroundPlane, camera: StereoCamera,
         p: OneCameraParameters,
     ) -> None:  # fmt: skip
         u0, _, u1, v1 = track.box_px
@@ -223,7 +227,7 @@ class FloorTracker:
         track.size = size if not track.size.any() else track.size + 0.1 * (size - track.size)
 
     def _judge(
-        self, track: FloorTrack, share: float, p: OneCameraParameters, q: ObstacleParameters
+        self, track: GroundTrack, share: float, p: OneCameraParameters, q: ObstacleParameters
     ) -> None:
         cov = track.covariance[2:, 2:]
         track.significance = float(np.sqrt(track.velocity @ np.linalg.solve(cov, track.velocity)))
@@ -232,21 +236,18 @@ class FloorTracker:
         supported = share > 0.5 and track.significance > _SUPPORT_SIGMAS
         if speed > q.stopped_below_mps and (clear or supported):
             track.hits += 1
-        if track.state is TrackState.COASTING:
-            track.state = TrackState.CONFIRMED
-        if track.state is TrackState.TENTATIVE and track.hits >= q.confirm_hits:
-            track.state = TrackState.CONFIRMED
+        track.state = next_state(track.state, seen=True, confirmed=track.hits >= q.confirm_hits)
         track.motion = MotionState.MOVING
         if speed < q.stopped_below_mps:
             track.motion = MotionState.STOPPED
 
 
 def _shift(
-    track: FloorTrack,
+    track: GroundTrack,
     before: Box,
     after: Box,
     T_world_camera: Pose,
-    floor: Floor,
+    floor: GroundPlane,
     camera: StereoCamera,
 ) -> None:
     """Move an obstacle's place, not its velocity, as the foot of its box was corrected."""
@@ -329,7 +330,7 @@ def _widened(box: Box, px: NDArray[np.float32]) -> Box:
 
 
 def _size(
-    box: Box, place: Float64Array, T_world_camera: Pose, floor: Floor, camera: StereoCamera
+    box: Box, place: Float64Array, T_world_camera: Pose, floor: GroundPlane, camera: StereoCamera
 ) -> Float64Array:
     """(2,) metres: width and height of a box whose foot is at a place (2,) on the floor."""
     foot = floor.axes @ place + floor.depth * floor.down
@@ -337,7 +338,9 @@ def _size(
     return np.array([(box[2] - box[0]) * depth / camera.fx, (box[3] - box[1]) * depth / camera.fy])
 
 
-def _projected(track: FloorTrack, T_world_camera: Pose, floor: Floor, camera: StereoCamera) -> Box:
+def _projected(
+    track: GroundTrack, T_world_camera: Pose, floor: GroundPlane, camera: StereoCamera
+) -> Box:
     """The box of an obstacle that is not seen, where it should be by now."""
     foot = T_world_camera.inverse().apply(floor.axes @ track.place + floor.depth * floor.down)
     if foot[2] <= 0.1:

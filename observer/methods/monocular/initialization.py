@@ -27,7 +27,7 @@ _LEAST_SLOPE = 0.06
 
 
 @dataclass(frozen=True, eq=False)
-class Beginning:
+class Initialization:
     """What two views tell, in metres.
 
     Attributes:
@@ -40,7 +40,7 @@ class Beginning:
     scale_sigma: float
 
 
-def begin_by_two_views(
+def initialize_from_two_views(
     points: RayPoints,
     first: Float64Array,
     now: Float64Array,
@@ -48,7 +48,7 @@ def begin_by_two_views(
     mount: CameraMount | None,
     p: OneCameraParameters,
     camera: StereoCamera,
-) -> Beginning | str | None:
+) -> Initialization | str | None:
     """The motion since the first view; None if not far enough, or why there is no scale.
 
     Args:
@@ -79,7 +79,7 @@ def begin_by_two_views(
     metres = float(np.exp(log_scale))
     good = inverse > noise
     T = views.T_second_first
-    return Beginning(
+    return Initialization(
         Pose(T.rotation, metres * T.translation),
         agreeing.take(good).but(
             inverse=inverse[good] / metres, variance=(noise[good] / metres) ** 2

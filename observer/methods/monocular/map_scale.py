@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from observer.geometry import Pose
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.rays import RayPoints
 from observer.methods.monocular.scale import Scale, floor_scale, odometry_scale
 from observer.mount import CameraMount
@@ -24,7 +24,7 @@ class MapScale:
     def __init__(
         self,
         sigma: float,
-        support: tuple[CameraMount, Floor] | None,
+        support: tuple[CameraMount, GroundPlane] | None,
         T_camera_world: Pose,
         odometry: Odometry | None,
     ) -> None:

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.methods.contract import StageTimer, Step, View
-from observer.methods.monocular.ground import Floor
-from observer.methods.monocular.ground_obstacles import FloorObstacles
-from observer.methods.monocular.initialization import Beginning, begin_by_two_views
+from observer.methods.contract import StageTimer, Step
+from observer.methods.monocular.ground import GroundPlane
+from observer.methods.monocular.ground_obstacles import GroundObstacles
+from observer.methods.monocular.initialization import Initialization, initialize_from_two_views
 from observer.methods.monocular.inverse_depth import (
     anchored_anew,
     expected_sightings,
@@ -30,13 +30,19 @@ from observer.methods.monocular.pose import PoseEstimate, estimate_pose
 from observer.methods.monocular.ray_evidence import RayEvidence
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.methods.monocular.two_views import turned_between
-from observer.methods.rigid.ego_motion import RigidEgoMotion
 from observer.mount import CameraMount
 from observer.parameters import Parameters
 from observer.types import Matches, Status, Trace
-from observer.vision.keypoint_choice import chosen_points
-from observer.vision.keypoint_grid import attention, crowding, squares, thinned
-from observer.vision.klt_tracking import as_bright_as, follow
+from observer.vision.keypoints import (
+    attention,
+    density_weights,
+    grid_cells,
+    new_keypoints,
+    one_per_cell,
+)
+from observer.vision.klt_tracking import as_bright_as, track_stereo_points
+from observer.vision.rigid_ego_motion import RigidEgoMotion
+from observer.vision.view import View
 from observer.vision.wheel_odometry import driven_step, driven_way
 
 # Pyramid levels while nothing is known of the camera's motion, and once it is.
@@ -68,7 +74,7 @@ ONLY_TURNED = "the camera has only turned: depth from one camera needs it to tra
 NOT_TRAVELLED = "the camera has not travelled far enough yet: depth from one camera needs it"
 
 
-class OneCameraMethod:
+class MonocularMethod:
     """Holds the followed points, the obstacles, the pose and the scale of one segment.
 
     See ``observer.methods.contract.Method``.
@@ -77,20 +83,20 @@ class OneCameraMethod:
     def __init__(
         self,
         camera: StereoCamera,
+        view: View,
+        parameters: Parameters,
         numbers: Iterator[int] | None = None,
         mount: CameraMount | None = None,
     ) -> None:
-        self._camera = camera
-        self._rig = mount
-        self._points = RayPoints.none()
-        self._view: View | None = None
-        self._obstacles = FloorObstacles(camera, numbers)
+        """``view`` is the first of a new world; ``numbers`` gives each confirmed track its own.
 
-    def begin(self, view: View, parameters: Parameters) -> None:
-        """Forget everything; this view is the first of a new world."""
-        self._mount = _mount_in_force(self._rig, parameters)
-        self._floor = None if self._mount is None else Floor.below(self._mount)
-        self._obstacles.begin(self._floor)
+        Args:
+            mount: how the camera stands on its robot; None where only the parameters can tell.
+        """
+        self._camera = camera
+        self._mount = _mount_in_force(mount, parameters)
+        self._ground = None if self._mount is None else GroundPlane.below(self._mount)
+        self._obstacles = GroundObstacles(camera, self._ground, numbers)
         self._points = RayPoints.none()
         self._T_camera_world = Pose.identity()
         self._rate: tuple[Float64Array, Float64Array] | None = None
@@ -106,7 +112,6 @@ class OneCameraMethod:
     def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
         """Compare this view with the last one whose pose is known."""
         previous, before, p = self._view, self._points, parameters
-        assert previous is not None
         dt = view.time - previous.time
         with timer("following"):
             T_expected, prior = self._expectation(previous, view, dt)
@@ -153,11 +158,11 @@ class OneCameraMethod:
         return Step(ego, T_world_camera, obstacles, 1.0, None)
 
     @property
-    def _support(self) -> tuple[CameraMount, Floor] | None:
+    def _support(self) -> tuple[CameraMount, GroundPlane] | None:
         """What keeps the camera at its height, where both are known."""
-        if self._mount is None or self._floor is None:
+        if self._mount is None or self._ground is None:
             return None
-        return self._mount, self._floor
+        return self._mount, self._ground
 
     # ------------------------------------------------------------------ following
 
@@ -190,7 +195,7 @@ class OneCameraMethod:
         before = as_bright_as(view.left, previous.left)
         nothing = np.full((len(points), 2), np.nan, np.float32)
         levels = _FIRST_LEVELS if self._rate is None else _LEVELS
-        seen = follow(
+        seen = track_stereo_points(
             (before, before), (view.left, view.left), points.px, nothing, start, nothing[:, 0],
             levels, p.following,
         )  # fmt: skip
@@ -238,10 +243,10 @@ class OneCameraMethod:
         R, parallax = turned_between(first, now)
         self._view, self._points = view, points
         if np.degrees(np.median(parallax)) >= p.one_camera.parallax_deg:
-            beginning = begin_by_two_views(
+            beginning = initialize_from_two_views(
                 points, first, now, driven, self._mount, p.one_camera, self._camera
             )
-            if isinstance(beginning, Beginning):
+            if isinstance(beginning, Initialization):
                 self._begin_at(beginning, view, p)
                 return None
             if beginning is not None:
@@ -256,7 +261,7 @@ class OneCameraMethod:
             return ONLY_TURNED
         return NOT_TRAVELLED
 
-    def _begin_at(self, beginning: Beginning, view: View, p: Parameters) -> None:
+    def _begin_at(self, beginning: Initialization, view: View, p: Parameters) -> None:
         self._T_camera_world = beginning.T_now_first @ self._T_camera_world
         self._scale = MapScale(
             beginning.scale_sigma, self._support, self._T_camera_world, view.odometry
@@ -275,9 +280,15 @@ class OneCameraMethod:
             # Rather too many obstacles among the background than an obstacle taken for it.
             standing = np.ones(len(points), np.bool_)
         return estimate_pose(
-            points, standing, crowding(points.px, p.following), T_expected, prior, self._support,
-            p.ego_motion.shared_error, self._camera,
-        )  # fmt: skip
+            points,
+            standing,
+            density_weights(points.px, p.following),
+            T_expected,
+            prior,
+            self._support,
+            p.ego_motion.shared_error,
+            self._camera,
+        )
 
     def _ego_motion(
         self, points: RayPoints, estimate: PoseEstimate, p: Parameters
@@ -313,7 +324,7 @@ class OneCameraMethod:
         p: Parameters,
     ) -> RayEvidence:  # fmt: skip
         return ray_evidence(
-            points, T_camera_world, estimate.covariance, dt, self._noise, self._floor,
+            points, T_camera_world, estimate.covariance, dt, self._noise, self._ground,
             float(np.radians(p.one_camera.tilt_sigma_deg)), self._camera, p.evidence,
         )  # fmt: skip
 
@@ -331,15 +342,15 @@ class OneCameraMethod:
         moving = points.moving | (points.obstacle != NO_OBSTACLE)
         size = (self._camera.width, self._camera.height)
         marked = attention(size, self._obstacles.boxes_px(), points.px[moving], p.following)
-        square = squares(points.px, marked, p.following)
-        kept = thinned(square, points.sightings)
-        px = chosen_points(view.left, square[kept], marked, p)
+        square = grid_cells(points.px, marked, p.following)
+        kept = one_per_cell(square, points.sightings)
+        px = new_keypoints(view.left, square[kept], marked, p)
         T_world_camera = self._T_camera_world.inverse()
         ray = lines_of_sight(px, T_world_camera, self._camera)
         height, least = _SOME_HEIGHT_M, np.zeros(len(px))
-        if self._floor is not None:
-            height = self._floor.depth
-            bound = self._floor.inverse_distance(T_world_camera.translation, ray)
+        if self._ground is not None:
+            height = self._ground.depth
+            bound = self._ground.inverse_distance(T_world_camera.translation, ray)
             least = np.maximum(bound, 0.0)
         self._points = points.take(kept).joined(
             RayPoints.begin(

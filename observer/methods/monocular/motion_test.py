@@ -14,7 +14,7 @@ from scipy.special import ndtri
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import expected_sightings, inverse_2x2
 from observer.methods.monocular.ray_evidence import RayEvidence
 from observer.methods.monocular.rays import RayPoints
@@ -41,7 +41,7 @@ def ray_evidence(
     step_covariance: Float64Array,
     dt: float,
     noise_scale: float,
-    floor: Floor | None,
+    floor: GroundPlane | None,
     tilt_sigma: float,
     camera: StereoCamera,
     parameters: EvidenceParameters,
@@ -103,7 +103,7 @@ def _below_floor(
     weighted: Float64Array,
     inflation: Float64Array,
     tilt_sigma: float,
-    floor: Floor | None,
+    floor: GroundPlane | None,
     ready: NDArray[np.bool_],
 ) -> Float64Array:
     """(N,) standard deviations by which points lie beyond the floor, or beyond infinity."""

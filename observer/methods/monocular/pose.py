@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, cross_matrix
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import expected_sightings, inverse_2x2, sighting_noise
 from observer.methods.monocular.rays import RayPoints
 from observer.mount import CameraMount
@@ -51,7 +51,7 @@ def estimate_pose(
     weight: Float64Array,
     T_expected: Pose,
     prior: Float64Array,
-    support: tuple[CameraMount, Floor] | None,
+    support: tuple[CameraMount, GroundPlane] | None,
     shared_error: float,
     camera: StereoCamera,
 ) -> PoseEstimate:
@@ -115,7 +115,7 @@ def _moved(pose: Pose, step: Float64Array) -> Pose:
 
 
 def _on_the_floor(
-    pose: Pose, mount: CameraMount, floor: Floor
+    pose: Pose, mount: CameraMount, floor: GroundPlane
 ) -> tuple[Float64Array, Float64Array]:
     """Information (6, 6) and its vector (6,) of standing at the mount's height and tilt."""
     A, b = np.zeros((6, 6)), np.zeros(6)

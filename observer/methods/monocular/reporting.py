@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_contact import shared_covariance, shared_velocity_covariance
-from observer.methods.monocular.ground_track import FloorTrack
+from observer.methods.monocular.ground_track import GroundTrack
 from observer.parameters import OneCameraParameters
 from observer.types import Obstacle, TrackState
 from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
@@ -16,12 +16,12 @@ from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
 _DEPTH_SHARE, _DEPTH_SIGMA = 1.0, 0.3
 
 
-def describe_floor_body(
-    track: FloorTrack,
+def describe_ground_track(
+    track: GroundTrack,
     T_world_camera: Pose,
     camera_velocity: Float64Array,
     scale_sigma: float,
-    floor: Floor,
+    floor: GroundPlane,
     time: float,
     p: OneCameraParameters,
 ) -> Obstacle:
@@ -82,7 +82,7 @@ def describe_floor_body(
     )
 
 
-def _why(track: FloorTrack, speed: float) -> str:
+def _why(track: GroundTrack, speed: float) -> str:
     seen = (
         "its distance by travel contradicts where it touches the floor"
         if track.floating

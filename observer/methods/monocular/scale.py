@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 
 # Points less than this far below the horizon say little of the height (sine of the angle).
@@ -86,7 +86,7 @@ def scale_by_floor(
 
 
 def floor_scale(
-    points: RayPoints, T_world_camera: Pose, floor: Floor, height: float, scale: Scale
+    points: RayPoints, T_world_camera: Pose, floor: GroundPlane, height: float, scale: Scale
 ) -> tuple[float, float] | None:
     """The same by points whose depth is known, as the map stands now."""
     slope = points.ray @ floor.down

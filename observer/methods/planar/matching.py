@@ -11,7 +11,7 @@ from scipy.spatial.distance import cdist
 
 from observer.parameters import FlowParameters, MatchingParameters
 from observer.types import Features, Image, Matches
-from observer.vision.lucas_kanade import follow_points
+from observer.vision.klt_tracking import track_points
 from observer.vision.surf import surf_descriptors
 
 _Values = NDArray[np.integer[Any] | np.floating[Any]]
@@ -77,7 +77,7 @@ def track_features(
         flow: window, pyramid and limits of Lucas-Kanade.
     """
     start = previous.px
-    end, kept = follow_points(
+    end, kept = track_points(
         previous_image, current_image, start, flow, back_check=parameters.cross_check
     )
     shift = parameters.max_shift * previous_image.shape[1]

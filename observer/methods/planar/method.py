@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.methods.contract import StageTimer, Step, View
+from observer.methods.contract import StageTimer, Step
 from observer.methods.planar.clustering import detect_obstacles
 from observer.methods.planar.ego_motion import (
     PlanarEgoMotion,
@@ -42,9 +42,9 @@ from observer.types import (
     Trace,
 )
 from observer.vision.features import detect_features
-from observer.vision.motion_gate import ImageReach
-from observer.vision.plausibility import PlausibleMotions
+from observer.vision.motion_gate import ImageReach, MotionGate
 from observer.vision.stereo import disparity_around, disparity_map, sample_disparity
+from observer.vision.view import View
 
 # As far back as ``frames.interval`` can reach.
 _HISTORY = 10
@@ -61,19 +61,14 @@ class _Seen:
 class PlanarMethod:
     """Steps 2 to 9 of the paper (see ``observer.methods.contract.Method``)."""
 
-    def __init__(self, camera: StereoCamera, numbers: Iterator[int]) -> None:
+    def __init__(
+        self, camera: StereoCamera, view: View, numbers: Iterator[int] | None = None
+    ) -> None:
+        """``view`` is the first of a new world; ``numbers`` gives each confirmed track its own."""
         self._camera = camera
         self._tracker = Tracker(numbers)
-        self._history: deque[_Seen] = deque(maxlen=_HISTORY)
-        self._plausible = PlausibleMotions()
-
-    def begin(self, view: View, parameters: Parameters) -> None:
-        """Forget everything; this view is the first of a new world."""
-        del parameters
-        self._tracker.clear()
-        self._plausible.clear()
-        self._history.clear()
-        self._history.append(_Seen(view, Pose.identity()))
+        self._history = deque([_Seen(view, Pose.identity())], maxlen=_HISTORY)
+        self._gate = MotionGate()
 
     def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
         """Compare this view with the one ``frames.interval`` before it."""
@@ -89,7 +84,7 @@ class PlanarMethod:
             of_matches = sample_disparity(disparity, matches.previous)
         with timer("ego_motion"):
             ego = estimate_ego_motion(matches, of_matches, camera, p.ego_motion, view.index)
-            ego = self._plausible_one(ego, view, dt, of_matches, p)
+            ego = self._gated(ego, view, dt, of_matches, p)
         _keep_background(trace, previous, features, matches, disparity, ego)
         detections: tuple[Detection, ...] = ()
         if ego.homography is not None:
@@ -113,7 +108,7 @@ class PlanarMethod:
         share = float(np.isfinite(of_matches).mean()) if len(of_matches) else 0.0
         return Step(ego, T_world_camera, obstacles, share, rows=None)
 
-    def _plausible_one(
+    def _gated(
         self, ego: PlanarEgoMotion, view: View, dt: float, disparity: Float64Array, p: Parameters
     ) -> PlanarEgoMotion:
         """The same motion, or a lost one where it contradicts those before."""
@@ -123,7 +118,7 @@ class PlanarMethod:
         if p.matching.method == "klt":
             follows = p.flow.window_px / 2 * 2**p.flow.pyramid_levels
             reach = ImageReach.of(self._camera, disparity, follows)
-        reason = self._plausible.refusal(
+        reason = self._gate.refusal(
             view.time, dt, ego.T_current_previous, ego.pose_covariance, reach
         )
         return ego if reason is None else ego.refused(reason)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer.parameters import FlowParameters
 from observer.types import Image, ResidualFlow
-from observer.vision.lucas_kanade import follow_points
+from observer.vision.klt_tracking import track_points
 
 
 def residual_flow(
@@ -36,7 +36,7 @@ def residual_flow(
         dtype=np.bool_,
     )
     start = px[_at(usable, px)]
-    end, kept = follow_points(previous, transformed, start, parameters, back_check=True)
+    end, kept = track_points(previous, transformed, start, parameters, back_check=True)
     kept &= _at(usable, end)
     start, end = start[kept], end[kept]
     dynamic = np.linalg.norm(end - start, axis=1) > parameters.residual_threshold_px

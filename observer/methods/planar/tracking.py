@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 from observer.geometry import Float64Array, Pose
 from observer.parameters import TrackingParameters
 from observer.types import Detection, Track, TrackState
-from observer.vision.track_ids import ObstacleNumbers
+from observer.vision.lifecycle import TrackIds, expired, next_state
 
 # A track that was never confirmed ends after this many frames without a detection.
 _TENTATIVE_MISSES = 1
@@ -31,15 +31,10 @@ class Tracker:
 
     def __init__(self, numbers: Iterator[int] | None = None) -> None:
         """``numbers`` gives each confirmed track its own; from 1 if left out."""
-        self._numbers = ObstacleNumbers(numbers)
+        self._numbers = TrackIds(numbers)
         self._tracks: list[Track] = []
         self._expected_velocity: dict[int, Float64Array] = {}
         self._time = 0.0
-
-    def clear(self) -> None:
-        """End all tracks; their numbers are not used again."""
-        self._tracks = []
-        self._expected_velocity = {}
 
     def update(
         self,
@@ -76,7 +71,7 @@ class Tracker:
             for detection in detections
             if id(detection) not in taken
         ]
-        self._tracks = [t for t in tracks if t.missed <= _patience(t, parameters)]
+        self._tracks = [t for t in tracks if not _is_over(t, parameters)]
         living = {t.id for t in self._tracks}
         self._expected_velocity = {
             number: v for number, v in self._expected_velocity.items() if number in living
@@ -105,9 +100,10 @@ class Tracker:
         self, detection: Detection, T_track_camera: Pose, parameters: TrackingParameters
     ) -> Track:
         velocity = T_track_camera.rotate(detection.velocity)
+        state = _seen_again(TrackState.TENTATIVE, 1, parameters)
         track = Track(
-            id=self._number(self._numbers.provisional(), _state(1, parameters)),
-            state=_state(1, parameters),
+            id=self._number(self._numbers.provisional(), state),
+            state=state,
             detection=detection,
             position=T_track_camera.apply(detection.position),
             velocity=velocity,
@@ -126,7 +122,7 @@ class Tracker:
     ) -> Track:
         velocity = T_track_camera.rotate(detection.velocity)
         before = self._expected_velocity[track.id]
-        state = _state(track.sightings + 1, parameters)
+        state = _seen_again(track.state, track.sightings + 1, parameters)
         number = self._number(track.id, state)
         self._expected_velocity[number] = before + _NEWEST_WEIGHT * (velocity - before)
         return Track(
@@ -144,19 +140,18 @@ class Tracker:
         return number if state is TrackState.TENTATIVE else self._numbers.confirmed(number)
 
     def _missed(self, track: Track, expected: Float64Array) -> Track:
-        tentative = track.state is TrackState.TENTATIVE
         return replace(
             track,
-            state=TrackState.TENTATIVE if tentative else TrackState.COASTING,
+            state=next_state(track.state, seen=False, confirmed=False),
             position=expected,
             missed=track.missed + 1,
         )
 
 
-def _state(sightings: int, parameters: TrackingParameters) -> TrackState:
-    confirmed = sightings >= parameters.confirm_hits
-    return TrackState.CONFIRMED if confirmed else TrackState.TENTATIVE
+def _seen_again(state: TrackState, sightings: int, parameters: TrackingParameters) -> TrackState:
+    return next_state(state, seen=True, confirmed=sightings >= parameters.confirm_hits)
 
 
-def _patience(track: Track, parameters: TrackingParameters) -> int:
-    return _TENTATIVE_MISSES if track.state is TrackState.TENTATIVE else parameters.coast_frames
+def _is_over(track: Track, parameters: TrackingParameters) -> bool:
+    coast, patience = parameters.coast_frames, _TENTATIVE_MISSES
+    return expired(track.state, track.missed, coast=coast, patience=patience)

@@ -7,7 +7,7 @@ its inliers refine it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from observer.vision.pose_fit import (
     linearised,
     residuals,
 )
+from observer.vision.rigid_ego_motion import RigidEgoMotion
 
 _SAMPLE = 3
 _BATCH = 32
@@ -70,65 +71,6 @@ class StaticScene:
 
     def __len__(self) -> int:
         return len(self.position)
-
-
-@dataclass(frozen=True, eq=False)
-class RigidEgoMotion:
-    """The camera's pose at t+dt, and its motion since t (see ``observer.types.EgoMotion``).
-
-    Attributes:
-        camera: the rectified pair, by which ``predict`` projects.
-        inliers: (N,) which points follow it: the static background.
-        T_camera_world: pose at t+dt; None while lost.
-        T_current_previous: the motion; None while lost.
-        pose_covariance: (6, 6) of both, as rotation vector (rad) and translation (m) in the
-            camera's axes; None while lost.
-        residual_rms: of the inliers, in standard deviations of their noise; NaN while lost.
-        noise_scale: by how much all points, not only the inliers, scatter more than their noise;
-            by the median, so that obstacles do not count.
-    """
-
-    camera: StereoCamera
-    status: Status
-    reasons: tuple[str, ...]
-    inliers: NDArray[np.bool_]
-    T_camera_world: Pose | None
-    T_current_previous: Pose | None
-    pose_covariance: Float64Array | None
-    residual_rms: float
-    noise_scale: float
-
-    @property
-    def covariance(self) -> Float64Array | None:
-        """(6, 6): the model's parameters are the motion itself."""
-        return self.pose_covariance
-
-    @property
-    def homography(self) -> None:
-        """No image is warped."""
-        return None
-
-    def refused(self, reason: str) -> RigidEgoMotion:
-        """The same, lost for this reason."""
-        return replace(
-            self,
-            status=Status.LOST,
-            reasons=(*self.reasons, reason),
-            T_camera_world=None,
-            T_current_previous=None,
-            pose_covariance=None,
-        )
-
-    def predict(self, px: Float64Array, disparity: Float64Array | None) -> Float64Array:
-        """Pixels (N, 2) at t+dt of static points at (N, 2) with disparity (N,) at t.
-
-        NaN while lost and for points of unknown disparity.
-        """
-        px = np.asarray(px, dtype=np.float64).reshape(-1, 2)
-        if self.T_current_previous is None or disparity is None:
-            return np.full_like(px, np.nan)
-        place = self.T_current_previous.apply(self.camera.triangulate(px, disparity))
-        return self.camera.project(place)[0]
 
 
 def estimate_rigid_motion(

@@ -11,7 +11,7 @@ from observer.geometry import Float64Array
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class PointEvidence:
     """The motion of N followed features at one frame, and how sure it is.
 
     Attributes:

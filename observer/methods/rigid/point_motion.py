@@ -11,7 +11,7 @@ from observer.geometry import Float64Array
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PooledMotion:
     """What is known of the motion of N points, pooled over their neighbours.
 
     Attributes:

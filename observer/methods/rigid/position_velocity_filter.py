@@ -27,7 +27,7 @@ _TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class MotionSums:
+class PositionVelocityFilter:
     """The sums of N points; coordinates are relative to each point's own origin.
 
     Attributes:
@@ -56,17 +56,17 @@ class MotionSums:
         cov.setflags(write=False)
         return cov
 
-    def _with_cov(self, cov: Float64Array) -> MotionSums:
+    def _with_cov(self, cov: Float64Array) -> PositionVelocityFilter:
         """These sums, of whose a0 the inverse (N, 3, 3) is known already."""
         cov.setflags(write=False)
         self.__dict__["_cov"] = cov
         return self
 
     @staticmethod
-    def begin(position: Float64Array, information: Float64Array) -> MotionSums:
+    def begin(position: Float64Array, information: Float64Array) -> PositionVelocityFilter:
         """Of N points seen for the first time at (N, 3), with information (N, 3, 3)."""
         nothing = np.zeros_like(information)
-        return MotionSums(
+        return PositionVelocityFilter(
             origin=position.copy(),
             a0=information.copy(),
             a1=nothing,
@@ -77,10 +77,10 @@ class MotionSums:
             count=np.ones(len(position)),
         )
 
-    def advanced(self, dt: float, memory_s: float) -> MotionSums:
+    def advanced(self, dt: float, memory_s: float) -> PositionVelocityFilter:
         """The same sums ``dt`` seconds later, all sightings forgotten a little."""
         keep = float(np.exp(-dt / memory_s))
-        moved = MotionSums(
+        moved = PositionVelocityFilter(
             origin=self.origin,
             a0=keep * self.a0,
             a1=keep * (self.a1 - dt * self.a0),
@@ -92,11 +92,13 @@ class MotionSums:
         )
         return moved._with_cov(self._cov / keep) if "_cov" in self.__dict__ else moved
 
-    def with_sightings(self, position: Float64Array, information: Float64Array) -> MotionSums:
+    def with_sightings(
+        self, position: Float64Array, information: Float64Array
+    ) -> PositionVelocityFilter:
         """The sums with a sighting of each point now; information of zero adds nothing."""
         gap = np.where(np.isfinite(position), position - self.origin, 0.0)
         vector = np.einsum("nij,nj->ni", information, gap)
-        return MotionSums(
+        return PositionVelocityFilter(
             origin=self.origin,
             a0=self.a0 + information,
             a1=self.a1,
@@ -169,16 +171,16 @@ class MotionSums:
         mean = -np.trace(self.a1, axis1=1, axis2=2) / weight
         return mean, np.trace(self.a2, axis1=1, axis2=2) / weight
 
-    def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> MotionSums:
+    def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> PositionVelocityFilter:
         """The sums of some of the points."""
         # Of rows, take() is several times as fast as an index, and wants no mask.
         at = np.flatnonzero(which) if which.dtype == np.bool_ else which
-        taken = MotionSums(*(getattr(self, name).take(at, axis=0) for name in _NAMES))
+        taken = PositionVelocityFilter(*(getattr(self, name).take(at, axis=0) for name in _NAMES))
         return taken._with_cov(self._cov.take(at, axis=0)) if "_cov" in self.__dict__ else taken
 
-    def joined(self, other: MotionSums) -> MotionSums:
+    def joined(self, other: PositionVelocityFilter) -> PositionVelocityFilter:
         """These points and then the others."""
-        both = MotionSums(
+        both = PositionVelocityFilter(
             *(np.concatenate([getattr(self, name), getattr(other, name)]) for name in _NAMES)
         )
         if "_cov" not in self.__dict__:

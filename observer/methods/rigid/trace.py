@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from observer.methods.contract import View
-from observer.methods.rigid.ego_motion import RigidEgoMotion
-from observer.methods.rigid.point_evidence import Evidence
-from observer.methods.rigid.point_motion import Motion
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, Points
+from observer.methods.rigid.point_evidence import PointEvidence
+from observer.methods.rigid.point_motion import PooledMotion
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.types import EgoMotion, Matches, Trace
 from observer.vision.klt_tracking import Sightings
+from observer.vision.rigid_ego_motion import RigidEgoMotion
+from observer.vision.view import StereoRows, View
 
 
 def keep_background(
-    trace: Trace, previous: View, before: Points, points: Points, seen: Sightings, ego: EgoMotion
+    trace: Trace,
+    previous: View,
+    before: TrackedPoints,
+    points: TrackedPoints,
+    seen: Sightings,
+    ego: EgoMotion,
+    rows: StereoRows,
 ) -> None:
     """What was followed, and what the camera did: of every frame."""
     trace.keep("previous_time", previous.time)
@@ -23,15 +29,17 @@ def keep_background(
     trace.keep("features_px", before.px)
     trace.keep("matches", Matches(before.px[seen.found], points.px))
     trace.keep("ego_motion", ego)
+    trace.keep("rows", rows)
+    trace.keep("rows", rows)
 
 
 def keep_motion(
     trace: Trace,
-    before: Points,
-    points: Points,
+    before: TrackedPoints,
+    points: TrackedPoints,
     seen: Sightings,
     ego: RigidEgoMotion,
-    motion: Motion,
+    motion: PooledMotion,
 ) -> None:
     """What moves: of a frame whose pose is known."""
     start = before.px[seen.found].astype(np.float64)
@@ -44,11 +52,11 @@ def keep_motion(
     trace.keep("evidence", _evidence(points, ego, motion))
 
 
-def _evidence(points: Points, ego: RigidEgoMotion, motion: Motion) -> Evidence:
+def _evidence(points: TrackedPoints, ego: RigidEgoMotion, motion: PooledMotion) -> PointEvidence:
     assert ego.T_camera_world is not None
     R = ego.T_camera_world.rotation
     depth = ego.T_camera_world.apply(motion.position)[:, 2]
-    return Evidence(
+    return PointEvidence(
         px=points.px,
         depth=np.where(np.isfinite(points.disparity), depth, np.nan),
         age_s=points.age,
@@ -60,3 +68,9 @@ def _evidence(points: Points, ego: RigidEgoMotion, motion: Motion) -> Evidence:
         neighbours=motion.neighbours,
         obstacle_id=points.obstacle,
     )
+
+
+def stereo_rows(points: TrackedPoints) -> StereoRows:
+    """Where the points were found in the right image, to check the calibration."""
+    offset = np.asarray(points.px[:, 1] - points.right_px[:, 1], dtype=np.float64)
+    return StereoRows(points.px.astype(np.float64), offset, points.disparity, points.number)

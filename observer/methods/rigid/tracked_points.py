@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
-from observer.methods.rigid.position_velocity_filter import MotionSums
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 
 NO_OBSTACLE = -1
 # Of a sighting that weighs less nothing is left to go by.
@@ -17,7 +17,20 @@ _FORGOTTEN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class WorldSightings:
+    """Where N points are seen in this frame.
+
+    Attributes:
+        position: (N, 3) metres, world; NaN unknown.
+        information: (N, 3, 3) 1/m^2, world; zero where the position is unknown.
+    """
+
+    position: Float64Array
+    information: Float64Array
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedPoints:
     """N followed points as of the newest frame.
 
     Attributes:
@@ -44,7 +57,7 @@ class Points:
     disparity: Float64Array
     sightings: NDArray[np.int64]
     age: Float64Array
-    sums: MotionSums
+    sums: PositionVelocityFilter
     velocity: Float64Array
     dynamic: NDArray[np.bool_]
     obstacle: NDArray[np.int64]
@@ -53,10 +66,10 @@ class Points:
     shape_vector: Float64Array
 
     @staticmethod
-    def none() -> Points:
+    def none() -> TrackedPoints:
         """No points at all."""
         nothing = np.zeros(0)
-        return Points(
+        return TrackedPoints(
             number=nothing.astype(np.int64),
             px=np.zeros((0, 2), np.float32),
             right_px=np.zeros((0, 2), np.float32),
@@ -64,7 +77,7 @@ class Points:
             disparity=nothing,
             sightings=nothing.astype(np.int64),
             age=nothing,
-            sums=MotionSums.begin(np.zeros((0, 3)), np.zeros((0, 3, 3))),
+            sums=PositionVelocityFilter.begin(np.zeros((0, 3)), np.zeros((0, 3, 3))),
             velocity=np.zeros((0, 3)),
             dynamic=nothing.astype(np.bool_),
             obstacle=nothing.astype(np.int64),
@@ -79,11 +92,11 @@ class Points:
         px: NDArray[np.float32],
         right_px: NDArray[np.float32],
         disparity: Float64Array,
-        sums: MotionSums,
-    ) -> Points:
+        sums: PositionVelocityFilter,
+    ) -> TrackedPoints:
         """Points that are seen for the first time."""
         count = len(px)
-        return Points(
+        return TrackedPoints(
             number=np.arange(first_number, first_number + count, dtype=np.int64),
             px=px,
             right_px=right_px,
@@ -100,14 +113,14 @@ class Points:
             shape_vector=np.zeros((count, 3)),
         )
 
-    def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Points:
+    def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> TrackedPoints:
         """Some of the points."""
         # A mask is searched through for each of the arrays anew, indices are not; and of rows
         # take() is several times as fast as an index.
         at = np.flatnonzero(which) if which.dtype == np.bool_ else which.astype(np.intp, copy=False)
-        return Points(*(_taken(getattr(self, name), at) for name in _NAMES))
+        return TrackedPoints(*(_taken(getattr(self, name), at) for name in _NAMES))
 
-    def remembered(self) -> Points:
+    def remembered(self) -> TrackedPoints:
         """Without those of which nothing measured is remembered.
 
         A point may be followed for minutes in both images and tell no place, for want of
@@ -116,11 +129,23 @@ class Points:
         remembered = self.sums.count > _FORGOTTEN
         return self if remembered.all() else self.take(remembered)
 
-    def joined(self, other: Points) -> Points:
-        """These points and then the others."""
-        return Points(*(_joined(getattr(self, name), getattr(other, name)) for name in _NAMES))
+    def sighted(self, sightings: WorldSightings, dt: float, memory_s: float) -> TrackedPoints:
+        """The same points with a sighting of each, ``dt`` seconds after those before."""
+        sums = self.sums.advanced(dt, memory_s)
+        return self.but(sums=sums.with_sightings(sightings.position, sightings.information))
 
-    def but(self, **changes: object) -> Points:
+    @property
+    def stereo_share(self) -> float:
+        """Share of the points whose disparity is known; 0 without points."""
+        return float(np.isfinite(self.disparity).mean()) if len(self) else 0.0
+
+    def joined(self, other: TrackedPoints) -> TrackedPoints:
+        """These points and then the others."""
+        return TrackedPoints(
+            *(_joined(getattr(self, name), getattr(other, name)) for name in _NAMES)
+        )
+
+    def but(self, **changes: object) -> TrackedPoints:
         """The same points with some attributes replaced."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
@@ -129,14 +154,14 @@ class Points:
 
 
 # Looking the fields up anew costs more than choosing among the points.
-_NAMES = tuple(f.name for f in fields(Points))
+_NAMES = tuple(f.name for f in fields(TrackedPoints))
 
 
 def _taken(value: Any, at: NDArray[np.intp]) -> Any:
-    return value.take(at) if isinstance(value, MotionSums) else value.take(at, axis=0)
+    return value.take(at) if isinstance(value, PositionVelocityFilter) else value.take(at, axis=0)
 
 
 def _joined(first: Any, second: Any) -> Any:
-    if isinstance(first, MotionSums):
+    if isinstance(first, PositionVelocityFilter):
         return first.joined(second)
     return np.concatenate([first, second])

@@ -14,7 +14,7 @@ from observer.camera import StereoCamera
 from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel
 from observer.geometry import Pose
 from observer.methods.planar.ego_motion import PlanarEgoMotion
-from observer.methods.rigid.point_evidence import Evidence
+from observer.methods.rigid.point_evidence import PointEvidence
 from observer.parameters import Parameters
 from observer.types import Status
 
@@ -29,13 +29,13 @@ PARAMETERS = Parameters().changed({"evidence.false_alarms_per_frame": RATE})
 THRESHOLD = float(np.sqrt(chi2.isf(RATE / TESTS, df=3)))
 
 
-def evidence(significance: Any, **changes: Any) -> Evidence:
+def evidence(significance: Any, **changes: Any) -> PointEvidence:
     """Features in a row from ``HERE`` to the right, 2 px apart, nearest first."""
     length = np.atleast_1d(np.asarray(significance, dtype=np.float64))
     count = len(length)
     px = np.stack([HERE[0] + 2 * np.arange(count), np.full(count, HERE[1])], axis=1)
     std = np.full(count, 0.05)
-    made = Evidence(
+    made = PointEvidence(
         px=px.astype(np.float32),
         depth=np.full(count, 3.0),
         age_s=np.full(count, 0.6),
@@ -50,7 +50,7 @@ def evidence(significance: Any, **changes: Any) -> Evidence:
     return replace(made, **changes)
 
 
-def ask(made: Evidence, px: tuple[float, float] = HERE) -> PixelAnswer:
+def ask(made: PointEvidence, px: tuple[float, float] = HERE) -> PixelAnswer:
     return explain_pixel({"ego_motion": EGO, "evidence": made}, CAMERA, PARAMETERS, px)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from observer.parameters import FollowingParameters
 from observer.types import Image
-from observer.vision.klt_tracking import Sightings, as_bright_as, follow, match_right
+from observer.vision.klt_tracking import Sightings, as_bright_as, match_right, track_stereo_points
 
 from ..builders import Texture, as_image, pixel_grid
 
@@ -58,7 +58,7 @@ def followed(
     parameters: FollowingParameters = P,
 ) -> Sightings:
     """Points of the wall, expected where they were unless told otherwise."""
-    return follow(
+    return track_stereo_points(
         before,
         after,
         px,

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
-from observer.methods.rigid.bodies.motion_filter import (
+from observer.methods.rigid.bodies.filter import (
     POSITION,
     VELOCITY,
     YAW,
     YAW_RATE,
-    ObstacleMotion,
+    BodyFilter,
     turning_velocity,
     yaw_matrix,
 )
 from observer.methods.rigid.bodies.recent_motion import RecentMotion
-from observer.methods.rigid.bodies.shape import Box, ObstacleShape
+from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.types import MotionState, TrackState
 
 # One standard deviation of where the centre is, as a share of the box's longer side.
@@ -47,8 +47,8 @@ class BodyTrack:
     """
 
     id: int
-    filter: ObstacleMotion
-    shape: ObstacleShape
+    filter: BodyFilter
+    shape: BodyShape
     recent: RecentMotion = field(default_factory=RecentMotion)
     state: TrackState = TrackState.TENTATIVE
     motion: MotionState = MotionState.MOVING

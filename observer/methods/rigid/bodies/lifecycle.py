@@ -7,6 +7,7 @@ import numpy as np
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.parameters import ObstacleParameters
 from observer.types import MotionState, TrackState
+from observer.vision.lifecycle import expired, next_state
 
 # Below this the velocity is no more than noise.
 _MOVING_SIGMAS = 3.0
@@ -21,7 +22,7 @@ _PATIENCE_S = 0.5
 
 
 def judge(track: BodyTrack, parameters: ObstacleParameters) -> None:
-    """Decide whether a track moves, and whether it is confirmed, coasts or is seen again."""
+    """Judge whether a track moves, and whether it is confirmed, coasts or is seen again."""
     velocity, cov = track.centre_velocity()
     track.significance = float(np.sqrt(max(0.0, float(velocity @ np.linalg.solve(cov, velocity)))))
     speed = float(np.linalg.norm(velocity))
@@ -33,25 +34,21 @@ def judge(track: BodyTrack, parameters: ObstacleParameters) -> None:
         track.motion = MotionState.STOPPED
     elif speed - sigma > limit:
         track.motion = MotionState.MOVING
-    if track.missed_s > 0:
-        if track.state is TrackState.CONFIRMED:
-            track.state = TrackState.COASTING
-    elif track.state is TrackState.COASTING:
-        track.state = TrackState.CONFIRMED
-    elif track.state is TrackState.TENTATIVE:
-        _confirm(track, parameters)
+    seen = track.missed_s == 0
+    confirmed = seen and track.state is TrackState.TENTATIVE and _confirmed(track, parameters)
+    track.state = next_state(track.state, seen=seen, confirmed=confirmed)
 
 
-def over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
-    """Whether a track is to end."""
-    if track.state is TrackState.TENTATIVE:
-        hopeless = track.age_s > _PATIENCE_S and track.hits == 0
-        return track.missed_s > _TENTATIVE_COAST_S or hopeless
-    return track.missed_s > parameters.coast_s
+def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
+    """Return whether a track is to end."""
+    tentative = track.state is TrackState.TENTATIVE
+    hopeless = tentative and track.age_s > _PATIENCE_S and track.hits == 0
+    coast, patience = parameters.coast_s, _TENTATIVE_COAST_S
+    return hopeless or expired(track.state, track.missed_s, coast=coast, patience=patience)
 
 
-def _confirm(track: BodyTrack, parameters: ObstacleParameters) -> None:
-    """A tentative track is confirmed once it moved significantly in enough frames and points.
+def _confirmed(track: BodyTrack, parameters: ObstacleParameters) -> bool:
+    """Count this frame's evidence: a track must move significantly in enough frames and points.
 
     The fewer points there are, the longer they must keep moving alike.
     """
@@ -61,5 +58,4 @@ def _confirm(track: BodyTrack, parameters: ObstacleParameters) -> None:
         track.sightings += max(0, track.points - _ALIKE)
     else:
         track.hits = max(0, track.hits - 1)
-    if track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS:
-        track.state = TrackState.CONFIRMED
+    return track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS

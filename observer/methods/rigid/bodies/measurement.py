@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, Pose, cross_matrix, inverse_3x3
-from observer.methods.rigid.bodies.motion_filter import MEASURED, turning_velocity, yaw_matrix
-from observer.methods.rigid.tracked_points import Points
+from observer.methods.rigid.bodies.filter import MEASURED, turning_velocity, yaw_matrix
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.vision.chi_square import quantile
 
 # A point that fits its body worse than this leaves it; from half of this it counts for less.
@@ -64,7 +64,7 @@ class Members:
 
     @staticmethod
     def of(
-        points: Points,
+        points: TrackedPoints,
         which: NDArray[np.intp],
         sighting: Float64Array,
         information: Float64Array,

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, inverse_3x3
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.motion_filter import POSITION, VELOCITY, turning_velocity
-from observer.methods.rigid.point_motion import Motion
-from observer.methods.rigid.position_velocity_filter import MotionSums
-from observer.methods.rigid.tracked_points import Points
+from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, turning_velocity
+from observer.methods.rigid.point_motion import PooledMotion
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import ObstacleParameters
 from observer.types import MotionState
 from observer.vision.chi_square import quantile
@@ -61,7 +61,7 @@ class Group:
 
 def group_of(
     candidates: NDArray[np.intp],
-    motion: Motion,
+    motion: PooledMotion,
     parameters: ObstacleParameters,
     reach: float = 0.0,
 ) -> Group | None:
@@ -90,7 +90,7 @@ def group_of(
 def joining(
     track: BodyTrack,
     free: NDArray[np.intp],
-    motion: Motion,
+    motion: PooledMotion,
     parameters: ObstacleParameters,
 ) -> NDArray[np.bool_]:
     """(K,) which free points (K,) lie on the body and move with it rather than rest."""
@@ -107,7 +107,7 @@ def joining(
     return inside
 
 
-def resting(track: BodyTrack, members: NDArray[np.intp], motion: Motion) -> NDArray[np.bool_]:
+def resting(track: BodyTrack, members: NDArray[np.intp], motion: PooledMotion) -> NDArray[np.bool_]:
     """(K,) which members (K,) of a body that moves rest.
 
     A point that was followed into the edge of something before the body stays there. Such points
@@ -131,13 +131,13 @@ def resting(track: BodyTrack, members: NDArray[np.intp], motion: Motion) -> NDAr
     return np.asarray(motion.judged[members] & (likeliest <= -_SURE_RATIO))
 
 
-def _gap(track: BodyTrack, which: NDArray[np.intp], motion: Motion) -> Float64Array:
+def _gap(track: BodyTrack, which: NDArray[np.intp], motion: PooledMotion) -> Float64Array:
     """(K, 3) m/s by which points (K,) move otherwise than the body does there now."""
     return motion.own_velocity[which] - track.velocity_at(motion.position[which])
 
 
 def _spread(
-    track: BodyTrack, which: NDArray[np.intp], motion: Motion
+    track: BodyTrack, which: NDArray[np.intp], motion: PooledMotion
 ) -> tuple[Float64Array, Float64Array]:
     """(K, 3, 3) (m/s)^2 each: of a point's velocity about the body's, and about rest."""
     noise = inverse_3x3(motion.own_information[which] + 1e-6 * np.eye(3))
@@ -188,7 +188,7 @@ def are_one(
     return _moves_with(velocity, cov, expected, older_cov, _PARTS_DIFFER)
 
 
-def placed(track: BodyTrack, sums: MotionSums) -> tuple[Float64Array, Float64Array]:
+def placed(track: BodyTrack, sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Array]:
     """Where points (N, 3) m, world, are now that moved as the body does, and its information.
 
     Their sightings ``z = p + v s + a s^2 / 2`` with the velocity v and the acceleration a that the
@@ -211,7 +211,7 @@ def placed(track: BodyTrack, sums: MotionSums) -> tuple[Float64Array, Float64Arr
     return place, inverse_3x3(cov + (doubt**2)[:, None, None] * np.eye(3))
 
 
-def shape_position(points: Points, which: NDArray[np.intp]) -> Float64Array:
+def shape_position(points: TrackedPoints, which: NDArray[np.intp]) -> Float64Array:
     """(K, 3) metres: where points are on their obstacle, in its own frame."""
     cov = inverse_3x3(points.shape_information.take(which, axis=0))
     vector = points.shape_vector.take(which, axis=0)

@@ -6,7 +6,7 @@ import numpy as np
 
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.motion_filter import POSITION, yaw_matrix
+from observer.methods.rigid.bodies.filter import POSITION, yaw_matrix
 from observer.types import MotionState, Obstacle, TrackState
 from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
-from observer.methods.rigid.bodies.motion_filter import yaw_matrix
+from observer.methods.rigid.bodies.filter import yaw_matrix
 
 # Places further from the middle than so many times the largest spread are none of the body's, if
 # they are also further than this many metres.
@@ -59,7 +59,7 @@ class Box:
         return np.asarray((local <= self.size / 2 + np.reshape(margin, (-1, 1))).all(axis=1))
 
 
-class ObstacleShape:
+class BodyShape:
     """Collects where an obstacle's points are in its own frame, and how it drives."""
 
     def __init__(self) -> None:

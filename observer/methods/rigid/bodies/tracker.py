@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.lifecycle import judge, over
+from observer.methods.rigid.bodies.filter import (
+    POSITION,
+    VELOCITY,
+    BodyFilter,
+    yaw_matrix,
+)
+from observer.methods.rigid.bodies.lifecycle import is_over, judge
 from observer.methods.rigid.bodies.measurement import Members, expected_pose, measure_body
 from observer.methods.rigid.bodies.membership import (
     Group,
@@ -22,19 +28,14 @@ from observer.methods.rigid.bodies.membership import (
     resting,
     shape_position,
 )
-from observer.methods.rigid.bodies.motion_filter import (
-    POSITION,
-    VELOCITY,
-    ObstacleMotion,
-    yaw_matrix,
-)
-from observer.methods.rigid.bodies.shape import ObstacleShape
-from observer.methods.rigid.point_motion import Motion
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, Points
-from observer.parameters import ObstacleParameters
+from observer.methods.rigid.bodies.shape import BodyShape
+from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.motion_test import group_dynamic
+from observer.methods.rigid.point_motion import PooledMotion
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints, WorldSightings
+from observer.parameters import EvidenceParameters, ObstacleParameters, Parameters
 from observer.types import TrackState
-from observer.vision.camera_rate import CameraRate
-from observer.vision.track_ids import ObstacleNumbers, is_provisional
+from observer.vision.lifecycle import TrackIds, is_provisional
 
 # Share of the acceleration that a steadily driving body may still have.
 _STEADY = 0.1
@@ -65,68 +66,67 @@ class BodyTracker:
     def __init__(self, numbers: Iterator[int] | None = None) -> None:
         """``numbers`` gives each confirmed track its own; from 1 if left out."""
         self.tracks: list[BodyTrack] = []
-        self._numbers = ObstacleNumbers(numbers)
+        self._numbers = TrackIds(numbers)
 
-    def clear(self) -> None:
-        """End all tracks; their numbers are not used again."""
-        self.tracks = []
-
-    def predict(
+    def step(
         self,
-        dt: float,
-        camera_position: Float64Array,
-        camera: StereoCamera,
-        parameters: ObstacleParameters,
-    ) -> None:
-        """Move all bodies on by ``dt`` seconds.
+        points: TrackedPoints,
+        sightings: WorldSightings,
+        motion: PooledMotion,
+        now: CameraStep,
+        parameters: Parameters,
+    ) -> TrackedPoints:
+        """Carry all bodies over one frame; returns the points with the bodies they belong to.
 
         Args:
-            camera_position: (3,) metres, world.
+            sightings: of the points in this frame. motion: how they move.
         """
+        p = parameters.obstacles
+        self.predict(now, p)
+        points = self.measure(points, sightings, now, p)
+        self.note_lasting_errors(now, parameters.evidence)
+        points = self.associate(points, motion, p)
+
+        def reach(place: Float64Array) -> float:
+            return now.metres_of(parameters.evidence.radius_px, place)
+
+        points = self.spawn(points, motion, reach, p)
+        return self.update_lifecycle(points, now.position, reach, now.dt, p)
+
+    def predict(self, now: CameraStep, parameters: ObstacleParameters) -> None:
+        """Move all bodies on by one frame."""
+        position, dt = now.position, now.dt
         for track in self.tracks:
-            depth = float(np.linalg.norm(track.mean[POSITION] - camera_position))
-            agile = parameters.acceleration_px * depth / camera.fx
+            depth = float(np.linalg.norm(track.mean[POSITION] - position))
+            agile = parameters.acceleration_px * depth / now.camera.fx
             track.filter = track.filter.predicted(
-                dt,
-                (_STEADY * agile, agile),
-                _YAW_ACCELERATION,
-                track.shape.axis(track.yaw),
+                dt, (_STEADY * agile, agile), _YAW_ACCELERATION, track.shape.axis(track.yaw)
             )
             track.age_s += dt
             track.frames += 1
             track.steady_s += dt
 
-    def look_from(
-        self,
-        T_camera_world: Pose,
-        rate: CameraRate,
-        camera: StereoCamera,
-        bias_px: float,
-        stretch: float,
-    ) -> None:
+    def note_lasting_errors(self, now: CameraStep, parameters: EvidenceParameters) -> None:
         """Note how sure velocities can be at best, seen from this pose.
 
         What is out of sight is known as it was when it was last seen.
-
-        Args:
-            bias_px, stretch: one standard deviation each of the calibration's lasting errors, as
-                of ``EvidenceParameters``.
         """
+        bias_px, stretch = parameters.disparity_bias_px, parameters.stretch
         for track in [t for t in self.tracks if t.missed_s == 0]:
-            place = T_camera_world.apply(track.mean[None, POSITION])
-            velocity = T_camera_world.rotate(track.mean[None, VELOCITY])
-            errors = rate.lasting_errors(place, velocity, camera, bias_px, stretch)[0]
-            drift = errors @ T_camera_world.rotation
+            place = now.T_camera_world.apply(track.mean[None, POSITION])
+            velocity = now.T_camera_world.rotate(track.mean[None, VELOCITY])
+            errors = now.rate.lasting_errors(place, velocity, now.camera, bias_px, stretch)[0]
+            drift = errors @ now.T_camera_world.rotation
             track.lasting_cov = drift.T @ drift
 
-    def known(self, points: Points) -> NDArray[np.bool_]:
+    def known(self, points: TrackedPoints) -> NDArray[np.bool_]:
         """(N,) which points belong to obstacles that are known to move."""
         sure = np.array([t.id for t in self.tracks if t.state is not TrackState.TENTATIVE])
         return np.asarray((points.obstacle[:, None] == sure).any(axis=1))
 
     def expected_at(
         self,
-        points: Points,
+        points: TrackedPoints,
         place: Float64Array,
         dt: float,
         parameters: ObstacleParameters,
@@ -160,22 +160,15 @@ class BodyTracker:
                 found.append([*px.min(axis=0), *px.max(axis=0)])
         return np.array(found).reshape(-1, 4)
 
-    def update(
+    def measure(
         self,
-        points: Points,
-        sighting: Float64Array,
-        information: Float64Array,
-        T_camera_world: Pose,
-        step_covariance: Float64Array,
-        dt: float,
+        points: TrackedPoints,
+        sightings: WorldSightings,
+        now: CameraStep,
         parameters: ObstacleParameters,
-    ) -> Points:
-        """Move every body to where its members are seen; members that do not fit leave.
-
-        Args:
-            sighting: (N, 3) metres, world, NaN unknown. information: (N, 3, 3) of each.
-            step_covariance: (6, 6) of the camera's motion over one frame (rad, m), camera axes.
-        """
+    ) -> TrackedPoints:
+        """Move every body to where its members are seen; members that do not fit leave."""
+        sighting, information, dt = sightings.position, sightings.information, now.dt
         obstacle = points.obstacle.copy()
         tenure = np.where(
             obstacle == NO_OBSTACLE, np.minimum(points.tenure + 1, 0), points.tenure + 1
@@ -191,8 +184,8 @@ class BodyTracker:
                     members,
                     pose,
                     spread,
-                    T_camera_world,
-                    step_covariance,
+                    now.T_camera_world,
+                    now.covariance,
                     parameters.shared_error,
                 )
                 track.filter = track.filter.updated(seen.pose, seen.covariance)
@@ -216,7 +209,9 @@ class BodyTracker:
             shape_vector=shape_vector,
         )
 
-    def adopt(self, points: Points, motion: Motion, parameters: ObstacleParameters) -> Points:
+    def associate(
+        self, points: TrackedPoints, motion: PooledMotion, parameters: ObstacleParameters
+    ) -> TrackedPoints:
         """Let points that move with a body, on it, join it, and members that rest leave it."""
         obstacle, tenure = points.obstacle.copy(), points.tenure.copy()
         for track in self.tracks:
@@ -230,20 +225,20 @@ class BodyTracker:
             obstacle[free[joining(track, free, motion, parameters)]] = track.id
         return self._placed(points.but(tenure=tenure), obstacle)
 
-    def found(
+    def spawn(
         self,
-        points: Points,
-        groups: NDArray[np.int64],
-        motion: Motion,
+        points: TrackedPoints,
+        motion: PooledMotion,
         radius_m: Callable[[Float64Array], float],
         parameters: ObstacleParameters,
-    ) -> Points:
+    ) -> TrackedPoints:
         """Make obstacles of groups of dynamic points, or give them back to those lost from sight.
 
         Args:
-            groups: (N,) number of each point's group from 0, -1 for none.
             radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
         """
+        free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
+        groups = group_dynamic(motion, free, parameters.min_points)
         obstacle = points.obstacle.copy()
         for number in range(int(groups.max(initial=-1)) + 1):
             candidates = np.flatnonzero(groups == number)
@@ -257,7 +252,7 @@ class BodyTracker:
             track = body_of(group, self.tracks)
             if track is None:
                 track = BodyTrack(
-                    id=self._numbers.provisional(), filter=_begun(group), shape=ObstacleShape()
+                    id=self._numbers.provisional(), filter=_begun(group), shape=BodyShape()
                 )
                 self.tracks.append(track)
             elif track.missed_s > 0:
@@ -272,14 +267,14 @@ class BodyTracker:
             obstacle[members] = track.id
         return self._placed(points, obstacle)
 
-    def live(
+    def update_lifecycle(
         self,
-        points: Points,
+        points: TrackedPoints,
         camera_position: Float64Array,
         radius_m: Callable[[Float64Array], float],
         dt: float,
         parameters: ObstacleParameters,
-    ) -> Points:
+    ) -> TrackedPoints:
         """Learn boxes, decide on each track's state, merge and end tracks.
 
         Args:
@@ -301,7 +296,7 @@ class BodyTracker:
             judge(track, parameters)
         points = self._named(points.but(shape_vector=shape_vector))
         obstacle = points.obstacle.copy()
-        for track in [t for t in self.tracks if over(t, parameters)]:
+        for track in [t for t in self.tracks if is_over(t, parameters)]:
             obstacle[obstacle == track.id] = NO_OBSTACLE
             self.tracks.remove(track)
         for older, younger in self._same(radius_m, parameters):
@@ -313,7 +308,7 @@ class BodyTracker:
                 older.id, older.state = younger.id, younger.state
         return self._placed(points, obstacle)
 
-    def _named(self, points: Points) -> Points:
+    def _named(self, points: TrackedPoints) -> TrackedPoints:
         """Give those that are confirmed by now their lasting number."""
         obstacle = points.obstacle.copy()
         for track in self.tracks:
@@ -349,7 +344,7 @@ class BodyTracker:
         seen = older if len(older) >= parameters.min_points else places
         track.box = track.shape.box(seen, view, dt)
 
-    def _placed(self, points: Points, obstacle: NDArray[np.int64]) -> Points:
+    def _placed(self, points: TrackedPoints, obstacle: NDArray[np.int64]) -> TrackedPoints:
         """Give points that have just joined a place on their body."""
         if np.array_equal(obstacle, points.obstacle):
             return points
@@ -381,12 +376,10 @@ class BodyTracker:
         return pairs
 
 
-def _begun(group: Group) -> ObstacleMotion:
+def _begun(group: Group) -> BodyFilter:
     """The motion of a body of which only this is known; its origin is the group's middle."""
     here = np.eye(3) * _ORIGIN_VARIANCE
-    return ObstacleMotion.begin(
-        group.centre, group.velocity, here, group.velocity_cov, _YAW_RATE_SIGMA
-    )
+    return BodyFilter.begin(group.centre, group.velocity, here, group.velocity_cov, _YAW_RATE_SIGMA)
 
 
 def _note_seen(

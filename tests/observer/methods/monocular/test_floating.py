@@ -6,14 +6,14 @@ import pytest
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.methods.monocular.floating import floating, off_floor
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import lines_of_sight
 from observer.methods.monocular.rays import RayPoints
 from observer.mount import CameraMount
 from observer.parameters import OneCameraParameters
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
-FLOOR = Floor.below(CameraMount(0.4, np.radians(5)))
+FLOOR = GroundPlane.below(CameraMount(0.4, np.radians(5)))
 
 
 def box_at(ahead: float, nearer: float) -> tuple[RayPoints, np.ndarray]:

@@ -5,7 +5,7 @@ import pytest
 
 from observer.camera import StereoCamera
 from observer.geometry import Pose
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_contact import (
     floor_place,
     lower_edge,
@@ -15,7 +15,7 @@ from observer.methods.monocular.ground_contact import (
 from observer.mount import CameraMount
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
-FLOOR = Floor.below(CameraMount(0.4, np.radians(5)))
+FLOOR = GroundPlane.below(CameraMount(0.4, np.radians(5)))
 
 
 def foot_px(right: float, ahead: float) -> np.ndarray:
@@ -51,8 +51,8 @@ def test_there_is_no_floor_above_the_horizon_and_no_edge_on_a_plain_wall() -> No
 def test_a_wrong_height_or_tilt_moves_places_as_the_covariance_says() -> None:
     px = foot_px(0.5, 3.0)
     true = floor_place(tuple(px), (1.0, 1.0), Pose.identity(), FLOOR, CAMERA)
-    tilted = Floor.below(CameraMount(0.4, np.radians(5.2)))
-    high = Floor.below(CameraMount(0.4 * 1.02, np.radians(5)))
+    tilted = GroundPlane.below(CameraMount(0.4, np.radians(5.2)))
+    high = GroundPlane.below(CameraMount(0.4 * 1.02, np.radians(5)))
     assert true is not None
     by_tilt = floor_place(tuple(px), (1.0, 1.0), Pose.identity(), tilted, CAMERA)
     by_height = floor_place(tuple(px), (1.0, 1.0), Pose.identity(), high, CAMERA)

@@ -5,7 +5,7 @@ import pytest
 
 from observer.camera import StereoCamera
 from observer.geometry import Pose
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import (
     anchored_anew,
     expected_sightings,
@@ -108,10 +108,10 @@ def test_the_mount_keeps_height_and_tilt() -> None:
     nothing = np.zeros(120, np.bool_)
     start = Pose.from_rotvec([0.03, 0.0, 0.0], [0.0, 0.05, 0.0])
     told = estimate_pose(
-        first_seen(), nothing, np.ones(120), start, 1.0 * np.eye(6), (mount, Floor.below(mount)),
+        first_seen(), nothing, np.ones(120), start, 1.0 * np.eye(6), (mount, GroundPlane.below(mount)),
         0.0, CAMERA,
     )  # fmt: skip
     pose = told.T_camera_world
-    height = Floor.below(mount).height_of(pose.inverse().translation)
+    height = GroundPlane.below(mount).height_of(pose.inverse().translation)
     assert height == pytest.approx(0.4, abs=1e-3)
     np.testing.assert_allclose(pose.rotate(mount.down), mount.down, atol=1e-3)

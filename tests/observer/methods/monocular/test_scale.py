@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from observer.geometry import Pose
-from observer.methods.monocular.ground import Floor
+from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.rays import RayPoints
 from observer.methods.monocular.scale import Scale, floor_scale, odometry_scale, scale_by_floor
 from observer.mount import CameraMount
@@ -17,7 +17,7 @@ def planted(seed: int, enlarged: float, floor_share: float = 0.6) -> RayPoints:
     rng = np.random.default_rng(seed)
     rays = np.column_stack([rng.uniform(-0.5, 0.5, 200), rng.uniform(0.0, 0.28, 200), np.ones(200)])
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    inverse = Floor.below(MOUNT).inverse_distance(np.zeros(3), rays)
+    inverse = GroundPlane.below(MOUNT).inverse_distance(np.zeros(3), rays)
     above = rng.uniform(size=200) > floor_share
     inverse = np.where(above, inverse * rng.uniform(1.2, 3.0, 200), inverse)
     sigma = 0.02 * inverse
@@ -42,7 +42,7 @@ def test_the_floor_gives_the_scale_at_the_start_to_one_percent(enlarged: float) 
 
 def test_a_map_that_has_drifted_is_corrected_by_the_floor() -> None:
     told = floor_scale(
-        planted(2, 1.06), Pose.identity(), Floor.below(MOUNT), MOUNT.height_m, Scale(0.05)
+        planted(2, 1.06), Pose.identity(), GroundPlane.below(MOUNT), MOUNT.height_m, Scale(0.05)
     )
     assert told is not None
     assert np.exp(told[0]) == pytest.approx(1 / 1.06, abs=0.01)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 import pytest
 
@@ -34,7 +36,8 @@ class Run:
     """A tracker that is fed frame by frame."""
 
     def __init__(self, **parameters: float) -> None:
-        self.tracker = Tracker()
+        self.numbers = count(1)
+        self.tracker = Tracker(self.numbers)
         self.parameters = TrackingParameters(**parameters)
         self.time = 0.0
 
@@ -132,7 +135,7 @@ def test_what_stands_in_the_world_keeps_its_identity_while_the_camera_moves() ->
 def test_numbers_are_not_used_again() -> None:
     run = Run(confirm_hits=1)
     (first,) = run.see(detection((0, 0, 2)))
-    run.tracker.clear()
+    run.tracker = Tracker(run.numbers)
     (second,) = run.see(detection((0, 0, 2)))
     assert second.id > first.id
     assert second.sightings == 1

@@ -15,7 +15,7 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.ego_motion import RigidEgoMotion, StaticScene, estimate_rigid_motion
 from observer.parameters import EgoMotionParameters, FollowingParameters
 from observer.types import EgoMotion, Status
-from observer.vision.keypoint_grid import crowding
+from observer.vision.keypoints import density_weights
 
 from ...builders import LAB, ROAD, place_information, points_in_view
 
@@ -175,7 +175,7 @@ def test_a_well_textured_obstacle_cannot_outvote_the_background(seed: int) -> No
     """Two thirds of the points are on it, but in few squares of the image."""
     rng = np.random.default_rng(seed)
     crowd = both(obstacle(rng, 160, (0.05, 0.0, 0.02)), seen(rng, 80))
-    weight = crowding(crowd.px.astype(np.float32), FollowingParameters(spacing_px=32))
+    weight = density_weights(crowd.px.astype(np.float32), FollowingParameters(spacing_px=32))
     ego = estimated(but(crowd, weight=weight), seed=seed)
     assert_right(ego, 1e-3, 4e-3)
     assert ego.inliers[:160].mean() < 0.1

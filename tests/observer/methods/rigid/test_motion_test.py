@@ -10,9 +10,10 @@ from scipy.stats import binom
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, cross_matrix
+from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.motion_test import group_dynamic, pooled_motion
-from observer.methods.rigid.point_motion import Motion
-from observer.methods.rigid.tracked_points import Points
+from observer.methods.rigid.point_motion import PooledMotion
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import EvidenceParameters
 from observer.vision.camera_rate import CameraRate
 
@@ -28,7 +29,7 @@ STEP_STD = np.array([2e-4, 2e-4, 2e-4, 1e-3, 1e-3, 1e-3])
 
 
 def judged(
-    points: Points,
+    points: TrackedPoints,
     *,
     camera: StereoCamera = LAB,
     step_covariance: Float64Array = STILL,
@@ -36,8 +37,9 @@ def judged(
     parameters: EvidenceParameters = P,
     pose: Pose = HERE,
     rate: CameraRate | None = None,
-) -> Motion:
-    return pooled_motion(points, pose, step_covariance, dt, camera, parameters, rate)
+) -> PooledMotion:
+    now = CameraStep(camera, pose, step_covariance, rate or CameraRate.still(), dt)
+    return pooled_motion(points, now, parameters)
 
 
 def board(
@@ -386,7 +388,7 @@ def test_neighbours_are_near_in_the_image_and_in_depth() -> None:
 # --- groups --------------------------------------------------------------------------------
 
 
-def crossing() -> tuple[Motion, np.ndarray]:
+def crossing() -> tuple[PooledMotion, np.ndarray]:
     """Two boards side by side that move apart, and a third one elsewhere; which point is whose."""
     rng = np.random.default_rng(12)
     boards = (

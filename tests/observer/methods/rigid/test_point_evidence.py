@@ -7,11 +7,11 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from observer.methods.rigid.point_evidence import Evidence
+from observer.methods.rigid.point_evidence import PointEvidence
 
 
-def evidence(count: int) -> Evidence:
-    return Evidence(
+def evidence(count: int) -> PointEvidence:
+    return PointEvidence(
         px=np.zeros((count, 2), np.float32),
         depth=np.full(count, np.nan),
         age_s=np.zeros(count),
@@ -30,7 +30,7 @@ def test_it_is_of_as_many_features_as_it_says(count: int) -> None:
     assert len(evidence(count)) == count
 
 
-@pytest.mark.parametrize("name", [f.name for f in fields(Evidence) if f.name != "threshold"])
+@pytest.mark.parametrize("name", [f.name for f in fields(PointEvidence) if f.name != "threshold"])
 def test_every_part_must_be_of_the_same_features(name: str) -> None:
     other = getattr(evidence(4), name)
     named = "px|depth|age_s|velocity" if name == "px" else name

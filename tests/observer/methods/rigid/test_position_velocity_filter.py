@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from observer.methods.rigid.position_velocity_filter import MotionSums
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 
 quick = settings(deadline=None, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
@@ -25,9 +25,9 @@ def informations(rng: np.random.Generator, count: int) -> np.ndarray:
 
 def gathered(
     places: np.ndarray, weights: np.ndarray, times: np.ndarray, memory_s: float
-) -> MotionSums:
+) -> PositionVelocityFilter:
     """The sums of sightings (F, N, 3) with information (F, N, 3, 3) at times (F,)."""
-    sums = MotionSums.begin(places[0], weights[0])
+    sums = PositionVelocityFilter.begin(places[0], weights[0])
     for place, weight, dt in zip(places[1:], weights[1:], np.diff(times), strict=True):
         sums = sums.advanced(float(dt), memory_s).with_sightings(place, weight)
     return sums
@@ -47,7 +47,7 @@ def by_least_squares(
     return np.linalg.lstsq(A, b, rcond=None)[0], np.linalg.inv(A.T @ A)
 
 
-def velocity_of(sums: MotionSums) -> tuple[np.ndarray, np.ndarray]:
+def velocity_of(sums: PositionVelocityFilter) -> tuple[np.ndarray, np.ndarray]:
     information, vector = sums.velocity_information()
     cov = np.linalg.inv(information)
     return np.einsum("nij,nj->ni", cov, vector), cov
@@ -122,14 +122,16 @@ def test_time_may_pass_in_one_step_or_in_two(
     sums = gathered(places, weights, times, memory_s)
     once = sums.advanced(first + second, memory_s)
     twice = sums.advanced(first, memory_s).advanced(second, memory_s)
-    for field in fields(MotionSums):
+    for field in fields(PositionVelocityFilter):
         a, b = getattr(once, field.name), getattr(twice, field.name)
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * max(1.0, np.abs(b).max()))
 
 
 def test_what_was_seen_a_memory_ago_counts_a_third() -> None:
     memory_s = 0.7
-    sums = MotionSums.begin(np.zeros((1, 3)), np.eye(3)[None]).advanced(memory_s, memory_s)
+    sums = PositionVelocityFilter.begin(np.zeros((1, 3)), np.eye(3)[None]).advanced(
+        memory_s, memory_s
+    )
     np.testing.assert_allclose(sums.a0[0], np.eye(3) / np.e)
     assert sums.count[0] == pytest.approx(1 / np.e)
     now = sums.with_sightings(np.array([[1.0, 0, 0]]), np.eye(3)[None])
@@ -208,12 +210,12 @@ def test_a_sighting_without_information_adds_nothing(position: float) -> None:
     _, places, weights, times = sightings(8)
     sums = gathered(places, weights, times, 1.0)
     same = sums.with_sightings(np.full((3, 3), position), np.zeros((3, 3, 3)))
-    for field in fields(MotionSums):
+    for field in fields(PositionVelocityFilter):
         np.testing.assert_array_equal(getattr(same, field.name), getattr(sums, field.name))
 
 
 def test_seen_once_its_velocity_is_unknown_and_its_window_empty() -> None:
-    sums = MotionSums.begin(np.ones((2, 3)), informations(np.random.default_rng(0), 2))
+    sums = PositionVelocityFilter.begin(np.ones((2, 3)), informations(np.random.default_rng(0), 2))
     for later in (sums, sums.advanced(0.2, 0.5)):
         information, vector = later.velocity_information()
         np.testing.assert_allclose(information / np.abs(later.a0).max(), 0, atol=1e-9)
@@ -224,12 +226,12 @@ def test_seen_once_its_velocity_is_unknown_and_its_window_empty() -> None:
 
 def test_the_window_is_as_long_as_the_sightings_lie_apart() -> None:
     places, weight = np.zeros((2, 3)), np.broadcast_to(np.eye(3), (2, 3, 3))
-    even = MotionSums.begin(places, weight)
+    even = PositionVelocityFilter.begin(places, weight)
     for _ in range(59):
         even = even.advanced(1 / 30, 1e9).with_sightings(places, weight)
     np.testing.assert_allclose(even.window_s(), 2.0, rtol=0.01)
     # With a memory the weights fall exponentially, whose deviation is the memory itself.
-    fading = MotionSums.begin(places, weight)
+    fading = PositionVelocityFilter.begin(places, weight)
     for _ in range(600):
         fading = fading.advanced(0.01, 0.5).with_sightings(places, weight)
     np.testing.assert_allclose(fading.window_s(), np.sqrt(12) * 0.5, rtol=0.01)
@@ -251,5 +253,5 @@ def test_some_of_the_points_and_others_behind_them() -> None:
         np.testing.assert_array_equal(velocity_of(some)[0], velocity_of(sums)[0][mask])
     again = sums.take(~mask).joined(sums.take(mask))
     order = [1, 4, 0, 2, 3]
-    for field in fields(MotionSums):
+    for field in fields(PositionVelocityFilter):
         np.testing.assert_array_equal(getattr(again, field.name), getattr(sums, field.name)[order])

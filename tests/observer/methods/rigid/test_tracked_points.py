@@ -7,17 +7,17 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from observer.methods.rigid.position_velocity_filter import MotionSums
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, Points
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 
 
-def some(count: int, first_number: int = 0) -> Points:
+def some(count: int, first_number: int = 0) -> TrackedPoints:
     """Points whose every attribute tells their number."""
     told = np.arange(first_number, first_number + count, dtype=np.float64)
     tall = np.broadcast_to(told[:, None, None] + 1, (count, 3, 3)) * np.eye(3)
     pairs = np.stack([told, told], axis=1).astype(np.float32)
-    sums = MotionSums.begin(np.repeat(told[:, None], 3, axis=1), tall)
-    points = Points.begin(first_number, pairs, pairs - 8, told + 8, sums)
+    sums = PositionVelocityFilter.begin(np.repeat(told[:, None], 3, axis=1), tall)
+    points = TrackedPoints.begin(first_number, pairs, pairs - 8, told + 8, sums)
     return points.but(
         flow=pairs.astype(np.float64),
         sightings=told.astype(np.int64),
@@ -30,34 +30,36 @@ def some(count: int, first_number: int = 0) -> Points:
     )
 
 
-def columns(points: Points) -> dict[str, np.ndarray]:
+def columns(points: TrackedPoints) -> dict[str, np.ndarray]:
     """Every array that is kept, those of the sums among them."""
-    kept = {f.name: getattr(points, f.name) for f in fields(Points) if f.name != "sums"}
-    return kept | {f"sums.{f.name}": getattr(points.sums, f.name) for f in fields(MotionSums)}
+    kept = {f.name: getattr(points, f.name) for f in fields(TrackedPoints) if f.name != "sums"}
+    return kept | {
+        f"sums.{f.name}": getattr(points.sums, f.name) for f in fields(PositionVelocityFilter)
+    }
 
 
-def assert_same(points: Points, expected: dict[str, np.ndarray]) -> None:
+def assert_same(points: TrackedPoints, expected: dict[str, np.ndarray]) -> None:
     for name, value in columns(points).items():
         np.testing.assert_array_equal(value, expected[name], err_msg=name)
         assert value.dtype == expected[name].dtype, name
 
 
 def test_there_may_be_none() -> None:
-    none = Points.none()
+    none = TrackedPoints.none()
     assert len(none) == 0
     assert {len(value) for value in columns(none).values()} == {0}
     assert len(none.take(np.zeros(0, np.bool_))) == 0
 
 
 def test_none_and_some_are_those_some_with_the_same_types() -> None:
-    for both in (Points.none().joined(some(4)), some(4).joined(Points.none())):
+    for both in (TrackedPoints.none().joined(some(4)), some(4).joined(TrackedPoints.none())):
         assert_same(both, columns(some(4)))
 
 
 def test_new_points_have_numbers_of_their_own_and_no_past() -> None:
     px = np.array([[10, 20], [30, 40]], np.float32)
-    sums = MotionSums.begin(np.zeros((2, 3)), np.broadcast_to(np.eye(3), (2, 3, 3)))
-    points = Points.begin(17, px, px - [5, 0], np.array([5.0, 5.0]), sums)
+    sums = PositionVelocityFilter.begin(np.zeros((2, 3)), np.broadcast_to(np.eye(3), (2, 3, 3)))
+    points = TrackedPoints.begin(17, px, px - [5, 0], np.array([5.0, 5.0]), sums)
     assert len(points) == 2
     assert points.number.tolist() == [17, 18]
     assert points.sightings.tolist() == [1, 1]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.motion_filter import YAW, YAW_RATE, ObstacleMotion, yaw_matrix
+from observer.methods.rigid.bodies.filter import YAW, YAW_RATE, BodyFilter, yaw_matrix
 from observer.methods.rigid.bodies.shape import Box
 
 MakeTrack = Callable[..., BodyTrack]
@@ -122,7 +122,7 @@ def test_rebasing_moves_the_origin_to_the_centre_and_changes_nothing_else(
 ) -> None:
     rng = np.random.default_rng(3)
     A = rng.normal(0, 0.02, (8, 8))
-    turning.filter = ObstacleMotion(
+    turning.filter = BodyFilter(
         turning.filter.means,
         np.stack([A @ A.T + 1e-4 * np.eye(8)] * 2),
         turning.filter.probabilities,

@@ -8,15 +8,15 @@ from scipy.stats import chi2
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
+from observer.methods.rigid.bodies.filter import STATE_SIZE, yaw_matrix
 from observer.methods.rigid.bodies.measurement import (
     BodyMeasurement,
     Members,
     expected_pose,
     measure_body,
 )
-from observer.methods.rigid.bodies.motion_filter import STATE_SIZE, yaw_matrix
-from observer.methods.rigid.position_velocity_filter import MotionSums
-from observer.methods.rigid.tracked_points import Points
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
+from observer.methods.rigid.tracked_points import TrackedPoints
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 HERE = Pose.identity()
@@ -206,8 +206,8 @@ def test_members_are_made_of_the_followed_points() -> None:
     rng = np.random.default_rng(8)
     places, count = body(rng, 12), 12
     cov = np.broadcast_to(np.diag([1e-4, 2e-4, 3e-4]), (count, 3, 3))
-    sums = MotionSums.begin(np.zeros((count, 3)), np.zeros((count, 3, 3)))
-    points = Points.begin(0, np.zeros((count, 2), np.float32), np.zeros((count, 2), np.float32),
+    sums = PositionVelocityFilter.begin(np.zeros((count, 3)), np.zeros((count, 3, 3)))
+    points = TrackedPoints.begin(0, np.zeros((count, 2), np.float32), np.zeros((count, 2), np.float32),
                           np.ones(count), sums)  # fmt: skip
     information = np.linalg.inv(cov)
     information[3] = 0.0

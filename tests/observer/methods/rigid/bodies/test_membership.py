@@ -10,6 +10,7 @@ import pytest
 
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import yaw_matrix
 from observer.methods.rigid.bodies.membership import (
     Group,
     are_one,
@@ -20,11 +21,10 @@ from observer.methods.rigid.bodies.membership import (
     resting,
     shape_position,
 )
-from observer.methods.rigid.bodies.motion_filter import yaw_matrix
 from observer.methods.rigid.bodies.shape import Box
-from observer.methods.rigid.point_motion import Motion
-from observer.methods.rigid.position_velocity_filter import MotionSums
-from observer.methods.rigid.tracked_points import Points
+from observer.methods.rigid.point_motion import PooledMotion
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import ObstacleParameters
 from observer.types import MotionState
 
@@ -37,12 +37,12 @@ REACH_M = 0.15
 
 def motion(
     places: Float64Array, velocity: Float64Array, sigma: float = SIGMA, window_s: float = 0.5
-) -> Motion:
+) -> PooledMotion:
     """Points (N, 3) m that are known to move at (N, 3) m/s."""
     count = len(places)
     velocity = np.broadcast_to(velocity, (count, 3)).astype(float)
     eye = np.broadcast_to(np.eye(3), (count, 3, 3))
-    return Motion(
+    return PooledMotion(
         own_velocity=velocity,
         own_information=eye / sigma**2,
         judged=np.ones(count, bool),
@@ -60,7 +60,7 @@ def motion(
     )
 
 
-def every(points: Motion) -> np.ndarray:
+def every(points: PooledMotion) -> np.ndarray:
     return np.arange(len(points.position))
 
 
@@ -356,7 +356,7 @@ def test_what_has_no_box_yet_is_not_merged(make_track: MakeTrack) -> None:
 
 @pytest.mark.parametrize("rate", [0.0, 0.8])
 def test_points_are_placed_where_the_body_has_taken_them(
-    rate: float, make_track: MakeTrack, sightings_of: Callable[..., MotionSums]
+    rate: float, make_track: MakeTrack, sightings_of: Callable[..., PositionVelocityFilter]
 ) -> None:
     rng = np.random.default_rng(4)
     track = make_track(velocity=(0.5, 0, 0.2), yaw=0.4, yaw_rate=rate)
@@ -388,7 +388,7 @@ def test_points_are_placed_where_the_body_has_taken_them(
 def test_where_a_body_has_gained_speed_points_are_placed_with_doubt(make_track: MakeTrack) -> None:
     """For their older sightings it was slower than it is."""
     eye = np.eye(3)[None] / 0.01**2
-    sums = MotionSums.begin(np.array([[0.2, 0, 3.0]]), eye)
+    sums = PositionVelocityFilter.begin(np.array([[0.2, 0, 3.0]]), eye)
     for _ in range(15):
         sums = sums.advanced(1 / 15, 1.0).with_sightings(np.array([[0.2, 0, 3.0]]), eye)
     steady = drove(make_track(velocity=(0.2, 0, 0)), np.full(51, 0.2))
@@ -409,9 +409,9 @@ def test_a_points_place_is_what_its_information_says() -> None:
     A = rng.normal(0, 1, (6, 3, 3))
     information = A @ np.swapaxes(A, 1, 2) + 10 * np.eye(3)
     local = rng.normal(0, 1, (6, 3))
-    nothing = MotionSums.begin(np.zeros((6, 3)), np.zeros((6, 3, 3)))
+    nothing = PositionVelocityFilter.begin(np.zeros((6, 3)), np.zeros((6, 3, 3)))
     px = np.zeros((6, 2), np.float32)
-    points = Points.begin(0, px, px, np.ones(6), nothing).but(
+    points = TrackedPoints.begin(0, px, px, np.ones(6), nothing).but(
         shape_information=information,
         shape_vector=np.einsum("nij,nj->ni", information, local),
     )

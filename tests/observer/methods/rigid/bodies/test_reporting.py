@@ -9,7 +9,7 @@ import pytest
 
 from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.motion_filter import yaw_matrix
+from observer.methods.rigid.bodies.filter import yaw_matrix
 from observer.methods.rigid.bodies.reporting import describe_body
 from observer.methods.rigid.bodies.shape import Box
 from observer.types import MotionState, TrackState

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.methods.rigid.bodies.motion_filter import yaw_matrix
-from observer.methods.rigid.bodies.shape import Box, ObstacleShape
+from observer.methods.rigid.bodies.filter import yaw_matrix
+from observer.methods.rigid.bodies.shape import BodyShape, Box
 
 # Across its heading, high, along its heading, metres.
 SIZE = np.array([0.4, 0.3, 0.7])
@@ -22,7 +22,7 @@ def face(rng: np.random.Generator, axis: int, sign: int, count: int = 400) -> np
     return points
 
 
-def heading_for(shape: ObstacleShape, heading: float, yaw: float = 0.0) -> None:
+def heading_for(shape: BodyShape, heading: float, yaw: float = 0.0) -> None:
     for _ in range(20):
         velocity = 0.4 * yaw_matrix(heading + yaw) @ [0, 0, 1]
         shape.note_heading(velocity, SURE, yaw)
@@ -35,7 +35,7 @@ def same_axis(a: float, b: float) -> float:
 
 @pytest.mark.parametrize("heading", [0.0, 0.6, -1.1])
 def test_box_and_heading_are_learnt_from_two_faces(heading: float) -> None:
-    rng, shape = np.random.default_rng(0), ObstacleShape()
+    rng, shape = np.random.default_rng(0), BodyShape()
     heading_for(shape, heading)
     R = yaw_matrix(heading)
     centre = np.array([0.3, 0.1, -0.2])
@@ -55,7 +55,7 @@ def test_box_and_heading_are_learnt_from_two_faces(heading: float) -> None:
 def test_a_side_that_was_never_seen_is_completed_behind_the_face(
     axis: int, other: int, sign: int
 ) -> None:
-    rng, shape = np.random.default_rng(1), ObstacleShape()
+    rng, shape = np.random.default_rng(1), BodyShape()
     heading_for(shape, 0.0)
     view = np.zeros(3)
     view[axis] = -sign
@@ -70,7 +70,7 @@ def test_a_side_that_was_never_seen_is_completed_behind_the_face(
 
 def test_a_side_is_believed_the_longer_it_is_shown() -> None:
     """At first only few points are found on a face that comes into view."""
-    rng, shape = np.random.default_rng(7), ObstacleShape()
+    rng, shape = np.random.default_rng(7), BodyShape()
     heading_for(shape, 0.0)
     thin = np.concatenate([face(rng, 0, -1), face(rng, 2, -1) * [0.3, 1.0, 1.0]])
     thin[:, 0] = np.maximum(thin[:, 0], -0.06)
@@ -84,7 +84,7 @@ def test_a_side_is_believed_the_longer_it_is_shown() -> None:
 
 
 def test_a_first_guess_of_the_heading_does_not_tell_the_faces_apart() -> None:
-    rng, shape = np.random.default_rng(8), ObstacleShape()
+    rng, shape = np.random.default_rng(8), BodyShape()
     # It seems to drive along x, and is found to drive along z: the face seen is its front.
     shape.note_heading(np.array([0.1, 0.0, 0.0]), np.eye(3) * 0.02**2, 0.0)
     shape.box(face(rng, 2, -1), np.array([0.0, 0.0, 1.0]), LONG)
@@ -94,7 +94,7 @@ def test_a_first_guess_of_the_heading_does_not_tell_the_faces_apart() -> None:
 
 
 def test_a_face_that_is_hidden_now_is_remembered() -> None:
-    rng, shape = np.random.default_rng(2), ObstacleShape()
+    rng, shape = np.random.default_rng(2), BodyShape()
     heading_for(shape, 0.0)
     for _ in range(30):
         both = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
@@ -108,7 +108,7 @@ def test_a_face_that_is_hidden_now_is_remembered() -> None:
 
 
 def test_few_wrong_points_do_not_stretch_the_box() -> None:
-    rng, shape = np.random.default_rng(3), ObstacleShape()
+    rng, shape = np.random.default_rng(3), BodyShape()
     heading_for(shape, 0.0)
     points = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)])
     points[:8] += [2.0, 0.5, 2.0]
@@ -123,7 +123,7 @@ def test_shift_tells_the_places_from_another_origin() -> None:
     both = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
     boxes = []
     for shift in (False, True):
-        shape = ObstacleShape()
+        shape = BodyShape()
         heading_for(shape, 0.3)
         for _ in range(12):
             shape.note(both)
@@ -135,7 +135,7 @@ def test_shift_tells_the_places_from_another_origin() -> None:
 
 
 def test_forgotten_places_are_forgotten() -> None:
-    rng, shape = np.random.default_rng(5), ObstacleShape()
+    rng, shape = np.random.default_rng(5), BodyShape()
     heading_for(shape, 0.0)
     elsewhere = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
     elsewhere += np.array([5.0, 0.0, 5.0])
@@ -152,7 +152,7 @@ def test_forgotten_places_are_forgotten() -> None:
 
 def test_a_body_that_was_lost_keeps_its_size() -> None:
     """Found again, it shows one face; it is no flatter for that."""
-    rng, shape = np.random.default_rng(6), ObstacleShape()
+    rng, shape = np.random.default_rng(6), BodyShape()
     heading_for(shape, 0.0)
     both = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
     for _ in range(30):
@@ -164,7 +164,7 @@ def test_a_body_that_was_lost_keeps_its_size() -> None:
 
 
 def test_the_heading_is_unknown_until_it_moves_for_sure() -> None:
-    shape = ObstacleShape()
+    shape = BodyShape()
     assert shape.axis(0.0) is None
     shape.note_heading(np.array([0.02, 0.0, 0.0]), SURE, 0.0)
     assert shape.axis(0.0) is None
@@ -175,7 +175,7 @@ def test_the_heading_is_unknown_until_it_moves_for_sure() -> None:
 
 
 def test_to_and_fro_is_one_axis_that_turns_with_the_body() -> None:
-    shape = ObstacleShape()
+    shape = BodyShape()
     for k in range(40):
         yaw = 0.05 * k
         forward = yaw_matrix(0.4 + yaw) @ [0, 0, 0.3]

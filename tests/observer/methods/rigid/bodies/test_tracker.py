@@ -12,11 +12,12 @@ import pytest
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.motion_filter import POSITION, VELOCITY
+from observer.methods.rigid.bodies.filter import POSITION, VELOCITY
 from observer.methods.rigid.bodies.tracker import BodyTracker
+from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.motion_test import pooled_motion
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, Points
-from observer.parameters import Parameters
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
+from observer.parameters import EvidenceParameters, Parameters
 from observer.types import MotionState, TrackState
 from observer.vision.camera_rate import CameraRate
 
@@ -50,6 +51,16 @@ def to_the_right(speed: float = 0.4, x: float = -0.6, z: float = 3.0) -> Any:
     return lambda t: ((x + speed * t, 0.0, z), 0.3)
 
 
+def seen_from(rate: CameraRate) -> CameraStep:
+    """The world's origin, reached at this rate."""
+    return CameraStep(CAMERA, Pose.identity(), np.zeros((6, 6)), rate, DT)
+
+
+def errors(stretch: float) -> EvidenceParameters:
+    """Lasting errors of distortion alone."""
+    return P.evidence.model_copy(update={"disparity_bias_px": 0.0, "stretch": stretch})
+
+
 def alive(tracks: list[BodyTrack]) -> list[BodyTrack]:
     return [t for t in tracks if t.state is not TrackState.TENTATIVE]
 
@@ -80,7 +91,9 @@ def test_the_fewer_points_the_longer_they_must_move_alike(
     track.points, tracker.tracks = members, [track]
     states = []
     for _ in range(20):
-        tracker.live(Points.none(), np.zeros(3), lambda _: 0.1, DT, Parameters().obstacles)
+        tracker.update_lifecycle(
+            TrackedPoints.none(), np.zeros(3), lambda _: 0.1, DT, Parameters().obstacles
+        )
         states.append(track.state)
     assert track.significance > Parameters().obstacles.confirm_sigmas
     assert states.index(TrackState.CONFIRMED) == frames - 1
@@ -113,7 +126,9 @@ def test_who_is_confirmed_keeps_its_number_when_it_is_one_with_an_older_one(
     younger.state = TrackState.CONFIRMED
     tracker = BodyTracker(count(9))
     tracker.tracks = [older, younger]
-    points = tracker.live(Points.none(), np.zeros(3), lambda _: 0.1, 1 / 15, Parameters().obstacles)
+    points = tracker.update_lifecycle(
+        TrackedPoints.none(), np.zeros(3), lambda _: 0.1, 1 / 15, Parameters().obstacles
+    )
     assert len(points) == 0
     assert [(t.id, t.state) for t in tracker.tracks] == [(4, TrackState.CONFIRMED)]
     assert tracker.tracks[0] is older
@@ -149,7 +164,7 @@ def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -
     for stretch in (0.0, 0.05):
         track.filter.means[:, POSITION] = edge
         track.filter = replace(track.filter)
-        tracker.look_from(Pose.identity(), rate, CAMERA, 0.0, stretch)
+        tracker.note_lasting_errors(seen_from(rate), errors(stretch))
         doubt[stretch] = track.lasting_cov
     own = track.mean[None, VELOCITY]
     drift = 0.05 * rate.velocity_by_distortion(edge[None], own, CAMERA)[0]
@@ -157,7 +172,7 @@ def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -
     assert np.sqrt(doubt[0.05][0, 0]) > 0.005
     assert not doubt[0.0].any()
     track.missed_s = 0.1
-    tracker.look_from(Pose.identity(), CameraRate.still(), CAMERA, 0.0, 0.05)
+    tracker.note_lasting_errors(seen_from(CameraRate.still()), errors(0.05))
     np.testing.assert_array_equal(track.lasting_cov, doubt[0.05])
 
 
@@ -167,11 +182,10 @@ def test_what_creeps_begins_no_track(speed: float, begins: bool) -> None:
     rng = np.random.default_rng(1)
     place = rng.uniform((-0.2, -0.2, 2.9), (0.2, 0.2, 3.1), (20, 3))
     points = builders.watched(CAMERA, place, np.array([speed, 0, 0]), rng, sigma_px=0.002)
-    motion = pooled_motion(points, Pose.identity(), np.zeros((6, 6)), DT, CAMERA, P.evidence)
+    motion = pooled_motion(points, seen_from(CameraRate.still()), P.evidence)
     assert motion.dynamic.all()
     tracker = BodyTracker()
-    together = np.zeros(20, np.int64)
-    tracker.found(points, together, motion, lambda _: 0.2, P.obstacles)
+    tracker.spawn(points, motion, lambda _: 0.2, P.obstacles)
     assert bool(tracker.tracks) == begins
 
 
@@ -417,11 +431,12 @@ def test_points_of_known_obstacles_are_known(watched: Any, box: Any, crate: Any)
     assert run.tracker.known(run.points).any()
 
 
-def test_numbers_go_on_after_everything_was_cleared(watched: Any, box: Any, crate: Any) -> None:
-    run = watched(box(to_the_right(x=-1.0)), crate)
+def test_numbers_go_on_in_the_next_segment(watched: Any, box: Any, crate: Any) -> None:
+    run, numbers = watched(box(to_the_right(x=-1.0)), crate), count(1)
+    run.tracker = BodyTracker(numbers)
     run.run(1.0)
     (first,) = alive(run.tracks)
-    run.tracker.clear()
+    run.tracker = BodyTracker(numbers)
     run.points = run.points.but(obstacle=np.full(len(run.points), -1))
     assert run.tracks == []
     run.run(0.6)

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.parameters import FollowingParameters
-from observer.vision.keypoint_grid import (
+from observer.vision.keypoints import (
     attention,
-    crowding,
+    density_weights,
     first_in_empty,
-    new_points,
-    squares,
-    thinned,
+    grid_cells,
+    one_per_cell,
+    strongest_corners,
 )
 
 from ..builders import Texture, as_image
@@ -92,7 +92,7 @@ def test_squares_cover_the_whole_image(side: int, width: int, height: int) -> No
     corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]])
     marked = attention((width, height), NO_BOXES, corners.astype(np.float32), p)
     assert marked.shape == (-(-height // side), -(-width // side))
-    number = squares(corners.astype(np.float32), marked, p)
+    number = grid_cells(corners.astype(np.float32), marked, p)
     assert (number >= 0).all()
 
 
@@ -106,7 +106,7 @@ def test_points_share_a_number_if_and_only_if_they_share_a_square(seed: int, sid
     p = FollowingParameters(spacing_px=side)
     marked = rng.random((-(-HEIGHT // side), -(-WIDTH // side))) < 0.3
     px = np.floor(scattered(seed, 120) * 8) / 8
-    number = squares(px.astype(np.float32), marked, p)
+    number = grid_cells(px.astype(np.float32), marked, p)
     is_marked = marked[tuple(cells(px, side).T)]
     same_whole = (cells(px, side)[:, None] == cells(px, side)[None]).all(axis=2)
     same_quarter = (cells(px, side / 2)[:, None] == cells(px, side / 2)[None]).all(axis=2)
@@ -118,7 +118,7 @@ def test_points_share_a_number_if_and_only_if_they_share_a_square(seed: int, sid
 @given(seeds, st.integers(1, 300))
 def test_a_square_s_points_stand_for_it_together(seed: int, count: int) -> None:
     px = scattered(seed, count)
-    weight = crowding(px, P)
+    weight = density_weights(px, P)
     assert ((weight > 0) & (weight <= 1)).all()
     assert weight.sum() == pytest.approx(len(np.unique(cells(px), axis=0)))
     for cell in np.unique(cells(px), axis=0):
@@ -127,9 +127,9 @@ def test_a_square_s_points_stand_for_it_together(seed: int, count: int) -> None:
 
 
 def test_no_points_crowd_nothing() -> None:
-    assert crowding(NO_POINTS, P).shape == (0,)
-    assert squares(NO_POINTS, NOWHERE, P).shape == (0,)
-    assert thinned(NONE_TAKEN, np.zeros(0, np.int64)).shape == (0,)
+    assert density_weights(NO_POINTS, P).shape == (0,)
+    assert grid_cells(NO_POINTS, NOWHERE, P).shape == (0,)
+    assert one_per_cell(NONE_TAKEN, np.zeros(0, np.int64)).shape == (0,)
 
 
 # --- thinning ------------------------------------------------------------------------------
@@ -141,7 +141,7 @@ def test_the_longest_followed_point_of_each_square_stays(seed: int, count: int) 
     rng = np.random.default_rng(seed)
     square = rng.integers(0, 20, count).astype(np.intp)
     sightings = rng.integers(1, 6, count)
-    kept = thinned(square, sightings)
+    kept = one_per_cell(square, sightings)
     assert (np.diff(kept) > 0).all()
     assert sorted(square[kept]) == sorted(set(square.tolist()))
     for index in kept:
@@ -154,9 +154,9 @@ def test_the_longest_followed_point_of_each_square_stays(seed: int, count: int) 
 def test_thinning_twice_changes_nothing() -> None:
     px = scattered(0)
     marked = np.random.default_rng(0).random(NOWHERE.shape) < 0.3
-    square = squares(px, marked, P)
-    kept = thinned(square, np.ones(len(px), np.int64))
-    again = thinned(square[kept], np.ones(len(kept), np.int64))
+    square = grid_cells(px, marked, P)
+    kept = one_per_cell(square, np.ones(len(px), np.int64))
+    again = one_per_cell(square[kept], np.ones(len(kept), np.int64))
     np.testing.assert_array_equal(again, np.arange(len(kept)))
 
 
@@ -164,9 +164,9 @@ def test_thinning_twice_changes_nothing() -> None:
 
 
 def test_textured_images_get_one_point_in_each_square() -> None:
-    px = new_points(IMAGE, NONE_TAKEN, NOWHERE, P)
+    px = strongest_corners(IMAGE, NONE_TAKEN, NOWHERE, P)
     assert px.dtype == np.float32
-    number = squares(px, NOWHERE, P)
+    number = grid_cells(px, NOWHERE, P)
     assert len(np.unique(number)) == len(number)
     assert len(px) > 0.97 * ROWS * COLUMNS
     assert (px >= MARGIN).all()
@@ -177,7 +177,7 @@ def test_points_are_spread_although_one_corner_of_the_image_outshines_all() -> N
     u, v = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     bright = np.where((u < 64) & (v < 48), 1.5, 0.3)
     image = as_image(bright * Texture(4).moved())
-    px = new_points(image, NONE_TAKEN, NOWHERE, P)
+    px = strongest_corners(image, NONE_TAKEN, NOWHERE, P)
     for far in (px[:, 0] >= WIDTH / 2, px[:, 1] >= HEIGHT / 2):
         assert far.sum() == pytest.approx(len(px) / 2, rel=0.1)
 
@@ -185,30 +185,30 @@ def test_points_are_spread_although_one_corner_of_the_image_outshines_all() -> N
 def test_attention_makes_points_four_times_as_dense() -> None:
     marked = NOWHERE.copy()
     marked[2:6, 4:10] = True
-    px = new_points(IMAGE, NONE_TAKEN, marked, P)
+    px = strongest_corners(IMAGE, NONE_TAKEN, marked, P)
     inside = marked[tuple(cells(px).T)]
     assert inside.sum() > 0.9 * 4 * marked.sum()
     assert (~inside).sum() > 0.97 * (~marked).sum()
-    number = squares(px, marked, P)
+    number = grid_cells(px, marked, P)
     assert len(np.unique(number)) == len(number)
 
 
 @pytest.mark.parametrize("marked", [NOWHERE, EVERYWHERE], ids=["whole", "divided"])
 def test_where_a_point_is_followed_there_is_no_other(marked: np.ndarray) -> None:
-    px = new_points(IMAGE, NONE_TAKEN, marked, P)
-    number = squares(px, marked, P)
-    assert len(new_points(IMAGE, number, marked, P)) == 0
+    px = strongest_corners(IMAGE, NONE_TAKEN, marked, P)
+    number = grid_cells(px, marked, P)
+    assert len(strongest_corners(IMAGE, number, marked, P)) == 0
     missing = number[::3]
-    refilled = new_points(IMAGE, np.setdiff1d(number, missing), marked, P)
-    np.testing.assert_array_equal(np.sort(squares(refilled, marked, P)), np.sort(missing))
+    refilled = strongest_corners(IMAGE, np.setdiff1d(number, missing), marked, P)
+    np.testing.assert_array_equal(np.sort(grid_cells(refilled, marked, P)), np.sort(missing))
     np.testing.assert_array_equal(refilled, px[::3])
 
 
 def test_in_turns_every_square_is_looked_at_and_marked_ones_always() -> None:
     marked = NOWHERE.copy()
     marked[2:4, 4:8] = True
-    whole = new_points(IMAGE, NONE_TAKEN, marked, P)
-    seen = [new_points(IMAGE, NONE_TAKEN, marked, P, turn) for turn in range(7, 11)]
+    whole = strongest_corners(IMAGE, NONE_TAKEN, marked, P)
+    seen = [strongest_corners(IMAGE, NONE_TAKEN, marked, P, turn) for turn in range(7, 11)]
     for px in seen:
         assert len(px) < 0.75 * len(whole)
         inside = marked[tuple(cells(px).T)]
@@ -219,13 +219,13 @@ def test_in_turns_every_square_is_looked_at_and_marked_ones_always() -> None:
 @pytest.mark.parametrize("grey", [0, 128, 255])
 def test_without_texture_there_is_nothing_to_follow(grey: int) -> None:
     image = np.full((HEIGHT, WIDTH), grey, np.uint8)
-    assert len(new_points(image, NONE_TAKEN, EVERYWHERE, P)) == 0
+    assert len(strongest_corners(image, NONE_TAKEN, EVERYWHERE, P)) == 0
 
 
 def test_straight_edges_are_nothing_to_follow() -> None:
     image = np.full((HEIGHT, WIDTH), 60, np.uint8)
     image[:, 120:] = 200
-    assert len(new_points(image, NONE_TAKEN, NOWHERE, P)) == 0
+    assert len(strongest_corners(image, NONE_TAKEN, NOWHERE, P)) == 0
 
 
 def test_a_corner_is_found_where_it_is_and_the_stronger_one_wins() -> None:
@@ -233,7 +233,7 @@ def test_a_corner_is_found_where_it_is_and_the_stronger_one_wins() -> None:
     # Both in the square from (96, 64) on; the second is fainter.
     image[66:72, 98:104] = 220
     image[73:78, 105:110] = 120
-    px = new_points(image, NONE_TAKEN, NOWHERE, P)
+    px = strongest_corners(image, NONE_TAKEN, NOWHERE, P)
     inside = px[(cells(px) == (4, 6)).all(axis=1)]
     assert len(inside) == 1
     corners = np.array([[98, 66], [103, 66], [98, 71], [103, 71]])
@@ -246,10 +246,10 @@ def test_equal_images_give_equal_points(seed: int, side: int) -> None:
     p = FollowingParameters(spacing_px=side)
     rng = np.random.default_rng(seed)
     marked = rng.random((-(-HEIGHT // side), -(-WIDTH // side))) < 0.3
-    taken = np.unique(squares(scattered(seed, 40), marked, p))
-    first = new_points(IMAGE, taken, marked, p)
-    np.testing.assert_array_equal(first, new_points(IMAGE.copy(), taken.copy(), marked, p))
-    assert not np.isin(squares(first, marked, p), taken).any()
+    taken = np.unique(grid_cells(scattered(seed, 40), marked, p))
+    first = strongest_corners(IMAGE, taken, marked, p)
+    np.testing.assert_array_equal(first, strongest_corners(IMAGE.copy(), taken.copy(), marked, p))
+    assert not np.isin(grid_cells(first, marked, p), taken).any()
 
 
 # --- points that a detector found ----------------------------------------------------------
@@ -259,7 +259,7 @@ def test_the_first_in_every_empty_square_is_taken() -> None:
     px = scattered(5, 4000)
     inside = ((px >= MARGIN + 1) & (px < np.array([WIDTH, HEIGHT]) - MARGIN - 1)).all(axis=1)
     marked = attention((WIDTH, HEIGHT), np.array([[40.0, 50.0, 70.0, 63.0]]), NO_POINTS, P)
-    square = squares(px, marked, P)
+    square = grid_cells(px, marked, P)
     taken = np.unique(square[:50])
     chosen = first_in_empty(px, (WIDTH, HEIGHT), taken, marked, P)
     expected = {}
@@ -275,11 +275,15 @@ def test_of_the_squares_that_are_not_marked_half_have_their_turn() -> None:
     marked = NOWHERE.copy()
     marked[2, 3] = True
     at = [
-        {*squares(px[first_in_empty(px, (WIDTH, HEIGHT), NONE_TAKEN, marked, P, turn)], marked, P)}
+        {
+            *grid_cells(
+                px[first_in_empty(px, (WIDTH, HEIGHT), NONE_TAKEN, marked, P, turn)], marked, P
+            )
+        }
         for turn in (7, 8, None)
     ]
     assert at[0] | at[1] == at[2]
-    of_the_marked = {*squares(px[squares(px, marked, P) >= ROWS * COLUMNS], marked, P)}
+    of_the_marked = {*grid_cells(px[grid_cells(px, marked, P) >= ROWS * COLUMNS], marked, P)}
     assert len(of_the_marked) == 4
     assert at[0] & at[1] == of_the_marked
 

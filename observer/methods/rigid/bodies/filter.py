@@ -23,7 +23,7 @@ _SIDEWAYS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class ObstacleMotion:
+class BodyFilter:
     """An interacting-multiple-model filter with two modes (Blom and Bar-Shalom, 1988).
 
     Both modes are the coordinated turn: the velocity turns with the body. They differ in how
@@ -45,14 +45,14 @@ class ObstacleMotion:
         position_cov: Float64Array,
         velocity_cov: Float64Array,
         yaw_rate_sigma: float,
-    ) -> ObstacleMotion:
+    ) -> BodyFilter:
         """With (3,) and (3, 3) each; the yaw is 0 by definition at first."""
         mean = np.zeros(STATE_SIZE)
         mean[POSITION], mean[VELOCITY] = position, velocity
         cov = np.zeros((STATE_SIZE, STATE_SIZE))
         cov[POSITION, POSITION], cov[VELOCITY, VELOCITY] = position_cov, velocity_cov
         cov[YAW, YAW], cov[YAW_RATE, YAW_RATE] = 1e-8, yaw_rate_sigma**2
-        return ObstacleMotion(np.stack([mean, mean]), np.stack([cov, cov]), np.array([0.5, 0.5]))
+        return BodyFilter(np.stack([mean, mean]), np.stack([cov, cov]), np.array([0.5, 0.5]))
 
     @cached_property
     def mean(self) -> Float64Array:
@@ -84,7 +84,7 @@ class ObstacleMotion:
         acceleration: tuple[float, float],
         yaw_acceleration: tuple[float, float],
         axis: Float64Array | None,
-    ) -> ObstacleMotion:
+    ) -> BodyFilter:
         """The state ``dt`` seconds later.
 
         Args:
@@ -106,9 +106,9 @@ class ObstacleMotion:
         means, F = _turned(mixed, dt)
         covs = F @ covs @ np.swapaxes(F, 1, 2)
         _add_noise(covs, dt, acceleration, yaw_acceleration, axis)
-        return ObstacleMotion(means, covs, probabilities)
+        return BodyFilter(means, covs, probabilities)
 
-    def updated(self, measured: Float64Array, noise: Float64Array) -> ObstacleMotion:
+    def updated(self, measured: Float64Array, noise: Float64Array) -> BodyFilter:
         """After measuring position and yaw (4,) with covariance (4, 4)."""
         P = self.covariances
         rows = P[:, MEASURED]
@@ -124,9 +124,9 @@ class ObstacleMotion:
         likelihood = -0.5 * (squared + np.linalg.slogdet(S)[1])
         weight = self.probabilities * np.exp(likelihood - likelihood.max())
         weight = np.maximum(weight / weight.sum(), 1e-3)
-        return ObstacleMotion(means, covs, weight / weight.sum())
+        return BodyFilter(means, covs, weight / weight.sum())
 
-    def rebased(self, offset: Float64Array) -> ObstacleMotion:
+    def rebased(self, offset: Float64Array) -> BodyFilter:
         """The same motion, told of another point of the body as its origin.
 
         Args:
@@ -142,9 +142,7 @@ class ObstacleMotion:
         J[:, POSITION, YAW] = swing
         J[:, VELOCITY, YAW] = rate * turning_velocity(1.0, swing)
         J[:, VELOCITY, YAW_RATE] = swing
-        return ObstacleMotion(
-            means, J @ self.covariances @ np.swapaxes(J, 1, 2), self.probabilities
-        )
+        return BodyFilter(means, J @ self.covariances @ np.swapaxes(J, 1, 2), self.probabilities)
 
 
 def turning_velocity(yaw_rate: float, arm: Float64Array) -> Float64Array:

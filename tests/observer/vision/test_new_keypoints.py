@@ -12,8 +12,7 @@ from observer.observer import Observer
 from observer.parameters import FollowingParameters, Parameters, parameter_schema
 from observer.types import FullTrace, Status
 from observer.vision.features import strongest_first
-from observer.vision.keypoint_choice import chosen_points
-from observer.vision.keypoint_grid import new_points, squares
+from observer.vision.keypoints import grid_cells, new_keypoints, strongest_corners
 
 from ..builders import Texture, as_image
 from ..conftest import OpenClip
@@ -49,17 +48,19 @@ def test_every_detector_finds_the_robot_that_crosses(detector: str, clip: OpenCl
 @pytest.mark.parametrize("detector", DETECTORS)
 def test_every_empty_square_gets_the_detector_s_strongest_point(detector: str) -> None:
     p = using(detector)
-    px = chosen_points(IMAGE, NONE_TAKEN, NOWHERE, p)
-    square = squares(px, NOWHERE, p.following)
+    px = new_keypoints(IMAGE, NONE_TAKEN, NOWHERE, p)
+    square = grid_cells(px, NOWHERE, p.following)
     assert len(px) > 20
     assert len(np.unique(square)) == len(px)
     if detector == "shi_tomasi":
-        np.testing.assert_array_equal(px, new_points(IMAGE, NONE_TAKEN, NOWHERE, p.following))
+        np.testing.assert_array_equal(
+            px, strongest_corners(IMAGE, NONE_TAKEN, NOWHERE, p.following)
+        )
         return
     found = {tuple(each) for each in strongest_first(IMAGE, p.features, 8 * NOWHERE.size)}
     assert {tuple(each) for each in px} <= found
     some = square[::2]
-    left = squares(chosen_points(IMAGE, some, NOWHERE, p), NOWHERE, p.following)
+    left = grid_cells(new_keypoints(IMAGE, some, NOWHERE, p), NOWHERE, p.following)
     assert sorted(left) == sorted(set(square) - set(some))
 
 

@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from observer.methods.rigid.bodies.motion_filter import (
+from observer.methods.rigid.bodies.filter import (
     MEASURED,
     POSITION,
     STATE_SIZE,
     VELOCITY,
     YAW,
     YAW_RATE,
-    ObstacleMotion,
+    BodyFilter,
     turning_velocity,
     yaw_matrix,
 )
@@ -44,10 +44,10 @@ def on_circle(state: np.ndarray, dt: float) -> np.ndarray:
     return out
 
 
-def begun(state: np.ndarray, sigma: np.ndarray = FIRST_SIGMA) -> ObstacleMotion:
+def begun(state: np.ndarray, sigma: np.ndarray = FIRST_SIGMA) -> BodyFilter:
     """Knowing (8,) to within a standard deviation (8,)."""
     cov = np.diag(sigma**2)
-    motion = ObstacleMotion.begin(
+    motion = BodyFilter.begin(
         state[POSITION], state[VELOCITY], cov[POSITION, POSITION], cov[VELOCITY, VELOCITY],
         float(sigma[YAW_RATE]),
     )  # fmt: skip
@@ -60,7 +60,7 @@ def truth(speed: float = 0.4, rate: float = 0.0) -> np.ndarray:
     return np.array([0.5, 0.1, 3.0, speed * 0.6, 0.0, speed * 0.8, 0.0, rate])
 
 
-def squared_error(motion: ObstacleMotion, state: np.ndarray, rows: slice | list[int]) -> float:
+def squared_error(motion: BodyFilter, state: np.ndarray, rows: slice | list[int]) -> float:
     """Squared Mahalanobis length of the error."""
     gap = (motion.mean - state)[rows]
     return float(gap @ np.linalg.solve(motion.covariance[rows, rows], gap))

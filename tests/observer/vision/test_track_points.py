@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from observer.parameters import FlowParameters
-from observer.vision.lucas_kanade import follow_points
+from observer.vision.klt_tracking import track_points
 
 SHIFT = np.array([3.25, -2.5])
 GRID = np.stack(np.meshgrid(np.arange(20, 300, 20), np.arange(20, 180, 20)), -1)
@@ -25,38 +25,38 @@ def pair(gain: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_points_are_found_where_they_went() -> None:
-    end, good = follow_points(*pair(), POINTS, FlowParameters(), back_check=True)
+    end, good = track_points(*pair(), POINTS, FlowParameters(), back_check=True)
     assert good.mean() > 0.95
     assert np.abs(end - POINTS - SHIFT)[good].max() < 0.2
 
 
 @pytest.mark.parametrize("gain", [0.6, 1.4])
 def test_flickering_light_is_not_motion(gain: float) -> None:
-    end, good = follow_points(*pair(gain), POINTS, FlowParameters(), back_check=True)
+    end, good = track_points(*pair(gain), POINTS, FlowParameters(), back_check=True)
     assert good.mean() > 0.9
     assert np.percentile(np.abs(end - POINTS - SHIFT)[good], 95) < 0.3
     blind = FlowParameters(match_brightness=False)
-    _, fewer = follow_points(*pair(gain), POINTS, blind, back_check=True)
+    _, fewer = track_points(*pair(gain), POINTS, blind, back_check=True)
     assert fewer.sum() < 0.8 * good.sum()
 
 
 @pytest.mark.parametrize("grey", [0, 90, 255])
 def test_without_texture_nothing_is_followed(grey: int) -> None:
     blank = np.full((200, 320), grey, np.uint8)
-    _, good = follow_points(blank, blank, POINTS, FlowParameters(), back_check=True)
+    _, good = track_points(blank, blank, POINTS, FlowParameters(), back_check=True)
     assert not good.any()
-    _, good = follow_points(pair()[0], blank, POINTS, FlowParameters(), back_check=True)
+    _, good = track_points(pair()[0], blank, POINTS, FlowParameters(), back_check=True)
     assert not good.any()
 
 
 def test_points_that_leave_the_image_are_refused() -> None:
     near_edge = np.array([[318.0, 50.0], [100.0, 1.0], [150.0, 100.0]], np.float32)
-    _, good = follow_points(*pair(), near_edge, FlowParameters(), back_check=False)
+    _, good = track_points(*pair(), near_edge, FlowParameters(), back_check=False)
     assert good.tolist() == [False, False, True]
 
 
 def test_no_points() -> None:
-    end, good = follow_points(
+    end, good = track_points(
         *pair(), np.empty((0, 2), np.float32), FlowParameters(), back_check=True
     )
     assert end.shape == (0, 2)

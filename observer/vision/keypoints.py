@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.parameters import FollowingParameters
+from observer.parameters import FollowingParameters, Parameters
 from observer.types import Image
+from observer.vision.features import strongest_first
 
-# Where something moves, squares are this many times smaller.
+# Where something moves, cells are this many times smaller.
 _FINER = 2
 # Corners are looked for in an image this many times smaller: a point to follow is a window, and
 # need not be a corner to the pixel.
@@ -20,9 +21,11 @@ _CORNER_PX = 3
 # OpenCV's smaller eigenvalue is that of the mean gradient matrix in (2 / 255 grey levels/px)^2,
 # and in the smaller image gradients are steeper.
 _GREY_PER_ROOT = 255 / 2 / _REDUCTION
-# Most empty squares are empty because nothing in them can be followed; each is tried once in so
+# Most empty cells are empty because nothing in them can be followed; each is tried once in so
 # many frames.
 _TURNS = 2
+# Strong points crowd, so more than one a cell must be found for most cells to get one.
+_CANDIDATES_PER_CELL = 8
 # Making the image smaller smooths it: so much of the gradients of fine texture remains.
 _SMOOTHED = 0.5
 
@@ -33,7 +36,7 @@ def attention(
     px: NDArray[np.float32],
     parameters: FollowingParameters,
 ) -> NDArray[np.bool_]:
-    """(rows, columns) which squares of the image deserve more points.
+    """Return which cells of the image deserve more points, (rows, columns).
 
     Args:
         size: width and height of the image, pixels.
@@ -55,10 +58,10 @@ def attention(
     return marked
 
 
-def squares(
+def grid_cells(
     px: NDArray[np.float32], marked: NDArray[np.bool_], parameters: FollowingParameters
 ) -> NDArray[np.intp]:
-    """(N,) number of the square each point (N, 2) px is in; marked squares are divided further."""
+    """Return the number (N,) of the cell of each point (N, 2) px; marked cells are divided."""
     rows, columns = marked.shape
     finer = (px * np.float32(_FINER / parameters.spacing_px)).astype(np.intp)
     column, row = finer[:, 0] // _FINER, finer[:, 1] // _FINER
@@ -67,41 +70,69 @@ def squares(
     return np.asarray(np.where(marked[row, column], divided, coarse), np.intp)
 
 
-def crowding(px: NDArray[np.float32], parameters: FollowingParameters) -> NDArray[np.float64]:
-    """(N,) one over the number of points that share the square of each point (N, 2) px."""
+def density_weights(
+    px: NDArray[np.float32], parameters: FollowingParameters
+) -> NDArray[np.float64]:
+    """Return one over the number (N,) of points that share the cell of each point (N, 2) px."""
     column = (px[:, 0] // parameters.spacing_px).astype(np.intp)
     row = (px[:, 1] // parameters.spacing_px).astype(np.intp)
-    square = row * (column.max(initial=0) + 1) + column
-    return np.asarray(1.0 / np.bincount(square)[square], np.float64)
+    cell = row * (column.max(initial=0) + 1) + column
+    return np.asarray(1.0 / np.bincount(cell)[cell], np.float64)
 
 
-def thinned(square: NDArray[np.intp], sightings: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Indices, ascending, of the longest followed point in each square.
+def one_per_cell(cell: NDArray[np.intp], sightings: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Return the indices, ascending, of the longest followed point in each cell.
 
     Args:
-        square: (N,) number of the square each point is in.
+        cell: (N,) number of the cell each point is in.
         sightings: (N,) in how many frames each was seen.
     """
-    order = np.lexsort((-sightings, square))
-    return np.sort(order[_firsts(square[order])])
+    order = np.lexsort((-sightings, cell))
+    return np.sort(order[_firsts(cell[order])])
 
 
-def new_points(
+def new_keypoints(
+    image: Image,
+    taken: NDArray[np.intp],
+    marked: NDArray[np.bool_],
+    parameters: Parameters,
+    turn: int | None = None,
+) -> NDArray[np.float32]:
+    """Return new points (N, 2) px: the strongest of every cell in which no point is followed.
+
+    The minimum eigenvalue is what Lucas-Kanade goes by, and is computed for the cells at once;
+    the other detectors look at the whole image.
+
+    Args:
+        image: (H, W) grey. taken, marked, turn: as of ``strongest_corners``.
+
+    Raises:
+        InputError: ``surf`` is asked for and its extra is not installed.
+    """
+    p = parameters
+    if p.features.detector == "shi_tomasi":
+        return strongest_corners(image, taken, marked, p.following, turn)
+    px = strongest_first(image, p.features, marked.size * _CANDIDATES_PER_CELL)
+    height, width = image.shape
+    return px[first_in_empty(px, (width, height), taken, marked, p.following, turn)]
+
+
+def strongest_corners(
     image: Image,
     taken: NDArray[np.intp],
     marked: NDArray[np.bool_],
     parameters: FollowingParameters,
     turn: int | None = None,
 ) -> NDArray[np.float32]:
-    """The strongest corner (N, 2) px of every square in which no point is followed.
+    """Return the strongest corner (N, 2) px of every cell in which no point is followed.
 
     A corner is as strong as the smaller eigenvalue of its gradient matrix, for this is what
     Lucas-Kanade goes by (Shi and Tomasi: Good Features to Track, CVPR 1994).
 
     Args:
-        image: (H, W) grey. taken: numbers of the squares that have a point, as of ``squares``.
+        image: (H, W) grey. taken: numbers of the cells that have a point, as of ``grid_cells``.
         marked: (rows, columns) of ``attention``.
-        turn: number of the frame; of the squares that are not marked only one in ``_TURNS`` is
+        turn: number of the frame; of the cells that are not marked only one in ``_TURNS`` is
             looked at, each frame another one. None looks at all of them.
     """
     strength = np.asarray(cv2.cornerMinEigenVal(cv2.pyrDown(image), _CORNER_PX), np.float32)
@@ -118,10 +149,10 @@ def new_points(
     found = np.flatnonzero(strength == best.take(v, axis=0).take(u, axis=1))
     row, column = np.divmod(found, width)
     px = np.stack([column, row], axis=1).astype(np.float32) * _REDUCTION
-    square = squares(px, marked, parameters)
+    cell = grid_cells(px, marked, parameters)
     # Of equally strong ones it is the first in the image, so that equal images give equal points.
-    order = np.argsort(square, kind="stable")
-    return px[order[_firsts(square[order])]]
+    order = np.argsort(cell, kind="stable")
+    return px[order[_firsts(cell[order])]]
 
 
 def first_in_empty(
@@ -132,11 +163,11 @@ def first_in_empty(
     parameters: FollowingParameters,
     turn: int | None = None,
 ) -> NDArray[np.intp]:
-    """Indices of the first of points (N, 2) px in every square in which no point is followed.
+    """Return the indices of the first of points (N, 2) px in every cell without a tracked point.
 
     Args:
         size: width and height of the image, pixels.
-        taken, marked, turn: as of ``new_points``.
+        taken, marked, turn: as of ``strongest_corners``.
     """
     # Lucas-Kanade's window must lie in the image.
     margin = parameters.window_px // 2 + 1
@@ -145,7 +176,7 @@ def first_in_empty(
     chosen = _free(taken, marked, turn)[finer[:, 1], finer[:, 0]]
     chosen &= (px >= low).all(axis=1) & (px < high).all(axis=1)
     index = np.flatnonzero(chosen)
-    _, first = np.unique(squares(px[index], marked, parameters), return_index=True)
+    _, first = np.unique(grid_cells(px[index], marked, parameters), return_index=True)
     return np.asarray(index[first], np.intp)
 
 
@@ -160,16 +191,16 @@ def _strongest(
     u: NDArray[np.intp],
     marked: NDArray[np.bool_],
 ) -> NDArray[np.float32]:
-    """(2 rows, 2 columns) of the finer squares: the greatest strength in the square that counts.
+    """(2 rows, 2 columns) of the finer cells: the greatest strength in the cell that counts.
 
     Args:
-        strength: (h, w). v, u: (h,), (w,) the finer square of each of its rows and columns.
-        marked: (rows, columns) where the finer square counts rather than the whole.
+        strength: (h, w). v, u: (h,), (w,) the finer cell of each of its rows and columns.
+        marked: (rows, columns) where the finer cell counts rather than the whole.
     """
     rows, columns = marked.shape
     best = np.zeros((rows * _FINER, columns * _FINER), np.float32)
     down, across = (np.flatnonzero(_firsts(index)) for index in (v, u))
-    # Row by row of squares: three times as fast as reduceat along the first axis.
+    # Row by row of cells: three times as fast as reduceat along the first axis.
     lowest = np.append(down[1:], len(v))
     rowwise = np.stack([strength[a:b].max(axis=0) for a, b in zip(down, lowest, strict=True)])
     pooled = np.maximum.reduceat(rowwise, across, axis=1)
@@ -182,7 +213,7 @@ def _strongest(
 def _free(
     taken: NDArray[np.intp], marked: NDArray[np.bool_], turn: int | None
 ) -> NDArray[np.bool_]:
-    """(2 rows, 2 columns) of the finer squares: in which a point is wanted."""
+    """(2 rows, 2 columns) of the finer cells: in which a point is wanted."""
     rows, columns = marked.shape
     empty = np.ones(rows * columns * (1 + _FINER**2), np.bool_)
     empty[taken] = False

@@ -1,0 +1,134 @@
+"""Renewal of the tracked points: wrong ones are dropped, and every empty cell gets a new one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
+from observer.methods.rigid.point_tracking import (
+    LEAST_DISPARITY_PX,
+    MOST_NEGATIVE_PX,
+    sighting_information,
+)
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
+from observer.parameters import Parameters
+from observer.vision.camera_rate import CameraRate
+from observer.vision.keypoints import attention, grid_cells, new_keypoints, one_per_cell
+from observer.vision.klt_tracking import match_right
+from observer.vision.sparse_stereo import coarse_disparity
+from observer.vision.view import View
+
+# Pixels: disparities further apart are of different things; the coarse one is good to about one.
+_ANOTHER_DISPARITY_PX = 2.5
+# The noise of points that are seen for the first time, before it can be told, px.
+_FIRST_SIGMA_PX = 0.15
+# Time step of the derivative by which a new point's flow is predicted, seconds.
+_FLOW_STEP_S = 0.01
+
+
+class PointRenewal:
+    """Keeps the image covered with points, and numbers them."""
+
+    def __init__(self, camera: StereoCamera) -> None:
+        self._camera = camera
+        self._next_number = 0
+
+    def renewed(
+        self,
+        points: TrackedPoints,
+        view: View,
+        boxes_px: Float64Array,
+        T_camera_world: Pose,
+        rate: CameraRate | None,
+        parameters: Parameters,
+    ) -> TrackedPoints:
+        """Return one point for each cell of the image: the old one, or else a new one.
+
+        Args:
+            boxes_px: (B, 4) u0 v0 u1 v1 around obstacles; cells are smaller there.
+            rate: of the camera; None unknown, as in a segment's first view, of which every cell
+                is looked at.
+        """
+        points = points.remembered()
+        marked = self._marked(points, boxes_px, parameters)
+        cell = grid_cells(points.px, marked, parameters.following)
+        kept = one_per_cell(cell, points.sightings)
+        points = points.take(kept)
+        turn = None if rate is None else view.index
+        px = new_keypoints(view.left, cell[kept], marked, parameters, turn)
+        if len(px) == 0:
+            return points
+        due = np.flatnonzero(points.sightings == parameters.evidence.min_sightings)
+        searched = np.concatenate([points.px[due], px])
+        coarse = coarse_disparity(view.left, view.right, searched, parameters.stereo)
+        wrong = due[_contradicted(points, due, coarse[: len(due)])]
+        if len(wrong):
+            points = points.take(np.delete(np.arange(len(points)), wrong))
+        new = self._spawned(view, px, coarse[len(due) :], T_camera_world, rate, parameters)
+        return points.joined(new)
+
+    def _marked(
+        self, points: TrackedPoints, boxes_px: Float64Array, parameters: Parameters
+    ) -> NDArray[np.bool_]:
+        """(rows, columns) which cells have obstacles or moving points in or beside them."""
+        moving = points.dynamic | (points.obstacle != NO_OBSTACLE)
+        size = (self._camera.width, self._camera.height)
+        return attention(size, boxes_px, points.px[moving], parameters.following)
+
+    def _spawned(
+        self,
+        view: View,
+        px: NDArray[np.float32],
+        coarse: NDArray[np.float32],
+        T_camera_world: Pose,
+        rate: CameraRate | None,
+        parameters: Parameters,
+    ) -> TrackedPoints:
+        """New points at those of (N, 2) px that are found in the right image.
+
+        Args:
+            coarse: (N,) disparity to within a few pixels, NaN unknown.
+        """
+        right, _ = match_right((view.left, view.right), px, coarse, parameters.following)
+        disparity = (px[:, 0] - right[:, 0]).astype(np.float64)
+        known = np.asarray(disparity > MOST_NEGATIVE_PX)
+        px, right = px[known], right[known]
+        disparity = np.maximum(disparity[known], LEAST_DISPARITY_PX)
+        if view.right_time is not None:
+            flow = self._static_flow(px, disparity, rate)
+            shift = flow * (view.right_time - view.time)
+            disparity = np.maximum(disparity + shift, LEAST_DISPARITY_PX)
+        T_world_camera = T_camera_world.inverse()
+        place = self._camera.triangulate(px, disparity)
+        sigma = np.full((len(px), 3), _FIRST_SIGMA_PX)
+        information = sighting_information(place, sigma, T_world_camera, self._camera)
+        sums = PositionVelocityFilter.begin(T_world_camera.apply(place), information)
+        begun = TrackedPoints.begin(self._next_number, px, right, disparity, sums)
+        self._next_number += len(px)
+        return begun
+
+    def _static_flow(
+        self, px: NDArray[np.float32], disparity: Float64Array, rate: CameraRate | None
+    ) -> Float64Array:
+        """(N,) px/s along the rows of new points, if they are static."""
+        if rate is None:
+            return np.zeros(len(px))
+        back = rate.over(-_FLOW_STEP_S)
+        earlier, _ = self._camera.project(back.apply(self._camera.triangulate(px, disparity)))
+        return np.nan_to_num((px[:, 0] - earlier[:, 0]) / _FLOW_STEP_S)
+
+
+def _contradicted(
+    points: TrackedPoints, due: NDArray[np.intp], coarse: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """(K,) which points (K,) have another disparity than a search of the whole row finds (K,).
+
+    Beside an edge in depth a point may be given the disparity of what is beyond the edge, and
+    keep it, for left and right look alike there. Once it is about to be judged, its surroundings
+    have moved on, and the row is searched again.
+    """
+    own = points.px[due, 0] - points.right_px[due, 0]
+    return np.asarray(np.abs(coarse - own) > _ANOTHER_DISPARITY_PX)
