@@ -9,12 +9,10 @@ from collections.abc import Callable
 from observer.errors import InputError
 from observer.robots.contract import Robot
 from observer.robots.models import robot_spec
+from observer.robots.ports import COPPELIASIM, EXTERNAL, SOCKET, shown_port
 
-EXTERNAL, COPPELIASIM, SOCKET = "external:", "coppeliasim:", "socket://"
 _HOST = r"(?:\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+)"
 _HOST_AND_PORT = re.compile(rf"{_HOST}:(?P<port>\d{{1,5}})(?P<rest>/.*)?")
-# Where a key begins, however it was mistyped.
-_BEFORE_KEY = re.compile(r"[?&]|key=", re.IGNORECASE)
 _FORMS = (
     "a robot's port is a device as /dev/ttyUSB0, socket://HOST:8101, external:HOST:PORT or "
     "coppeliasim:HOST:PORT/OBJECT"
@@ -40,7 +38,7 @@ def open_robot(
         robot_spec(model)
     # Each knows the protocol, and the libraries, of its own kind of robot.
     if port.startswith(EXTERNAL):
-        from observer.robots.network.address import open_external
+        from observer.robots.network.robot import open_external
 
         return open_external(port, model, clock=clock)
     if port.startswith(COPPELIASIM):
@@ -64,7 +62,7 @@ def check_port(port: str) -> None:
         _check_address(port)
         return
     if port.startswith(EXTERNAL):
-        from observer.robots.network.address import parse_external
+        from observer.robots.network.robot import parse_external
 
         parse_external(port)
         return
@@ -75,14 +73,6 @@ def check_port(port: str) -> None:
         return
     if not re.match(r"\.{0,2}/[^/]", port):
         raise InputError(f"{_FORMS}, not {shown_port(port)!r}")
-
-
-def shown_port(port: str) -> str:
-    """The text that names a robot's port, without its key: for people, records and logs."""
-    # Names of devices and of a scene's objects may hold anything.
-    if port.startswith(COPPELIASIM) or re.match(r"\.{0,2}/", port):
-        return port
-    return _BEFORE_KEY.split(port, maxsplit=1)[0]
 
 
 def _check_address(port: str) -> None:

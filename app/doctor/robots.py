@@ -14,7 +14,7 @@ from app.settings import Settings
 from observer.errors import InputError
 from observer.rig.rig import ROLES, Rig, Role
 from observer.rig.rig_file import read_rig
-from observer.robot_opening import shown_port
+from observer.robots.ports import shown_port
 
 _SECTION = "Robots"
 _ALLOW_IT = (

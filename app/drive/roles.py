@@ -39,9 +39,10 @@ from observer.guard.sight import Sight
 from observer.motion_profiles.playing import duration_s
 from observer.parameters import GuardParameters
 from observer.rig.rig import ROLES, Role
-from observer.robot_opening import check_port, shown_port
+from observer.robot_opening import check_port
 from observer.robots.contract import Robot
 from observer.robots.models import robot_spec
+from observer.robots.ports import shown_port
 
 _log = logging.getLogger(__name__)
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from observer.errors import SourceError
+from observer.image_files.pairs import FilePair, MissingPair
 from observer.image_files.reading import IMAGE_SUFFIXES
-from observer.sources.file_pairs import FilePair, MissingPair
 
 
 def image_names(folder: Path) -> list[str]:

@@ -27,7 +27,7 @@ from observer.parameters.rigid import (
     FollowingParameters,
     ObstacleParameters,
 )
-from observer.vision.surf import surf_missing
+from observer.parameters.surf_extra import surf_missing
 
 
 class Parameters(Stage):

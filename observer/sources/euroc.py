@@ -8,7 +8,8 @@ from observer.calibration.formats.euroc_file import read_euroc
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
 from observer.image_files.listing import read_lines
-from observer.sources.file_pairs import FilePair, FilePairSource, MissingPair
+from observer.image_files.pairs import FilePair, MissingPair
+from observer.sources.file_pairs import FilePairSource
 
 
 def open_euroc(folder: Path) -> FilePairSource:

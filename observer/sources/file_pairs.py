@@ -6,35 +6,18 @@ import statistics
 import time
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, SourceError
+from observer.image_files.pairs import FilePair, MissingPair
 from observer.image_files.reading import read_image
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import Image, StereoFrame
 
 # Gives the calibration that fits images of this width and height, None where there is none.
 Calibrate = Callable[[int, int], StereoCalibration | None]
-
-
-@dataclass(frozen=True)
-class FilePair:
-    """The files of one frame; times are the exposures on the source's clock, seconds."""
-
-    left: Path
-    right: Path
-    time: float
-    right_time: float | None = None
-
-
-@dataclass(frozen=True)
-class MissingPair:
-    """A frame that is known to be missing, and the sentence that says why."""
-
-    reason: str
 
 
 class FilePairSource:

@@ -12,8 +12,9 @@ from observer.calibration.formats.kitti_file import read_kitti_raw
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
 from observer.image_files.listing import pairs_by_name, read_lines
+from observer.image_files.pairs import FilePair, MissingPair
 from observer.image_files.reading import read_image
-from observer.sources.file_pairs import FilePair, FilePairSource, MissingPair
+from observer.sources.file_pairs import FilePairSource
 
 # Pairs, evenly spread over the drive, from which the rows are set straight.
 _REFINED_BY = 4

@@ -9,7 +9,6 @@ of the points at 10 degrees and for 45 % at 30, which is no matter between frame
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from typing import Any
 
 import cv2
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from observer.errors import InputError
 from observer.geometry import Float64Array
+from observer.parameters.surf_extra import surf_missing
 
 # The determinant of the Hessian from which mahotas takes a point; its own default, which leaves
 # noise of 2 grey levels without points and finds about 1,000 in a picture of 512x256.
@@ -26,16 +26,6 @@ _OCTAVES, _SCALES, _STEP_PX = 4, 6, 1
 # mahotas counts scale in sigma of its smallest filter, OpenCV size in pixels across the filter:
 # the 9x9 filter stands for a sigma of 1.2.
 _PX_PER_SCALE = 9 / 1.2
-
-
-def surf_missing() -> str | None:
-    """One sentence on how to get SURF where it is not installed, otherwise None."""
-    if importlib.util.find_spec("mahotas") is not None:
-        return None
-    return (
-        "surf needs the package mahotas, which is not installed; install it by: "
-        "pip install 'dynamic-observer[surf]'"
-    )
 
 
 def surf_points(image: NDArray[np.uint8], most: int) -> tuple[cv2.KeyPoint, ...]:

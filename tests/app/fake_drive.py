@@ -33,7 +33,7 @@ from app.drive.messages import (
 )
 from app.processes.errors import ProcessRefused, ProcessUnavailable
 from observer.rig.rig import ROLES, Role
-from observer.robot_opening import shown_port
+from observer.robots.ports import shown_port
 
 
 @dataclass

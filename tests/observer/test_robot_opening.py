@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from observer.errors import InputError
-from observer.robot_opening import check_port, open_robot, shown_port
+from observer.robot_opening import check_port, open_robot
 from observer.robots.pioneer import Pioneer
+from observer.robots.ports import shown_port
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ from app.server.runs.file_names import told_as_ours, write_whole
 from observer.errors import InputError
 from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
 from observer.rig.rig_file import read_rig, rig_text
-from observer.robot_opening import check_port, shown_port
+from observer.robot_opening import check_port
+from observer.robots.ports import shown_port
 
 FILE_NAME = "rig.yaml"
 

@@ -38,7 +38,7 @@ from app.server.robots.incidents import IncidentKeeper, Incidents
 from app.server.robots.operators import Operators
 from app.server.robots.wheels import WheelLog, WheelSample
 from observer.rig.rig import ROLES, Rig, Role
-from observer.robot_opening import shown_port
+from observer.robots.ports import shown_port
 
 log = structlog.get_logger(__name__)
 

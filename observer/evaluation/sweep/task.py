@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import importlib.metadata
 import json
 import statistics
 import time
@@ -16,13 +15,13 @@ from typing import Any
 
 import cv2
 
-import observer
 from observer.errors import DynamicObserverError
 from observer.evaluation.evaluate import summarise
 from observer.evaluation.source_run import SourceRun, run_opened
 from observer.evaluation.sweep.frames import FrameCache
 from observer.evaluation.sweep.sources import SweepSource
 from observer.parameters import Parameters, preset
+from observer.version import library_version
 
 # Cost is told relative to this preset, which sees so many frames from the middle of the source in
 # turn with the combination: both share the machine's moods, whoever else works on it.
@@ -132,14 +131,10 @@ def run_task(task: Task, cache_bytes: int, own_process: bool) -> Outcome:
 def method_version() -> str:
     """The installed version, with a digest of the library's own text: a clone may be changed."""
     digest = hashlib.blake2b(digest_size=4)
-    folder = Path(observer.__file__).parent
+    folder = Path(__file__).parents[2]
     for path in sorted(folder.rglob("*.py")):
         digest.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
-    try:
-        installed = importlib.metadata.version("dynamic-observer")
-    except importlib.metadata.PackageNotFoundError:
-        installed = "source"
-    return f"{installed}+{digest.hexdigest()}"
+    return f"{library_version()}+{digest.hexdigest()}"
 
 
 @functools.cache

@@ -1,1 +1,1 @@
-"""What one camera goes by: lines of sight, depth by travel, the floor, what keeps its metres."""
+"""What one camera goes by: lines of sight, depth by travel, the ground, what keeps its metres."""

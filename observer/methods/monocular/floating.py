@@ -1,8 +1,8 @@
-"""What comes along its line of sight: its depth by travel does not fit its foot on the floor.
+"""What comes along its line of sight: its depth by travel does not fit its foot on the ground.
 
 A point that comes towards the camera stays on its line of sight and looks like one that stands
-nearer. Such a group then floats: where it ends below, the floor is much farther away. What really
-hangs in the air does so, too; the margin is wide, and the obstacle must move over the floor.
+nearer. Such a group then floats: where it ends below, the ground is much farther away. What really
+hangs in the air does so, too; the margin is wide, and the obstacle must move over the ground.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.ground import GroundPlane
-from observer.methods.monocular.ground_contact import floor_place, lower_edge
+from observer.methods.monocular.ground_contact import ground_place, lower_edge
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import OneCameraParameters
 from observer.types import Image
 
-# Followed for so long, seconds, and this much nearer than the floor on the same line of sight.
+# Followed for so long, seconds, and this much nearer than the ground on the same line of sight.
 _LEAST_AGE_S, _OFF_FLOOR = 0.5, 1.3
 # Points of one thing agree in depth to within this share.
 _ALIKE = 0.25
@@ -29,16 +29,16 @@ _SHARED = 3.0
 _LOWEST_PERCENT, _MARGIN_PX = 92.0, 3.0
 
 
-def off_floor(
-    points: RayPoints, T_world_camera: Pose, floor: GroundPlane
+def off_ground(
+    points: RayPoints, T_world_camera: Pose, ground: GroundPlane
 ) -> tuple[NDArray[np.bool_], Float64Array]:
-    """(N,) which points seem to stand clear of the floor, and (N,) their inverse distance now."""
+    """(N,) which points seem to stand clear of the ground, and (N,) their inverse distance now."""
     here = T_world_camera.translation
     gap = points.place() - here
     reach = np.linalg.norm(gap, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         inverse = 1 / reach
-        bound = floor.inverse_distance(here, gap / reach[:, None])
+        bound = ground.inverse_distance(here, gap / reach[:, None])
     free = ~points.moving & (points.obstacle == NO_OBSTACLE) & (points.age_s >= _LEAST_AGE_S)
     sure = points.inverse > 3 * _SHARED * np.sqrt(points.variance)
     with np.errstate(invalid="ignore"):
@@ -58,13 +58,13 @@ def floating(
     inverse: Float64Array,
     image: Image,
     T_world_camera: Pose,
-    floor: GroundPlane,
+    ground: GroundPlane,
     camera: StereoCamera,
     p: OneCameraParameters,
 ) -> tuple[NDArray[np.int64], Float64Array]:
     """The groups (N,) that float, all others -1, and (N,) by how many standard deviations."""
     out, significance = np.full(len(points), -1, np.int64), np.zeros(len(points))
-    here = floor.axes.T @ T_world_camera.translation
+    here = ground.axes.T @ T_world_camera.translation
     tilt_sigma = float(np.radians(p.tilt_sigma_deg))
     found = 0
     for number in range(int(groups.max(initial=-1)) + 1):
@@ -76,13 +76,13 @@ def floating(
         if foot is None:
             continue
         sigma = (p.foot_sigma_px, p.foot_sigma_px)
-        placed = floor_place((float(u0 + u1) / 2, foot), sigma, T_world_camera, floor, camera)
+        placed = ground_place((float(u0 + u1) / 2, foot), sigma, T_world_camera, ground, camera)
         if placed is None:
             continue
         reach = float(np.linalg.norm(placed[0] - here))
         if reach > p.farthest_m:
             continue
-        share = np.hypot(np.sqrt(np.trace(placed[1])) / reach, tilt_sigma * reach / floor.depth)
+        share = np.hypot(np.sqrt(np.trace(placed[1])) / reach, tilt_sigma * reach / ground.depth)
         near = float(np.median(inverse[members]))
         doubt = _SHARED * float(np.median(np.sqrt(points.variance[members])))
         excess = (near - _NEARER / reach) / float(np.hypot(doubt, _NEARER / reach * share))

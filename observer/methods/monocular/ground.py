@@ -1,4 +1,4 @@
-"""The flat floor on which the robot and all obstacles stand, in the world of one segment."""
+"""The flat ground on which the robot and all obstacles stand, in the world of one segment."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class GroundPlane:
     """The plane ``down . X = depth``; its own axes are ``right`` and ``ahead``.
 
     Attributes:
-        down: (3,) unit vector, world. depth: metres, of the floor below the world's origin.
+        down: (3,) unit vector, world. depth: metres, of the ground below the world's origin.
     """
 
     down: Float64Array
@@ -24,18 +24,18 @@ class GroundPlane:
 
     @staticmethod
     def below(mount: CameraMount) -> GroundPlane:
-        """The floor below the camera of a segment's first frame."""
+        """The ground below the camera of a segment's first frame."""
         return GroundPlane(mount.down, mount.height_m)
 
     @property
     def axes(self) -> Float64Array:
-        """(3, 2) right and ahead on the floor, world."""
+        """(3, 2) right and ahead on the ground, world."""
         right = np.array([1.0, 0.0, 0.0]) - self.down[0] * self.down
         right /= np.linalg.norm(right)
         return np.stack([right, np.cross(right, self.down)], axis=1)
 
     def height_of(self, place: Float64Array) -> Float64Array:
-        """(...) metres above the floor of places (..., 3), world."""
+        """(...) metres above the ground of places (..., 3), world."""
         return np.asarray(self.depth - place @ self.down)
 
     def inverse_distance(self, centre: Float64Array, ray: Float64Array) -> Float64Array:
@@ -45,7 +45,7 @@ class GroundPlane:
     def contact(
         self, px: Float64Array, T_world_camera: Pose, camera: StereoCamera
     ) -> Float64Array | None:
-        """(3,) metres, world: where a pixel (2,) sees the floor; None above the horizon."""
+        """(3,) metres, world: where a pixel (2,) sees the ground; None above the horizon."""
         ray = T_world_camera.rotate(
             [(px[0] - camera.cx) / camera.fx, (px[1] - camera.cy) / camera.fy, 1.0]
         )

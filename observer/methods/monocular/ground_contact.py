@@ -1,4 +1,4 @@
-"""Where an obstacle touches the floor: its lowest edge in the image, and the place that this is."""
+"""Where an obstacle touches the ground: its lowest edge in the image, and that place."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def lower_edge(image: Image, box: Box, lowest: float) -> float | None:
     """The row, pixels, at which the obstacle in the box u0, v0, u1, v1 ends below.
 
     The strongest edge across the middle of the box about its lowest points, at the row
-    ``lowest``: there it stands against the floor. None where no edge stands out or the image ends
+    ``lowest``: there it stands against the ground. None where no edge stands out or the image ends
     first.
     """
     u0, v0, u1, _ = box
@@ -46,43 +46,43 @@ def lower_edge(image: Image, box: Box, lowest: float) -> float | None:
     return float(row[edge])
 
 
-def floor_place(
+def ground_place(
     px: tuple[float, float],
     sigma_px: tuple[float, float],
     T_world_camera: Pose,
-    floor: GroundPlane,
+    ground: GroundPlane,
     camera: StereoCamera,
 ) -> tuple[Float64Array, Float64Array] | None:
-    """Where on the floor a pixel lies: (2,) metres in the floor's axes, and covariance (2, 2).
+    """Where on the ground a pixel lies: (2,) metres in the ground's axes, and covariance (2, 2).
 
     None above the horizon. The covariance is that of the pixel alone; see ``shared_covariance``.
     """
-    place = floor.contact(np.asarray(px), T_world_camera, camera)
+    place = ground.contact(np.asarray(px), T_world_camera, camera)
     if place is None:
         return None
     columns = []
     for step in ((1.0, 0.0), (0.0, -1.0)):
-        moved = floor.contact(np.add(px, step), T_world_camera, camera)
+        moved = ground.contact(np.add(px, step), T_world_camera, camera)
         if moved is None:
             return None
-        columns.append(floor.axes.T @ (moved - place))
+        columns.append(ground.axes.T @ (moved - place))
     J = np.stack(columns, axis=1)
-    return floor.axes.T @ place, J @ np.diag(np.square(sigma_px)) @ J.T
+    return ground.axes.T @ place, J @ np.diag(np.square(sigma_px)) @ J.T
 
 
 def shared_covariance(
     place: Float64Array,
     T_world_camera: Pose,
-    floor: GroundPlane,
+    ground: GroundPlane,
     height_sigma: float,
     tilt_sigma: float,
 ) -> Float64Array:
-    """(2, 2) m^2, floor axes: by how much a wrong height and tilt move a place (2,) on the floor.
+    """(2, 2) m^2, ground axes: by how much a wrong height and tilt move a place (2,) on the ground.
 
     Args:
         height_sigma: as a share of the height. tilt_sigma: radians.
     """
-    gap, reach, height = _reach(place, T_world_camera, floor)
+    gap, reach, height = _reach(place, T_world_camera, ground)
     along = gap / max(reach, 1e-9)
     by_tilt = (reach**2 / height + height) * tilt_sigma
     return np.asarray(
@@ -94,16 +94,16 @@ def shared_velocity_covariance(
     place: Float64Array,
     velocity: Float64Array,
     T_world_camera: Pose,
-    floor: GroundPlane,
+    ground: GroundPlane,
     height_sigma: float,
     tilt_sigma: float,
 ) -> Float64Array:
-    """(2, 2) (m/s)^2: the same of a velocity (2,) against the camera, in the floor's axes.
+    """(2, 2) (m/s)^2: the same of a velocity (2,) against the camera, in the ground's axes.
 
     A distance r = h / tan(angle) that is wrong by a share is so for all that moves there; a wrong
     tilt makes the share grow with the distance, and the velocity along it wrong twice as much.
     """
-    gap, reach, height = _reach(place, T_world_camera, floor)
+    gap, reach, height = _reach(place, T_world_camera, ground)
     along = gap / max(reach, 1e-9)
     across = np.array([-along[1], along[0]])
     share = tilt_sigma * (reach / height + height / max(reach, height))
@@ -114,8 +114,8 @@ def shared_velocity_covariance(
 
 
 def _reach(
-    place: Float64Array, T_world_camera: Pose, floor: GroundPlane
+    place: Float64Array, T_world_camera: Pose, ground: GroundPlane
 ) -> tuple[Float64Array, float, float]:
-    gap = place - floor.axes.T @ T_world_camera.translation
-    height = max(float(floor.height_of(T_world_camera.translation)), 1e-3)
+    gap = place - ground.axes.T @ T_world_camera.translation
+    height = max(float(ground.height_of(T_world_camera.translation)), 1e-3)
     return gap, float(np.linalg.norm(gap)), height

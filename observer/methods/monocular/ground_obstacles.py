@@ -8,7 +8,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.floating import alike_in_depth, floating, off_floor
+from observer.methods.monocular.floating import alike_in_depth, floating, off_ground
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_tracking import GroundTracker
 from observer.methods.monocular.inverse_depth import expected_sightings
@@ -25,7 +25,7 @@ _LEAST_FLOATING = 4
 
 
 class GroundObstacles:
-    """What moves over the floor; without a known floor there is nothing to place it on."""
+    """What moves over the ground; without a known ground there is nothing to place it on."""
 
     def __init__(
         self, camera: StereoCamera, ground: GroundPlane | None, numbers: Iterator[int] | None
@@ -53,31 +53,31 @@ class GroundObstacles:
         Args:
             image: (H, W) grey. T_world_camera: the pose now; T_before_world: of the frame before.
         """
-        floor, tracker, q = self._ground, self._tracker, p.one_camera
-        if floor is None:
+        ground, tracker, q = self._ground, self._tracker, p.one_camera
+        if ground is None:
             return points
         now = expected_sightings(points, T_world_camera.inverse(), self._camera).px
         standing_flow = now - expected_sightings(points, T_before_world, self._camera).px
         points = tracker.follow(
             points, evidence.significance, evidence.threshold, standing_flow, image,
-            T_world_camera, floor, self._camera, dt, q, p.obstacles,
+            T_world_camera, ground, self._camera, dt, q, p.obstacles,
         )  # fmt: skip
         free = evidence.moving & (points.obstacle == NO_OBSTACLE)
         groups = grouped(evidence.pairs, free, p.obstacles.min_points)
         points = tracker.found(
-            points, groups, evidence.significance, False, image, T_world_camera, floor,
+            points, groups, evidence.significance, False, image, T_world_camera, ground,
             self._camera, q,
         )  # fmt: skip
-        clear, inverse = off_floor(points, T_world_camera, floor)
+        clear, inverse = off_ground(points, T_world_camera, ground)
         groups = grouped(alike_in_depth(evidence.pairs, inverse), clear, _LEAST_FLOATING)
         groups, significance = floating(
-            points, groups, inverse, image, T_world_camera, floor, self._camera, q
+            points, groups, inverse, image, T_world_camera, ground, self._camera, q
         )
         points = tracker.found(
-            points, groups, significance, True, image, T_world_camera, floor, self._camera, q
+            points, groups, significance, True, image, T_world_camera, ground, self._camera, q
         )
-        points = tracker.merge(points, T_world_camera, floor, self._camera)
-        here = floor.axes.T @ T_world_camera.translation
+        points = tracker.merge(points, T_world_camera, ground, self._camera)
+        here = ground.axes.T @ T_world_camera.translation
         return tracker.live(points, p.obstacles, q.farthest_m, here)
 
     def described(

@@ -1,4 +1,4 @@
-"""One obstacle on the floor over time, as one camera sees it."""
+"""One obstacle on the ground over time, as one camera sees it."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from observer.types import MotionState, TrackState
 
 @dataclass(eq=False)
 class GroundTrack:
-    """An obstacle that stands and drives on the floor.
+    """An obstacle that stands and drives on the ground.
 
     Attributes:
         id: as of ``Obstacle``. state, motion: as reported.
-        mean: (4,) place of its foot, m, and velocity, m/s, in the floor's axes; covariance: (4, 4),
+        mean: (4,) place of its foot, m, and velocity, m/s, on the ground; covariance: (4, 4),
             of the pixels' noise alone.
-        box_px: u0 v0 u1 v1 in the left image; its lower edge is where it touches the floor.
+        box_px: u0 v0 u1 v1 in the left image; its lower edge is where it touches the ground.
         size: (2,) metres: width and height, as the box says at that distance.
         points: followed points seen on it in this frame. hits: frames in which it moved
             significantly. missed_s, age_s: seconds since it was seen, and since it began.
@@ -44,12 +44,12 @@ class GroundTrack:
 
     @property
     def place(self) -> Float64Array:
-        """(2,) metres, floor axes."""
+        """(2,) metres, ground axes."""
         return self.mean[:2]
 
     @property
     def velocity(self) -> Float64Array:
-        """(2,) m/s, floor axes."""
+        """(2,) m/s, ground axes."""
         return self.mean[2:]
 
     def predict(self, dt: float, acceleration: float) -> None:

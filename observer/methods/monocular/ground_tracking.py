@@ -1,4 +1,4 @@
-"""Obstacles over time for one camera: by the points on them and by their foot on the floor."""
+"""Obstacles over time for one camera: by the points on them and by their foot on the ground."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.ground import GroundPlane
-from observer.methods.monocular.ground_contact import floor_place, lower_edge
+from observer.methods.monocular.ground_contact import ground_place, lower_edge
 from observer.methods.monocular.ground_track import GroundTrack
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import ObstacleParameters, OneCameraParameters
@@ -64,7 +64,7 @@ class GroundTracker:
         standing_flow: Float64Array,
         image: Image,
         T_world_camera: Pose,
-        floor: GroundPlane,
+        ground: GroundPlane,
         camera: StereoCamera,
         dt: float,
         p: OneCameraParameters,
@@ -87,19 +87,19 @@ class GroundTracker:
                 owner[kept] = NO_OBSTACLE
                 track.points = 0
                 track.missed_s += dt
-                track.box_px = _projected(track, T_world_camera, floor, camera)
+                track.box_px = _projected(track, T_world_camera, ground, camera)
                 continue
             box = _widened(moved, points.px[kept])
             foot = lower_edge(image, box, _lowest(points.px[kept]))
             if foot is not None:
                 box = (box[0], box[1], box[2], box[3] + _EDGE_GAIN * (foot - box[3]))
             # The box was mistaken by so much; nothing has moved there.
-            _shift(track, moved, box, T_world_camera, floor, camera)
+            _shift(track, moved, box, T_world_camera, ground, camera)
             joining = _joining(points, owner, kept, standing_flow, box)
             owner[joining] = track.id
             track.box_px, track.points, track.missed_s = box, len(kept), 0.0
             share = float(np.mean(significance[kept] > threshold))
-            self._measure(track, T_world_camera, floor, camera, p)
+            self._measure(track, T_world_camera, ground, camera, p)
             self._judge(track, share, p, q)
             if track.state is not TrackState.TENTATIVE:
                 number = self._numbers.confirmed(track.id)
@@ -115,7 +115,7 @@ class GroundTracker:
         floating: bool,
         image: Image,
         T_world_camera: Pose,
-        floor: GroundPlane,
+        ground: GroundPlane,
         camera: StereoCamera,
         p: OneCameraParameters,
     ) -> RayPoints:
@@ -128,13 +128,13 @@ class GroundTracker:
             if foot is not None:
                 box = (box[0], box[1], box[2], foot)
             sigma = (p.foot_sigma_px, p.foot_sigma_px * (1.0 if foot is not None else 3.0))
-            placed = floor_place(
-                ((box[0] + box[2]) / 2, box[3]), sigma, T_world_camera, floor, camera
+            placed = ground_place(
+                ((box[0] + box[2]) / 2, box[3]), sigma, T_world_camera, ground, camera
             )
             if placed is None or box[3] >= camera.height - 2:
                 continue
             place, cov = placed
-            here = floor.axes.T @ T_world_camera.translation
+            here = ground.axes.T @ T_world_camera.translation
             if np.linalg.norm(place - here) > p.farthest_m:
                 continue
             track = self._expected_at(place, cov, box)
@@ -152,12 +152,12 @@ class GroundTracker:
                 track.mean[:2] = place
                 track.covariance[:2, :2], track.covariance[2:, :2] = cov, 0.0
                 track.covariance[:2, 2:] = 0.0
-            track.size = _size(box, place, T_world_camera, floor, camera)
+            track.size = _size(box, place, T_world_camera, ground, camera)
             owner[members] = track.id
         return points.but(obstacle=owner)
 
     def merge(
-        self, points: RayPoints, T_world_camera: Pose, floor: GroundPlane, camera: StereoCamera
+        self, points: RayPoints, T_world_camera: Pose, ground: GroundPlane, camera: StereoCamera
     ) -> RayPoints:
         """Make one obstacle of those that touch in the image and move alike there."""
         owner = points.obstacle.copy()
@@ -174,7 +174,7 @@ class GroundTracker:
                 if _near(one.box_px, other.box_px) and np.linalg.norm(gap) <= _ALIKE_PX:
                     owner[theirs] = one.id
                     box = _union(one.box_px, other.box_px)
-                    _shift(one, one.box_px, box, T_world_camera, floor, camera)
+                    _shift(one, one.box_px, box, T_world_camera, ground, camera)
                     one.box_px = box
                     gone.add(other.id)
         self.tracks = [track for track in self.tracks if track.id not in gone]
@@ -183,7 +183,7 @@ class GroundTracker:
     def live(
         self, points: RayPoints, q: ObstacleParameters, reach: float, here: Float64Array
     ) -> RayPoints:
-        """End what was not seen for too long, never was confirmed, or left the floor in reach."""
+        """End what was not seen for too long, never was confirmed, or left the ground in reach."""
         ended = []
         for track in self.tracks:
             if track.missed_s > 0:
@@ -212,18 +212,18 @@ class GroundTracker:
         return best
 
     def _measure(
-        self, track: GroundTrack, T_world_camera: Pose, floor: GroundPlane, camera: StereoCamera,
+        self, track: GroundTrack, T_world_camera: Pose, ground: GroundPlane, camera: StereoCamera,
         p: OneCameraParameters,
     ) -> None:  # fmt: skip
         u0, _, u1, v1 = track.box_px
         cut = v1 >= camera.height - 2
         side = u0 <= 1 or u1 >= camera.width - 2
         sigma = (p.foot_sigma_px * (20 if side else 1), p.foot_sigma_px * (20 if cut else 1))
-        placed = floor_place(((u0 + u1) / 2, v1), sigma, T_world_camera, floor, camera)
+        placed = ground_place(((u0 + u1) / 2, v1), sigma, T_world_camera, ground, camera)
         if placed is None:
             return
         track.update(*placed)
-        size = _size(track.box_px, track.place, T_world_camera, floor, camera)
+        size = _size(track.box_px, track.place, T_world_camera, ground, camera)
         track.size = size if not track.size.any() else track.size + 0.1 * (size - track.size)
 
     def _judge(
@@ -247,15 +247,15 @@ def _shift(
     before: Box,
     after: Box,
     T_world_camera: Pose,
-    floor: GroundPlane,
+    ground: GroundPlane,
     camera: StereoCamera,
 ) -> None:
     """Move an obstacle's place, not its velocity, as the foot of its box was corrected."""
     feet = [np.array([(box[0] + box[2]) / 2, box[3]]) for box in (before, after)]
-    old, new = (floor.contact(foot, T_world_camera, camera) for foot in feet)
+    old, new = (ground.contact(foot, T_world_camera, camera) for foot in feet)
     if old is None or new is None:
         return
-    gap = floor.axes.T @ (new - old)
+    gap = ground.axes.T @ (new - old)
     track.mean = track.mean + np.append(gap, [0.0, 0.0])
     track.covariance[:2, :2] += np.outer(gap, gap)
 
@@ -330,19 +330,19 @@ def _widened(box: Box, px: NDArray[np.float32]) -> Box:
 
 
 def _size(
-    box: Box, place: Float64Array, T_world_camera: Pose, floor: GroundPlane, camera: StereoCamera
+    box: Box, place: Float64Array, T_world_camera: Pose, ground: GroundPlane, camera: StereoCamera
 ) -> Float64Array:
-    """(2,) metres: width and height of a box whose foot is at a place (2,) on the floor."""
-    foot = floor.axes @ place + floor.depth * floor.down
+    """(2,) metres: width and height of a box whose foot is at a place (2,) on the ground."""
+    foot = ground.axes @ place + ground.depth * ground.down
     depth = max(float(T_world_camera.inverse().apply(foot)[2]), 0.1)
     return np.array([(box[2] - box[0]) * depth / camera.fx, (box[3] - box[1]) * depth / camera.fy])
 
 
 def _projected(
-    track: GroundTrack, T_world_camera: Pose, floor: GroundPlane, camera: StereoCamera
+    track: GroundTrack, T_world_camera: Pose, ground: GroundPlane, camera: StereoCamera
 ) -> Box:
     """The box of an obstacle that is not seen, where it should be by now."""
-    foot = T_world_camera.inverse().apply(floor.axes @ track.place + floor.depth * floor.down)
+    foot = T_world_camera.inverse().apply(ground.axes @ track.place + ground.depth * ground.down)
     if foot[2] <= 0.1:
         return track.box_px
     (u, v), _ = camera.project(foot)

@@ -10,19 +10,19 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.pose import estimate_pose
 from observer.methods.monocular.rays import RayPoints
-from observer.methods.monocular.scale import scale_by_floor
+from observer.methods.monocular.scale import scale_by_ground
 from observer.methods.monocular.two_views import TwoViews, inverse_distances, two_views
 from observer.mount import CameraMount
 from observer.parameters import OneCameraParameters
 
-NO_FLOOR = "too few points on the floor are seen to tell the scale of depth by the camera's height"
+NO_GROUND = "too few points on the floor are seen to tell the scale of depth by the camera's height"
 
 _REFINE_ROUNDS = 4
 # Noise of the first line of sight, px.
 _FIRST_SIGMA_PX = 0.15
 # Wheels that turned less than this tell no scale, metres.
 _LEAST_WAY_M = 0.02
-# Points less than this far below the horizon say nothing of the floor (sine of the angle).
+# Points less than this far below the horizon say nothing of the ground (sine of the angle).
 _LEAST_SLOPE = 0.06
 
 
@@ -70,11 +70,11 @@ def initialize_from_two_views(
     else:
         slope = first @ mount.down
         usable = (inverse > 2 * noise) & (slope > _LEAST_SLOPE)
-        told = scale_by_floor(
+        told = scale_by_ground(
             inverse[usable] / slope[usable], noise[usable] / inverse[usable], mount.height_m, np.inf
         )
         if told is None:
-            return NO_FLOOR
+            return NO_GROUND
         log_scale, doubt = told
     metres = float(np.exp(log_scale))
     good = inverse > noise

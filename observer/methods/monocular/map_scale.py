@@ -7,7 +7,7 @@ import numpy as np
 from observer.geometry import Pose
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.rays import RayPoints
-from observer.methods.monocular.scale import Scale, floor_scale, odometry_scale
+from observer.methods.monocular.scale import Scale, ground_scale, odometry_scale
 from observer.mount import CameraMount
 from observer.parameters import OneCameraParameters
 from observer.types import Odometry
@@ -15,7 +15,7 @@ from observer.vision.wheel_odometry import driven_way
 
 
 class MapScale:
-    """The scale of one segment, corrected by the floor and by odometry, where they tell it.
+    """The scale of one segment, corrected by the ground and by odometry, where they tell it.
 
     Attributes:
         odometry: the wheels' sum at the place from which ways are compared; None unknown.
@@ -56,7 +56,7 @@ class MapScale:
         moved = T_camera_world @ T_before_world.inverse()
         self._scale = self._scale.after_way(float(np.linalg.norm(moved.translation)))
         here = T_camera_world.inverse()
-        factor = self._by_floor(points, here) * self._by_odometry(T_camera_world, odometry, p)
+        factor = self._by_ground(points, here) * self._by_odometry(T_camera_world, odometry, p)
         if factor == 1.0:
             return points
         return points.but(
@@ -65,11 +65,11 @@ class MapScale:
             variance=points.variance / factor**2,
         )
 
-    def _by_floor(self, points: RayPoints, T_world_camera: Pose) -> float:
+    def _by_ground(self, points: RayPoints, T_world_camera: Pose) -> float:
         if self._support is None:
             return 1.0
-        mount, floor = self._support
-        told = floor_scale(points, T_world_camera, floor, mount.height_m, self._scale)
+        mount, ground = self._support
+        told = ground_scale(points, T_world_camera, ground, mount.height_m, self._scale)
         return self._taken(told)
 
     def _by_odometry(

@@ -1,7 +1,7 @@
-"""One camera: depth by travel, metres by odometry or by the height above the floor.
+"""One camera: depth by travel, metres by odometry or by the height above the ground.
 
 Only the left image is looked at. Points are followed and judged by whether they can stand; an
-obstacle is as far away as the place where it touches the floor. All of this is less certain than
+obstacle is as far away as the place where it touches the ground. All of this is less certain than
 with two cameras, and says so.
 """
 
@@ -48,7 +48,7 @@ from observer.vision.wheel_odometry import driven_step, driven_way
 # Pyramid levels while nothing is known of the camera's motion, and once it is.
 _FIRST_LEVELS, _LEVELS = 4, 2
 # What is assumed of a new point's inverse depth, 1 / camera heights: its mean beyond the least
-# that the floor allows, and its standard deviation.
+# that the ground allows, and its standard deviation.
 _FIRST_INVERSE, _FIRST_SIGMA = 0.10, 0.25
 # The camera's height where it is not known, for the sake of these alone.
 _SOME_HEIGHT_M = 1.0

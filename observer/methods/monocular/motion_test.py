@@ -1,8 +1,8 @@
-"""Which points of one camera cannot stand: they leave their line of sight, or lie below the floor.
+"""Which points of one camera cannot stand: they leave their line of sight, or lie below the ground.
 
 Evidence is pooled over neighbours in the image that move alike, against a declared rate of false
 alarms, as with two cameras. What moves along the line of sight stays on it: it betrays itself by
-a depth that does not fit where it touches the floor (``floating``).
+a depth that does not fit where it touches the ground (``floating``).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _ALIKE_PX, _ALIKE_SHARE = 0.6, 0.1
 _LEAST_ANCHOR_S = 0.25
 # Depths come from the same poses and are wrong together; as a factor of their variance.
 _DEPTH_SHARED = 9.0
-# What lies below the floor is farther than it by a margin, as a share of its inverse distance
+# What lies below the ground is farther than it by a margin, as a share of its inverse distance
 # and in 1 / camera heights; so must most neighbours, each by itself.
 _FLOOR_SHARE, _SLACK = 0.8, 0.02
 _MOST, _EACH_SIGMAS = 0.7, 2.0
@@ -41,7 +41,7 @@ def ray_evidence(
     step_covariance: Float64Array,
     dt: float,
     noise_scale: float,
-    floor: GroundPlane | None,
+    ground: GroundPlane | None,
     tilt_sigma: float,
     camera: StereoCamera,
     parameters: EvidenceParameters,
@@ -50,7 +50,7 @@ def ray_evidence(
 
     Args:
         step_covariance: (6, 6) of the camera's motion over one frame of ``dt`` seconds.
-        noise_scale: of the pixels' noise. tilt_sigma: rad, of the floor against the camera.
+        noise_scale: of the pixels' noise. tilt_sigma: rad, of the ground against the camera.
     """
     count = len(points)
     ready = (points.sightings >= parameters.min_sightings) & (points.anchor_s >= _LEAST_ANCHOR_S)
@@ -62,10 +62,10 @@ def ray_evidence(
     pairs = _neighbours(points, ready, parameters.radius_px)
     told = np.einsum("nij,nj->ni", W, velocity)
     bound, slack = np.zeros(count), 0.0
-    if floor is not None:
-        bound = floor.inverse_distance(points.centre, points.ray)
-        slack = _SLACK / floor.depth
-    # The floor itself must not seem to lie below the floor by errors of scale and tilt.
+    if ground is not None:
+        bound = ground.inverse_distance(points.centre, points.ray)
+        slack = _SLACK / ground.depth
+    # The ground itself must not seem to lie below itself by errors of scale and tilt.
     excess = _FLOOR_SHARE * np.maximum(bound, 0.0) - slack - points.inverse
     depth_weight = ready / np.maximum(_DEPTH_SHARED * points.variance, 1e-12)
     beyond = ready & (excess * np.sqrt(depth_weight) > _EACH_SIGMAS)
@@ -82,8 +82,8 @@ def ray_evidence(
     C = C * (scatter * shared)[:, None, None] + ego
     squared = np.einsum("ni,nij,nj->n", pooled, inverse_2x2(C), pooled)
     squared = np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0)
-    below = _below_floor(sums[:, 8], sums[:, 9], shared * max(1.0, noise_scale) ** 2, tilt_sigma,
-                         floor, ready)  # fmt: skip
+    below = _below_ground(sums[:, 8], sums[:, 9], shared * max(1.0, noise_scale) ** 2, tilt_sigma,
+                         ground, ready)  # fmt: skip
     rate = false_alarms_per_test(parameters.false_alarms_per_frame, ready, neighbours)
     threshold = float(np.sqrt(upper_quantile(rate, df=2)))
     below *= threshold / float(-ndtri(rate))
@@ -98,19 +98,19 @@ def ray_evidence(
     )
 
 
-def _below_floor(
+def _below_ground(
     weight: Float64Array,
     weighted: Float64Array,
     inflation: Float64Array,
     tilt_sigma: float,
-    floor: GroundPlane | None,
+    ground: GroundPlane | None,
     ready: NDArray[np.bool_],
 ) -> Float64Array:
-    """(N,) standard deviations by which points lie beyond the floor, or beyond infinity."""
+    """(N,) standard deviations by which points lie beyond the ground, or beyond infinity."""
     mean = weighted / np.maximum(weight, 1e-12)
     variance = inflation / np.maximum(weight, 1e-12)
-    if floor is not None:
-        variance = variance + (tilt_sigma / max(floor.depth, 1e-6)) ** 2
+    if ground is not None:
+        variance = variance + (tilt_sigma / max(ground.depth, 1e-6)) ** 2
     return np.where(ready, np.maximum(mean, 0.0) / np.sqrt(variance), 0.0)
 
 

@@ -24,7 +24,7 @@ _WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.0, 3.0)
 _OUTLIER_SIGMAS = 3.5
 # By how much depths are less certain together than each by itself, as a factor of the variance.
 _DEPTH_SHARED = 9.0
-# How a robot's camera nods and bobs on a flat floor, radians and metres.
+# How a robot's camera nods and bobs on a flat ground, radians and metres.
 _NOD_SIGMA, _BOB_SIGMA_M = 0.004, 0.005
 
 
@@ -60,7 +60,7 @@ def estimate_pose(
     Args:
         use: (N,) points that are taken to stand. weight: (N,) share of the image each stands for.
         T_expected: about where the camera is. prior: (6, 6) how sure that is, information.
-        support: mount and floor that keep the camera at its height; None where unknown.
+        support: mount and ground that keep the camera at its height; None where unknown.
         shared_error: share of the noise that points have in common.
     """
     chosen = points.take(use)
@@ -88,7 +88,7 @@ def estimate_pose(
         gap = _difference(T_expected, pose)
         A, b = A + prior, b + prior @ gap
         if support is not None:
-            extra, pull = _on_the_floor(pose, *support)
+            extra, pull = _on_the_ground(pose, *support)
             A, b = A + extra, b + pull
         information = A
         step = np.linalg.lstsq(A, b, rcond=1e-12)[0]
@@ -114,16 +114,16 @@ def _moved(pose: Pose, step: Float64Array) -> Pose:
     return Pose(turn, np.clip(step[3:], -5.0, 5.0)) @ pose
 
 
-def _on_the_floor(
-    pose: Pose, mount: CameraMount, floor: GroundPlane
+def _on_the_ground(
+    pose: Pose, mount: CameraMount, ground: GroundPlane
 ) -> tuple[Float64Array, Float64Array]:
     """Information (6, 6) and its vector (6,) of standing at the mount's height and tilt."""
     A, b = np.zeros((6, 6)), np.zeros(6)
-    down = pose.rotate(floor.down)
+    down = pose.rotate(ground.down)
     J = -cross_matrix(down)
     A[:3, :3] = J.T @ J / _NOD_SIGMA**2
     b[:3] = J.T @ (mount.down - down) / _NOD_SIGMA**2
-    height = float(floor.height_of(pose.inverse().translation))
+    height = float(ground.height_of(pose.inverse().translation))
     A[3:, 3:] = np.outer(down, down) / _BOB_SIGMA_M**2
     b[3:] = down * (mount.height_m - height) / _BOB_SIGMA_M**2
     return A, b

@@ -1,4 +1,4 @@
-"""From an obstacle on the floor to the one that is reported, with all that is uncertain of it."""
+"""From an obstacle on the ground to the one that is reported, with all that is uncertain of it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def describe_ground_track(
     T_world_camera: Pose,
     camera_velocity: Float64Array,
     scale_sigma: float,
-    floor: GroundPlane,
+    ground: GroundPlane,
     time: float,
     p: OneCameraParameters,
 ) -> Obstacle:
@@ -31,24 +31,24 @@ def describe_ground_track(
         camera_velocity: (3,) m/s, the camera's own, in its own axes. scale_sigma: of the way that
             it has travelled, as a share. time: of this frame, seconds.
     """
-    axes, tilt_sigma = floor.axes, float(np.radians(p.tilt_sigma_deg))
+    axes, tilt_sigma = ground.axes, float(np.radians(p.tilt_sigma_deg))
     camera_way = axes.T @ T_world_camera.translation
-    camera_floor_velocity = axes.T @ T_world_camera.rotate(camera_velocity)
+    camera_ground_velocity = axes.T @ T_world_camera.rotate(camera_velocity)
     gap = track.place - camera_way
     along = gap / max(float(np.linalg.norm(gap)), 1e-9)
     width, height = track.size
     place = track.place + _DEPTH_SHARE * width / 2 * along
     cov = track.covariance[:2, :2] + (_DEPTH_SIGMA * width) ** 2 * np.outer(along, along)
-    cov = cov + shared_covariance(track.place, T_world_camera, floor, p.height_sigma, tilt_sigma)
+    cov = cov + shared_covariance(track.place, T_world_camera, ground, p.height_sigma, tilt_sigma)
     cov = cov + scale_sigma**2 * np.outer(camera_way, camera_way)
     velocity_cov = track.covariance[2:, 2:] + shared_velocity_covariance(
-        track.place, track.velocity - camera_floor_velocity, T_world_camera, floor,
+        track.place, track.velocity - camera_ground_velocity, T_world_camera, ground,
         p.height_sigma, tilt_sigma,
     )  # fmt: skip
     velocity_cov = velocity_cov + scale_sigma**2 * np.outer(
-        camera_floor_velocity, camera_floor_velocity
+        camera_ground_velocity, camera_ground_velocity
     )
-    position = axes @ place + (floor.depth - height / 2) * floor.down
+    position = axes @ place + (ground.depth - height / 2) * ground.down
     velocity = axes @ track.velocity
     T_camera_world = T_world_camera.inverse()
     position_camera, velocity_camera = (
@@ -56,9 +56,9 @@ def describe_ground_track(
         T_camera_world.rotate(velocity),
     )
     speed = float(np.linalg.norm(velocity))
-    # Nothing rises from the floor; what is known of that is as good as the floor is flat.
-    upright = np.outer(floor.down, floor.down)
-    R = np.column_stack([axes[:, 0], floor.down, axes[:, 1]])
+    # Nothing rises from the ground; what is known of that is as good as the ground is flat.
+    upright = np.outer(ground.down, ground.down)
+    R = np.column_stack([axes[:, 0], ground.down, axes[:, 1]])
     return Obstacle(
         id=track.id,
         state=track.state,

@@ -1,4 +1,4 @@
-"""How many metres a unit of the map is: by the floor below the camera, and by odometry."""
+"""How many metres a unit of the map is: by the ground below the camera, and by odometry."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LEAST_SLOPE = 0.06
 _LEAST_POINTS = 8
 _ROUNDS = 8
 _WIDTH = 2.5
-# Errors that points on the floor share: it is not quite flat, and the map bends.
+# Errors that points on the ground share: it is not quite flat, and the map bends.
 _SHARED_SIGMA = 0.01
 # The map's scale drifts by this share per root metre of way.
 _DRIFT = 0.03
@@ -50,18 +50,18 @@ class Scale:
         return float(np.exp(gain * log_ratio)), Scale(float(np.sqrt(1 - gain) * self.sigma))
 
 
-def scale_by_floor(
+def scale_by_ground(
     inverse_height: Float64Array, sigma: Float64Array, height: float, spread: float
 ) -> tuple[float, float] | None:
-    """Logarithm of the factor that puts the floor where it is, and its standard deviation.
+    """Logarithm of the factor that puts the ground where it is, and its standard deviation.
 
-    What stands on the floor is nearer than it, so that the floor is the farthest of all that many
+    What stands on the ground is nearer than it, so that the ground is the farthest of all that many
     points agree on.
 
     Args:
         inverse_height: (N,) of each point below the camera, one over the map's units. sigma:
             (N,) its standard deviation, as a share.
-        height: metres, of the camera above the floor.
+        height: metres, of the camera above the ground.
         spread: by how much the factor may differ from 1, as a logarithm; infinite at the start.
     """
     good = (inverse_height > 0) & (sigma < 0.25)
@@ -85,18 +85,18 @@ def scale_by_floor(
     return place, float(np.hypot(deviation, _SHARED_SIGMA))
 
 
-def floor_scale(
-    points: RayPoints, T_world_camera: Pose, floor: GroundPlane, height: float, scale: Scale
+def ground_scale(
+    points: RayPoints, T_world_camera: Pose, ground: GroundPlane, height: float, scale: Scale
 ) -> tuple[float, float] | None:
     """The same by points whose depth is known, as the map stands now."""
-    slope = points.ray @ floor.down
+    slope = points.ray @ ground.down
     standing = ~points.moving & (points.obstacle == NO_OBSTACLE)
     known = points.known & (slope > _LEAST_SLOPE) & standing
-    below = (points.centre[known] - T_world_camera.translation) @ floor.down
+    below = (points.centre[known] - T_world_camera.translation) @ ground.down
     drop = slope[known] / points.inverse[known] + below
     sigma = np.sqrt(points.variance[known]) / points.inverse[known]
     inverse = np.where(drop > 0.2 * height, 1 / np.maximum(drop, 1e-6), 0.0)
-    return scale_by_floor(inverse, sigma, height, 3 * scale.sigma)
+    return scale_by_ground(inverse, sigma, height, 3 * scale.sigma)
 
 
 def odometry_scale(

@@ -1,4 +1,4 @@
-"""The robot's side of ``observer.robots.network.address``, on the standard library alone.
+"""The robot's side of ``observer.robots.network.robot``, on the standard library alone.
 
 Copy this file onto your robot, or write the same in another language:
 

@@ -13,7 +13,7 @@ import pytest
 
 from observer.robots import handshake, pioneer
 from observer.robots.contract import RobotPhase, RobotReport
-from observer.robots.network.address import ExternalRobot, open_external
+from observer.robots.network.robot import ExternalRobot, open_external
 from observer.robots.pioneer import Pioneer
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving, serve_pty, serve_tcp

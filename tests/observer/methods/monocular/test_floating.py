@@ -5,7 +5,7 @@ import pytest
 
 from observer.camera import StereoCamera
 from observer.geometry import Pose
-from observer.methods.monocular.floating import floating, off_floor
+from observer.methods.monocular.floating import floating, off_ground
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import lines_of_sight
 from observer.methods.monocular.rays import RayPoints
@@ -17,7 +17,7 @@ FLOOR = GroundPlane.below(CameraMount(0.4, np.radians(5)))
 
 
 def box_at(ahead: float, nearer: float) -> tuple[RayPoints, np.ndarray]:
-    """A dark box on the floor, whose points seem ``nearer`` times nearer than they are."""
+    """A dark box on the ground, whose points seem ``nearer`` times nearer than they are."""
     foot = FLOOR.axes @ [0.0, ahead] + FLOOR.depth * FLOOR.down
     u, v = CAMERA.project(foot)[0]
     half, tall = 0.2 * 443 / ahead, 0.3 * 443 / ahead
@@ -36,7 +36,7 @@ def box_at(ahead: float, nearer: float) -> tuple[RayPoints, np.ndarray]:
 @pytest.mark.parametrize(("nearer", "floats"), [(1.0, False), (1.5, False), (3.3, True)])
 def test_what_is_far_nearer_than_its_foot_floats(nearer: float, floats: bool) -> None:
     points, image = box_at(4.0, nearer)
-    _, inverse = off_floor(points, Pose.identity(), FLOOR)
+    _, inverse = off_ground(points, Pose.identity(), FLOOR)
     groups, significance = floating(
         points, np.zeros(len(points), np.int64), inverse, image, Pose.identity(), FLOOR, CAMERA,
         OneCameraParameters(),
@@ -51,13 +51,13 @@ def test_the_floor_itself_is_not_clear_of_the_floor() -> None:
     ray = lines_of_sight(px, Pose.identity(), CAMERA)
     inverse = FLOOR.inverse_distance(np.zeros(3), ray) * rng.uniform(0.9, 1.1, 40)
     points = RayPoints.begin(px, np.zeros(3), ray, inverse, (0.01 * inverse) ** 2)
-    clear, _ = off_floor(points.but(age_s=np.ones(40)), Pose.identity(), FLOOR)
+    clear, _ = off_ground(points.but(age_s=np.ones(40)), Pose.identity(), FLOOR)
     assert not clear.any()
 
 
 def test_what_is_farther_than_the_floor_in_reach_is_left_alone() -> None:
     points, image = box_at(9.0, 3.3)
-    _, inverse = off_floor(points, Pose.identity(), FLOOR)
+    _, inverse = off_ground(points, Pose.identity(), FLOOR)
     groups, _ = floating(
         points, np.zeros(len(points), np.int64), inverse, image, Pose.identity(), FLOOR, CAMERA,
         OneCameraParameters(),

@@ -7,7 +7,7 @@ from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_contact import (
-    floor_place,
+    ground_place,
     lower_edge,
     shared_covariance,
     shared_velocity_covariance,
@@ -35,7 +35,7 @@ def test_the_foot_of_a_known_box_is_found_and_placed(ahead: float) -> None:
     found = lower_edge(image.clip(0, 255).astype(np.uint8), box, v - 4)
     assert found is not None
     assert found == pytest.approx(v, abs=1.5)
-    placed = floor_place((u, v), (1.0, 1.0), Pose.identity(), FLOOR, CAMERA)
+    placed = ground_place((u, v), (1.0, 1.0), Pose.identity(), FLOOR, CAMERA)
     assert placed is not None
     np.testing.assert_allclose(placed[0], (0.3, ahead), atol=1e-6)
     # A row is worth r^2 / (f h) metres along the line of sight.
@@ -43,19 +43,19 @@ def test_the_foot_of_a_known_box_is_found_and_placed(ahead: float) -> None:
 
 
 def test_there_is_no_floor_above_the_horizon_and_no_edge_on_a_plain_wall() -> None:
-    assert floor_place((255.0, 20.0), (1.0, 1.0), Pose.identity(), FLOOR, CAMERA) is None
+    assert ground_place((255.0, 20.0), (1.0, 1.0), Pose.identity(), FLOOR, CAMERA) is None
     plain = np.full((256, 512), 90, np.uint8)
     assert lower_edge(plain, (100.0, 100.0, 150.0, 150.0), 150.0) is None
 
 
 def test_a_wrong_height_or_tilt_moves_places_as_the_covariance_says() -> None:
     px = foot_px(0.5, 3.0)
-    true = floor_place(tuple(px), (1.0, 1.0), Pose.identity(), FLOOR, CAMERA)
+    true = ground_place(tuple(px), (1.0, 1.0), Pose.identity(), FLOOR, CAMERA)
     tilted = GroundPlane.below(CameraMount(0.4, np.radians(5.2)))
     high = GroundPlane.below(CameraMount(0.4 * 1.02, np.radians(5)))
     assert true is not None
-    by_tilt = floor_place(tuple(px), (1.0, 1.0), Pose.identity(), tilted, CAMERA)
-    by_height = floor_place(tuple(px), (1.0, 1.0), Pose.identity(), high, CAMERA)
+    by_tilt = ground_place(tuple(px), (1.0, 1.0), Pose.identity(), tilted, CAMERA)
+    by_height = ground_place(tuple(px), (1.0, 1.0), Pose.identity(), high, CAMERA)
     assert by_tilt is not None
     assert by_height is not None
     for moved, height, tilt in ((by_tilt, 0.0, np.radians(0.2)), (by_height, 0.02, 0.0)):

@@ -110,7 +110,7 @@ def test_the_height_above_the_floor_alone_tells_metres(lateral) -> None:
 def test_odometry_alone_tells_metres(lateral) -> None:
     seen = observe(lateral, mount=None)
     assert way_share(seen, lateral) == pytest.approx(1, abs=0.05)
-    # Nothing tells where the floor is, on which obstacles stand.
+    # Nothing tells where the ground is, on which obstacles stand.
     assert not any(s.obstacles for s in seen)
 
 

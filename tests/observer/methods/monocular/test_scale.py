@@ -6,14 +6,14 @@ import pytest
 from observer.geometry import Pose
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.rays import RayPoints
-from observer.methods.monocular.scale import Scale, floor_scale, odometry_scale, scale_by_floor
+from observer.methods.monocular.scale import Scale, ground_scale, odometry_scale, scale_by_ground
 from observer.mount import CameraMount
 
 MOUNT = CameraMount(0.4, np.radians(5))
 
 
 def planted(seed: int, enlarged: float, floor_share: float = 0.6) -> RayPoints:
-    """Points on the floor and on things that stand on it, of a map enlarged by a factor."""
+    """Points on the ground and on things that stand on it, of a map enlarged by a factor."""
     rng = np.random.default_rng(seed)
     rays = np.column_stack([rng.uniform(-0.5, 0.5, 200), rng.uniform(0.0, 0.28, 200), np.ones(200)])
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -32,7 +32,7 @@ def test_the_floor_gives_the_scale_at_the_start_to_one_percent(enlarged: float) 
     points = planted(1, enlarged)
     slope = points.ray @ MOUNT.down
     low = slope > 0.06
-    told = scale_by_floor(
+    told = scale_by_ground(
         points.inverse[low] / slope[low], np.full(low.sum(), 0.02), MOUNT.height_m, np.inf
     )
     assert told is not None
@@ -41,7 +41,7 @@ def test_the_floor_gives_the_scale_at_the_start_to_one_percent(enlarged: float) 
 
 
 def test_a_map_that_has_drifted_is_corrected_by_the_floor() -> None:
-    told = floor_scale(
+    told = ground_scale(
         planted(2, 1.06), Pose.identity(), GroundPlane.below(MOUNT), MOUNT.height_m, Scale(0.05)
     )
     assert told is not None
@@ -52,8 +52,8 @@ def test_a_map_that_has_drifted_is_corrected_by_the_floor() -> None:
 
 
 def test_without_a_floor_there_is_no_scale_rather_than_a_wrong_one() -> None:
-    assert scale_by_floor(np.ones(5), np.full(5, 0.02), 0.4, np.inf) is None
-    assert scale_by_floor(np.ones(50), np.full(50, 0.9), 0.4, np.inf) is None
+    assert scale_by_ground(np.ones(5), np.full(5, 0.02), 0.4, np.inf) is None
+    assert scale_by_ground(np.ones(50), np.full(50, 0.9), 0.4, np.inf) is None
 
 
 def test_odometry_gives_the_scale_once_the_way_is_long_enough() -> None:

@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from observer.robots.network import client as external_client
-from observer.robots.network.address import ExternalRobot
 from observer.robots.network.client import ExternalClient, ExternalClientError
+from observer.robots.network.robot import ExternalRobot
 
 
 def until(condition: Callable[[], Any], within_s: float = 5.0) -> float:

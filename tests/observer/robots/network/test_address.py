@@ -9,8 +9,8 @@ import pytest
 
 from observer.robots.contract import Explained, RobotPhase
 from observer.robots.network import link as external_link
-from observer.robots.network.address import ExternalRobot, open_external
 from observer.robots.network.client import ExternalClient, ExternalClientError
+from observer.robots.network.robot import ExternalRobot, open_external
 
 from .sides import RawRobot, Wire, driving, reporting, tell, until
 

@@ -11,8 +11,8 @@ import pytest
 
 from observer.robots.contract import RobotPhase, RobotReport
 from observer.robots.network import client as external_client
-from observer.robots.network.address import ExternalRobot
 from observer.robots.network.client import ExternalClient, demo
+from observer.robots.network.robot import ExternalRobot
 
 from .sides import driving, until
 

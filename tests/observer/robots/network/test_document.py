@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 
 from observer.robots.contract import RobotPhase
-from observer.robots.network.address import open_external, parse_external
 from observer.robots.network.client import ExternalClientError
 from observer.robots.network.link import EXPIRES_S, PERMIT_INTERVAL_S
 from observer.robots.network.messages import (
@@ -23,6 +22,7 @@ from observer.robots.network.messages import (
     permit_line,
     welcome_line,
 )
+from observer.robots.network.robot import open_external, parse_external
 
 ROOT = Path(__file__).resolve().parents[4]
 DRIVE_S = 0.02

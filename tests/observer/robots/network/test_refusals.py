@@ -10,8 +10,8 @@ import pytest
 
 from observer.errors import InputError
 from observer.robots.contract import RobotPhase
-from observer.robots.network.address import ExternalRobot, open_external, parse_external
 from observer.robots.network.client import ExternalClient, ExternalClientError
+from observer.robots.network.robot import ExternalRobot, open_external, parse_external
 
 from .sides import RawRobot, driving, reporting, until
 

@@ -207,8 +207,8 @@ def test_members_are_made_of_the_followed_points() -> None:
     places, count = body(rng, 12), 12
     cov = np.broadcast_to(np.diag([1e-4, 2e-4, 3e-4]), (count, 3, 3))
     sums = PositionVelocityFilter.begin(np.zeros((count, 3)), np.zeros((count, 3, 3)))
-    points = TrackedPoints.begin(0, np.zeros((count, 2), np.float32), np.zeros((count, 2), np.float32),
-                          np.ones(count), sums)  # fmt: skip
+    px = np.zeros((count, 2), np.float32)
+    points = TrackedPoints.begin(0, px, px, np.ones(count), sums)
     information = np.linalg.inv(cov)
     information[3] = 0.0
     vector = np.einsum("nij,nj->ni", information, places)

@@ -19,6 +19,7 @@ from observer.robots.contract import RobotReport, Sent
 from observer.robots.models import robot_spec
 from observer.robots.network.link import EXPIRES_S, ExternalLink
 from observer.robots.network.watch import ExternalWatch
+from observer.robots.ports import shown_port
 
 PREFIX = "external:"
 _ADDRESS = re.compile(r"(\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_.-]+)):(?P<port>\d{1,5})")
@@ -158,6 +159,4 @@ def _is_loopback(host: str) -> bool:
 
 
 def _without_key(text: str) -> str:
-    from observer.robot_opening import shown_port
-
     return shown_port(text)[:80]
