@@ -74,7 +74,7 @@ lint: setup-dev
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python app/packaging/frontend.py check
+	$(BIN)/python tools/packaging/frontend.py check
 
 bench: setup-dev
 	$(BIN)/dynamic-observer benchmark $(ARGS)
@@ -98,9 +98,9 @@ $(INSTALLED_DEV): $(INSTALLED)
 	@$(PIP) --editable '.[dev]' || { $(registry_hint); exit 1; }
 	@touch $@
 
-$(VENDORED): static/package-lock.json app/packaging/frontend.py | $(MADE)
+$(VENDORED): static/package-lock.json tools/packaging/frontend.py | $(MADE)
 	@echo "Fetching the page's libraries into static/vendor"
-	@$(BIN)/python app/packaging/frontend.py vendor
+	@$(BIN)/python tools/packaging/frontend.py vendor
 	@touch $@
 
 # The browser tests drive the system's Chromium, those of network cameras ffmpeg's servers, those

@@ -11,7 +11,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from app.channel.latest import LatestReader, create_slot
 from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.messages import (
     CLOUD_NAME,
@@ -24,9 +23,10 @@ from app.messages import (
     Shutdown,
     StateEvent,
 )
-from app.processes.child import ChildProcess
-from app.processes.errors import ProcessRefused, ProcessUnavailable
-from app.processes.supervisor import ProcessHealth, ProcessSupervisor, SupervisorLimits
+from app.runtime.child import ChildProcess
+from app.runtime.errors import ProcessRefused, ProcessUnavailable
+from app.runtime.latest import LatestReader, create_slot
+from app.runtime.supervisor import ProcessHealth, ProcessSupervisor, SupervisorLimits
 
 # -P: the folder somebody starts the server in must not supply the modules.
 ENGINE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.engine")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import signal
 import sys
 
-from app.processes.arguments import parse_arguments
-from app.processes.lifeline import die_with_parent
+from app.runtime.arguments import parse_arguments
+from observer.processes import die_with_parent
 
 
 def main() -> None:

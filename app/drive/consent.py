@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from app.drive.messages import COMMAND_FRESH_S
-from app.processes.errors import ProcessRefused
+from app.runtime.errors import ProcessRefused
 
 Velocity = tuple[float, float]
 ZERO: Velocity = (0.0, 0.0)

@@ -18,7 +18,7 @@ from app.drive.consent import ZERO, Consent, Velocity
 from app.drive.guarding import Guarding, least
 from app.drive.messages import IncidentEvent, IncidentKind
 from app.drive.ramp import ramped
-from app.processes.errors import ProcessRefused
+from app.runtime.errors import ProcessRefused
 from observer.guard.guard import Verdict, sight_trouble
 from observer.rig.rig import Role
 from observer.robots.contract import Explained, Robot, RobotPhase, RobotReport, Sent

@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 from dataclasses import dataclass
 
-from app.processes.errors import ProcessRefused
+from app.runtime.errors import ProcessRefused
 from observer.rig.rig import Role
 
 

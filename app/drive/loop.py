@@ -21,8 +21,8 @@ from app.drive.robot_opener import AttendantThread
 from app.drive.roles import DriveAnswer, Roles
 from app.drive.stopping import Stopping
 from app.drive.wheels import Wheels
-from app.messages import Reply, Request
-from app.processes.errors import ProcessRefused
+from app.runtime.errors import ProcessRefused
+from app.runtime.requests import Reply, Request
 from observer.errors import InputError
 from observer.guard.sight import Sight
 from observer.rig.rig import Role

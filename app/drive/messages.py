@@ -1,4 +1,4 @@
-"""What the web process and the drive process say to each other; see ``app.channel.pipe``.
+"""What the web process and the drive process say to each other; see ``app.runtime.pipe``.
 
 Sight reaches the drive process from the engine directly, as a latest value in shared memory
 (``SIGHT_NAME``), and what the robots' wheels tell goes back the same way (``WHEELS_NAME``).

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Literal
 
-from app.processes.heap import keep_for_good
+from app.runtime.heap import keep_for_good
 
 Priority = Literal["realtime", "raised", "normal"]
 

@@ -10,8 +10,6 @@ import socket
 import time
 from typing import NoReturn
 
-from app.channel.latest import LatestReader, LatestWriter
-from app.channel.pipe import MessageSender
 from app.drive.loop import DriveLoop, Inbox
 from app.drive.messages import (
     SIGHT_NAME,
@@ -25,8 +23,10 @@ from app.drive.priority import calm_interpreter, raise_priority
 from app.drive.robot_opener import AttendantThread, RobotOpener
 from app.drive.roles import Roles
 from app.drive.sight_feed import SightFeed
-from app.processes.arguments import ProcessArguments
-from app.processes.lifeline import receive_until_parent_ends
+from app.runtime.arguments import ProcessArguments
+from app.runtime.latest import LatestReader, LatestWriter
+from app.runtime.lifeline import receive_until_parent_ends
+from app.runtime.pipe import MessageSender
 from observer.guard.guard import Guard
 from observer.parameters import GuardParameters
 from observer.rig.rig import ROLES

@@ -34,7 +34,7 @@ from app.drive.messages import (
     TakeLease,
 )
 from app.drive.playing import Playing
-from app.processes.errors import ProcessRefused
+from app.runtime.errors import ProcessRefused
 from observer.guard.sight import Sight
 from observer.motion_profiles.playing import duration_s
 from observer.parameters import GuardParameters

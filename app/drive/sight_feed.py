@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 
-from app.channel.latest import LatestReader
+from app.runtime.latest import LatestReader
 from observer.guard.sight import Sight, sight_of
 
 _log = logging.getLogger(__name__)

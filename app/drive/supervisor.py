@@ -17,8 +17,8 @@ from app.drive.messages import (
     DriveStartedEvent,
     LeaveDrive,
 )
-from app.processes.child import ChildProcess
-from app.processes.supervisor import ProcessSupervisor, SupervisorLimits
+from app.runtime.child import ChildProcess
+from app.runtime.supervisor import ProcessSupervisor, SupervisorLimits
 
 # -P: the folder somebody starts the server in must not supply the modules.
 DRIVE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.drive")

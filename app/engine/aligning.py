@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from app.alignment_worker.messages import Choices, Solve, Solved
-from app.alignment_worker.process import AlignmentWorker
 from app.engine.replies import unexpected
+from app.workers.alignment.messages import Choices, Solve, Solved
+from app.workers.alignment.process import AlignmentWorker
 from observer.truth.alignment.live_clocks import LiveClocks, SourceClock
 from observer.truth.alignment.online import pieces
 from observer.truth.alignment.result import Alignment
@@ -45,7 +45,7 @@ _OF_OBSTACLE = ("id", "state", "position", "velocity_time", "speed", "speed_std"
 
 
 class Aligns(Protocol):
-    """What is needed of ``app.alignment_worker.process.AlignmentWorker``."""
+    """What is needed of ``app.workers.alignment.process.AlignmentWorker``."""
 
     def solve(self, job: Solve) -> Solved | None: ...
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from app.engine.board_pictures import draw_board, small_picture
 from app.engine.errors import NotNow
 from app.engine.playback import Player
 from app.engine.played_source import PlayedSource, SourceOpener, close_opened, read_first
@@ -21,6 +20,7 @@ from app.messages import (
     EngineState,
 )
 from observer.calibration.board import Board
+from observer.calibration.board_pictures import draw_board, small_picture
 from observer.calibration.collecting import Look, ViewCollector
 from observer.calibration.detection import detect_board
 from observer.calibration.views import BoardSighting, BoardView

@@ -9,12 +9,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from app.engine.views import color_copy, encode_jpeg
+from app.engine.views import encode_jpeg
 from observer.calibration.ageing.row_refinement import matched_points
 from observer.calibration.board import Board
 from observer.calibration.detection import detect_board, same_numbering
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import as_gray
+from observer.drawing import color_copy
 from observer.geometry import Float64Array
 from observer.types import Image, StereoFrame
 from observer.vision.rectification import Rectification

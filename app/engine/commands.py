@@ -27,8 +27,6 @@ from app.messages import (
     OpenSource,
     PreviewCalibration,
     RecordRobots,
-    Reply,
-    Request,
     SaveRing,
     SetParameters,
     SetPlayback,
@@ -38,6 +36,7 @@ from app.messages import (
     TakeScenePairs,
     WatchViews,
 )
+from app.runtime.requests import Reply, Request
 from observer.errors import DynamicObserverError, InputError
 from observer.recording.errors import RecordingError
 from observer.recording.payloads import Incident, RobotRow

@@ -16,14 +16,8 @@ from app.engine.recorders import Recorders
 from app.engine.replies import refusal, unexpected
 from app.engine.session import Session
 from app.engine.session_opening import NotCalibrated, ObserverFactory, open_session
-from app.messages import (
-    BeginCalibration,
-    EngineState,
-    OpenSource,
-    Reply,
-    Request,
-    StateEvent,
-)
+from app.messages import BeginCalibration, EngineState, OpenSource, StateEvent
+from app.runtime.requests import Reply, Request
 from observer.errors import DynamicObserverError
 from observer.opening import exclusive_world, live_devices, shown_spec
 from observer.truth.live.opening import check_live

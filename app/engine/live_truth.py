@@ -12,19 +12,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from app.alignment_worker.messages import Choices
 from app.engine.aligning import Aligned, AlignmentThread
 from app.engine.motion_listening import MotionListener
 from app.engine.recording import RunRecorder
 from app.engine.truth_facts import truth_facts
-from app.engine.truth_matching import assign, entry
 from app.messages import LiveTruthOrder
+from app.workers.alignment.messages import Choices
 from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.sources.contract import SourceInfo
 from observer.truth.alignment.newest import NewestTruth
 from observer.truth.live.contract import LiveCaptureReport
 from observer.truth.live.opening import check_live
+from observer.truth.matching import assign, entry
 from observer.types import Observation
 
 _log = logging.getLogger(__name__)

@@ -26,13 +26,8 @@ from app.engine.session import Session
 from app.engine.session_opening import ObserverFactory
 from app.engine.sight import SightTeller
 from app.engine.watched import Observed
-from app.messages import (
-    HeartbeatEvent,
-    ObservationEvent,
-    Request,
-    SkippedFrameEvent,
-    StateEvent,
-)
+from app.messages import HeartbeatEvent, ObservationEvent, SkippedFrameEvent, StateEvent
+from app.runtime.requests import Request
 from observer.guard.sight import REAL_WORLD
 from observer.jsonl import observation_line
 from observer.types import FullTrace, StereoFrame

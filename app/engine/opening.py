@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 from app.engine.played_source import OpeningCommand, PlayedSource
-from app.messages import Request
+from app.runtime.requests import Request
 from observer.parameters import Parameters
 
 

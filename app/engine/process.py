@@ -11,17 +11,24 @@ import socket
 import time
 from typing import NoReturn
 
-from app.channel.latest import LatestReader, LatestWriter
-from app.channel.pipe import MessageSender
 from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.engine.loop import Engine, Inbox
 from app.engine.played_source import SourceOpener
 from app.engine.publishing import Publisher
 from app.engine.session_opening import ObserverFactory
 from app.engine.sight import SightTeller
-from app.processes.arguments import ProcessArguments
-from app.processes.heap import keep_for_good
-from app.processes.lifeline import receive_until_parent_ends
+from app.messages import (
+    BoardLookEvent,
+    DenseStereoEvent,
+    HeartbeatEvent,
+    ObservationEvent,
+    SkippedFrameEvent,
+)
+from app.runtime.arguments import ProcessArguments
+from app.runtime.heap import keep_for_good
+from app.runtime.latest import LatestReader, LatestWriter
+from app.runtime.lifeline import receive_until_parent_ends
+from app.runtime.pipe import MessageSender
 
 # Robots drive by what is seen here: before ordinary processes, behind the drive loop. Not so far
 # that a saturated engine kept the web process from taking what operators send.
@@ -49,14 +56,18 @@ def run_engine(
     signal.signal(signal.SIGTERM, lambda *_: inbox.put(None))
     leaving = False
     sock = socket.socket(fileno=arguments.channel)
-    sender = MessageSender(sock)
+    sender = MessageSender(
+        sock,
+        latest=(HeartbeatEvent, DenseStereoEvent, BoardLookEvent),
+        droppable=(ObservationEvent, SkippedFrameEvent),
+    )
     slots = dict(arguments.slots)
     # What is shared with the drive process; an engine without one has neither.
     sight, wheels = slots.pop(SIGHT_NAME, None), slots.pop(WHEELS_NAME, None)
     engine = Engine(
         inbox=inbox,
         send=sender.send,
-        observations_lost=lambda: sender.observations_lost,
+        observations_lost=lambda: sender.lost(ObservationEvent),
         publisher=Publisher(
             {name: LatestWriter(fd) for name, fd in slots.items()}, time.monotonic, sender.send
         ),

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from app.channel.latest import LatestWriter
 from app.engine.dense_stereo import DensePair, DenseStereo, PairKeeper, cloud_value, dense_stereo
 from app.engine.latest_worker import LatestWorker
 from app.engine.views import draw_disparity, draw_view, encode_jpeg, jpeg_size
@@ -19,6 +18,7 @@ from app.messages import (
     VIEW_NAMES,
     DenseStereoEvent,
 )
+from app.runtime.latest import LatestWriter
 from observer.errors import InputError
 from observer.types import Image
 

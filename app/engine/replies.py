@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from app.engine.errors import NotNow
-from app.messages import Reply
+from app.runtime.requests import Reply
 from observer.errors import DynamicObserverError, InputError
 from observer.recording.errors import RecordingError
 

@@ -10,7 +10,6 @@ from app.engine.ageing import CalibrationAgeing
 from app.engine.playback import PlayedFrame, Player
 from app.engine.played_source import PlayedSource
 from app.engine.recording import RunRecorder
-from app.engine.truth_matching import TruthMatcher
 from app.messages import EngineState, OpenSource
 from observer.camera import StereoCamera
 from observer.geometry import Pose
@@ -20,6 +19,7 @@ from observer.opening import OpenedSource
 from observer.parameters import Parameters
 from observer.robots.contract import RobotPort
 from observer.sources.contract import SkippedFrame
+from observer.truth.matching import TruthMatcher
 from observer.types import Observation, StereoFrame, Trace
 
 

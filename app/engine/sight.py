@@ -6,8 +6,8 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from app.channel.latest import LatestReader, LatestWriter
 from app.engine.watched import Observed
+from app.runtime.latest import LatestReader, LatestWriter
 from observer.camera import as_gray
 from observer.guard.free_path import FreePath
 from observer.guard.seeing import sight_of_observation

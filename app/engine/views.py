@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from app.engine.dense_stereo import DensePair, DenseStereo
 from app.engine.watched import Observed
+from observer.drawing import color_copy
 from observer.types import Image, Obstacle
 
 JPEG_QUALITY = 80
@@ -164,13 +165,6 @@ _VIEWS: Mapping[str, Callable[[Observed], Image]] = {
 }
 
 _FINELY_DRAWN = ("left", "residual")
-
-
-def color_copy(image: Image) -> Image:
-    """A BGR image of its own, to draw on."""
-    if image.ndim == 2:
-        return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
-    return image.copy()
 
 
 def _nothing(size: tuple[int, int], sentence: str, reasons: tuple[str, ...]) -> Image:

@@ -17,7 +17,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
-from app.processes.errors import ProcessUnavailable
+from app.runtime.errors import ProcessUnavailable
 from app.server import Conflict, FieldError, NotAvailable, NotThere
 from app.storage import StorageError, StorageExists, StorageFull, StorageMissing
 from observer.errors import DynamicObserverError, InputError, ParameterError

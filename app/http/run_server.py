@@ -18,7 +18,7 @@ from fastapi import FastAPI
 
 from app.http.gate.token import load_token
 from app.http.server import create_app
-from app.processes.heap import keep_for_good
+from app.runtime.heap import keep_for_good
 from app.settings import Settings
 from app.storage.occupancy import occupied
 from observer.errors import InputError

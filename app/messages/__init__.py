@@ -1,7 +1,7 @@
 """What the web process and the engine process say to each other.
 
 Commands are request and reply; events are ordered and numbered. Both travel as plain frozen
-dataclasses; images and clouds do not travel here but through ``app.channel.latest``.
+dataclasses; images and clouds do not travel here but through ``app.runtime.latest``.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from app.messages.commands import (
     PreviewCalibration,
     RecordOrder,
     RecordRobots,
-    Reply,
-    Request,
     SaveRing,
     SetParameters,
     SetPlayback,
@@ -76,8 +74,6 @@ __all__ = [
     "PreviewCalibration",
     "RecordOrder",
     "RecordRobots",
-    "Reply",
-    "Request",
     "SaveRing",
     "SetParameters",
     "SetPlayback",

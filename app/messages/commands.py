@@ -264,25 +264,3 @@ Command = (
     | ExplainPixel
     | Shutdown
 )
-
-
-@dataclass(frozen=True)
-class Request:
-    """What another process is asked for; ``command`` is one of those that it knows."""
-
-    number: int
-    command: Any
-
-
-@dataclass(frozen=True)
-class Reply:
-    """Answer to one request: a value, or one sentence of why not.
-
-    ``refusal`` is ``input`` (what was asked is wrong), ``state`` (not possible now), ``full``
-    (the disk is) or ``failure`` (it was tried and failed).
-    """
-
-    number: int
-    value: dict[str, Any] | None = None
-    error: str | None = None
-    refusal: Literal["input", "state", "full", "failure"] | None = None

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.benchmark.server_process import RunningServer, running_server
 from app.client.errors import DrivingFailed
 from app.client.operator_socket import OperatorSocket
 from app.client.programme_drive import PlayRequest, ProgrammeDrive
@@ -30,6 +29,7 @@ from observer.guard.sight import SIGHT_FRESH_S
 from observer.motion_profiles.gesture import GESTURE_S
 from observer.motion_profiles.playing import duration_s
 from observer.motion_profiles.profile import Programme
+from tools.benchmark.server_process import RunningServer, running_server
 
 SOURCE = "simulated:drive"
 ATTEMPTS = 24

@@ -8,7 +8,7 @@ from typing import Any
 
 from app.drive.messages import DriveProcessCommand
 from app.messages import Command
-from app.processes.errors import ProcessRefused, ProcessUnavailable
+from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.server.contracts import Drive, Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.storage import StorageFull

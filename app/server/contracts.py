@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from app.channel.latest import Latest
 from app.drive.messages import DriveEvents, DriveProcessCommand
 from app.messages import Command, Event, ObservationEvent
+from app.runtime.latest import Latest
 
 
 class LatestValue(Protocol):

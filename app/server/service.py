@@ -13,7 +13,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
-from app.calibration_worker.messages import FindBoards
 from app.drive.messages import StartProgramme
 from app.engine.playback import MAX_RATE
 from app.messages import ChangeCalibration, EngineState, LiveTruthOrder, SetPlayback
@@ -26,6 +25,7 @@ from app.server.runs.current_run import CurrentRun
 from app.server.source.opening import Opening, check_spec, make_opening
 from app.storage import CalibrationRecord, RunRecord, RunState, StorageError
 from app.versions import versions
+from app.workers.calibration.messages import FindBoards
 from observer.calibration.board import Board
 from observer.opening import shown_spec
 from observer.rig.rig import Rig

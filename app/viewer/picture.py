@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.channel.latest import Latest
 from app.messages import EngineState, ObservationEvent, StateEvent
+from app.runtime.latest import Latest
 from app.viewer.robot_marks import RobotMarks, robot_marks
 from app.viewer.shapes import box_edges, rig_edges, upright_rotation
 from observer.geometry import Float64Array, Pose

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import cv2
-import numpy as np
 
+from observer.drawing import color_copy
 from observer.types import Image
 
 # BGR, as in the panel: what moves, what stands after it moved, what is not seen just now.
@@ -25,9 +25,7 @@ def draw_overlay(left: Image, line: Mapping[str, Any]) -> Image:
         left: rectified left image, (H, W) grey or (H, W, 3) BGR; it stays as it is.
         line: the observation's JSON line, see ``observer.jsonl.observation_line``.
     """
-    canvas = left.copy()
-    if left.ndim == 2:
-        canvas = np.asarray(cv2.cvtColor(left, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    canvas = color_copy(left)
     scale = max(0.35, left.shape[1] * _LETTERS_PER_WIDTH)
     for entry in line["obstacles"]:
         color = _COASTING if entry["state"] == "coasting" else _COLORS[entry["motion"]]

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from app.channel.latest import create_slot
 from app.drive.messages import SIGHT_NAME, WHEELS_NAME
+from app.runtime.latest import create_slot
 from app.storage import Storage
 from observer.parameters import Parameters
 

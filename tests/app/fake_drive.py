@@ -31,7 +31,7 @@ from app.drive.messages import (
     TakeLease,
     WheelSpeedEvent,
 )
-from app.processes.errors import ProcessRefused, ProcessUnavailable
+from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from observer.rig.rig import ROLES, Role
 from observer.robots.ports import shown_port
 

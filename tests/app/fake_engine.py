@@ -15,13 +15,13 @@ from collections.abc import Callable
 import numpy as np
 
 from app.engine.process import run_engine
-from app.processes.arguments import parse_arguments
-from app.processes.lifeline import die_with_parent
+from app.runtime.arguments import parse_arguments
 from observer.camera import StereoCalibration, StereoCamera
 from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
+from observer.processes import die_with_parent
 from observer.sources.contract import SourceInfo
 from observer.types import Observation, Status, StereoFrame, Trace
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from app.channel.latest import LatestReader, LatestWriter, create_slot
 from app.engine.truth_facts import truth_facts
 from app.messages import (
     CLOUD_NAME,
@@ -40,6 +39,7 @@ from app.messages import (
     TakeScenePairs,
     WatchViews,
 )
+from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from app.supervisor import EngineHealth, EngineRefused, EngineUnavailable
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text

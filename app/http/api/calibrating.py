@@ -10,8 +10,6 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, File, Form, Path, Response, UploadFile
 
-from app.calibration_worker.image_archive import check_archive
-from app.calibration_worker.messages import FindBoards
 from app.http.api.calibration_models import (
     BoardKind,
     CalibratingChange,
@@ -32,6 +30,8 @@ from app.server.calibrating.library import preview_text
 from app.server.calibrating.session import board_of
 from app.server.status import status
 from app.storage import StorageFull
+from app.workers.calibration.image_archive import check_archive
+from app.workers.calibration.messages import FindBoards
 from observer.errors import CalibrationError
 
 router = APIRouter(prefix="/calibrating", tags=["calibrating"])

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from app.channel.latest import Latest
+from app.runtime.latest import Latest
 from app.server import Station
 
 # Half of a frame's time at 60 Hz: the wait it adds is not seen.

@@ -10,14 +10,15 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, Literal
 
-from app.calibration_worker.messages import Progress, Refined, RefineRows
-from app.calibration_worker.process import work
 from app.messages import MeasureDepth, PreviewCalibration, TakeScenePairs
+from app.runtime.jobs import Progress
 from app.server.asking import ask
 from app.server.calibrating.session import CalibrationDesk
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotThere
 from app.storage import CalibrationRecord, RunRecord, Storage, utc_now
+from app.workers.calibration.messages import Refined, RefineRows
+from app.workers.calibration.process import work
 from observer.calibration.formats.exporting import export_calibration
 from observer.calibration.formats.opencv_file import calibration_text, read_calibration
 from observer.calibration.formats.recognition import read_any

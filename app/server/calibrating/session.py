@@ -15,19 +15,13 @@ from typing import Any
 
 import structlog
 
-from app.calibration_worker.messages import (
-    BoardsFound,
-    FindBoards,
-    Fitted,
-    FitViews,
-    Progress,
-    Result,
-)
-from app.calibration_worker.process import work
 from app.messages import BeginCalibration, BoardLookEvent, BoardViewsEvent, ChangeCalibration
+from app.runtime.jobs import Progress
 from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotThere
+from app.workers.calibration.messages import BoardsFound, FindBoards, Fitted, FitViews, Result
+from app.workers.calibration.process import work
 from observer.calibration.board import Board, BoardKind
 from observer.calibration.views import BoardView
 from observer.camera import DistortionModel

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from app.drive.messages import DriveEvents, DriveProcessCommand
-from app.processes.errors import ProcessUnavailable
-from app.processes.supervisor import ProcessHealth
+from app.runtime.errors import ProcessUnavailable
+from app.runtime.supervisor import ProcessHealth
 
 
 class AbsentDrive:

@@ -26,7 +26,7 @@ from app.drive.messages import (
     WheelSpeedEvent,
 )
 from app.messages import ObservationEvent, StateEvent
-from app.processes.errors import ProcessUnavailable
+from app.runtime.errors import ProcessUnavailable
 from app.server.asking import ask_drive
 from app.server.background import Background
 from app.server.contracts import Drive

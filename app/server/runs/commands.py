@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
 import secrets
 import shutil
-import signal
-import sys
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 import structlog
 
-from app.native_environment import program_environment
+from app.runtime.worker import Worker
 from app.server.errors import NotAvailable
 from app.server.runs.file_names import told_as_ours
 from app.storage import DataFolder, StorageFull
@@ -23,7 +20,8 @@ from observer.errors import DynamicObserverError
 
 log = structlog.get_logger(__name__)
 
-_COMMAND = (sys.executable, "-P", "-m", "app.niced_command")
+# Behind the engine and the drive process, whose loops must not notice it.
+_NICENESS = 15
 _CLI = "app.cli"
 # Exit codes of a command that says in a sentence why it cannot do what was asked.
 _REFUSALS = (1, 2)
@@ -32,7 +30,6 @@ _WORK = ".work-"
 _MOST_WAITING = 8
 # With less than this free, what could not be written had no room.
 _FULL_BYTES = 1 << 20
-_GRACE_S = 5.0
 _LOGGED = 2000
 
 
@@ -101,31 +98,19 @@ class RunCommands:
 
     async def _run(self, module: str, words: Sequence[str]) -> None:
         name = words[0] if module == _CLI else module
+        worker = Worker(module, _NICENESS)
         try:
-            process = await asyncio.create_subprocess_exec(
-                *_COMMAND, str(os.getpid()), module, *words,
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=asyncio.subprocess.DEVNULL,
-                stderr=asyncio.subprocess.PIPE,
-                env=program_environment(),
-                # A terminal's Ctrl-C is the server's to answer.
-                start_new_session=True,
-            )  # fmt: skip
-        except OSError as error:
-            raise NotAvailable(f"the command {name} cannot be started: {error}") from error
-        try:
-            async with asyncio.timeout(self._time_limit_s):
+            async with (
+                worker.started(*words, stderr=asyncio.subprocess.PIPE) as process,
+                asyncio.timeout(self._time_limit_s),
+            ):
                 _, said = await process.communicate()
         except TimeoutError:
             raise NotAvailable(
                 f"the command {name} took longer than {self._time_limit_s:.0f} s and was ended"
             ) from None
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(_GRACE_S):
-                    await process.wait()
+        except OSError as error:
+            raise NotAvailable(f"the command {name} cannot be started: {error}") from error
         if process.returncode:
             raise _error(name, process.returncode, said.decode("utf-8", "replace"))
 

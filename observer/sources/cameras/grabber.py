@@ -7,7 +7,6 @@ decoded. Nothing is held back: a frame for which no decision comes gives way to 
 
 from __future__ import annotations
 
-import ctypes
 import importlib
 import importlib.util
 import mmap
@@ -23,6 +22,7 @@ import cv2
 import numpy as np
 
 from observer.errors import SourceError
+from observer.processes import die_with_parent
 from observer.sources.cameras.capture import Capture, Opener
 from observer.sources.cameras.freshness import Backlog, Period, Repeats
 from observer.sources.cameras.messages import (
@@ -44,7 +44,6 @@ from observer.sources.cameras.messages import (
 from observer.sources.cameras.settings import AppliedSettings
 from observer.types import Image
 
-_PR_SET_PDEATHSIG = 1
 _FIRST_IMAGE_S = 10.0
 # Longer than the source bears anything.
 _LONGEST_CALL_S = 15.0
@@ -279,11 +278,8 @@ def main() -> None:
     commands_fd, notices_fd, memory_fd, parent_pid = map(int, sys.argv[1:5])
     # Ctrl-C in a terminal reaches every process of it; the source decides when this one ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if parent_pid and sys.platform == "linux":
-        # Reaches this process also where it is stopped or hangs inside the kernel.
-        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent_pid:
-            os._exit(0)
+    if parent_pid:
+        die_with_parent(parent_pid)
     cv2.setNumThreads(1)
     notices = Notices(notices_fd)
     try:

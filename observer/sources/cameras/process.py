@@ -6,11 +6,11 @@ import mmap
 import os
 import subprocess
 import sys
-import tempfile
 import threading
 
 import numpy as np
 
+from observer.processes import anonymous_memory
 from observer.sources.cameras.messages import (
     Command,
     Notice,
@@ -33,7 +33,7 @@ class GrabberProcess:
         try:
             fds += os.pipe()
             fds += os.pipe()
-            fds.append(_anonymous_memory())
+            fds.append(anonymous_memory("camera"))
             commands_in, self._commands, self.notices, notices_out, self._memory = fds
             # The kernel ends a process with the *thread* that started it; only the main thread
             # lives as long as its process.
@@ -106,12 +106,3 @@ class GrabberProcess:
             os.close(fd)
         self._image = None
         return self.child
-
-
-def _anonymous_memory() -> int:
-    """A descriptor of memory that no name leads to."""
-    if hasattr(os, "memfd_create"):
-        return os.memfd_create("camera", os.MFD_CLOEXEC)
-    fd, path = tempfile.mkstemp(prefix="camera-")
-    os.unlink(path)
-    return fd

@@ -16,8 +16,6 @@ from typing import Any
 
 import pytest
 
-from app.channel.latest import LatestWriter
-from app.channel.pipe import encode, receive_message
 from app.drive.messages import (
     ArmRobot,
     ConnectRobot,
@@ -29,9 +27,11 @@ from app.drive.messages import (
     TakeLease,
 )
 from app.drive.supervisor import DRIVE_COMMAND
-from app.messages import Reply, Request
 from app.native_environment import program_environment
-from app.processes.arguments import ProcessArguments
+from app.runtime.arguments import ProcessArguments
+from app.runtime.latest import LatestWriter
+from app.runtime.pipe import encode, receive_message
+from app.runtime.requests import Reply, Request
 from observer.guard.sight import FreeScan, Sight
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving

@@ -22,7 +22,7 @@ from app.drive.messages import (
     TakeLease,
 )
 from app.drive.supervisor import DriveSupervisor
-from app.processes.errors import ProcessRefused
+from app.runtime.errors import ProcessRefused
 
 SPEED_MPS = 0.3
 

@@ -17,7 +17,7 @@ from app.drive.messages import (
     TakeLease,
 )
 from app.drive.roles import Roles
-from app.processes.errors import ProcessRefused
+from app.runtime.errors import ProcessRefused
 from observer.guard.guard import Verdict
 from observer.guard.sight import Sight
 from observer.parameters import GuardParameters

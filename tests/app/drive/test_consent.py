@@ -7,7 +7,7 @@ import math
 import pytest
 
 from app.drive.consent import ZERO, Consent
-from app.processes.errors import ProcessRefused
+from app.runtime.errors import ProcessRefused
 
 AHEAD = (0.3, 0.0)
 

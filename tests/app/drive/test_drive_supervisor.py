@@ -24,8 +24,8 @@ from app.drive.messages import (
     TakeLease,
 )
 from app.drive.supervisor import DriveSupervisor
-from app.processes.errors import ProcessRefused, ProcessUnavailable
-from app.processes.supervisor import SupervisorLimits
+from app.runtime.errors import ProcessRefused, ProcessUnavailable
+from app.runtime.supervisor import SupervisorLimits
 from app.server.contracts import Drive
 from app.supervisor import Supervisor
 from observer.simulation.robots.emulated import EmulatedRobot

@@ -20,7 +20,7 @@ from app.drive.messages import (
     TakeLease,
     WheelSpeedEvent,
 )
-from app.messages import Reply, Request
+from app.runtime.requests import Reply, Request
 from observer.rig.rig import ROLES
 from observer.robots.contract import SonarReading
 from observer.types import Odometry

@@ -10,7 +10,6 @@ import socket
 import sys
 import time
 
-from app.channel.latest import LatestReader
 from app.drive.messages import (
     WHEELS_NAME,
     ConnectRobot,
@@ -20,6 +19,7 @@ from app.drive.messages import (
     ResetStop,
     StopRobots,
 )
+from app.runtime.latest import LatestReader
 
 from .driving import PROMISED_S, SPEED_MPS, Drive, Eyes, Robots, report, zero_after
 

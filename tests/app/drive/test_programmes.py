@@ -13,7 +13,7 @@ from app.drive.messages import (
     StopProgramme,
     StopRobots,
 )
-from app.processes.errors import ProcessRefused
+from app.runtime.errors import ProcessRefused
 from observer.motion_profiles.profile import Programme, Step
 from observer.robots.contract import RobotPhase
 

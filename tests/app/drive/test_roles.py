@@ -18,7 +18,7 @@ from app.drive.messages import (
     StopRobots,
     TakeLease,
 )
-from app.processes.errors import ProcessRefused
+from app.runtime.errors import ProcessRefused
 from observer.errors import InputError
 from observer.robots.contract import RobotPhase
 from observer.types import Status

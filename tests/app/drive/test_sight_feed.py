@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import pytest
 
-from app.channel.latest import LatestReader, LatestWriter, create_slot
 from app.drive.sight_feed import SightFeed
+from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.types import Status
 

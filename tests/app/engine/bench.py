@@ -12,13 +12,8 @@ from typing import Any
 import numpy as np
 
 from app.engine.loop import Engine
-from app.messages import (
-    Command,
-    OpenSource,
-    Reply,
-    Request,
-    StateEvent,
-)
+from app.messages import Command, OpenSource, StateEvent
+from app.runtime.requests import Reply, Request
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import SourceError
 from observer.geometry import Pose

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from app.alignment_worker.messages import Choices, Solve, Solved
 from app.engine.aligning import AlignmentThread
+from app.workers.alignment.messages import Choices, Solve, Solved
 from observer.geometry import Pose
 from observer.truth.alignment.result import Alignment
 from observer.truth.alignment.time_offset import TimeOffset

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from app.engine import calibrating
-from app.engine.board_pictures import draw_board, small_picture
 from app.messages import (
     BeginCalibration,
     BoardLookEvent,
@@ -29,6 +28,7 @@ from app.messages import (
     TakeScenePairs,
 )
 from observer.calibration.board import Board
+from observer.calibration.board_pictures import draw_board, small_picture
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.calibration.views import BoardSighting
 from observer.camera import StereoCalibration

@@ -12,7 +12,8 @@ import pytest
 from app.engine.calibrating import BoardPublisher
 from app.engine.current_source import CurrentSource
 from app.engine.opening import Opening
-from app.messages import BeginCalibration, EngineState, OpenSource, Reply, Request
+from app.messages import BeginCalibration, EngineState, OpenSource
+from app.runtime.requests import Reply, Request
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration

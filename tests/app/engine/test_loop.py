@@ -15,7 +15,6 @@ from app.messages import (
     HeartbeatEvent,
     ObservationEvent,
     PreviewCalibration,
-    Reply,
     SetParameters,
     SetPlayback,
     Shutdown,
@@ -24,6 +23,7 @@ from app.messages import (
     StopRun,
     WatchViews,
 )
+from app.runtime.requests import Reply
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.errors import SourceError

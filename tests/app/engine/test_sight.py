@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.channel.latest import LatestReader, LatestWriter, create_slot
 from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.engine.lending import LentRobots, lent
 from app.engine.recorders import Recorders
@@ -20,6 +19,7 @@ from app.engine.session_opening import open_session
 from app.engine.sight import SightTeller
 from app.engine.watched import Observed
 from app.messages import OpenSource
+from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from observer.errors import SourceError
 from observer.guard.sight import REAL_WORLD, sight_of
 from observer.observer import Observer

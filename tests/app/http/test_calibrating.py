@@ -16,9 +16,10 @@ import numpy as np
 import psutil
 import pytest
 
-from app.calibration_worker.messages import Fitted, FitViews, Progress
 from app.messages import BeginCalibration
+from app.runtime.jobs import Progress
 from app.server.calibrating import session as calibration_desk
+from app.workers.calibration.messages import Fitted, FitViews
 from observer.calibration.formats.opencv_file import calibration_id
 
 from .scenarios import JSON, run

@@ -215,7 +215,7 @@ def test_a_command_ends_with_the_client_that_wanted_it(
         found = []
         for child in psutil.Process().children():
             with contextlib.suppress(psutil.NoSuchProcess):
-                found += [child] if "app.niced_command" in child.cmdline() else []
+                found += [child] if "app.runtime.worker_main" in child.cmdline() else []
         return found
 
     run(serve, scenario)

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.channel.latest import Latest
 from app.drive.messages import DriveEvent
 from app.messages import EngineState, OpenSource
+from app.runtime.latest import Latest
 from app.server import Station
 from app.storage import Storage
 from app.viewer import ViserViewer

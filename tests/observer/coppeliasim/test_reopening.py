@@ -12,7 +12,8 @@ import pytest
 from app.engine.calibrating import BoardPublisher
 from app.engine.current_source import CurrentSource
 from app.engine.opening import Opening
-from app.messages import OpenSource, Reply, Request
+from app.messages import OpenSource
+from app.runtime.requests import Reply, Request
 from observer.observer import Observer
 from observer.opening import open_source
 

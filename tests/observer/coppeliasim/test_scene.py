@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from app.commands.coppelia_scene import coppelia_scene
+from app.cli.coppelia_scene import coppelia_scene
 from observer.coppeliasim.connection import CoppeliaSimError
 from observer.coppeliasim.robot import open_coppelia_robot
 from observer.coppeliasim.scene import PIONEER_MODEL, build_scene

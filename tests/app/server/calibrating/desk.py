@@ -6,9 +6,10 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from app.calibration_worker.messages import BoardsFound, Fitted, FitViews, Progress
 from app.messages import BeginCalibration, ChangeCalibration
+from app.runtime.jobs import Progress
 from app.server import Station
+from app.workers.calibration.messages import BoardsFound, Fitted, FitViews
 from observer.calibration.board import Board
 from observer.calibration.views import BoardView
 

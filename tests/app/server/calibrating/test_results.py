@@ -12,12 +12,12 @@ from typing import Any
 import psutil
 import pytest
 
-from app.calibration_worker.messages import FindBoards
 from app.messages import ChangeCalibration, EngineState, OpenSource
 from app.server import Conflict, FieldError, NotAvailable, NotThere
 from app.server.status import status
 from app.storage import Storage, StorageBusy, StorageFull
 from app.supervisor import EngineRefused
+from app.workers.calibration.messages import FindBoards
 from observer.calibration.formats.opencv_file import calibration_id
 from observer.errors import CalibrationError
 
@@ -154,7 +154,7 @@ def workers() -> list[psutil.Process]:
     found = []
     for child in psutil.Process().children():
         try:
-            if child.status() != psutil.STATUS_ZOMBIE and "app.calibration_worker" in (
+            if child.status() != psutil.STATUS_ZOMBIE and "app.workers.calibration" in (
                 child.cmdline()
             ):
                 found.append(child)

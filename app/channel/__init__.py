@@ -1,1 +1,0 @@
-"""How the processes talk: latest values in shared memory, ordered messages over a socket pair."""

@@ -1,0 +1,5 @@
+"""The command line: ``dynamic-observer COMMAND``."""
+
+from app.cli.command_line import main
+
+__all__ = ["main"]

@@ -1,0 +1,142 @@
+"""``dynamic-observer align``: motion capture laid over a run that was recorded before."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli.run_choice import RunArgument
+from app.cli.storage_options import DataOption, storage_settings
+from app.cli.truth_options import (
+    AnglesOption,
+    CameraOnBodyOption,
+    IgnoreOption,
+    ObserverOption,
+    RateOption,
+    body_camera,
+    body_roles,
+)
+from observer.errors import InputError
+
+# Of an offset that a person expects.
+_ROUGHLY_S = 2.0
+
+if TYPE_CHECKING:
+    from observer.geometry import Pose
+    from observer.recording.payloads import RunFacts
+    from observer.truth.alignment.choices import AlignmentChoices
+
+
+def align(
+    run: RunArgument,
+    output: Annotated[Path, typer.Option(help="What report and chart take with --compared; JSON.")],
+    truth: Annotated[
+        Path | None,
+        typer.Option(
+            help="Vicon Tracker or Nexus CSV, C3D, a plain CSV (t,x,y,z), TUM; or the recording "
+            "of a run with live motion capture. Left out: what this run heard live."
+        ),
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="Of the truth, for people.")] = None,
+    observer: ObserverOption = None,
+    ignore: IgnoreOption = None,
+    match: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="TRACK=BODY",
+            help="Which body a track is, as in 0:3=cart, or that it is none, as in 0:3=; may be "
+            "given more than once.",
+        ),
+    ] = None,
+    expect: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help=f"What is to be added to truth's times, to within {_ROUGHLY_S:g} s; for a motion "
+            f"that repeats itself.",
+        ),
+    ] = None,
+    camera_on_body: CameraOnBodyOption = None,
+    rate: RateOption = None,
+    angles: AnglesOption = None,
+    speeds: Annotated[
+        Path | None, typer.Option(help="Also the true speeds at the run's frames; JSON.")
+    ] = None,
+    data: DataOption = None,
+) -> None:
+    """Align motion capture with a run: clocks, room and which track is which body."""
+    from app.reports.comparison import (
+        ComparedRecording,
+        Comparison,
+        TruthFile,
+        alignment_facts,
+        recorded_capture,
+        true_speeds,
+    )
+    from app.reports.whole_files import write_file
+    from observer.recording.reader import Recording
+    from observer.recording.run_folder import find_recording
+    from observer.truth.alignment.alignment import align as solve
+    from observer.truth.alignment.observed import ObservedRun
+
+    T_body_camera = body_camera(camera_on_body)
+    path = find_recording(run, storage_settings(data, None).data.expanduser().absolute())
+    file = None
+    if truth is not None:
+        file = TruthFile(truth, name or truth.name, rate, angles)
+    with Recording(path) as recording:
+        if file is not None and not file.needs_alignment:
+            comparison = Comparison(None, file)
+        else:
+            capture = recorded_capture(recording) if file is None else file.capture()
+            # What is left out need not be there.
+            ignored = [body for body in ignore or [] if body in capture.bodies]
+            choices = _choices(
+                recording.facts, observer, ignored, match or [], expect, T_body_camera
+            )
+            observed = ObservedRun.of_lines(recording.lines())
+            comparison = Comparison(solve(observed, capture, choices), file)
+    told = comparison.as_dict() | {
+        "words": comparison.words,
+        "facts": None if comparison.alignment is None else alignment_facts(comparison.alignment),
+    }
+    write_file(output, json.dumps(told, allow_nan=False).encode())
+    if speeds is not None:
+        with ComparedRecording(path, comparison) as compared:
+            rows = true_speeds(compared)
+        write_file(speeds, json.dumps(rows, allow_nan=False).encode())
+    typer.echo(comparison.words, err=True)
+    for note in () if comparison.alignment is None else comparison.alignment.notes:
+        typer.echo(note, err=True)
+
+
+def _choices(
+    facts: RunFacts,
+    observer: str | None,
+    ignored: list[str],
+    matches: list[str],
+    expected_s: float | None,
+    T_body_camera: Pose | None,
+) -> AlignmentChoices:
+    from observer.mount import CameraMount
+    from observer.rig.rig_file import read_rig
+    from observer.truth.alignment.choices import AlignmentChoices
+    from observer.truth.alignment.observed import TrackKey
+
+    found: dict[TrackKey, str | None] = {}
+    for text in matches:
+        track, equals, body = text.partition("=")
+        if not equals:
+            raise InputError(f"a match is given as TRACK=BODY, as in 0:3=cart, not {text[:60]}")
+        found[TrackKey.parse(track)] = body or None
+    more: dict[str, Any] = {"T_body_camera": T_body_camera}
+    if expected_s is not None:
+        more["search"] = (expected_s - _ROUGHLY_S, expected_s + _ROUGHLY_S)
+    if facts.mount is not None:
+        more["mount"] = CameraMount(**facts.mount)  # type: ignore[arg-type]
+    if facts.rig_yaml is not None and observer is not None:
+        more["T_body_base"] = read_rig(facts.rig_yaml, "rig.yaml").T_body_base.get(observer)
+    return AlignmentChoices(roles=body_roles(observer, ignored), matches=found, **more)

@@ -1,0 +1,39 @@
+"""``dynamic-observer backup``: all that is kept in one file, while a server goes on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.progress import progress_bar
+from app.cli.storage_options import DatabaseOption, DataOption, storage_settings
+
+
+def backup(
+    file: Annotated[Path, typer.Argument(help="What to write, FILE.zip or FILE.tar.")],
+    data: DataOption = None,
+    database: DatabaseOption = None,
+    recordings: Annotated[
+        bool,
+        typer.Option("--recordings", help="Also recordings and saved rings, which may be large."),
+    ] = False,
+) -> None:
+    """Write runs, speeds, parameters, presets, calibrations, rig, programmes and truths."""
+    from app.storage.backup import write_backup
+    from observer.version import library_version
+
+    settings = storage_settings(data, database)
+    with progress_bar("Backup") as progress:
+        manifest = write_backup(
+            file,
+            settings.data.expanduser().absolute(),
+            settings.database_location,
+            recordings=recordings,
+            application=library_version(),
+            progress=progress,
+        )
+    size = sum(entry.size for entry in manifest.files.values())
+    without = "" if recordings else ", without recordings (--recordings brings them)"
+    typer.echo(f"{len(manifest.files)} files, {size / 1e6:.1f} MB, in {file}{without}", err=True)

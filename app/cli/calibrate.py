@@ -1,0 +1,147 @@
+"""``dynamic-observer calibrate``: pairs of images of a board as a calibration, with a verdict."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.output import whole_file
+from app.cli.progress import progress_bar
+from observer.calibration.board import Board, parse_board_size
+from observer.calibration.board_images import FoundBoards, find_boards, read_board_pairs
+from observer.calibration.fit import fit_stereo
+from observer.calibration.formats.opencv_file import calibration_text
+from observer.calibration.report import fit_report
+from observer.calibration.stereo_fit import StereoFit
+from observer.calibration.verdict import Verdict, judge, length_words
+from observer.errors import InputError
+
+# Detection runs on both cores; the fit takes about as long as this share of all.
+_WORKERS = 2
+_STEPS, _LOOKING = 1000, 600
+
+
+def calibrate(
+    left: Annotated[
+        str, typer.Argument(help="Pattern of the left images, quoted, as 'left/*.png'.")
+    ],
+    right: Annotated[str, typer.Argument(help="Pattern of the right images.")],
+    board: Annotated[
+        str, typer.Option(help="Columns and rows of inner corners of the board, as in 9x6.")
+    ],
+    square_mm: Annotated[
+        float, typer.Option(help="Side of a square in millimetres, as measured on the print.")
+    ],
+    output: Annotated[Path, typer.Option(help="File for the calibration (OpenCV YAML).")],
+    charuco: Annotated[
+        bool, typer.Option("--charuco", help="The board is a ChArUco board (DICT_4X4_250).")
+    ] = False,
+    fisheye: Annotated[
+        bool, typer.Option("--fisheye", help="Fit the model of fisheye lenses (equidistant).")
+    ] = False,
+    frame_rate: Annotated[
+        float, typer.Option(min=0.1, max=1000, help="Of the cameras, for the delays told.")
+    ] = 30.0,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the result as JSON instead of words.")
+    ] = False,
+) -> None:
+    """Calibrate a pair of cameras by images of a board, and say what the rig can do."""
+    columns, rows = parse_board_size(board)
+    shown = Board("charuco" if charuco else "chessboard", columns, rows, square_mm / 1e3)
+    pairs, unpaired = read_board_pairs(left, right)
+    # Before seconds of work rather than after them.
+    if not output.parent.is_dir():
+        raise InputError(f"cannot write {output}: name a file in a folder that exists")
+    with progress_bar(f"calibrating by {len(pairs)} pairs") as advance:
+
+        def part(begin: int, length: int) -> Callable[[str, float], None]:
+            return lambda _words, share: advance(begin + round(share * length), _STEPS)
+
+        found = find_boards(pairs, shown, workers=_WORKERS, progress=part(0, _LOOKING))
+        fit = fit_stereo(
+            found.views,
+            shown,
+            found.width,
+            found.height,
+            distortion_model="equidistant" if fisheye else "radtan",
+            progress=part(_LOOKING, _STEPS - _LOOKING - 10),
+        )
+        verdict = judge(fit, frame_rate)
+    for refused in (*unpaired, *found.refused):
+        typer.echo(f"refused {refused.name}: {refused.reason}", err=True)
+    _tell_views(found, fit)
+    with whole_file(output) as file:
+        file.write(calibration_text(fit.calibration))
+    typer.echo(f"wrote {output}", err=True)
+    if as_json:
+        report = fit_report(fit, verdict)
+        report["refused_images"] = [
+            {"name": each.name, "reason": each.reason} for each in (*unpaired, *found.refused)
+        ]
+        typer.echo(json.dumps(report, allow_nan=False, indent=2))
+        return
+    typer.echo("\n".join(_words(fit, verdict)))
+
+
+def _tell_views(found: FoundBoards, fit: StereoFit) -> None:
+    """What became of each view, on stderr."""
+    by_one = 0
+    for view, error in zip(found.views, fit.views, strict=True):
+        if not error.used:
+            typer.echo(f"refused view {error.name}: {error.reason}", err=True)
+            continue
+        if view.left is None or view.right is None:
+            by_one += 1
+            missing = "left" if view.left is None else "right"
+            typer.echo(
+                f"view {error.name}: not found in the {missing} image, serves the other camera "
+                f"alone",
+                err=True,
+            )
+        if error.strays:
+            typer.echo(
+                f"view {error.name}: {error.strays} wrongly detected "
+                f"corner{'' if error.strays == 1 else 's'} left out",
+                err=True,
+            )
+    alone = f" and {by_one} of one camera" if by_one else ""
+    typer.echo(f"used {fit.pairs} pairs{alone} of {len(fit.views)} views", err=True)
+
+
+def _words(fit: StereoFit, verdict: Verdict) -> list[str]:
+    c, sure = fit.calibration, fit.uncertainty
+    across, down = fit.field_of_view_deg
+    lines = [
+        f"corners fit to  {fit.rms_left:.2f} px left, {fit.rms_right:.2f} px right, "
+        f"{fit.rms_stereo:.2f} px both (root mean square)",
+        "rows agree to   "
+        + (
+            "not measured: too few pairs to leave some out"
+            if fit.held_out is None
+            else f"{fit.held_out.median_px:.2f} px in the median, {fit.held_out.p95_px:.2f} px for "
+            f"95 % of {fit.held_out.count} corners on views that were left out"
+        ),
+        f"baseline        {1e3 * c.baseline:.1f} mm (+- {1e3 * sure.baseline_m:.2f} mm)",
+        f"focal length    {c.K1[0, 0]:.1f} and {c.K2[0, 0]:.1f} px (+- {sure.focal_left_px:.1f}, "
+        f"{sure.focal_right_px:.1f})",
+        f"field of view   {across:.1f} x {down:.1f} degrees",
+        "",
+        verdict.sentence,
+        "",
+        f"{'at':>5}  {'depth to':>16}  {'slowest sideways':>22}  {'slowest towards you':>22}",
+    ]
+    for row in verdict.rows:
+        motions = (
+            "none within 1 s" if m is None else f"{m.speed_mps:g} m/s in {m.delay_s:.1f} s"
+            for m in (row.across, row.towards)
+        )
+        depth = f"{length_words(row.depth_m)} ({100 * row.depth_share:.1f} %)"
+        lines.append(
+            f"{row.distance_m:>3g} m  {depth:>16}  " + "  ".join(f"{m:>22}" for m in motions)
+        )
+    return [*lines, *(f"warning: {text}" for text in verdict.warnings)]

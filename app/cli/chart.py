@@ -1,0 +1,70 @@
+"""``dynamic-observer chart``: figure 17 of one run, as a picture or as data."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.run_choice import ComparedOption, RunArgument, chosen_run
+from app.cli.storage_options import DatabaseOption, DataOption
+from observer.errors import InputError
+
+_FIGURES = (".png", ".svg", ".pdf")
+_ENDINGS = (".csv", ".json", *_FIGURES)
+
+
+def chart(
+    run: RunArgument,
+    output: Annotated[
+        Path, typer.Option(help=f"What to write; its ending decides: {', '.join(_ENDINGS)}.")
+    ],
+    begin: Annotated[
+        float | None, typer.Option(help="Seconds on the source's clock; else the run's beginning.")
+    ] = None,
+    end: Annotated[float | None, typer.Option(help="As begin; else the run's end.")] = None,
+    title: Annotated[str | None, typer.Option(help="Of a figure; else the run's name.")] = None,
+    compared: ComparedOption = None,
+    data: DataOption = None,
+    database: DatabaseOption = None,
+) -> None:
+    """Draw the speed by the observer, by truth, as commanded and by encoders over time."""
+    from app.reports.comparison import gather_compared
+    from app.reports.run_chart import chart_csv, chart_values
+    from app.reports.stretches import during
+    from app.reports.whole_files import write_file
+    from observer.recording.reader import Recording
+
+    ending = output.suffix.lower()
+    if ending not in _ENDINGS:
+        raise InputError(f"the ending of {output.name} says nothing; use {', '.join(_ENDINGS)}")
+    if begin is not None and end is not None and begin >= end:
+        raise InputError(f"the end must lie behind the beginning, not at {end:g} s")
+    path, comparison = chosen_run(run, compared, data, database)
+    gathered = gather_compared(path, comparison)
+    if begin is not None or end is not None:
+        gathered = during(
+            gathered, -math.inf if begin is None else begin, math.inf if end is None else end
+        )
+    if ending in _FIGURES:
+        if title is None:
+            with Recording(path) as recording:
+                title = recording.facts.name or recording.facts.id
+        # What draws takes as long to import as all else.
+        from app.reports.drawing import figure_bytes
+        from app.reports.speed_figure import speed_figure
+
+        figure = speed_figure([(title, gathered)])
+        if begin is not None or end is not None:
+            # The visible range, although nothing may be known at its ends.
+            figure.axes[0].set_xlim(begin, end)
+        content = figure_bytes(figure, "speed", ending[1:])
+    elif ending == ".csv":
+        content = chart_csv(chart_values(gathered)).encode()
+    else:
+        content = json.dumps(chart_values(gathered), allow_nan=False).encode()
+    write_file(output, content)
+    typer.echo(f"{output} is written", err=True)

@@ -1,0 +1,125 @@
+"""Commands by name, imported when they are called, and what becomes of their errors.
+
+Errors are one sentence on stderr; the exit code is 2 for usage and input, 1 for failed work.
+Data goes to stdout or to the named file only, progress to stderr.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+from typer.exceptions import TyperException
+
+from app.native_environment import NATIVE_ENVIRONMENT
+from observer.errors import DynamicObserverError, InputError
+
+EXIT_FAILED = 1
+EXIT_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+# What ``--help`` lists: the first sentence of each command's own help.
+COMMANDS: Mapping[str, str] = {
+    "serve": "Serve the panel; prints the link to open.",
+    "observe": "Observe a source from its first frame to its last and write one JSON line per "
+    "frame.",
+    "evaluate": "Compare tracks with truth: recall, false obstacles, errors of position and "
+    "velocity.",
+    "export": "Write a run's tracks, truth, video, point cloud or ROS 2 bag.",
+    "chart": "Draw the speed by the observer, by truth, as commanded and by encoders over time.",
+    "align": "Align motion capture with a run: clocks, room and which track is which body.",
+    "truth": "Say what a file of motion capture holds: its bodies, rate, units, angles and gaps.",
+    "purge": "Delete runs and truths for good that were deleted in the history, with their "
+    "recordings.",
+    "report": "Write one self-contained page: figures 9-11 and 13-17, errors, parameters, "
+    "calibration.",
+    "reproduce": "Drive both experiments of figure 17 in the simulated lab and redo the paper's "
+    "figures.",
+    "simulate": "Write left/, right/, times.txt, calibration.yaml and truth.csv of a scenario.",
+    "calibrate": "Calibrate a pair of cameras by images of a board, and say what the rig can do.",
+    "coppelia-scene": "Build two P3-DX, stereo cameras on one, walls and textured boxes in "
+    "CoppeliaSim.",
+    "parameters": "List the parameters that --set, the panel and REST take.",
+    "drive": "Drive the robots of a running server by a programme, while this command runs.",
+    "programmes": "List the programmes that come with the project; a server may keep more.",
+    "benchmark": "Compare the presets over scenarios and seeds, and time the loop.",
+    "sweep": "Evaluate every combination of parameters over every source, and rank them.",
+    "emulate": "Emulate a robot on an empty floor until Ctrl-C, and print the port to connect it "
+    "by.",
+    "backup": "Write runs, speeds, parameters, presets, calibrations, rig, programmes and truths.",
+    "restore": "Put a backup in place, checked as a whole before anything is touched.",
+    "doctor": "List cameras, ports, data folder and what to do about each problem; 1 if one "
+    "hinders.",
+}
+# A command lies in the module of its name but for this one.
+_MODULES = {"programmes": "drive"}
+
+
+class _Commands(TyperGroup):
+    """Holds stand-ins with help lines; the command itself is imported when it is called."""
+
+    # Any: Typer keeps the types of its contexts and commands to itself.
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        name, stand_in, rest = super().resolve_command(ctx, args)
+        return name, stand_in if name is None else load_command(name), rest
+
+
+def load_command(name: str) -> Any:
+    """Import one of ``COMMANDS``; returns Typer's form of it."""
+    function = name.replace("-", "_")
+    module = importlib.import_module(f"app.cli.{_MODULES.get(name, function)}")
+    alone = _empty()
+    alone.command(name)(getattr(module, function))
+    return typer.main.get_command(alone)
+
+
+def build() -> typer.Typer:
+    """Make the command line."""
+    cli = _empty()
+    for name, help_line in COMMANDS.items():
+        cli.command(name, help=help_line)(_stand_in)
+    return cli
+
+
+def _stand_in() -> None:
+    """Never called; see ``_Commands``."""
+
+
+def _empty() -> typer.Typer:
+    return typer.Typer(
+        name="dynamic-observer",
+        cls=_Commands,
+        help="Sees moving obstacles from a moving robot with two cheap cameras.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit."""
+    # Before numpy and OpenCV are imported, which read it then.
+    for name, value in NATIVE_ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    try:
+        code = build()(args=arguments, standalone_mode=False)
+    except InputError as error:
+        _leave(str(error), EXIT_INPUT)
+    except DynamicObserverError as error:
+        _leave(str(error), EXIT_FAILED)
+    except TyperException as error:
+        _leave(f"{error.format_message().rstrip('.')} (see --help)", EXIT_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        _leave("interrupted", EXIT_INTERRUPTED)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _leave(sentence: str, code: int) -> None:
+    print(f"dynamic-observer: {sentence}", file=sys.stderr)  # noqa: T201
+    sys.exit(code)

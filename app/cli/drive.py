@@ -1,0 +1,187 @@
+"""``dynamic-observer drive``: a programme of timed velocities, played by a running server."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.cli.progress import drawn_progress
+from observer.errors import DynamicObserverError, InputError
+
+_DEFAULT_SERVER = "http://127.0.0.1:8080"
+# As shells tell a process that a signal ended.
+_SIGNALLED = 128
+
+Watch = Callable[[dict[str, Any], dict[str, Any]], None]
+
+
+def drive(
+    programme: Annotated[
+        str | None,
+        typer.Argument(help="Name of a programme, or a YAML file, which the server then keeps."),
+    ] = None,
+    server: Annotated[str, typer.Option(help="The running server.")] = _DEFAULT_SERVER,
+    token: Annotated[
+        str | None,
+        typer.Option(help="Its token; others on this machine can read it in the process list."),
+    ] = None,
+    token_file: Annotated[
+        Path | None, typer.Option(help="File that holds its token, as serve --token-file.")
+    ] = None,
+    repeat: Annotated[int, typer.Option(help="How many times.")] = 1,
+    reverse: Annotated[
+        bool, typer.Option("--reverse", help="Drive the way back, to where it would begin.")
+    ] = False,
+    takeover: Annotated[
+        bool, typer.Option("--takeover", help="Take the robots from who drives them.")
+    ] = False,
+    stop: Annotated[
+        bool, typer.Option("--stop", help="Stop all robots and do nothing else.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="What was driven, as one JSON object on stdout.")
+    ] = False,
+) -> None:
+    """Drive the robots of a running server by a programme, while this command runs.
+
+    It takes and arms the robots that the programme moves, and says ten times a second that you
+    are there: Ctrl-C, a closed terminal or a lost connection stop the robots within 300 ms. This
+    is a software stop; keep the robots' own switch in reach.
+    """
+    from app.client.server_api import ServerApi, read_token
+
+    if stop == (programme is not None):
+        raise InputError("name a programme to drive, or give --stop alone")
+    api = ServerApi(server, read_token(token, token_file))
+    try:
+        if stop:
+            api.post("robots", "stop")
+            typer.echo("all robots are stopped; they need a reset before they drive", err=True)
+            return
+        assert programme is not None
+        with _ended_by_signals():
+            _play(api, programme, repeat, reverse, takeover, as_json)
+    finally:
+        api.close()
+
+
+def programmes(
+    name: Annotated[
+        str | None, typer.Argument(help="Print this one's YAML, to begin one's own with.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON list in place of words.")
+    ] = False,
+) -> None:
+    """List the programmes that come with the project; a server may keep more."""
+    from observer.motion_profiles.library import library_text, load_programme, programme_names
+    from observer.motion_profiles.playing import duration_s
+
+    if name is not None:
+        typer.echo(library_text(name), nl=False)
+        return
+    known = [load_programme(each) for each in programme_names()]
+    if as_json:
+        listed = [
+            {
+                "name": each.name,
+                "title": each.title,
+                "help": each.help,
+                "roles": each.roles,
+                "duration_s": duration_s(each),
+            }
+            for each in known
+        ]
+        typer.echo(json.dumps(listed, indent=2, allow_nan=False))
+        return
+    for each in known:
+        typer.echo(f"{each.name}   ({duration_s(each):g} s, {' and '.join(each.roles)})")
+        typer.echo(f"    {each.help}")
+
+
+def _play(
+    api: Any, programme: str, repeat: int, reverse: bool, takeover: bool, as_json: bool
+) -> None:
+    from app.client.programme_drive import PlayRequest, ProgrammeDrive
+    from observer.motion_profiles.playing import duration_s
+
+    chosen = _chosen(api, programme)
+    request = PlayRequest(
+        chosen.name, chosen.roles, duration_s(chosen, repeat), repeat, reverse, takeover
+    )
+    sentence: str | None = "interrupted"
+    with _shown(request.duration_s, repeat, chosen.roles) as watch:
+        played = ProgrammeDrive(api, request, watch)
+        try:
+            played.run()
+            sentence = None
+        except DynamicObserverError as error:
+            sentence = str(error)
+            raise
+        finally:
+            if as_json:
+                ended = {"finished": sentence is None, "reason": sentence}
+                typer.echo(json.dumps({**played.summary(), **ended}, allow_nan=False))
+    typer.echo(f"{chosen.name} is driven; the robots are disarmed", err=True)
+
+
+def _chosen(api: Any, programme: str) -> Any:
+    """The programme as the server has it; a file is brought to it first."""
+    from observer.motion_profiles.library import read_programme
+    from observer.motion_profiles.profile_file import programme_from_text, programme_text
+
+    if "/" in programme or Path(programme).suffix in (".yaml", ".yml"):
+        chosen = read_programme(Path(programme))
+        api.post("programmes", body={"text": programme_text(chosen)})
+        return chosen
+    answer = api.get("programmes", programme)
+    return programme_from_text(answer["text"], programme)
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Ctrl-C, a closed terminal, or somebody who ends the process: the drive ends in order."""
+
+    def end(number: int, _: object) -> None:
+        raise typer.Exit(_SIGNALLED + number)
+
+    ending = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {each: signal.signal(each, end) for each in ending}
+    try:
+        yield
+    except typer.Exit:
+        typer.echo("interrupted; the robots are stopped and disarmed", err=True)
+        raise
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+
+
+@contextmanager
+def _shown(duration_s: float, repeat: int, roles: Sequence[str]) -> Iterator[Watch]:
+    """What is driven, on stderr: a bar on a terminal, and each reason to drive less once."""
+    told: set[str] = set()
+    with drawn_progress() as progress:
+        task = progress.add_task("starting", total=duration_s)
+
+        def watch(playing: dict[str, Any], robots: dict[str, Any]) -> None:
+            words = ["gesture"] if playing["phase"] == "gesture" else []
+            if repeat > 1:
+                words.append(f"round {playing['round']} of {repeat}")
+            for role in roles:
+                facts = robots.get(role) or {}
+                speed = (facts.get("report") or {}).get("speed_mps")
+                words.append(f"{role} {'-' if speed is None else f'{speed:.2f} m/s'}")
+                why = f"{role}: {facts['why']}" if facts.get("why") else None
+                if why is not None and why not in told:
+                    told.add(why)
+                    progress.console.print(why, markup=False, highlight=False)
+            progress.update(task, completed=playing["elapsed_s"], description=", ".join(words))
+
+        yield watch

@@ -1,0 +1,103 @@
+"""``dynamic-observer evaluate``: how good the tracks of ``observe`` are, against truth."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.cli.truth_options import (
+    AnglesOption,
+    CameraOnBodyOption,
+    IgnoreOption,
+    ObserverOption,
+    RateOption,
+    body_camera,
+    body_roles,
+)
+from observer.evaluation.breakdown import LAB, ROAD, break_down, breakdown_tables
+from observer.evaluation.evaluate import summarise
+from observer.evaluation.lines import read_both
+from observer.evaluation.results import listed
+from observer.evaluation.tally import tally
+from observer.truth.alignment.choices import AlignmentChoices
+from observer.truth.alignment.result import Alignment
+from observer.truth.opening import OpenedTruth, open_truth
+
+
+def evaluate(
+    tracks: Annotated[Path, typer.Argument(help="JSON lines written by observe.")],
+    truth: Annotated[
+        Path,
+        typer.Option(
+            help="truth.csv of the same frames; or motion capture, which is aligned first: Vicon "
+            "Tracker or Nexus CSV, C3D, a plain CSV (t,x,y,z), TUM."
+        ),
+    ],
+    as_json: Annotated[bool, typer.Option("--json", help="Figures as JSON on stdout.")] = False,
+    road: Annotated[
+        bool,
+        typer.Option(
+            "--road",
+            help=f"Match within {ROAD.gate_m:g} m instead of {LAB.gate_m:g} m, and classes of "
+            f"range and speed for roads.",
+        ),
+    ] = False,
+    observer: ObserverOption = None,
+    ignore: IgnoreOption = None,
+    camera_on_body: CameraOnBodyOption = None,
+    rate: RateOption = None,
+    angles: AnglesOption = None,
+) -> None:
+    """Compare tracks with truth: recall, false obstacles, errors of position and velocity."""
+    scale = ROAD if road else LAB
+    lines, plain = read_both(tracks)
+    opened = open_truth(
+        truth, plain, _choices(observer, ignore or [], camera_on_body), rate_hz=rate, angles=angles
+    )
+    for sentence in _sentences(opened):
+        typer.echo(sentence, err=True)
+    counted = tally(lines, opened.truth, scale.gate_m)
+    result, classes = summarise([counted]), break_down([counted], scale)
+    if as_json:
+        figures: dict[str, Any] = {
+            **result.as_dict(),
+            "breakdown": classes.as_dict(),
+            **listed(tuple(counted.false)),
+        }
+        if opened.alignment is not None:
+            figures["alignment"] = opened.alignment.as_dict()
+        typer.echo(json.dumps(figures, indent=2, allow_nan=False))
+    else:
+        typer.echo(f"{result.markdown()}\n{breakdown_tables({'': classes})}".rstrip())
+
+
+def _choices(
+    observer: str | None, ignored: list[str], camera_on_body: str | None
+) -> AlignmentChoices:
+    return AlignmentChoices(
+        roles=body_roles(observer, ignored), T_body_camera=body_camera(camera_on_body)
+    )
+
+
+def _sentences(opened: OpenedTruth) -> list[str]:
+    """What was understood of the file and how it was aligned; for people, on stderr."""
+    if opened.capture is None or opened.alignment is None:
+        return []
+    return [
+        f"truth: {opened.capture.format}",
+        *opened.capture.notes,
+        _clocks(opened.alignment),
+        *opened.alignment.notes,
+    ]
+
+
+def _clocks(alignment: Alignment) -> str:
+    time = alignment.time
+    drift = f", drift {time.drift_ppm:+.0f} ppm" if time.drift_sigma_ppm is not None else ""
+    return (
+        f"clocks: {1000 * time.offset_s:+.1f} ms (one sigma {1000 * time.sigma_s:.1f} ms{drift}), "
+        f"correlation {time.correlation:.2f} over {time.overlap_s:.0f} s"
+    )

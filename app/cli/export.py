@@ -1,0 +1,155 @@
+"""``dynamic-observer export``: a run as files for other tools."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from app.cli.progress import progress_bar
+from app.cli.storage_options import DataOption, storage_settings
+from observer.errors import InputError
+
+if TYPE_CHECKING:
+    from observer.recording.reader import Recording
+
+_ENDINGS = (".csv", ".parquet", ".mp4", ".ply", ".zip")
+
+
+def export(
+    run: Annotated[
+        str,
+        typer.Argument(help="Id of a run or its beginning, its folder, or a recording's file."),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            help="What to write; its ending decides: .csv or .parquet a table, .mp4 the left "
+            "image with what was found, .ply the point cloud of a frame, .zip all of it with a "
+            "README of the columns. With --ros2 a folder."
+        ),
+    ],
+    table: Annotated[
+        str,
+        typer.Option(
+            help="Of .csv and .parquet: obstacles, frames, truth, matched_truth, odometry, robots "
+            "or parameters."
+        ),
+    ] = "obstacles",
+    tables: Annotated[
+        Literal["csv", "parquet"], typer.Option(help="Format of the tables in a .zip.")
+    ] = "csv",
+    frame: Annotated[
+        int, typer.Option(min=0, help="Of .ply and .zip: which recorded frame, from 0.")
+    ] = 0,
+    cloud_frame: Annotated[
+        Literal["world", "camera"], typer.Option(help="What the cloud's points are given in.")
+    ] = "world",
+    ros2: Annotated[
+        bool, typer.Option("--ros2", help="Write a bag that ros2 bag play takes.")
+    ] = False,
+    storage: Annotated[
+        Literal["sqlite3", "mcap"], typer.Option(help="Of the bag's messages.")
+    ] = "sqlite3",
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the output where it exists.")
+    ] = False,
+    data: DataOption = None,
+) -> None:
+    """Write a run's tracks, truth, video, point cloud or ROS 2 bag."""
+    from observer.exporting.output import whole_output
+    from observer.recording.reader import Recording
+    from observer.recording.run_folder import find_recording
+
+    ending = output.suffix.lower()
+    if not ros2 and ending not in _ENDINGS:
+        raise InputError(
+            f"the ending of {output.name} says nothing; use {', '.join(_ENDINGS)}, or --ros2"
+        )
+    folder = storage_settings(data, None).data.expanduser().absolute()
+    path = find_recording(run, folder)
+    with (
+        whole_output(output, overwrite=overwrite) as part,
+        Recording(path) as recording,
+        progress_bar(f"exporting {path.name}") as progress,
+    ):
+        if ros2:
+            told = _bag(recording, part, storage, progress)
+        elif ending in (".csv", ".parquet"):
+            told = _table(recording, part, table, ending)
+        elif ending == ".mp4":
+            told = _video(recording, part, progress)
+        elif ending == ".ply":
+            told = _cloud(recording, part, frame, cloud_frame)
+        else:
+            told = _archive(recording, part, tables, frame, cloud_frame, progress)
+    unfinished = " (of a recording that was never finished)" if recording.unfinished else ""
+    typer.echo(f"{output}: {told}{unfinished}", err=True)
+
+
+_Progress = Callable[[int, int | None], None]
+
+
+def _bag(
+    recording: Recording, part: Path, storage: Literal["sqlite3", "mcap"], progress: _Progress
+) -> str:
+    from observer.exporting.ros2 import write_ros2_bag
+
+    counts = write_ros2_bag(recording, part, storage=storage, progress=progress)
+    return f"{sum(counts.values())} messages of {len(counts)} topics for ros2 bag play"
+
+
+def _table(recording: Recording, part: Path, name: str, ending: str) -> str:
+    from observer.exporting.table_files import check_parquet, write_csv, write_parquet
+    from observer.exporting.tables import find_table
+
+    table = find_table(name)
+    if ending == ".csv":
+        with part.open("w", newline="", encoding="utf-8") as text:
+            count = write_csv(table, recording, text)
+    else:
+        check_parquet()
+        with part.open("wb") as packed:
+            count = write_parquet(table, recording, packed)
+    return f"{count} rows of {len(table.columns)} columns, {table.help}"
+
+
+def _video(recording: Recording, part: Path, progress: _Progress) -> str:
+    from observer.exporting.run_video import write_run_video
+
+    video = write_run_video(recording, part, progress)
+    return f"{video.pictures} pictures as {video.codec}"
+
+
+def _cloud(
+    recording: Recording, part: Path, frame: int, cloud_frame: Literal["world", "camera"]
+) -> str:
+    from observer.exporting.clouds import cloud_at, write_ply
+
+    cloud = cloud_at(recording, frame, cloud_frame)
+    with part.open("wb") as file:
+        write_ply(cloud, file)
+    return f"{len(cloud.points)} points in the {cloud.frame} frame, {cloud.source}"
+
+
+def _archive(
+    recording: Recording,
+    part: Path,
+    tables: Literal["csv", "parquet"],
+    frame: int,
+    cloud_frame: Literal["world", "camera"],
+    progress: _Progress,
+) -> str:
+    from observer.exporting.archive import write_archive
+
+    write_archive(
+        recording,
+        part,
+        tables=tables,
+        cloud_position=frame,
+        cloud_frame=cloud_frame,
+        progress=progress,
+    )
+    return f"all of {len(recording.frames)} frames, columns explained in its README.md"

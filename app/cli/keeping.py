@@ -1,0 +1,172 @@
+"""What ``observe`` keeps beside its lines: a recording and a video of what it observed."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from observer.calibration.formats.opencv_file import calibration_text
+from observer.camera import StereoCalibration
+from observer.errors import InputError
+from observer.exporting.overlay import draw_overlay
+from observer.exporting.video import OverlayVideo
+from observer.parameters import Parameters
+from observer.recording.payloads import Images, ParameterRevision, RunFacts
+from observer.recording.writer import RecordingWriter
+from observer.sources.contract import SkippedFrame, SourceInfo
+from observer.truth.contract import Truth
+from observer.truth.matching import TruthMatcher
+from observer.types import Observation, StereoFrame
+from observer.vision.rectification import Rectification
+
+_FALLBACK_RATE = 15.0
+
+
+class Keeper:
+    """Keeps each frame as it was observed; without a recording and a video it does nothing.
+
+    Args:
+        rectification: of the frames; for the video alone, so that observing is not disturbed.
+    """
+
+    def __init__(
+        self,
+        writer: RecordingWriter | None,
+        video: OverlayVideo | None,
+        truth: Truth | None,
+        rectification: Rectification,
+    ) -> None:
+        self._writer = writer
+        self._video = video
+        self._truth = None if truth is None else TruthMatcher(truth)
+        self._rectification = rectification
+
+    @property
+    def video_told(self) -> str:
+        """How long the video is and what it was encoded as, in words."""
+        assert self._video is not None
+        return f"{self._video.pictures} pictures as {self._video.codec}"
+
+    def frame(self, frame: StereoFrame) -> None:
+        """A frame that is about to be observed."""
+        if self._writer is not None:
+            self._writer.frame(frame)
+
+    def observed(
+        self, frame: StereoFrame, observation: Observation, line: Mapping[str, Any]
+    ) -> None:
+        """What was found in it."""
+        if self._writer is not None:
+            bodies: list[dict[str, Any]] = []
+            if self._truth is not None:
+                sample = self._truth.sample(frame.index, frame.time, frame.time)
+                self._writer.truth(sample, frame.received)
+                bodies = self._truth.match(observation, frame.time)
+            self._writer.observation(line, frame.received, truth=bodies)
+        if self._video is not None:
+            left, _ = self._rectification.apply(frame.left, frame.right)
+            self._video.add(draw_overlay(left, line), frame.time)
+
+    def skipped(self, skipped: SkippedFrame) -> None:
+        """A frame that could not be read."""
+        if self._writer is not None:
+            self._writer.skipped(skipped, time.monotonic())
+
+    def waited(self) -> None:
+        """A live source had nothing new."""
+        if self._writer is not None:
+            self._writer.flush(time.monotonic())
+
+
+@contextmanager
+def keeping(
+    info: SourceInfo,
+    truth: Truth | None,
+    calibration: StereoCalibration,
+    parameters: Parameters,
+    preset: str,
+    *,
+    record: Path | None,
+    images: Images,
+    video: Path | None,
+) -> Iterator[Keeper]:
+    """A keeper for what is observed within the block; its files are whole behind it.
+
+    Args:
+        calibration, parameters, preset: what is observed with.
+        record, video: files, or None. images: which of them are recorded.
+
+    Raises:
+        InputError: a file cannot be written. RecordingError, ExportError: it ended early.
+    """
+    with ExitStack() as stack:
+        writer = recorded = None
+        if record is not None:
+            part = stack.enter_context(_whole(record))
+            writer = RecordingWriter(part, _facts(info, calibration, preset, images, record.stem))
+            stack.callback(writer.finish)
+            revision = ParameterRevision(revision=0, values=parameters.flat())
+            writer.parameters(revision, time.monotonic())
+        if video is not None:
+            part = stack.enter_context(_whole(video))
+            recorded = stack.enter_context(_finished(part, info.frame_rate or _FALLBACK_RATE))
+        yield Keeper(writer, recorded, truth, Rectification(calibration))
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """As ``app.cli.output.whole_file``, for what others write.
+
+    An interrupt is how observing a live source ends, so what there is until then is the result.
+    """
+    if not path.parent.is_dir() or not os.access(path.parent, os.W_OK) or path.is_dir():
+        raise InputError(
+            f"cannot write {path}; name a file in a folder that exists and may be written"
+        )
+    part = path.with_name(f"{path.name}.part")
+    try:
+        yield part
+    except KeyboardInterrupt:
+        if part.exists():
+            os.replace(part, path)
+        raise
+    os.replace(part, path)
+
+
+@contextmanager
+def _finished(path: Path, frame_rate: float) -> Iterator[OverlayVideo]:
+    video = OverlayVideo(path, frame_rate)
+    try:
+        yield video
+        video.finish()
+    except KeyboardInterrupt:
+        if video.pictures:
+            video.finish()
+        raise
+    finally:
+        video.abort()
+
+
+def _facts(
+    info: SourceInfo, calibration: StereoCalibration, preset: str, images: Images, name: str
+) -> RunFacts:
+    from app.versions import versions
+
+    return RunFacts(
+        # Not one of the server's runs; unique enough to be told from others.
+        id=f"observe-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}",
+        name=name,
+        source=info.spec,
+        info=asdict(info),
+        calibration_yaml=calibration_text(calibration),
+        images=images,
+        mount=None if info.mount is None else asdict(info.mount),
+        preset=preset,
+        versions=versions(),
+    )

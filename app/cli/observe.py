@@ -1,0 +1,176 @@
+"""``dynamic-observer observe``: the method over a source, as fast as it goes."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Annotated, Literal
+
+import typer
+
+from app.cli.assignments import chosen_parameters
+from app.cli.keeping import Keeper, keeping
+from app.cli.output import whole_file
+from app.cli.progress import ProgressCallback, progress_bar
+from observer.calibration.formats.recognition import named_file, read_any
+from observer.calibration.formats.understanding import Size
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError, InputError
+from observer.jsonl import observation_line
+from observer.observer import Observer
+from observer.opening import open_source
+from observer.sources.contract import NoFrame, SkippedFrame, Source
+
+
+def observe(
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="simulated:SCENARIO, video:LEFT,RIGHT, coppeliasim:HOST:PORT, cameras, a folder "
+            "of stereo images or a recording.mcap."
+        ),
+    ],
+    output: Annotated[
+        Path | None, typer.Option(help="File for the JSON lines, one per frame; else stdout.")
+    ] = None,
+    calibration: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FILE[,FILE]",
+            help="Calibration used instead of the source's own: OpenCV, ROS, Kalibr, KITTI, "
+            "MATLAB, Middlebury, ZED or EuRoC, recognised by content. Pairs of files are joined "
+            "by a comma, or given one by one.",
+        ),
+    ] = None,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="NAME=VALUE of a parameter; may be given more than once."),
+    ] = None,
+    preset: Annotated[str, typer.Option(help="Parameters to start from: default or paper.")] = (
+        "default"
+    ),
+    frames: Annotated[int | None, typer.Option(min=1, help="Stop after this many frames.")] = None,
+    tentative: Annotated[
+        bool,
+        typer.Option(
+            "--tentative",
+            help="Write obstacles that are not confirmed, too; their ids, below zero, are "
+            "provisional.",
+        ),
+    ] = False,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="F.mcap", help="Also record the run as it is observed."),
+    ] = None,
+    record_images: Annotated[
+        Literal["none", "jpeg", "lossless"], typer.Option(help="Which images are recorded.")
+    ] = "jpeg",
+    video: Annotated[
+        Path | None,
+        typer.Option(metavar="F.mp4", help="Also write a video of what is found."),
+    ] = None,
+) -> None:
+    """Observe a source from its first frame to its last and write one JSON line per frame."""
+    parameters = chosen_parameters(preset, assignments or [])
+    found = open_source(source)
+    opened = found.source
+    try:
+        used = (
+            _read_calibration(calibration, (opened.info.width, opened.info.height))
+            if calibration
+            else opened.calibration
+        )
+        if used is None:
+            raise CalibrationError(
+                f"{source} brings no calibration; name one with --calibration FILE "
+                f"(OpenCV YAML with K1 D1 K2 D2 R T, or that of another tool)"
+            )
+        observer = Observer(used, parameters, mount=opened.info.mount)
+        keeper = keeping(
+            opened.info, found.truth, used, parameters, preset,
+            record=record, images=record_images, video=video,
+        )  # fmt: skip
+        with (
+            _writer(output) as file,
+            keeper as kept,
+            progress_bar(f"observing {source}") as progress,
+        ):
+            skipped = _observe_all(opened, observer, file, progress, frames, tentative, kept)
+        if video is not None:
+            typer.echo(f"{video}: {kept.video_told}", err=True)
+    finally:
+        opened.close()
+    if skipped:
+        shown = "; ".join(f"{s.index}: {s.reason}" for s in skipped[:5])
+        more = f"; and {len(skipped) - 5} more" if len(skipped) > 5 else ""
+        typer.echo(f"skipped {len(skipped)} frame(s): {shown}{more}", err=True)
+
+
+def _read_calibration(names: list[str], size: Size) -> StereoCalibration:
+    """The calibration of these files, for images of this size; what was decided goes to stderr."""
+    # A comma may be part of a file's name.
+    paths = [
+        path
+        for name in names
+        for path in ([name] if Path(name).exists() else filter(None, name.split(",")))
+    ]
+    read = read_any([named_file(path) for path in paths], expected_size=size)
+    typer.echo(f"calibration: {'; '.join((read.format, *read.notes))}", err=True)
+    return read.calibration
+
+
+def _observe_all(
+    source: Source,
+    observer: Observer,
+    file: IO[str],
+    progress: ProgressCallback,
+    limit: int | None,
+    tentative: bool,
+    kept: Keeper,
+) -> list[SkippedFrame]:
+    """Write one line per readable frame; the frames that could not be read are returned."""
+    skipped: list[SkippedFrame] = []
+    observed = 0
+    trouble: str | None = None
+    while limit is None or observed < limit:
+        frame = source.read()
+        if frame is None:
+            break
+        if isinstance(frame, SkippedFrame):
+            skipped.append(frame)
+            kept.skipped(frame)
+            continue
+        if isinstance(frame, NoFrame):
+            trouble = _told(frame.trouble, trouble)
+            kept.waited()
+            continue
+        kept.frame(frame)
+        observation = observer.observe(frame)
+        line = observation_line(observation, tentative=tentative)
+        file.write(json.dumps(line, allow_nan=False) + "\n")
+        kept.observed(frame, observation, line)
+        observed += 1
+        progress(observed, limit or source.info.frame_count)
+    if observed == 0:
+        reasons = f": {skipped[0].reason}" if skipped else ""
+        raise InputError(f"{source.info.spec} has no frame that could be read{reasons}")
+    return skipped
+
+
+def _told(trouble: str | None, before: str | None) -> str | None:
+    """A live source's trouble, said once on stderr as long as it stays the same."""
+    if trouble is not None and trouble != before:
+        typer.echo(trouble, err=True)
+    return trouble
+
+
+@contextlib.contextmanager
+def _writer(path: Path | None) -> Iterator[IO[str]]:
+    if path is None:
+        yield sys.stdout
+        return
+    with whole_file(path) as file:
+        yield file

@@ -1,0 +1,31 @@
+"""``dynamic-observer purge``: delete for good what was deleted in the history."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import Annotated
+
+import typer
+
+from app.cli.storage_options import DatabaseOption, DataOption, storage_settings
+
+
+def purge(
+    days: Annotated[
+        float | None,
+        typer.Option(
+            min=0, max=36500, help="Only what was deleted at least so many days ago; 0: all of it."
+        ),
+    ] = None,
+    data: DataOption = None,
+    database: DatabaseOption = None,
+) -> None:
+    """Delete runs and truths for good that were deleted in the history, with their recordings."""
+    from app.storage import UNDO, Storage
+
+    settings = storage_settings(data, database)
+    with Storage(settings.database_location, folder=settings.data) as storage:
+        before = storage.folder.free_bytes()
+        gone = storage.purge(UNDO if days is None else timedelta(days=days))
+        freed = max(0, storage.folder.free_bytes() - before)
+    typer.echo(f"{len(gone)} runs are gone, {freed / 1e6:.0f} MB are free again", err=True)

@@ -1,0 +1,52 @@
+"""``dynamic-observer report``: the paper's figures redone from a run, on one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.progress import progress_bar
+from app.cli.run_choice import ComparedOption, RunArgument, chosen_run
+from app.cli.storage_options import DatabaseOption, DataOption
+
+
+def report(
+    run: RunArgument,
+    output: Annotated[Path, typer.Option(help="The page to write, F.html.")],
+    figures: Annotated[
+        Path | None,
+        typer.Option(help="Folder for each figure as PNG, SVG and PDF, and the data as CSV."),
+    ] = None,
+    published: Annotated[
+        bool,
+        typer.Option(
+            "--published",
+            help="Observe all frames once more by the method as published, and show both beside "
+            "each other.",
+        ),
+    ] = False,
+    compared: ComparedOption = None,
+    data: DataOption = None,
+    database: DatabaseOption = None,
+) -> None:
+    """Write one self-contained page: figures 9-11 and 13-17, errors, parameters, calibration."""
+    from app.reports.experiments import beside_published
+    from app.reports.page import report_html
+    from app.reports.report import make_report, write_figures
+    from app.reports.whole_files import write_file
+
+    path, comparison = chosen_run(run, compared, data, database)
+    with progress_bar("report") as progress:
+        made = make_report(path, comparison=comparison, progress=progress)
+    with progress_bar("observing as published") as progress:
+        if published:
+            made = beside_published(made, path, progress, comparison)
+    write_file(output, report_html(made).encode())
+    if figures is not None:
+        written = write_figures(made, figures)
+        typer.echo(f"{len(written)} files in {figures}", err=True)
+    missing = [f"figure {each.number}" for each in made.figures if each.figure is None]
+    without = f", without {', '.join(missing)}: the page says why" if missing else ""
+    typer.echo(f"{output} is written{without}", err=True)

@@ -1,0 +1,63 @@
+"""``dynamic-observer serve``: the server with panel, viewer and REST."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from pydantic import ValidationError
+
+from app.cli.storage_options import DatabaseOption, DataOption
+from app.settings import Settings
+from observer.errors import InputError
+
+
+def serve(
+    source: Annotated[
+        str | None, typer.Argument(help="What to open first; simulated:lab if left out.")
+    ] = None,
+    host: Annotated[
+        str | None, typer.Option(help="Address to listen on; 127.0.0.1 if left out.")
+    ] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen on; 8080 if left out.")] = None,
+    data: DataOption = None,
+    database: DatabaseOption = None,
+    truth: Annotated[
+        str | None,
+        typer.Option(help="Live motion capture, as vrpn:HOST or vicon-udp:PORT; kept."),
+    ] = None,
+    token_file: Annotated[
+        Path | None, typer.Option(help="Keeps the sign-in token over restarts.")
+    ] = None,
+    allowed_host: Annotated[
+        list[str] | None,
+        typer.Option(help="Further host name under which browsers may reach the server."),
+    ] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="Certificate chain, PEM.")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="Private key, PEM.")] = None,
+) -> None:
+    """Serve the panel; prints the link to open."""
+    from app.http.run_server import run
+
+    given: dict[str, Any] = {
+        "source": source,
+        "host": host,
+        "port": port,
+        "data": data,
+        "database": database,
+        "truth": truth,
+        "token_file": token_file,
+        "allowed_hosts": tuple(allowed_host) if allowed_host else None,
+        "tls_cert": tls_cert,
+        "tls_key": tls_key,
+    }
+    try:
+        settings = Settings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        problems = "; ".join(
+            f"--{'.'.join(str(part) for part in detail['loc']).replace('_', '-')}: {detail['msg']}"
+            for detail in error.errors()
+        )
+        raise InputError(problems) from None
+    raise typer.Exit(run(settings))

@@ -1,0 +1,146 @@
+"""``dynamic-observer sweep``: a grid of parameters over many sources, on all cores or a cluster."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.output import whole_file
+from app.cli.progress import progress_bar
+from observer.errors import DynamicObserverError, InputError
+from observer.evaluation.breakdown import LAB, ROAD
+from observer.evaluation.sweep.cluster import ClusterChoice, cluster_missing
+from observer.evaluation.sweep.grid import read_grid
+from observer.evaluation.sweep.results import RankedBy, Sweep, ranking
+from observer.evaluation.sweep.sources import sweep_source
+from observer.evaluation.sweep.store import TaskStore
+from observer.evaluation.sweep.sweep import Plan, SweepRun
+from observer.evaluation.sweep.tables import ranking_csv, ranking_markdown, write_parquet
+
+
+class TasksFailed(DynamicObserverError):
+    """Some tasks of a sweep failed; the results of the others are written."""
+
+
+def sweep(
+    grid: Annotated[
+        Path,
+        typer.Argument(
+            help="YAML that names parameters with lists of values; preset: a list of presets, "
+            "set: values of every combination."
+        ),
+    ],
+    sources: Annotated[
+        list[str],
+        typer.Argument(help="Recordings, folders with truth.csv, simulated:SCENARIO."),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(help="Folder for results and finished tasks; a second call goes on in it."),
+    ],
+    frames: Annotated[
+        int | None, typer.Option(min=5, help="Most frames of each source; all if left out.")
+    ] = None,
+    limit: Annotated[
+        int | None, typer.Option(min=1, help="Only the first so many combinations.")
+    ] = None,
+    drawn: Annotated[
+        int | None, typer.Option("--random", min=1, help="Only so many combinations, by lot.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the lot.")] = 0,
+    rank_by: Annotated[
+        RankedBy, typer.Option(help="The figure whose mean over the sources is to be best.")
+    ] = "mota",
+    road: Annotated[
+        bool,
+        typer.Option(
+            "--road",
+            help=f"Match truth within {ROAD.gate_m:g} m instead of {LAB.gate_m:g} m.",
+        ),
+    ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, max=1024, help="Processes to work in; one for each core if left out."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="A dask cluster to work on instead."),
+    ] = None,
+    cache_mb: Annotated[
+        int, typer.Option(min=0, help="Frames that each process keeps in memory, MB.")
+    ] = 600,
+) -> None:
+    """Evaluate every combination of parameters over every source, and rank them.
+
+    Sources need truth. Finished tasks are kept at once, so that an ended sweep goes on when it is
+    called again.
+    """
+    missing = cluster_missing()
+    if missing is not None:
+        raise InputError(missing)
+    if scheduler is not None and jobs is not None:
+        raise InputError("--jobs is for processes of this machine; leave it out with --scheduler")
+    read = read_grid(grid)
+    combinations = read.chosen(limit=limit, drawn=drawn, seed=seed)
+    store = TaskStore(output)
+    plan = Plan(
+        read,
+        combinations,
+        tuple(sweep_source(spec, frames) for spec in sources),
+        (ROAD if road else LAB).gate_m,
+    )
+    run = SweepRun(plan, store)
+    of_all = "" if len(combinations) == read.count else f" of {read.count}"
+    typer.echo(
+        f"{len(combinations)}{of_all} combinations over {len(plan.sources)} sources: "
+        f"{plan.count} tasks, {run.kept} of them finished before",
+        err=True,
+    )
+    cluster = ClusterChoice(scheduler, jobs or os.cpu_count() or 1)
+    try:
+        with progress_bar("sweeping") as progress:
+            run.run(cluster, cache_bytes=cache_mb * 1_000_000, progress=progress)
+    except KeyboardInterrupt:
+        typer.echo(
+            f"interrupted before {run.result.left} of {plan.count} tasks; what is finished is "
+            f"kept, and the same call goes on with it",
+            err=True,
+        )
+        raise
+    finally:
+        # Also of a sweep that was interrupted: what is finished is worth a look.
+        result = run.result
+        text = _write(result, output, rank_by)
+    typer.echo(text.rstrip())
+    if run.use is not None:
+        typer.echo(
+            f"{run.use.tasks} tasks in {run.use.elapsed_s:.1f} s; of it the "
+            f"{cluster.workers} processes worked on them {run.use.at_work:.0%} and had a core "
+            f"{run.use.computing:.0%}",
+            err=True,
+        )
+    if result.failed:
+        first = result.failed[0]
+        assert first.outcome is not None
+        raise TasksFailed(
+            f"{len(result.failed)} of {plan.count} tasks failed, the first of them combination "
+            f"{first.combination.number} over {first.source.name}: {first.outcome.error}"
+        )
+
+
+def _write(result: Sweep, folder: Path, rank_by: RankedBy) -> str:
+    # Imported where it is needed: matplotlib would slow down the start of every command.
+    from observer.evaluation.figure import save_figure
+    from observer.evaluation.sweep.figure import sweep_figure
+
+    ranked = ranking(result, rank_by)
+    text = ranking_markdown(result, ranked, rank_by)
+    write_parquet(result, folder / "results.parquet")
+    for name, content in (("ranking.md", text), ("ranking.csv", ranking_csv(result, ranked))):
+        with whole_file(folder / name) as file:
+            file.write(content)
+    save_figure(sweep_figure(result, ranked, rank_by), folder / "sweep.png")
+    return text

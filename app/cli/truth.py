@@ -1,0 +1,67 @@
+"""``dynamic-observer truth``: what is understood of a truth file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.cli.truth_options import AngleReading, AnglesOption, RateOption
+
+
+def truth(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="Vicon Tracker or Nexus CSV, C3D, a plain CSV (t,x,y,z), TUM, or truth.csv."
+        ),
+    ],
+    rate: RateOption = None,
+    angles: AnglesOption = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Write what was understood there, as JSON.")
+    ] = None,
+) -> None:
+    """Say what a file of motion capture holds: its bodies, rate, units, angles and gaps."""
+    from app.reports.whole_files import write_file
+    from observer.truth.files.angles import AnglesUnclear
+
+    try:
+        told = _understood(file, rate, angles)
+    except AnglesUnclear as error:
+        if output is None:
+            raise
+        # A question, which whoever asked passes on.
+        told = {"question": str(error)}
+    if output is not None:
+        write_file(output, json.dumps(told, allow_nan=False).encode())
+        return
+    rate_hz = "" if told["rate_hz"] is None else f", {told['rate_hz']:g} Hz"
+    duration = "" if told["duration_s"] is None else f", {told['duration_s']:.1f} s"
+    typer.echo(f"{told['format']}{rate_hz}{duration}")
+    for body in told["bodies"]:
+        speed = body["highest_speed_mps"]
+        fastest = "" if speed is None else f", up to {speed:.2f} m/s"
+        typer.echo(f"  {body['name']}: {body['seen']} samples, {body['gaps']} missing{fastest}")
+    for note in told["notes"]:
+        typer.echo(f"  {note}")
+
+
+def _understood(file: Path, rate: float | None, angles: AngleReading | None) -> dict[str, Any]:
+    from app.reports.comparison import ALIGNED_ALREADY
+    from observer.truth.csv_file import CsvTruth
+    from observer.truth.files.description import describe_capture
+    from observer.truth.files.recognition import file_kind, read_capture
+
+    if file_kind(file) != ALIGNED_ALREADY:
+        return describe_capture(read_capture(file, rate_hz=rate, angles=angles))
+    CsvTruth(file)
+    return {
+        "format": ALIGNED_ALREADY,
+        "rate_hz": None,
+        "duration_s": None,
+        "bodies": [],
+        "notes": ["it is on the run's own clock and in its world, so it needs no alignment"],
+    }

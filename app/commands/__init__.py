@@ -1,1 +1,0 @@
-"""The commands of ``dynamic-observer``, one file each."""

@@ -1,1 +1,0 @@
-"""What the server's processes have in common."""

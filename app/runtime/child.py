@@ -1,0 +1,206 @@
+"""The parent's hold of one child process: start it, hear it, ask it, end it.
+
+Imported by the web process, so nothing of the method is imported here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from app.native_environment import program_environment
+from app.runtime.arguments import ProcessArguments
+from app.runtime.pipe import encode, read_message
+from app.runtime.requests import Reply, Request
+
+# How long a process that closed its channel, or was killed, is given to be gone.
+_GRACE_S = 0.3
+
+_Event = TypeVar("_Event")
+
+
+class ChildEnded(Exception):
+    """The process ended before it answered."""
+
+
+class ChildProcess:
+    """One child process. All methods belong to the event loop's thread.
+
+    Attributes:
+        ready: it sent something, so its loop runs.
+        ended: its channel is closed; the process is gone or about to go.
+        silent_s: seconds without any message, as far as this event loop was there to hear one.
+    """
+
+    def __init__(
+        self,
+        process: subprocess.Popen[bytes],
+        kept: Sequence[type],
+        on_event: Callable[[Any], None],
+    ) -> None:
+        self._process = process
+        self._kept = tuple(kept)
+        self._on_event = on_event
+        self._writer: asyncio.StreamWriter | None = None
+        self._reading: asyncio.Task[None] | None = None
+        self._waiting: dict[int, asyncio.Future[Reply]] = {}
+        self._newest: dict[type, Any] = {}
+        self._number = 0
+        self.started = time.monotonic()
+        self.ready = False
+        self.ended = False
+        self.silent_s = 0.0
+
+    @classmethod
+    async def start(
+        cls,
+        command: Sequence[str],
+        slots: Mapping[str, int],
+        on_event: Callable[[ChildProcess, Any], None],
+        kept: Sequence[type] = (),
+    ) -> ChildProcess:
+        """Start a process; it inherits nothing but its channel and the slots.
+
+        The kernel ends it with the *thread* that calls this, so call it where the event loop
+        lives.
+
+        Args:
+            command: starts it; its arguments are put behind it.
+            slots: descriptor of each latest-value slot by name.
+            on_event: called for every event with the process it came from, and with None when
+                the channel ends.
+            kept: kinds of event of which ``newest`` tells the last one.
+
+        Raises:
+            OSError: it cannot be started.
+        """
+        here, there = socket.socketpair()
+        with there:
+            arguments = ProcessArguments(there.fileno(), os.getpid(), slots).as_command_line()
+            try:
+                process = subprocess.Popen(
+                    [*command, *arguments],
+                    stdin=subprocess.DEVNULL,
+                    pass_fds=[there.fileno(), *slots.values()],
+                    env=program_environment(),
+                    # A terminal's Ctrl-C and a kill of the whole group are the parent's to
+                    # answer; it ends the process in good order.
+                    start_new_session=True,
+                )
+            except OSError:
+                here.close()
+                raise
+        child = cls(process, kept, lambda event: on_event(child, event))
+        try:
+            reader, child._writer = await asyncio.open_unix_connection(sock=here)
+        except BaseException:
+            here.close()
+            process.kill()
+            process.wait()
+            raise
+        child._reading = asyncio.create_task(child._read(reader), name="hear a process")
+        return child
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def newest(self, kind: type[_Event]) -> _Event | None:
+        """The newest event of a kind in ``kept``."""
+        event = self._newest.get(kind)
+        return event if isinstance(event, kind) else None
+
+    async def _read(self, reader: asyncio.StreamReader) -> None:
+        try:
+            while (message := await read_message(reader)) is not None:
+                self.ready = True
+                self.silent_s = 0.0
+                if isinstance(message, Reply):
+                    waiting = self._waiting.pop(message.number, None)
+                    if waiting is not None and not waiting.done():
+                        waiting.set_result(message)
+                    continue
+                if isinstance(message, self._kept):
+                    self._newest[type(message)] = message
+                self._on_event(message)
+        finally:
+            self.ended = True
+            for waiting in self._waiting.values():
+                if not waiting.done():
+                    waiting.set_exception(ChildEnded())
+            self._waiting.clear()
+        self._on_event(None)
+
+    async def request(self, command: object, timeout_s: float) -> Reply:
+        """Ask and wait for the answer.
+
+        Raises:
+            ChildEnded: it ended before it answered.
+            TimeoutError: it did not answer in time; a later answer is ignored.
+        """
+        if self.ended or self._writer is None:
+            raise ChildEnded
+        self._number += 1
+        number = self._number
+        waiting: asyncio.Future[Reply] = asyncio.get_running_loop().create_future()
+        self._waiting[number] = waiting
+        try:
+            self._writer.write(encode(Request(number, command)))
+            async with asyncio.timeout(timeout_s):
+                return await waiting
+        finally:
+            self._waiting.pop(number, None)
+
+    def terminate(self) -> None:
+        """SIGTERM; nothing if it is gone already."""
+        self._process.terminate()
+
+    def kill(self) -> None:
+        """SIGKILL, which also ends a stopped process; nothing if it is gone already."""
+        self._process.kill()
+
+    async def wait_gone(self, timeout_s: float) -> bool:
+        """Whether the process is gone, after waiting for at most ``timeout_s``."""
+        until = time.monotonic() + timeout_s
+        while self._process.poll() is None:
+            if time.monotonic() >= until:
+                return False
+            await asyncio.sleep(0.005)
+        return True
+
+    def reap(self) -> bool:
+        """Whether the process is gone; of one that is, nothing remains."""
+        return self._process.poll() is not None
+
+    async def remove(self) -> str:
+        """End it by force if it is not gone yet, and hear it no more; tells how it ended.
+
+        A process that is stuck inside the kernel (a camera driver that does not return) outlasts
+        this; call ``reap`` until it is gone. Killed, it runs no instruction of ours any more.
+        """
+        if not (self.ended and await self.wait_gone(_GRACE_S)):
+            self.kill()
+            await self.wait_gone(_GRACE_S)
+        if self._reading is not None:
+            self._reading.cancel()
+            await asyncio.gather(self._reading, return_exceptions=True)
+        if self._writer is not None:
+            self._writer.transport.abort()
+        return _ending(self._process.returncode)
+
+
+def _ending(code: int | None) -> str:
+    if code is None:
+        return "hangs inside the kernel and cannot be ended yet"
+    if code < 0:
+        try:
+            return f"ended by {signal.Signals(-code).name}"
+        except ValueError:
+            return f"ended by signal {-code}"
+    return f"ended with exit code {code}"

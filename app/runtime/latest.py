@@ -1,0 +1,189 @@
+"""The latest value of something large (an image, a cloud), passed through shared memory.
+
+One process writes, any number read; nobody waits for anybody. The memory is an anonymous file
+that is inherited by its descriptor, so that nothing is left behind however a process ends.
+
+Layout, in native 8 byte words::
+
+    0 magic   1 capacity of one buffer, bytes   2 sequence published last (0: nothing yet)   3 -
+    then twice: sequence (0 while it is written) | header bytes | payload bytes | CRC-32
+    then the two buffers of ``capacity`` bytes, rounded up to words
+
+A value goes into the buffer that was *not* published last, so a reader has the whole time until
+the next but one write to copy it out. The buffer's sequence, compared before and after copying,
+shows an overwritten read (a seqlock); the CRC catches what a weakly ordered processor could
+still let through. A writer that dies halfway leaves the value published before it intact, and
+its successor continues the sequence.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+from typing_extensions import Buffer
+
+from app.runtime.errors import ChannelError
+from observer.processes import anonymous_memory
+
+_MAGIC = int.from_bytes(b"latest01", "little")
+_WORD = 8
+_BUFFERS = 2
+_FILE_WORDS = 4
+_BUFFER_WORDS = 4
+_DATA_START = (_FILE_WORDS + _BUFFERS * _BUFFER_WORDS) * _WORD
+_PUBLISHED = 2
+# A reader meets a half-written buffer only if two writes fall into one copy; in a row that is rare.
+_READ_ATTEMPTS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Latest:
+    """One value as it was written.
+
+    Attributes:
+        sequence: counted from 1 over the slot's life; a gap means that values were overwritten.
+        header: small facts about the payload.
+        payload: the bytes.
+    """
+
+    sequence: int
+    header: dict[str, Any]
+    payload: bytes
+
+
+def create_slot(capacity: int) -> int:
+    """A new empty slot for values of up to ``capacity`` bytes, header included.
+
+    Memory is taken only as far as values really reach.
+
+    Returns:
+        The descriptor of an anonymous file. Hand it to other processes by inheritance
+        (``pass_fds``) and close it where it is needed no more.
+    """
+    if capacity < 1:
+        raise ValueError(f"a slot's capacity must be at least 1 byte, not {capacity}")
+    fd = anonymous_memory("latest value")
+    capacity = -(-capacity // _WORD) * _WORD
+    os.ftruncate(fd, _DATA_START + _BUFFERS * capacity)
+    with mmap.mmap(fd, 0) as memory, memoryview(memory).cast("Q") as words:
+        words[1] = capacity
+        words[0] = _MAGIC
+    return fd
+
+
+class _Slot:
+    """The mapped memory of a slot."""
+
+    def __init__(self, fd: int) -> None:
+        self._memory = mmap.mmap(fd, 0)
+        self._bytes = memoryview(self._memory)
+        self._words = self._bytes.cast("Q")
+        if len(self._words) < _FILE_WORDS or self._words[0] != _MAGIC:
+            self.close()
+            raise ChannelError(f"descriptor {fd} is no latest-value slot")
+        self.capacity = self._words[1]
+
+    def close(self) -> None:
+        """Unmap the memory; safe to call twice."""
+        self._words.release()
+        self._bytes.release()
+        self._memory.close()
+
+
+def _buffer_of(sequence: int, capacity: int) -> tuple[int, int]:
+    """Index of the first word that describes the sequence's buffer, and where its data starts."""
+    buffer = sequence % _BUFFERS
+    return _FILE_WORDS + buffer * _BUFFER_WORDS, _DATA_START + buffer * capacity
+
+
+class LatestWriter(_Slot):
+    """The writing side of a slot. Only one process may write at a time."""
+
+    def write(self, header: dict[str, Any], *payload: Buffer) -> int:
+        """Publish a value, replacing the one before; never waits for readers.
+
+        Args:
+            header: small facts, as JSON.
+            payload: the bytes; several parts are put one behind the other.
+
+        Returns:
+            The value's sequence.
+
+        Raises:
+            ChannelError: header and payload exceed the slot's capacity; nothing was published.
+        """
+        head = json.dumps(header, allow_nan=False, separators=(",", ":")).encode()
+        parts = [memoryview(part).cast("B") for part in payload]
+        payload_size = sum(len(part) for part in parts)
+        if len(head) + payload_size > self.capacity:
+            raise ChannelError(
+                f"a value of {len(head) + payload_size} bytes does not fit into a slot of "
+                f"{self.capacity} bytes"
+            )
+        words = self._words
+        # Read anew each time: the slot may have been written by a predecessor that died.
+        sequence = words[_PUBLISHED] + 1
+        word, start = _buffer_of(sequence, self.capacity)
+        words[word] = 0
+        checksum = zlib.crc32(head, sequence & 0xFFFFFFFF)
+        at = start
+        for part in (memoryview(head), *parts):
+            self._bytes[at : at + len(part)] = part
+            at += len(part)
+        for part in parts:
+            checksum = zlib.crc32(part, checksum)
+        words[word + 1] = len(head)
+        words[word + 2] = payload_size
+        words[word + 3] = checksum
+        words[word] = sequence
+        words[_PUBLISHED] = sequence
+        return int(sequence)
+
+
+class LatestReader(_Slot):
+    """One reading side of a slot.
+
+    Attributes:
+        torn: how many reads met a value that was just being overwritten, and were repeated.
+    """
+
+    def __init__(self, fd: int) -> None:
+        super().__init__(fd)
+        self.torn = 0
+
+    def read(self, after: int = 0) -> Latest | None:
+        """The newest value if its sequence is above ``after``, whole or not at all.
+
+        None where there is nothing newer, or where the writer was so quick that no whole value
+        could be copied out in a reasonable number of attempts.
+        """
+        for _ in range(_READ_ATTEMPTS):
+            sequence = int(self._words[_PUBLISHED])
+            if sequence <= after:
+                return None
+            value = self._copy(sequence)
+            if value is not None:
+                return value
+            self.torn += 1
+        return None
+
+    def _copy(self, sequence: int) -> Latest | None:
+        words = self._words
+        word, start = _buffer_of(sequence, self.capacity)
+        if words[word] != sequence:
+            return None
+        head_size, payload_size, checksum = words[word + 1], words[word + 2], words[word + 3]
+        if head_size + payload_size > self.capacity:
+            return None
+        head = bytes(self._bytes[start : start + head_size])
+        payload = bytes(self._bytes[start + head_size : start + head_size + payload_size])
+        if words[word] != sequence:
+            return None
+        if zlib.crc32(payload, zlib.crc32(head, sequence & 0xFFFFFFFF)) != checksum:
+            return None
+        return Latest(sequence, json.loads(head), payload)

@@ -1,0 +1,43 @@
+"""End of a child process whose parent is gone: with the channel, besides ``die_with_parent``."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+from collections.abc import Callable
+
+from app.runtime.pipe import receive_message
+from app.runtime.requests import Request
+
+
+def receive_until_parent_ends(
+    sock: socket.socket,
+    put: Callable[[Request], None],
+    *,
+    expects_end: Callable[[], bool],
+    leave: Callable[[], object] = lambda: os._exit(0),
+) -> threading.Thread:
+    """Receive requests in a thread; at the channel's end leave, whatever the main loop does.
+
+    The parent holds the other end, and however it ends, the kernel closes it.
+
+    Args:
+        put: takes each request.
+        expects_end: True once the process leaves by itself.
+        leave: called at the channel's end, in the thread. By default the process ends at once,
+            without waiting for the main loop, which may hang.
+    """
+
+    def receive() -> None:
+        while True:
+            message = receive_message(sock)
+            if message is None:
+                break
+            put(message)
+        if not expects_end():
+            leave()
+
+    thread = threading.Thread(target=receive, name="message receiver", daemon=True)
+    thread.start()
+    return thread

@@ -1,0 +1,188 @@
+"""Ordered messages between parent and child process over an inherited socket pair.
+
+Each message is a pickle behind its length, 4 bytes big-endian. Both ends are the same program
+and the socket has no name, so nobody else can put a pickle into it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import pickle
+import socket
+import struct
+import threading
+from collections import Counter, deque
+from typing import Any, BinaryIO
+
+from app.runtime.errors import ChannelError
+from app.runtime.requests import Reply
+
+_LENGTH = struct.Struct(">I")
+# The largest honest message is a previewed calibration of two large images.
+MAX_MESSAGE_BYTES = 64 * 1024 * 1024
+# Four seconds at 15 frames/s: who is behind further than that wants the present.
+DEFAULT_BACKLOG = 64
+
+
+def encode(message: object) -> bytes:
+    """One message as bytes on the wire.
+
+    Raises:
+        ChannelError: it is larger than ``MAX_MESSAGE_BYTES``.
+    """
+    body = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
+    if len(body) > MAX_MESSAGE_BYTES:
+        raise ChannelError(
+            f"a {type(message).__name__} of {len(body)} bytes exceeds the largest message, "
+            f"{MAX_MESSAGE_BYTES} bytes"
+        )
+    return _LENGTH.pack(len(body)) + body
+
+
+def _encode_or_refuse(message: object) -> bytes:
+    try:
+        return encode(message)
+    except ChannelError as error:
+        if isinstance(message, Reply):
+            # Who asked must hear of it; the thread must go on for all others.
+            return encode(Reply(message.number, error=str(error), refusal="failure"))
+        raise
+
+
+def _checked_length(head: bytes) -> int:
+    length = int(_LENGTH.unpack(head)[0])
+    if length > MAX_MESSAGE_BYTES:
+        raise ChannelError(f"a message announces {length} bytes: the channel is out of step")
+    return length
+
+
+async def read_message(reader: asyncio.StreamReader) -> Any:
+    """The next message, or None at the end of the channel (the other process is gone)."""
+    try:
+        length = _checked_length(await reader.readexactly(_LENGTH.size))
+        return pickle.loads(await reader.readexactly(length))
+    except (asyncio.IncompleteReadError, ConnectionError):
+        return None
+
+
+def receive_message(sock: socket.socket) -> Any:
+    """Wait for the next message; None at the end of the channel (the other process is gone)."""
+    head = _receive_exactly(sock, _LENGTH.size)
+    body = None if head is None else _receive_exactly(sock, _checked_length(head))
+    return None if body is None else pickle.loads(body)
+
+
+def load_message(stream: BinaryIO) -> Any:
+    """The next message of a blocking stream; None at its end, also in the middle of a message."""
+    head = stream.read(_LENGTH.size)
+    if len(head) < _LENGTH.size:
+        return None
+    length = _checked_length(head)
+    body = stream.read(length)
+    return pickle.loads(body) if len(body) == length else None
+
+
+def _receive_exactly(sock: socket.socket, size: int) -> bytes | None:
+    received = bytearray()
+    while len(received) < size:
+        try:
+            part = sock.recv(min(size - len(received), 1 << 20))
+        except ConnectionError:
+            return None
+        if not part:
+            return None
+        received += part
+    return bytes(received)
+
+
+class MessageSender:
+    """Sends messages from a thread of its own, so that a slow reader never delays the caller.
+
+    The queue is bounded: of some kinds only the newest waits, of others the oldest are dropped and
+    counted. All other messages are never dropped; there must only be as many of them as there were
+    requests.
+    """
+
+    def __init__(
+        self,
+        sock: socket.socket,
+        *,
+        latest: tuple[type, ...],
+        droppable: tuple[type, ...],
+        backlog: int = DEFAULT_BACKLOG,
+    ) -> None:
+        """
+        Args:
+            sock: connected; closed by whoever made it.
+            latest: kinds of message of which only the newest waits.
+            droppable: kinds of message of which the oldest may be dropped.
+            backlog: most messages of the droppable kinds that wait.
+        """
+        self._sock = sock
+        self._backlog = backlog
+        self._latest = latest
+        self._droppable = droppable
+        self._queue: deque[object] = deque()
+        self._waiting_droppable = 0
+        self._changed = threading.Condition()
+        self._closing = False
+        self._broken = False
+        self._lost: Counter[type] = Counter()
+        self._thread = threading.Thread(target=self._run, name="message sender", daemon=True)
+        self._thread.start()
+
+    def lost(self, kind: type) -> int:
+        """Number of messages of a droppable kind that the other process was too slow for."""
+        return self._lost[kind]
+
+    def send(self, message: object) -> None:
+        """Queue a message; returns at once."""
+        with self._changed:
+            if self._closing or self._broken:
+                return
+            if isinstance(message, self._latest):
+                self._drop_first(type(message))
+            elif isinstance(message, self._droppable):
+                if self._waiting_droppable >= self._backlog:
+                    dropped = self._drop_first(*self._droppable)
+                    self._waiting_droppable -= 1
+                    self._lost[type(dropped)] += 1
+                self._waiting_droppable += 1
+            self._queue.append(message)
+            self._changed.notify()
+
+    def _drop_first(self, *kinds: type) -> object | None:
+        for position, message in enumerate(self._queue):
+            if isinstance(message, kinds):
+                del self._queue[position]
+                return message
+        return None
+
+    def close(self, timeout_s: float = 1.0) -> None:
+        """Send what still waits, for at most ``timeout_s``, and end the thread."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        self._thread.join(timeout_s)
+        if self._thread.is_alive():
+            # It waits for a reader that does not read; only this ends a blocked send.
+            self._sock.shutdown(socket.SHUT_RDWR)
+            self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                while not self._queue:
+                    if self._closing:
+                        return
+                    self._changed.wait()
+                message = self._queue.popleft()
+                if isinstance(message, self._droppable):
+                    self._waiting_droppable -= 1
+            try:
+                self._sock.sendall(_encode_or_refuse(message))
+            except OSError:
+                with self._changed:
+                    self._broken = True
+                    self._queue.clear()
+                return

@@ -1,0 +1,378 @@
+"""Keeps one child process at work: starts it, hears it, replaces it when it dies or hangs.
+
+Where asked for, a second process stands by, started and idle, because starting one can take longer
+on a busy machine than the time within which a lost one must be replaced.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, TypeVar
+
+from app.runtime.child import ChildEnded, ChildProcess
+from app.runtime.errors import ProcessRefused, ProcessUnavailable
+
+_log = logging.getLogger(__name__)
+
+_Command = TypeVar("_Command")
+_Event = TypeVar("_Event")
+
+
+@dataclass(frozen=True)
+class SupervisorLimits:
+    """The supervisor's times, seconds.
+
+    Attributes:
+        hang_s: a process silent for this long is taken for hung. An engine's beats come every
+            0.05 s, and between an observer's stages; what remains up to 2 s is for replacing it.
+        start_s: a starting process that says nothing for this long is taken for hung.
+        tick_s: how often silence is looked at.
+        standby_delay_s: how long after a process started its stand-in is started, or None for
+            no stand-in: then replacing takes as long as a start.
+        quick_death_s: one that lived shorter than this counts as a failed attempt.
+        backoff_s: pause before the third attempt in a row, doubled with each further one.
+        most_backoff_s: the longest pause.
+        attempts: so many failed attempts in a row let ``start`` give up.
+        stop_s: how long a process is given to leave by itself.
+    """
+
+    hang_s: float = 1.6
+    start_s: float = 30.0
+    tick_s: float = 0.05
+    standby_delay_s: float | None = 3.0
+    quick_death_s: float = 5.0
+    backoff_s: float = 0.5
+    most_backoff_s: float = 10.0
+    attempts: int = 3
+    stop_s: float = 1.0
+
+
+@dataclass(frozen=True)
+class ProcessHealth:
+    """How a process is.
+
+    Attributes:
+        generation: number of processes so far, the present one included.
+        pid: None while there is none.
+        restarts: how often one was replaced.
+        heartbeat_age_s: since the loop's last sign of life; None while there is none.
+        observations_lost: dropped because this process was slow, over all its children.
+    """
+
+    generation: int
+    pid: int | None
+    alive: bool
+    restarts: int
+    heartbeat_age_s: float | None
+    observations_lost: int
+
+
+class ProcessSupervisor(Generic[_Command, _Event]):
+    """Owns the processes of one kind. All methods belong to the event loop's thread.
+
+    A kind says by the class attributes and the methods behind ``what a kind says`` how it differs.
+    """
+
+    what: ClassVar[str]
+    refused: ClassVar[type[ProcessRefused]] = ProcessRefused
+    unavailable: ClassVar[type[ProcessUnavailable]] = ProcessUnavailable
+    # The event by which a process shows that it is alive; it has ``monotonic``.
+    heartbeat: ClassVar[type]
+    # Kinds of event of which the newest is kept.
+    kept: ClassVar[tuple[type, ...]]
+
+    def __init__(
+        self, command: Sequence[str], slots: Mapping[str, int], limits: SupervisorLimits
+    ) -> None:
+        """
+        Args:
+            command: starts a process; its arguments are put behind it.
+            slots: descriptor of each latest-value slot by name, handed to every process.
+        """
+        self._command = tuple(command)
+        self._limits = limits
+        self._inherited = dict(slots)
+        self._subscribers: list[Callable[[_Event], None]] = []
+        self._active: ChildProcess | None = None
+        # Started, and not yet (or never) needed: the stand-in, or the next one on its way.
+        self._standby: ChildProcess | None = None
+        # Killed, but not gone yet.
+        self._lingering: list[ChildProcess] = []
+        self._active_since = 0.0
+        self._generation = 0
+        self._lost_before = 0
+        self._failures = 0
+        self._not_before = 0.0
+        self._trouble = f"the {self.what} is being started"
+        self._wake = asyncio.Event()
+        self._first: asyncio.Future[None] | None = None
+        self._watching: asyncio.Task[None] | None = None
+        self._closed = False
+
+    # --- what a kind says ------------------------------------------------------------------
+
+    def _farewell(self) -> _Command:
+        """What asks a process to leave in good order."""
+        raise NotImplementedError
+
+    def _started_event(self, generation: int, pid: int) -> _Event:
+        raise NotImplementedError
+
+    def _lost_event(self, generation: int, reason: str) -> _Event:
+        raise NotImplementedError
+
+    def _lost(self, child: ChildProcess | None) -> int:
+        """How much of what a process sent was dropped."""
+        del child
+        return 0
+
+    def _state(self, child: ChildProcess) -> _Event | None:
+        """What a process that takes over said before anybody listened, to be published then."""
+        del child
+        return None
+
+    def _release(self) -> None:
+        """Free what the processes used, behind the end of the last one."""
+
+    # --- what others use -------------------------------------------------------------------
+
+    async def start(self) -> None:
+        """Start the first process and wait until it is ready.
+
+        Raises:
+            ProcessUnavailable: it ended in all attempts; nothing is left running.
+        """
+        if self._watching is not None or self._closed:
+            raise RuntimeError("a supervisor is started once")
+        self._first = asyncio.get_running_loop().create_future()
+        self._watching = asyncio.create_task(self._watch(), name=f"watch the {self.what}")
+        try:
+            await asyncio.shield(self._first)
+        except BaseException:
+            await self.stop()
+            raise
+
+    async def stop(self) -> None:
+        """End every process and release all memory; safe to call twice."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._watching is not None:
+            # Not cancelled: it may hold a process that it is about to start or to remove.
+            self._wake.set()
+            await asyncio.gather(self._watching, return_exceptions=True)
+        children = [child for child in (self._active, self._standby) if child is not None]
+        self._active = self._standby = None
+        await asyncio.gather(*(self._end(child) for child in children))
+        for child in self._lingering:
+            if not await child.wait_gone(self._limits.stop_s):
+                _log.error("%s process %d hangs inside the kernel", self.what, child.pid)
+        self._release()
+
+    async def request(self, command: _Command, timeout_s: float = 10.0) -> dict[str, Any]:
+        """Ask the process and wait for its answer's value.
+
+        Raises:
+            ProcessRefused: it says no, and why.
+            ProcessUnavailable: there is none, it ended meanwhile or did not answer in time.
+        """
+        child = self._active
+        if self._closed:
+            raise self.unavailable("the server is being stopped")
+        if child is None:
+            raise self.unavailable(self._trouble)
+        what = type(command).__name__
+        try:
+            reply = await child.request(command, timeout_s)
+        except TimeoutError:
+            raise self.unavailable(
+                f"the {self.what} did not answer {what} within {timeout_s:g} s"
+            ) from None
+        except ChildEnded:
+            raise self.unavailable(f"the {self.what} ended before it answered {what}") from None
+        if reply.refusal is not None:
+            raise self.refused(reply.error or f"{what} was refused", reply.refusal)
+        return reply.value or {}
+
+    def subscribe(self, callback: Callable[[_Event], None]) -> Callable[[], None]:
+        """Call ``callback`` in the event loop for every event, in order.
+
+        Returns:
+            What ends the subscription.
+        """
+        self._subscribers.append(callback)
+
+        def unsubscribe() -> None:
+            if callback in self._subscribers:
+                self._subscribers.remove(callback)
+
+        return unsubscribe
+
+    @property
+    def health(self) -> ProcessHealth:
+        child = self._active
+        heartbeat = None if child is None else child.newest(self.heartbeat)
+        return ProcessHealth(
+            generation=self._generation,
+            pid=None if child is None else child.pid,
+            alive=child is not None,
+            restarts=max(0, self._generation - 1),
+            heartbeat_age_s=(
+                None if heartbeat is None else max(0.0, time.monotonic() - heartbeat.monotonic)
+            ),
+            observations_lost=self._lost_before + self._lost(child),
+        )
+
+    # --- watching --------------------------------------------------------------------------
+
+    async def _watch(self) -> None:
+        looked = time.monotonic()
+        while not self._closed:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(self._limits.tick_s):
+                    await self._wake.wait()
+            self._wake.clear()
+            now = time.monotonic()
+            # While this event loop itself stood still, nobody could be heard: that is not the
+            # processes' silence.
+            passed, looked = min(now - looked, 2 * self._limits.tick_s), now
+            for child in (self._active, self._standby):
+                if child is not None:
+                    child.silent_s += passed
+            self._lingering = [child for child in self._lingering if not child.reap()]
+            await self._look_after_active()
+            if not self._closed:
+                await self._look_after_standby()
+
+    async def _look_after_active(self) -> None:
+        child = self._active
+        if child is None:
+            return
+        complaint = self._complaint(child)
+        if complaint is None:
+            if time.monotonic() - self._active_since >= self._limits.quick_death_s:
+                self._failures = 0
+            return
+        self._active = None
+        self._lost_before += self._lost(child)
+        self._trouble = f"the {self.what} {complaint} and is being replaced"
+        ending = await self._remove(child)
+        reason = f"the {self.what} {ending if complaint == _ENDED else complaint}"
+        _log.error("%s", reason)
+        self._count_failure(self._active_since)
+        self._publish(self._lost_event(self._generation, reason))
+
+    async def _look_after_standby(self) -> None:
+        now = time.monotonic()
+        child = self._standby
+        if child is None:
+            if self._wants_another(now):
+                await self._start_another()
+            return
+        complaint = self._complaint(child)
+        if complaint is not None:
+            self._standby = None
+            ending = await self._remove(child)
+            self._trouble = f"a starting {self.what} {ending if complaint == _ENDED else complaint}"
+            _log.error("%s", self._trouble)
+            self._count_failure(child.started)
+            self._give_up_start()
+        elif child.ready and self._active is None and now >= self._not_before:
+            self._active, self._standby = child, None
+            self._active_since = now
+            self._generation += 1
+            self._publish(self._started_event(self._generation, child.pid))
+            state = self._state(child)
+            if state is not None:
+                self._publish(state)
+            if self._first is not None and not self._first.done():
+                self._first.set_result(None)
+
+    def _wants_another(self, now: float) -> bool:
+        if self._active is None:
+            return now >= self._not_before
+        delay = self._limits.standby_delay_s
+        return delay is not None and now >= max(self._active_since + delay, self._not_before)
+
+    async def _start_another(self) -> None:
+        try:
+            self._standby = await ChildProcess.start(
+                self._command, self._inherited, self._hear, self.kept
+            )
+        except OSError as error:
+            self._trouble = f"the {self.what} cannot be started: {error}"
+            _log.error("%s", self._trouble)
+            self._count_failure(time.monotonic())
+            self._give_up_start()
+
+    def _complaint(self, child: ChildProcess) -> str | None:
+        """What is wrong with a process, in words that go on from its name."""
+        if child.ended:
+            return _ENDED
+        limit = self._limits.hang_s if child.ready else self._limits.start_s
+        if child.silent_s > limit:
+            return f"gave no sign of life for {child.silent_s:.1f} s"
+        return None
+
+    def _count_failure(self, since: float) -> None:
+        """Pause longer and longer where one process after the other ends quickly."""
+        now = time.monotonic()
+        self._failures = self._failures + 1 if now - since < self._limits.quick_death_s else 1
+        pause = 0.0
+        if self._failures > 1:
+            pause = min(
+                self._limits.backoff_s * 2.0 ** (self._failures - 2), self._limits.most_backoff_s
+            )
+            self._trouble += f"; the next attempt follows in {pause:g} s"
+        self._not_before = now + pause
+
+    def _give_up_start(self) -> None:
+        if (
+            self._first is not None
+            and not self._first.done()
+            and self._failures >= self._limits.attempts
+        ):
+            sentence = self._trouble.partition(";")[0]
+            self._first.set_exception(
+                self.unavailable(f"{sentence}, {self._failures} times in a row; see its messages")
+            )
+
+    def _hear(self, child: ChildProcess, event: _Event | None) -> None:
+        if event is None or not child.ready:
+            self._wake.set()
+        if event is not None and child is self._active:
+            self._publish(event)
+
+    def _publish(self, event: _Event) -> None:
+        for callback in tuple(self._subscribers):
+            try:
+                callback(event)
+            except Exception:  # noqa: BLE001
+                # One listener's fault must neither deafen the others nor end the supervision.
+                _log.exception("a listener failed at %s", type(event).__name__)
+
+    # --- ending ----------------------------------------------------------------------------
+
+    async def _end(self, child: ChildProcess) -> None:
+        """Let it leave by itself, then by SIGTERM, then by force."""
+        try:
+            await child.request(self._farewell(), self._limits.stop_s)
+        except (TimeoutError, ChildEnded):
+            child.terminate()
+        if not await child.wait_gone(self._limits.stop_s):
+            child.kill()
+        await self._remove(child)
+
+    async def _remove(self, child: ChildProcess) -> str:
+        ending = await child.remove()
+        if not child.reap():
+            self._lingering.append(child)
+        return ending
+
+
+_ENDED = "ended"

@@ -1,0 +1,210 @@
+"""The hold of a worker: a module of ours in a process that yields to others and ends with this one.
+
+A job is given up by ending its worker: no step inside a native library can be interrupted.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import sys
+import threading
+from asyncio.subprocess import DEVNULL, PIPE, Process
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Any, BinaryIO, TypeVar, cast
+
+from app.native_environment import program_environment
+from app.runtime.errors import ChannelError
+from app.runtime.jobs import Progress, Refused
+from app.runtime.pipe import encode, load_message, read_message
+from observer.errors import DynamicObserverError
+
+# -P: the folder somebody starts the server in must not supply the modules.
+_COMMAND = (sys.executable, "-P", "-m", "app.runtime.worker_main")
+_GRACE_S = 2.0
+
+_Result = TypeVar("_Result")
+
+
+class JobFailed(DynamicObserverError):
+    """A job has no result; the sentence says why."""
+
+
+@dataclass(frozen=True)
+class Worker:
+    """One kind of worker.
+
+    Attributes:
+        module: that is run; see ``app.runtime.worker_main``.
+        niceness: added to this process's.
+        environment: beside that of every process that we start.
+    """
+
+    module: str
+    niceness: int
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+    def command(self, *arguments: str) -> list[str]:
+        """Command line that starts a process as a child of this one."""
+        own = (str(os.getpid()), str(self.niceness))
+        return [*_COMMAND, *own, self.module, *arguments]
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Keywords for whatever starts a process."""
+        # A terminal's Ctrl-C is the server's to answer.
+        return {"env": program_environment() | self.environment, "start_new_session": True}
+
+    @asynccontextmanager
+    async def started(
+        self,
+        *arguments: str,
+        stdin: int = DEVNULL,
+        stdout: int = DEVNULL,
+        stderr: int | None = None,
+    ) -> AsyncIterator[Process]:
+        """A process, ended behind the block together with all that it started.
+
+        Raises:
+            OSError: it cannot be started.
+        """
+        process = await asyncio.create_subprocess_exec(
+            *self.command(*arguments),
+            **({"stdin": DEVNULL, "stdout": DEVNULL} | streams | self.options),
+        )
+        try:
+            yield process
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_GRACE_S):
+                    await process.wait()
+
+    async def do(self, job: object, progress: Callable[[Progress], None]) -> Any:
+        """Have a process of its own do a job (``app.runtime.jobs``); cancelling ends it.
+
+        Args:
+            progress: called in the event loop whenever there is news.
+
+        Returns:
+            The job's result.
+
+        Raises:
+            JobFailed: it cannot be done.
+        """
+        async with AsyncExitStack() as stack:
+            try:
+                message = encode(job)
+                starting = self.started(stdin=PIPE, stdout=PIPE)
+                process = await stack.enter_async_context(starting)
+            except (ChannelError, OSError) as error:
+                raise JobFailed(f"the computation cannot be started: {error}") from error
+            return await _heard(process, message, progress)
+
+
+async def _heard(process: Process, message: bytes, progress: Callable[[Progress], None]) -> Any:
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write(message)
+    with contextlib.suppress(ConnectionError):
+        await process.stdin.drain()
+        process.stdin.close()
+    while (heard := await read_message(process.stdout)) is not None:
+        if isinstance(heard, Refused):
+            raise JobFailed(heard.reason)
+        if not isinstance(heard, Progress):
+            return heard
+        progress(heard)
+    code = await process.wait()
+    raise JobFailed(
+        f"the computation ended without a result (exit code {code}); its messages are in the "
+        f"server's log"
+    )
+
+
+class LastingWorker:
+    """A process that does job after job and may remember; started anew where it was lost.
+
+    Jobs are given by one thread, which waits for their results.
+
+    Args:
+        longest_s: a job that takes longer is given up, and the process with it.
+    """
+
+    def __init__(self, worker: Worker, *, longest_s: float) -> None:
+        self._worker = worker
+        self._longest_s = longest_s
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._ended = False
+
+    def do(self, job: object, kind: type[_Result]) -> _Result | None:
+        """Have it do a job with a result of that kind.
+
+        None where it was lost, took too long or is to be used no more. Lost, it has forgotten all;
+        the next job begins with a new one.
+        """
+        process = self._started()
+        if process is None:
+            # Ended between two jobs, it was killed and nobody has waited for its end.
+            self._let_go()
+            return None
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            process.stdin.write(encode(job))
+            process.stdin.flush()
+            ready, _, _ = select.select([process.stdout], [], [], self._longest_s)
+            result = load_message(cast(BinaryIO, process.stdout)) if ready else None
+        except OSError:
+            result = None
+        if isinstance(result, kind):
+            return result
+        self._let_go()
+        return None
+
+    def end(self) -> None:
+        """End it for good. Any thread may call."""
+        with self._lock:
+            self._ended = True
+        self._kill()
+
+    def close(self) -> None:
+        """End it and wait for its end; for the thread that gives jobs."""
+        self.end()
+        self._let_go()
+
+    def _started(self) -> subprocess.Popen[bytes] | None:
+        with self._lock:
+            if self._ended:
+                return None
+            if self._process is None:
+                self._process = subprocess.Popen(
+                    self._worker.command(), stdin=PIPE, stdout=PIPE, **self._worker.options
+                )
+            return self._process
+
+    def _kill(self) -> None:
+        with self._lock:
+            if self._process is not None:
+                with contextlib.suppress(ProcessLookupError):
+                    self._process.kill()
+
+    def _let_go(self) -> None:
+        self._kill()
+        with self._lock:
+            process, self._process = self._process, None
+        if process is None:
+            return
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                with contextlib.suppress(OSError):
+                    pipe.close()
+        process.wait()

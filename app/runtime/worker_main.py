@@ -1,0 +1,25 @@
+"""``python -m app.runtime.worker_main PARENT NICENESS MODULE ARGUMENT...``: a module as a worker.
+
+Runs it like ``python -m MODULE ARGUMENT...``, niced, and not longer than its parent lives.
+"""
+
+from __future__ import annotations
+
+import os
+import runpy
+import sys
+
+from observer.processes import die_with_parent
+
+
+def main() -> None:
+    """Become a worker first of all: what a module imports takes seconds."""
+    parent, niceness, module, *arguments = sys.argv[1:]
+    die_with_parent(int(parent))
+    os.nice(int(niceness))
+    sys.argv = [module, *arguments]
+    runpy.run_module(module, run_name="__main__", alter_sys=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Jobs that processes of their own do; see ``app.runtime.worker``."""

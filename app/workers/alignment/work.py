@@ -1,0 +1,52 @@
+"""The worker's one job, again and again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from typing import Any
+
+from app.workers.alignment.messages import Choices, Solve, Solved
+from observer.truth.alignment.choices import AlignmentChoices, BodyRole
+from observer.truth.alignment.online import OnlineAlignment
+from observer.truth.alignment.result import Alignment
+
+# Both clocks are known from arrivals, up to delays.
+_SEARCH_S = (-1.0, 1.0)
+
+
+class Aligner:
+    """Keeps the last minutes and aligns them."""
+
+    def __init__(self) -> None:
+        self._online = OnlineAlignment()
+
+    def solve(self, job: Solve) -> Solved:
+        """Take what is new and align, where it is time to."""
+        began = time.perf_counter()
+        online = self._online
+        if job.anew:
+            online.begin_anew()
+        for line in job.lines:
+            online.add_observation(line)
+        online.add_pieces(job.samples)
+        online.choices = _choices(job.choices, online.bodies)
+        tried = online.solve(job.clocks.to_source)
+        state = online.state
+        alignment: dict[str, Any] | None = None
+        sentence: str | None = None
+        if isinstance(state, Alignment):
+            alignment = state.as_dict()
+        else:
+            sentence = state
+        return Solved(alignment, sentence, tried, time.perf_counter() - began)
+
+
+def _choices(given: Choices, bodies: Iterable[str]) -> AlignmentChoices:
+    # What is ignored need not be there.
+    roles: dict[str, BodyRole] = dict.fromkeys(set(given.ignore) & set(bodies), "ignored")
+    if given.observer is not None:
+        roles[given.observer] = "observer"
+    return AlignmentChoices(
+        roles=roles, search=_SEARCH_S, mount=given.mount, T_body_base=given.T_body_base
+    )

@@ -1,0 +1,114 @@
+"""The worker's jobs."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import partial
+
+from app.runtime.jobs import Report
+from app.workers.calibration.image_archive import ArchivedPair, ImageArchive
+from app.workers.calibration.messages import (
+    BoardsFound,
+    FindBoards,
+    Fitted,
+    FitViews,
+    Job,
+    Refined,
+    RefineRows,
+    Result,
+)
+from observer.calibration.ageing.row_refinement import RefinementRefusal, refine_from_scene
+from observer.calibration.board_images import BoardPair, find_boards
+from observer.calibration.board_pictures import small_picture
+from observer.calibration.fit import fit_stereo
+from observer.calibration.formats.opencv_file import calibration_text, read_calibration
+from observer.calibration.report import fit_report
+from observer.calibration.verdict import judge
+from observer.calibration.views import BoardSighting
+from observer.errors import CalibrationError
+from observer.image_files.reading import decoded_image
+
+
+def do_job(job: Job, progress: Report) -> Result:
+    """Do it.
+
+    Raises:
+        CalibrationError: it cannot be done; one sentence says why.
+    """
+    if isinstance(job, FitViews):
+        return _fit(job, progress)
+    if isinstance(job, FindBoards):
+        return _find(job, progress)
+    return _refine(job)
+
+
+def _fit(job: FitViews, progress: Report) -> Fitted:
+    fit = fit_stereo(
+        job.views,
+        job.board,
+        job.width,
+        job.height,
+        distortion_model=job.distortion_model,
+        progress=progress,
+    )
+    report = fit_report(fit, judge(fit, job.frame_rate))
+    return Fitted(calibration_text(fit.calibration), report)
+
+
+def _refine(job: RefineRows) -> Refined:
+    calibration = read_calibration(job.calibration_yaml, name=job.name)
+    if not job.pairs:
+        raise CalibrationError(
+            "there are no images to refine by yet; let the cameras deliver for some seconds"
+        )
+    refined = refine_from_scene(calibration, job.pairs)
+    if isinstance(refined, RefinementRefusal):
+        raise CalibrationError(refined.reason)
+    facts = {
+        field.name: float(getattr(refined, field.name))
+        for field in fields(refined)
+        if field.name != "calibration"
+    }
+    return Refined(calibration_text(refined.calibration), facts)
+
+
+def _find(job: FindBoards, progress: Report) -> BoardsFound:
+    with ImageArchive(job.archive) as archive:
+        pairs = {pair.name: pair for pair in archive.pairs}
+        found = find_boards(
+            [
+                BoardPair(
+                    pair.name,
+                    pair.left,
+                    pair.right,
+                    partial(archive.read, pair.left),
+                    partial(archive.read, pair.right),
+                )
+                for pair in archive.pairs
+            ],
+            job.board,
+            progress=progress,
+        )
+        refused = [*archive.refused, *(f"{each.name}: {each.reason}" for each in found.refused)]
+        views, pictures = [], []
+        for view in found.views:
+            if view.left is None and view.right is None:
+                refused.append(f"{view.name}: neither image shows the board")
+                continue
+            views.append(view)
+            pair = pairs[view.name]
+            pictures.append(_pictures(archive, pair, view.left, view.right))
+    return BoardsFound(tuple(views), tuple(pictures), found.width, found.height, tuple(refused))
+
+
+def _pictures(
+    archive: ImageArchive,
+    pair: ArchivedPair,
+    left: BoardSighting | None,
+    right: BoardSighting | None,
+) -> tuple[bytes, bytes]:
+    return _picture(archive, pair.left, left), _picture(archive, pair.right, right)
+
+
+def _picture(archive: ImageArchive, name: str, seen: BoardSighting | None) -> bytes:
+    return small_picture(decoded_image(archive.read(name), name=name, grey=True), seen)

@@ -1,0 +1,302 @@
+"""The doctor on machines made of files, and as a shell sees it."""
+
+from __future__ import annotations
+
+import json
+import socket
+import sys
+from collections.abc import Mapping
+from io import StringIO
+from pathlib import Path
+
+import pytest
+import typer
+from rich.console import Console
+
+from app.cli.doctor import doctor
+from app.doctor.address import examine_address
+from app.doctor.cameras import examine_cameras
+from app.doctor.examination import Examination, examine
+from app.doctor.finding import Finding
+from app.doctor.machine import Machine
+from app.doctor.serial_ports import examine_serial_ports
+from app.doctor.software import _packages, _video_support, examine_software
+from app.doctor.telling import tell
+from app.settings import Settings
+from observer.sources.cameras.device_files import User
+from observer.sources.cameras.spec import parse_devices
+
+from ...observer.sources.cameras.fake_machine import FakeMachine
+from ...observer.sources.cameras.fake_v4l2 import FakeCamera, FakeKernel, metadata_node, webcam
+from .shell import in_a_process
+
+STRANGER = User("ada", frozenset({54321}))
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="device files are Linux's")
+
+
+def no_ports() -> Mapping[str, str]:
+    return {}
+
+
+class Bench:
+    """A machine that is put together piece by piece, then examined."""
+
+    def __init__(self, root: Path) -> None:
+        self.files = FakeMachine(root)
+        self.kernel = FakeKernel({})
+
+    def camera(self, number: int, camera: FakeCamera, **place: object) -> None:
+        self.files.camera(number, **place)  # type: ignore[arg-type]
+        self.kernel.at[f"video{number}"] = camera
+
+    @property
+    def machine(self) -> Machine:
+        return Machine(self.files.root, self.kernel, STRANGER, no_ports)
+
+    def cameras(self) -> list[Finding]:
+        return examine_cameras(self.machine)[0]
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path / "machine")
+
+
+def levels(findings: list[Finding]) -> list[str]:
+    return [finding.level for finding in findings]
+
+
+def test_a_webcam_is_told_with_its_stable_name_modes_and_ranges(bench: Bench) -> None:
+    bench.camera(0, webcam())
+    (finding,) = bench.cameras()
+    assert (finding.level, finding.text) == ("ok", "HD Webcam (/dev/video0)")
+    assert finding.details == (
+        "stays the same on this port: /dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0",
+        "USB bus 1, port 1-1, 480 Mbit/s",
+        "MJPG: 640x480 at 30/s, 1280x720 at 30/s",
+        "YUYV: 640x480 at 30/s, 1280x720 at 10/s",
+        "can be set: gain 0 to 100, white balance 2800 to 6500 in steps of 10, exposure 3 to 2047",
+    )
+
+
+def test_many_sizes_are_folded_to_the_largest_and_the_usual_one(bench: Bench) -> None:
+    sizes = [(160, 120), (320, 240), (640, 480), (800, 600), (1280, 720), (1920, 1080)]
+    camera = webcam()
+    camera.formats = {"MJPG": {size: [(1001, 30000)] for size in sizes}}
+    bench.camera(0, camera)
+    (finding,) = bench.cameras()
+    assert (
+        "MJPG: 640x480 at 30/s, 800x600 at 30/s, 1280x720 at 30/s, 1920x1080 at 30/s "
+        "and 2 more sizes"
+    ) in finding.details
+
+
+def test_a_camera_without_permission_hinders_and_speaks_for_its_second_node(
+    bench: Bench,
+) -> None:
+    bench.camera(0, webcam(), name="Locked Cam")
+    bench.camera(1, metadata_node(), index=1)
+    bench.kernel.denied |= {"video0", "video1"}
+    first, rest = bench.cameras()
+    assert first.level == "problem"
+    assert first.text.startswith("Locked Cam: /dev/video0 may be used by the group")
+    assert "sudo usermod -aG video ada" in first.text
+    assert (rest.level, rest.text) == ("ok", "further nodes, which are no cameras: /dev/video1")
+
+
+def test_metadata_nodes_are_no_cameras_and_no_trouble(bench: Bench) -> None:
+    bench.camera(0, webcam())
+    bench.camera(1, metadata_node(), index=1)
+    findings = bench.cameras()
+    assert levels(findings) == ["ok", "ok"]
+    assert findings[1].text == "further nodes, which are no cameras: /dev/video1 (metadata)"
+
+
+def test_a_camera_in_use_is_a_warning(bench: Bench) -> None:
+    bench.camera(0, webcam())
+    bench.files.process(77, "cheese", "/dev/video0")
+    (finding,) = bench.cameras()
+    assert finding.level == "warning"
+    assert "cheese (process 77)" in finding.text
+
+
+def test_two_cameras_on_one_bus_are_a_warning(bench: Bench) -> None:
+    bench.camera(0, webcam(), port="1-1")
+    bench.camera(2, webcam(), port="1-2")
+    findings = bench.cameras()
+    assert levels(findings) == ["ok", "ok", "warning", "ok"]
+    assert "36.9 MB/s together" in findings[2].text
+    names = [f"/dev/v4l/by-path/pci-0000:00:14.0-usb-0:{n}:1.0-video-index0" for n in (1, 2)]
+    assert f"serve 'camera:{names[0]},{names[1]}?format=MJPG'" in findings[3].text
+
+
+def test_what_it_says_to_start_two_cameras_with_is_understood(bench: Bench) -> None:
+    bench.camera(0, webcam(), port="1-1")
+    bench.camera(2, webcam(), port="2-7", bus=2)
+    command = bench.cameras()[-1].text.partition("dynamic-observer serve ")[2]
+    spec = parse_devices(command.strip("'").removeprefix("camera:"))
+    assert [target.address for target in spec.targets] == [
+        "/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0",
+        "/dev/v4l/by-path/pci-0000:00:14.0-usb-0:7:1.0-video-index0",
+    ]
+
+
+def test_no_camera_is_no_hindrance_and_says_how_containers_get_one(bench: Bench) -> None:
+    (finding,) = bench.cameras()
+    assert finding.level == "ok"
+    assert "--device /dev/video0" in finding.text
+
+
+def test_a_camera_without_its_driver_is_noticed(bench: Bench) -> None:
+    interface = bench.files.root / "sys/bus/usb/devices/1-1:1.0"
+    interface.mkdir(parents=True)
+    (interface / "bInterfaceClass").write_text("0e\n")
+    (finding,) = bench.cameras()
+    assert finding.level == "warning"
+    assert "modprobe uvcvideo" in finding.text
+
+
+def test_serial_ports_are_told_with_names_and_permissions(bench: Bench) -> None:
+    port = bench.files.root / "dev" / "ttyUSB0"
+    port.touch()
+    (bench.files.root / "dev" / "ttyS0").touch()
+    by_id = bench.files.root / "dev" / "serial" / "by-id"
+    by_id.mkdir(parents=True)
+    (by_id / "usb-Prolific_2303-if00-port0").symlink_to("../../ttyUSB0")
+    bench.files.groups(f"dialout:x:{port.stat().st_gid}:")
+    machine = Machine(
+        bench.files.root, bench.kernel, STRANGER, lambda: {"/dev/ttyUSB0": "USB-Serial Controller"}
+    )
+    (finding,), (listed,) = examine_serial_ports(machine)
+    assert (finding.level, finding.text) == ("ok", "/dev/ttyUSB0 (USB-Serial Controller)")
+    assert listed.by_id == "/dev/serial/by-id/usb-Prolific_2303-if00-port0"
+    bench.kernel.denied.add("ttyUSB0")
+    (finding,), (listed,) = examine_serial_ports(machine)
+    assert finding.level == "warning"
+    assert "sudo usermod -aG dialout ada" in finding.text
+    assert listed.trouble == finding.text
+    assert not listed.usable
+
+
+def test_no_serial_port_is_no_hindrance(bench: Bench) -> None:
+    (finding,), ports = examine_serial_ports(bench.machine)
+    assert (finding.level, ports) == ("ok", ())
+    assert "--device /dev/ttyUSB0" in finding.text
+
+
+def test_software_as_it_is_here_is_sound() -> None:
+    findings = list(examine_software())
+    assert "problem" not in levels(findings)
+    told = "\n".join(finding.text for finding in findings)
+    assert "numpy " in told
+    assert "(FFMPEG)" in told
+
+
+def test_missing_packages_and_extras_are_told_apart() -> None:
+    findings = list(_packages(["numpy>=1.26", "no-such-package>=1", 'absent-too; extra == "dev"']))
+    assert [f.text for f in findings if f.level == "problem"] == [
+        "packages are missing: no-such-package; make setup installs them"
+    ]
+
+
+def test_an_opencv_without_video_is_told() -> None:
+    findings = list(_video_support({"V4L2", "CV_IMAGES"}))
+    assert levels(findings) == ["ok", "warning"]
+    assert "network cameras (no FFMPEG)" in findings[1].text
+
+
+def test_a_port_in_use_hinders(free_port: int) -> None:
+    settings = Settings(port=free_port)
+    assert examine_address(settings).level == "ok"
+    with socket.create_server(("127.0.0.1", free_port)):
+        finding = examine_address(settings)
+    assert finding.level == "problem"
+    assert f"port {free_port} of 127.0.0.1 is in use by another program" in finding.text
+    assert examine_address(settings).level == "ok"
+
+
+def test_an_address_that_is_not_this_machines_hinders() -> None:
+    finding = examine_address(Settings(host="192.0.2.1"))
+    assert finding.level == "problem"
+    assert "--host" in finding.text
+
+
+def told(examination: Examination, *, terminal: bool) -> str:
+    file = StringIO()
+    tell(examination, Console(file=file, force_terminal=terminal, width=60))
+    return file.getvalue()
+
+
+def test_without_a_terminal_it_is_told_in_plain_characters(bench: Bench, tmp_path: Path) -> None:
+    bench.camera(0, webcam())
+    examination = examine(Settings(data=tmp_path, port=0), bench.machine)
+    text = told(examination, terminal=False)
+    assert text.isascii()
+    assert "  ok       HD Webcam (/dev/video0)\n             stays the same" in text
+    assert text.endswith("Nothing hinders the start.\n")
+    assert not examination.hindered
+
+
+def test_a_terminal_gets_marks_and_whole_sentences(bench: Bench, tmp_path: Path) -> None:
+    bench.camera(0, webcam())
+    bench.kernel.denied.add("video0")
+    examination = examine(Settings(data=tmp_path, port=0), bench.machine)
+    text = told(examination, terminal=True)
+    assert "✗" in text
+    assert "sign out and in again: sudo usermod -aG video ada\n" in text
+    assert "1 of these hinders the start." in text
+    assert examination.hindered
+
+
+def test_settings_that_are_wrong_are_a_finding(bench: Bench) -> None:
+    examination = examine("the environment variable X names no setting", bench.machine)
+    assert examination.hindered
+    assert examination.findings[-1].section == "Settings"
+
+
+def test_json_holds_the_devices(bench: Bench, tmp_path: Path) -> None:
+    bench.camera(0, webcam())
+    examination = examine(Settings(data=tmp_path, port=0), bench.machine)
+    read = json.loads(json.dumps(examination.as_json(), allow_nan=False))
+    assert read["hindered"] is False
+    (camera,) = read["cameras"]
+    assert camera["modes"][0]["pixel_format"] == "MJPG"
+    assert camera["usb"]["speed_mbit"] == 480.0
+
+
+def test_a_hindered_start_is_exit_code_1_and_says_why(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = in_a_process("doctor", "--data", str(tmp_path / "file" / "data"), "--json")
+    assert done.code == 1
+    read = json.loads(done.out)
+    assert read["hindered"] is True
+    data = [finding for finding in read["findings"] if finding["section"] == "Data"]
+    assert data[0]["level"] == "problem"
+    assert "is a file, not a folder" in data[0]["text"]
+
+
+def test_a_start_that_nothing_hinders_is_exit_code_0(
+    tmp_path: Path,
+    free_port: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("DYNAMIC_OBSERVER_PORT", str(free_port))
+    with pytest.raises(typer.Exit) as ended:
+        doctor(tmp_path)
+    # Cameras of this machine that may not be used would hinder, and rightly so.
+    text = capsys.readouterr().out
+    assert ended.value.exit_code == int("PROBLEM" in text)
+    assert f"runs and settings are kept in {tmp_path}" in text
+
+
+def test_a_mistyped_setting_is_told_and_the_rest_looked_at_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DYNAMIC_OBSERVER_PROT", "9000")
+    with pytest.raises(typer.Exit) as ended:
+        doctor(None)
+    assert ended.value.exit_code == 1
+    text = capsys.readouterr().out
+    assert "DYNAMIC_OBSERVER_PROT names no setting" in text
+    assert "Cameras" in text

@@ -1,0 +1,171 @@
+"""``export`` as a shell sees it; what it writes is tested in tests/observer/exporting."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import sqlite3
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+
+from app.cli.keeping import keeping
+from observer.calibration.formats.opencv_file import calibration_text
+from observer.jsonl import observation_line
+from observer.observer import Observer
+from observer.opening import open_source
+from observer.parameters import Parameters
+from observer.recording.payloads import RunFacts
+from observer.recording.reader import Recording
+from observer.recording.source import RecordingSource
+from observer.recording.writer import RecordingWriter
+from observer.types import StereoFrame
+
+from .shell import Done
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with two runs of a frame each, and one that was not recorded."""
+    folder = tmp_path_factory.mktemp("data")
+    source = open_source("simulated:drive").source
+    assert source.calibration is not None
+    frame = source.read()
+    assert isinstance(frame, StereoFrame)
+    for run in ("2026-a1", "2026-b2"):
+        (folder / "runs" / run).mkdir(parents=True)
+        facts = RunFacts(
+            id=run,
+            name="",
+            source="simulated:drive",
+            info=asdict(source.info),
+            calibration_yaml=calibration_text(source.calibration),
+        )
+        writer = RecordingWriter(folder / "runs" / run / "recording.mcap", facts)
+        writer.frame(frame)
+        writer.finish()
+    (folder / "runs" / "2027").mkdir()
+    source.close()
+    return folder
+
+
+def test_a_run_is_found_by_the_beginning_of_its_id(
+    shell: Callable[..., Done], data: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "odometry.csv"
+    options = ["--output", str(output), "--table", "odometry", "--data", str(data)]
+    done = shell("export", "2026-b", *options)
+    assert (done.code, done.out) == (0, "")
+    assert "1 rows" in done.err
+    assert [row["frame"] for row in csv.DictReader(io.StringIO(output.read_text()))] == ["0"]
+    again = shell("export", "2026-b", *options)
+    assert again.code == 2
+    assert "--overwrite" in again.err
+    assert shell("export", "2026-b", *options, "--overwrite").code == 0
+
+
+def test_a_bag_is_a_folder_and_is_replaced_when_asked(
+    shell: Callable[..., Done], data: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("rosbags", reason="needs rosbags, of the extra ros")
+    output = tmp_path / "bag"
+    run = str(data / "runs" / "2026-a1")
+    assert shell("export", run, "--ros2", "--output", str(output)).code == 0
+    assert shell("export", run, "--ros2", "--output", str(output)).code == 2
+    assert shell("export", run, "--ros2", "--output", str(output), "--overwrite").code == 0
+    assert sorted(each.name for each in output.iterdir()) == ["bag.db3", "metadata.yaml"]
+    with sqlite3.connect(output / "bag.db3") as database:
+        topics = {name for (name,) in database.execute("SELECT name FROM topics")}
+    database.close()
+    assert "/camera/left/image_raw/compressed" in topics
+
+
+@pytest.mark.parametrize(
+    ("run", "name", "sentence"),
+    [
+        ("2026", "f.csv", "several runs (2026-a1, 2026-b2)"),
+        ("2027", "f.csv", "2027 was not recorded"),
+        ("2028", "f.csv", "there is no run 2028"),
+        ("2026-a1", "f.txt", ".csv, .parquet, .mp4, .ply, .zip, or --ros2"),
+        ("2026-a1", "none/f.csv", "in a folder that exists"),
+        ("nowhere/recording.mcap", "f.csv", "there is no recording nowhere"),
+    ],
+)
+def test_what_cannot_be_is_said_in_a_sentence(
+    shell: Callable[..., Done], data: Path, tmp_path: Path, run: str, name: str, sentence: str
+) -> None:
+    done = shell("export", run, "--output", str(tmp_path / name), "--data", str(data))
+    assert (done.code, done.out) == (2, "")
+    assert sentence in done.err
+    assert done.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_observe_keeps_a_recording_and_a_video(shell: Callable[..., Done], tmp_path: Path) -> None:
+    recording, video, lines = (tmp_path / name for name in ("r.mcap", "v.mp4", "o.jsonl"))
+    done = shell(
+        "observe", "simulated:drive", "--frames", "3", "--output", str(lines),
+        "--record", str(recording), "--record-images", "lossless", "--video", str(video),
+        "--set", "tracking.gate=4",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    assert "3 pictures" in done.err
+    with Recording(recording) as kept:
+        assert not kept.unfinished
+        assert len(lines.read_text().splitlines()) == len(list(kept.lines())) == 3
+        assert kept.parameter_revisions()[0].values["tracking.gate"] == 4
+        assert kept.truth() is not None
+    played = tmp_path / "p.jsonl"
+    again = shell("observe", str(recording), "--output", str(played), "--set", "tracking.gate=4")
+    assert again.code == 0
+    # Lossless, so the recording as a source gives the same to the last digit.
+    both = [
+        [{**json.loads(text), "timings_ms": {}} for text in path.read_text().splitlines()]
+        for path in (lines, played)
+    ]
+    assert both[0] == both[1]
+    assert sorted(each.name for each in tmp_path.iterdir()) == [
+        "o.jsonl", "p.jsonl", "r.mcap", "v.mp4",
+    ]  # fmt: skip
+
+
+def test_what_was_recorded_before_stays_when_a_source_gives_nothing(
+    shell: Callable[..., Done], tmp_path: Path
+) -> None:
+    kept = tmp_path / "r.mcap"
+    kept.write_bytes(b"before")
+    done = shell("observe", str(tmp_path / "none"), "--record", str(kept))
+    assert done.code == 2
+    assert kept.read_bytes() == b"before"
+
+
+def test_an_interrupt_ends_a_recording_and_a_video_well(data: Path, tmp_path: Path) -> None:
+    source = RecordingSource(data / "runs" / "2026-a1" / "recording.mcap")
+    calibration = source.calibration
+    frame = source.read()
+    assert calibration is not None
+    assert isinstance(frame, StereoFrame)
+    parameters = Parameters()
+    record, video = tmp_path / "r.mcap", tmp_path / "v.mp4"
+
+    def observe_until_interrupted() -> None:
+        with keeping(
+            source.info, None, calibration, parameters, "default",
+            record=record, images="jpeg", video=video,
+        ) as kept:  # fmt: skip
+            kept.frame(frame)
+            observation = Observer(calibration, parameters).observe(frame)
+            kept.observed(frame, observation, observation_line(observation))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        observe_until_interrupted()
+    source.close()
+    with Recording(record) as recording:
+        assert not recording.unfinished
+        assert len(list(recording.lines())) == 1
+    assert b"ftyp" in video.read_bytes()[:16]
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["r.mcap", "v.mp4"]

@@ -1,0 +1,82 @@
+"""``observe --calibration``: one file or a pair, of any format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from app.cli.observe import observe
+from observer.calibration.formats.exporting import ExportKind, export_calibration
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Stereo images of noise without a calibration, and calibrations of them beside it."""
+    folder = tmp_path_factory.mktemp("observed")
+    noise = np.random.default_rng(0).integers(0, 255, (120, 200), dtype=np.uint8)
+    image = cv2.GaussianBlur(noise, (0, 0), 1.5)
+    for side, shift in (("left", 10), ("right", 18)):
+        (folder / "images" / side).mkdir(parents=True)
+        for number in range(2):
+            file = folder / "images" / side / f"{number}.png"
+            cv2.imwrite(str(file), image[:, shift : shift + 160])
+    (folder / "images" / "times.txt").write_text("0\n0.1\n")
+    K = np.array([[150.0, 0, 80], [0, 150, 60], [0, 0, 1]])
+    R = cv2.Rodrigues(np.array([0.0, 0.01, 0.0]))[0]
+    D = np.array([-0.1, 0.01, 0, 0])
+    calibration = StereoCalibration(160, 120, K, D, K, D, R, np.array([-0.1, 0.001, 0]))
+    kinds: tuple[ExportKind, ...] = ("opencv", "ros", "kalibr")
+    for kind in kinds:
+        for file in export_calibration(calibration, kind, kind):
+            (folder / file.name).write_bytes(file.content)
+    (folder / "of,mine.yaml").write_bytes((folder / "opencv.yaml").read_bytes())
+    (folder / "wrong.yaml").write_bytes(
+        (folder / "opencv.yaml").read_bytes().replace(b"image_width: 160", b"image_width: 320")
+    )
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("calibration", "format"),
+    [
+        (["kalibr-camchain.yaml"], "Kalibr camchain"),
+        (["ros-right.yaml,ros-left.yaml"], "ROS camera_info of two cameras"),
+        (["ros-left.yaml", "ros-right.yaml"], "ROS camera_info of two cameras"),
+        (["of,mine.yaml"], "OpenCV FileStorage"),
+    ],
+)
+def test_any_format_is_taken_and_told(
+    folder: Path,
+    calibration: list[str],
+    format: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(folder)
+    observe("images", calibration=calibration)
+    seen = capsys.readouterr()
+    assert len(seen.out.splitlines()) == 2
+    assert f"calibration: {format}; " in seen.err
+    assert "baseline 0.1 m" in seen.err
+
+
+@pytest.mark.parametrize(
+    ("calibration", "expected"),
+    [
+        (["ros-left.yaml"], "ros-left.yaml: a ROS camera_info holds one camera; bring both files"),
+        (["wrong.yaml"], "is for images of 320x120 pixels, but the camera's are 160x120"),
+        (["opencv.yaml,absent.yaml"], "absent.yaml cannot be read"),
+        ([","], "no calibration file was given"),
+    ],
+)
+def test_refuses(
+    folder: Path, calibration: list[str], expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    with pytest.raises(CalibrationError, match=expected):
+        observe("images", calibration=calibration)

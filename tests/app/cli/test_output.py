@@ -1,0 +1,40 @@
+from pathlib import Path
+
+import pytest
+
+from app.cli.output import whole_file
+from observer.errors import InputError
+
+
+def test_a_result_appears_under_its_name_only_when_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "tracks.jsonl"
+    with whole_file(path) as file:
+        file.write("one\n")
+        assert not path.exists()
+    assert path.read_text() == "one\n"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_failed_write_keeps_the_earlier_result_and_what_there_is_of_the_new_one(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "tracks.jsonl"
+    path.write_text("earlier\n")
+
+    def write_half() -> None:
+        with whole_file(path) as file:
+            file.write("half\n")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        write_half()
+    assert path.read_text() == "earlier\n"
+    assert (tmp_path / "tracks.jsonl.part").read_text() == "half\n"
+
+
+def test_a_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
+    with (
+        pytest.raises(InputError, match="nowhere"),
+        whole_file(tmp_path / "nowhere" / "tracks.jsonl"),
+    ):
+        pass

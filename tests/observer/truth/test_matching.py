@@ -1,0 +1,123 @@
+"""Truth beside what was reported, by bodies whose places are chosen here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from observer.geometry import Pose
+from observer.truth.contract import TrueBody
+from observer.truth.matching import TruthMatcher
+from observer.types import MotionState, Observation, Obstacle, Status, TrackState
+
+
+class Bodies:
+    def __init__(self, *bodies: TrueBody, T_world_camera: Pose | None) -> None:
+        self._bodies = bodies
+        self._pose = T_world_camera
+
+    def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        del time
+        return self._bodies
+
+    def camera_pose(self, time: float) -> Pose | None:
+        del time
+        return self._pose
+
+
+def body(number: int, position: list[float], role: str = "obstacle") -> TrueBody:
+    velocity, size = np.array([0.3, 0.0, 0.4]), np.array([0.4, 0.4, 0.3])
+    return TrueBody(number, f"b{number}", role, np.array(position), velocity, size, 0.5, 1.0, 0.5)
+
+
+def obstacle(
+    number: int, position: list[float] | None, state: TrackState = TrackState.CONFIRMED
+) -> Obstacle:
+    at = None if position is None else np.array(position)
+    return Obstacle(
+        id=number,
+        state=state,
+        motion=MotionState.MOVING,
+        position_camera=np.zeros(3),
+        velocity_camera=np.zeros(3),
+        position=at,
+        velocity=at,
+        position_cov=None,
+        velocity_cov=None,
+        velocity_time=0.0,
+        speed=0.5,
+        speed_std=None,
+        size=np.ones(3),
+        orientation_wxyz=None,
+        closing_speed=None,
+        points=5,
+        significance=3.0,
+        box_px=(0.0, 0.0, 1.0, 1.0),
+        reason="it moves",
+    )
+
+
+def observation(*obstacles: Obstacle, pose: Pose | None = None, segment: int = 0) -> Observation:
+    pose = pose or Pose.identity()
+    return Observation(5, 0.5, 0.0, segment, Status.OK, (), 1, pose, obstacles)
+
+
+def tracks(entries: list[dict[str, Any]]) -> dict[int, int | None]:
+    return {entry["id"]: entry["track_id"] for entry in entries}
+
+
+def test_each_body_gets_the_nearest_track_and_each_track_one_body() -> None:
+    matcher = TruthMatcher(
+        Bodies(body(1, [0, 0, 3]), body(2, [1, 0, 3]), T_world_camera=Pose.identity())
+    )
+    entries = matcher.match(observation(obstacle(7, [0.6, 0, 3]), obstacle(8, [1.1, 0, 3])), 0.5)
+    assert tracks(entries) == {1: 7, 2: 8}
+    assert entries[0]["speed"] == pytest.approx(0.5)
+    assert entries[0]["position"] == pytest.approx([0, 0, 3])
+
+
+def test_tracks_beyond_the_gate_tentative_or_placeless_do_not_match() -> None:
+    matcher = TruthMatcher(Bodies(body(1, [0, 0, 3]), T_world_camera=Pose.identity()))
+    for wrong in (
+        obstacle(1, [0, 0, 4.3]),
+        obstacle(2, None),
+        obstacle(3, [0, 0, 3], TrackState.TENTATIVE),
+    ):
+        assert tracks(matcher.match(observation(wrong), 0.5)) == {1: None}
+    assert tracks(matcher.match(observation(obstacle(4, [0, 0, 4.1])), 0.5)) == {1: 4}
+
+
+def test_the_observer_itself_is_told_of_but_never_matched() -> None:
+    matcher = TruthMatcher(Bodies(body(1, [0, 0, 3], "observer"), T_world_camera=Pose.identity()))
+    entries = matcher.match(observation(obstacle(1, [0, 0, 3])), 0.5)
+    assert [(e["role"], e["track_id"]) for e in entries] == [("observer", None)]
+
+
+def test_truth_is_put_into_the_world_of_the_segment() -> None:
+    # The segment began when the camera stood at x = 2 and looked along the world's +x.
+    there = Pose.from_rotvec([0, np.pi / 2, 0], [2.0, 0, 0])
+    matcher = TruthMatcher(Bodies(body(1, [5.0, 0, 0]), T_world_camera=there))
+    entries = matcher.match(observation(obstacle(3, [0.1, 0, 3.0]), segment=2), 9.0)
+    assert tracks(entries) == {1: 3}
+    assert entries[0]["position"] == pytest.approx([0, 0, 3])
+    # Velocity (0.3, 0, 0.4) turned by -90 degrees about y.
+    assert entries[0]["velocity"] == pytest.approx([-0.4, 0, 0.3])
+    assert entries[0]["yaw"] == pytest.approx(0.5 - np.pi / 2)
+
+
+def test_the_alignment_of_a_segment_is_kept_so_that_drift_shows() -> None:
+    matcher = TruthMatcher(Bodies(body(1, [0, 0, 3]), T_world_camera=Pose.identity()))
+    matcher.match(observation(), 0.5)
+    drifted = Pose(np.eye(3), np.array([0.2, 0, 0]))
+    entries = matcher.match(observation(pose=drifted), 0.6)
+    assert entries[0]["position"] == pytest.approx([0, 0, 3])
+    entries = matcher.match(observation(pose=drifted, segment=1), 0.7)
+    assert entries[0]["position"] == pytest.approx([0.2, 0, 3])
+
+
+def test_without_a_true_camera_pose_only_the_first_segment_has_truth() -> None:
+    matcher = TruthMatcher(Bodies(body(1, [0, 0, 3]), T_world_camera=None))
+    assert len(matcher.match(observation(), 0.5)) == 1
+    assert matcher.match(observation(segment=1), 0.6) == []

@@ -1,0 +1,122 @@
+"""The measurement from outside, on a real server: short, since only its working is tested."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import asdict
+
+import psutil
+import pytest
+
+from app.cli.benchmark import _as_dict, _drive_line
+from observer.evaluation.breakdown import LAB
+from observer.evaluation.results import Benchmark
+from tools.benchmark import served
+from tools.benchmark.served import (
+    DenseCloudRates,
+    DriveLateness,
+    LoopRates,
+    ServedFigures,
+    _dense_cloud_rates,
+    _loop_rates,
+)
+from tools.benchmark.server_process import BenchmarkError, RunningServer, running_server
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _nothing_left_behind() -> Iterator[None]:
+    """In place of the check after every test: the server outlives them and starts children."""
+    yield
+    _, alive = psutil.wait_procs(psutil.Process().children(recursive=True), 3.0)
+    left = [each.cmdline() for each in alive]
+    assert not [each for each in left if "app.engine" in each or "app.drive" in each], left
+
+
+@pytest.fixture(scope="module")
+def server(_nothing_left_behind: None) -> Iterator[RunningServer]:
+    """One for all: starting it takes longer than what is measured here."""
+    with running_server("simulated:lab") as server:
+        server.wait_for_frames()
+        yield server
+
+
+@pytest.mark.patient
+def test_a_source_that_cannot_be_opened_is_told_with_the_engines_reason() -> None:
+    # Before the others, whose server plays as fast as it can for as long as it lives.
+    with running_server("simulated:moon") as server:
+        until = time.monotonic() + 30
+        while not server.request("GET", "/api/status")["engine"]["reason"]:
+            assert time.monotonic() < until, "the engine gave no reason"
+            time.sleep(0.05)
+        with pytest.raises(BenchmarkError, match="moon"):
+            server.wait_for_frames(0.0)
+
+
+@pytest.mark.patient
+def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served(
+    server: RunningServer,
+) -> None:
+    said: list[str] = []
+    rates = _loop_rates(server, 1.0, 1.0, 2, said.append)
+    with pytest.raises(BenchmarkError, match="PUT /api/source was answered 422"):
+        server.request("PUT", "/api/source", {"source": "simulated:moon"})
+    assert rates.alone > 0
+    assert rates.with_viewers > 0
+    assert rates.failures == ()
+    assert min(rates.scene_messages, rates.observation_messages, rates.image_messages) > 0
+    assert len(said) == 3
+    assert rates.recorded is not None
+    drive = rates.drive
+    assert drive is not None
+    assert drive.late_p99_ms is not None
+    assert drive.late_max_ms is not None
+    assert 0 <= drive.late_p99_ms <= drive.late_max_ms
+    assert drive.priority in ("realtime", "raised", "normal")
+    assert asdict(rates)["drive"]["late_max_ms"] == drive.late_max_ms
+
+
+def test_the_drive_loops_lateness_is_one_line_of_the_report() -> None:
+    def rates(
+        playback_rate: float, drive: DriveLateness | None, recorded: DriveLateness | None
+    ) -> LoopRates:
+        return LoopRates(playback_rate, 30.0, 29.0, 3, 1, 1, 1, (), drive, recorded)
+
+    figures = ServedFigures(
+        (
+            rates(
+                1.0,
+                DriveLateness(0.312, 4.5, "realtime"),
+                DriveLateness(0.5, 6.0, "realtime"),
+            ),
+            rates(2.0, DriveLateness(None, None, "normal"), None),
+        ),
+        DenseCloudRates(4.0, 30.0, 29.0, 2.0, 0.5, 100.0, 1, ()),
+        "no page in this test",
+    )
+    assert _drive_line(figures) == (
+        "The drive loop's lateness with viewers, over its last 30 s: at 1 x p99 0.31 ms, "
+        "max 4.50 ms, priority realtime, with a run recorded besides p99 0.50 ms, max 6.00 ms, "
+        "priority realtime; at 2 x not told, priority normal, with a run recorded besides there "
+        "was no drive process."
+    )
+    method = Benchmark(LAB, 1, (), ())
+    assert _as_dict(method, figures, None)["served"]["loop"][0]["drive"] == {
+        "late_p99_ms": 0.312, "late_max_ms": 4.5, "priority": "realtime",
+    }  # fmt: skip
+
+
+@pytest.mark.patient
+def test_the_dense_cloud_is_measured_while_it_is_really_made(
+    server: RunningServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(served, "_TURNS", 1)
+    rates = _dense_cloud_rates(server, 1.0, 2.0, lambda _: None)
+    assert rates.without > 0
+    assert rates.ratio == pytest.approx(rates.watched / rates.without)
+    assert rates.clouds_per_s > 1.0, "a busy machine makes few, but not none"
+    assert rates.age_s is not None
+    assert rates.coarseness == 1
+    assert rates.failures == ()

@@ -1,0 +1,169 @@
+"""A missing prerequisite gives one sentence with the next command."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from .making import make
+
+TOOLS = ("sh", "make", "sed", "cat", "id", "touch", "printf", "rm", "uname", "env", "chmod")
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> Path:
+    """A folder of commands that holds a shell and make, but neither Python nor npm."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for tool in TOOLS:
+        path = shutil.which(tool)
+        assert path is not None, f"{tool} is needed to test the Makefile"
+        (folder / tool).symlink_to(path)
+    return folder
+
+
+def sentences(done: subprocess.CompletedProcess[str]) -> list[str]:
+    """What was said on stderr, without make's own closing line."""
+    return [line for line in done.stderr.splitlines() if not line.startswith("make")]
+
+
+def fake_python(folder: Path, name: str, version: str, answers: str) -> None:
+    script = folder / name
+    script.write_text(
+        f'#!/bin/sh\n[ "$1" = --version ] && {{ echo "Python {version}"; exit 0; }}\n{answers}\n'
+    )
+    script.chmod(0o755)
+
+
+def test_no_python(clone: Path, bare: Path) -> None:
+    done = make(clone, "setup", path=str(bare))
+    assert done.returncode != 0
+    (sentence,) = sentences(done)
+    assert "Python 3.11 or newer is needed and no Python was found" in sentence
+    assert "apt-get install python3.11" in sentence
+    assert not (clone / ".venv").exists()
+
+
+def test_an_old_python(clone: Path, bare: Path) -> None:
+    fake_python(bare, "python3", "3.10.12", "exit 1")
+    done = make(clone, "run", path=str(bare))
+    assert done.returncode != 0
+    (sentence,) = sentences(done)
+    assert "Python 3.11 or newer is needed and Python 3.10.12 was found" in sentence
+
+
+def test_a_newer_python_beside_an_old_one_is_taken(clone: Path, bare: Path) -> None:
+    fake_python(bare, "python3", "3.10.12", "exit 1")
+    fake_python(bare, "python3.12", "3.12.1", 'echo "asked: $*"; exit 0')
+    done = make(clone, ".venv/.made", path=str(bare))
+    assert "asked: -m venv .venv" in done.stdout
+
+
+def test_python_without_venv(clone: Path, bare: Path) -> None:
+    answers = 'case "$2" in *ensurepip*) exit 1;; *print*) echo python3.12;; esac'
+    fake_python(bare, "python3", "3.12.1", answers)
+    done = make(clone, "test", path=str(bare))
+    assert done.returncode != 0
+    (sentence,) = sentences(done)
+    assert "lacks the module venv" in sentence
+    assert "apt-get install python3.12-venv" in sentence
+
+
+def test_no_npm_and_no_pip_to_bring_it(clone: Path, tmp_path: Path) -> None:
+    environment = tmp_path / "venv"
+    subprocess.run(
+        [sys.executable, "-m", "venv", "--without-pip", str(environment)], check=True, timeout=60
+    )
+    done = subprocess.run(
+        [str(environment / "bin" / "python"), "tools/packaging/frontend.py", "vendor"],
+        cwd=clone,
+        env={"PATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 1
+    (sentence,) = done.stderr.splitlines()
+    assert "npm 7 or newer is missing" in sentence
+    assert "apt-get install npm" in sentence
+    assert not (clone / "static" / "vendor").exists()
+
+
+@pytest.mark.parametrize(
+    ("package", "left_out"), [("chromium", "tests/browser"), ("ffmpeg", "network cameras")]
+)
+def test_a_program_is_missing_and_there_is_no_way_to_install_it(
+    clone: Path, bare: Path, package: str, left_out: str
+) -> None:
+    done = make(clone, package, path=str(bare))
+    assert done.returncode != 0
+    (sentence,) = sentences(done)
+    assert f"{left_out} are left out" in sentence
+    assert f"apt-get install {package}" in sentence
+
+
+@pytest.mark.parametrize("package", ["chromium", "ffmpeg"])
+def test_a_program_is_installed_where_that_is_permitted(
+    clone: Path, bare: Path, package: str
+) -> None:
+    log = clone / "asked"
+    install = f'printf "#!/bin/sh\n" > {bare}/{package}; chmod +x {bare}/{package}'
+    for name, body in (
+        ("apt-get", f'echo "$1" >> "{log}"; [ "$1" = install ] || exit 0; {install}'),
+        ("id", "echo 0"),
+    ):
+        (bare / name).unlink(missing_ok=True)
+        (bare / name).write_text(f"#!/bin/sh\n{body}\n")
+        (bare / name).chmod(0o755)
+    done = make(clone, package, path=str(bare))
+    assert done.returncode == 0, done.stderr
+    assert log.read_text().split() == ["update", "install"]
+    assert make(clone, package, path=str(bare)).returncode == 0
+    assert log.read_text().split() == ["update", "install"]
+
+
+def test_a_database_server_is_looked_for_where_debian_keeps_it(clone: Path, bare: Path) -> None:
+    home = f"POSTGRES_HOME={bare}/postgresql"
+    done = make(clone, "postgres", home, path=str(bare))
+    assert done.returncode != 0
+    (sentence,) = sentences(done)
+    assert "the tests of the database on PostgreSQL are left out" in sentence
+    assert "apt-get install postgresql" in sentence
+    initdb = bare / "postgresql" / "15" / "bin" / "initdb"
+    initdb.parent.mkdir(parents=True)
+    initdb.write_text("#!/bin/sh\n")
+    initdb.chmod(0o755)
+    assert make(clone, "postgres", home, path=str(bare)).returncode == 0
+
+
+def test_make_alone_lists_the_targets(clone: Path) -> None:
+    done = make(clone)
+    assert done.returncode == 0
+    for target in ("run", "test", "lint", "bench", "wheel", "setup", "clean"):
+        assert f"make {target} " in done.stdout
+
+
+@pytest.mark.parametrize(("again", "code"), [("0", 0), ("1", 2)])
+def test_in_ci_what_failed_is_tried_once_more(
+    clone: Path, bare: Path, again: str, code: int
+) -> None:
+    """By itself, and never where promises hold every time."""
+    log, script = clone / "asked", bare / "pytest"
+    script.write_text(
+        f'#!/bin/sh\necho "$*" >> "{log}"\n'
+        f'case "$*" in *last-failed*) exit {again};; "-s tests/faults") exit 0;; *) exit 1;; esac\n'
+    )
+    script.chmod(0o755)
+    done = make(clone, "test", "CI=true", f"BIN={bare}", "-o", "setup-dev", path=str(bare))
+    assert done.returncode == code, done.stderr
+    asked = log.read_text().splitlines()
+    assert asked[1] == "--last-failed --last-failed-no-failures none"
+    if code == 0:
+        assert [line.split()[-1] for line in asked] == [
+            "tests/faults", "none", "tests/faults", "tests/browser", "none",
+        ]  # fmt: skip

@@ -1,0 +1,56 @@
+"""What live capture adds to the loop, as Markdown."""
+
+from __future__ import annotations
+
+from observer.evaluation.evaluate import markdown_table
+from observer.evaluation.targets import targets_table
+from tools.benchmark.live_capture import SLOW_S, CaptureFigures, Loop, Spread
+
+
+def capture_markdown(figures: CaptureFigures) -> str:
+    """Tables: what is to be reached, the loops' times, and how the pairs came."""
+    width, height = figures.image_size
+    return "\n".join(
+        [
+            f"## Live capture at {width}x{height} and {figures.camera_rate:g} images a second, "
+            f"to reach\n",
+            targets_table({"measured": figures.targets}, "figure, median"),
+            "## The loops, ms a frame, p10 / median / p95\n",
+            markdown_table(
+                ["loop", "frames", "per second", "read: processor", "read: not waiting for images",
+                 "work", "processor in all", "grabbed to handed over", "troubles"],
+                [
+                    _row("observes what cameras send", figures.live),
+                    _row("observes the same from memory", figures.memory),
+                    _row(f"sleeps {1e3 * SLOW_S:g} ms in place of observing", figures.slow),
+                    _row("the same, cameras tended between", figures.tending),
+                ],
+            ),
+            "## The pairs of the cameras\n",
+            markdown_table(
+                ["skew median", "skew p95", "pairs", "dropped"],
+                [
+                    [
+                        _ms(figures.skew_median_ms), _ms(figures.skew_p95_ms),
+                        str(figures.pairs), str(figures.dropped),
+                    ]
+                ],
+            ),
+        ]
+    )  # fmt: skip
+
+
+def _row(name: str, loop: Loop) -> list[str]:
+    return [
+        name, str(loop.frames), f"{loop.rate:.1f}", _both(loop.read_cpu_ms),
+        _both(loop.read_wall_ms), _both(loop.work_ms), _both(loop.cpu_ms),
+        _both(loop.latency_ms), str(loop.troubles),
+    ]  # fmt: skip
+
+
+def _both(spread: Spread) -> str:
+    return f"{spread.p10:.2f} / {spread.median:.2f} / {spread.p95:.2f}"
+
+
+def _ms(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f} ms"

@@ -1,0 +1,232 @@
+"""The loop inside a running server: alone, with viewers, and as a person in a browser sees it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from statistics import mean
+
+from tools.benchmark.browser import PageFigures, page_figures
+from tools.benchmark.server_process import BenchmarkError, RunningServer, running_server
+from tools.benchmark.viewers import scene_viewer, viewers
+
+# How long a newcomer may be kept waiting before we call it never.
+_PATIENCE_S = 45.0
+_FAST = 4.0
+# With and without the cloud take turns, because a noisy machine drifts within seconds.
+_TURNS = 3
+# As far back as the status's rates look.
+_RATE_WINDOW_S = 2.0
+
+
+@dataclass(frozen=True)
+class DriveLateness:
+    """How far behind its deadlines, every 20 ms, the loop that drives robots was.
+
+    Attributes:
+        late_p99_ms, late_max_ms: of its last 1500 ticks (30 s); None before its first.
+        priority: that it runs at: realtime, raised or normal.
+    """
+
+    late_p99_ms: float | None
+    late_max_ms: float | None
+    priority: str
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        if self.late_p99_ms is None or self.late_max_ms is None:
+            return f"not told, priority {self.priority}"
+        return (
+            f"p99 {self.late_p99_ms:.2f} ms, max {self.late_max_ms:.2f} ms, "
+            f"priority {self.priority}"
+        )
+
+
+@dataclass(frozen=True)
+class LoopRates:
+    """Frames per second that the engine observed at one playback rate.
+
+    Attributes:
+        playback_rate: 1 is the source's recorded pace.
+        alone, with_viewers: unique frames per second without and with the viewers.
+        viewers: how many there were. messages: what they received in all, so that idle viewers
+            cannot pass for served ones.
+        drive: the drive loop at the end of the time with viewers; None without a drive process.
+        recorded: the same at the end of as long a time with viewers and a run that is recorded.
+    """
+
+    playback_rate: float
+    alone: float
+    with_viewers: float
+    viewers: int
+    scene_messages: int
+    observation_messages: int
+    image_messages: int
+    failures: tuple[str, ...]
+    drive: DriveLateness | None
+    recorded: DriveLateness | None
+
+    @property
+    def ratio(self) -> float:
+        """With viewers over alone."""
+        return self.with_viewers / self.alone if self.alone else 0.0
+
+
+@dataclass(frozen=True)
+class DenseCloudRates:
+    """What the dense cloud beside the loop costs it, with all that one 3D scene needs besides.
+
+    Attributes:
+        playback_rate: 1 is the source's recorded pace.
+        without, watched: unique frames per second while nobody and while one scene watches.
+        clouds_per_s: while it is watched.
+        age_s: mean time since the reception of the pair that the newest cloud was made of.
+        median_ms: to make one cloud. coarseness: pixels along one that is matched.
+        failures: of the client that watched.
+    """
+
+    playback_rate: float
+    without: float
+    watched: float
+    clouds_per_s: float
+    age_s: float | None
+    median_ms: float | None
+    coarseness: int | None
+    failures: tuple[str, ...]
+
+    @property
+    def ratio(self) -> float:
+        """Watched over without."""
+        return self.watched / self.without if self.without else 0.0
+
+
+@dataclass(frozen=True)
+class ServedFigures:
+    """All that was measured from outside; ``page`` is a sentence where it could not be."""
+
+    rates: tuple[LoopRates, ...]
+    dense_cloud: DenseCloudRates
+    page: PageFigures | str
+
+
+def served_figures(
+    source: str, *, seconds: float, viewer_count: int, say: Callable[[str], None]
+) -> ServedFigures:
+    """Start a server twice and measure it.
+
+    Args:
+        source: what is served. seconds: length of each measurement.
+        viewer_count: protocol clients in the measurement with viewers.
+        say: told what is being measured, for people who wait.
+
+    Raises:
+        BenchmarkError: the server did not start, or refused what was asked of it.
+    """
+    say("a page in Chromium, from the server's start")
+    with running_server(source) as server:
+        page = page_figures(server, source, seconds, _PATIENCE_S)
+    with running_server(source) as server:
+        server.wait_for_frames()
+        rates = tuple(
+            _loop_rates(server, playback_rate, seconds, viewer_count, say)
+            # At its recorded pace the loop may have time to spare; at four times it has none,
+            # so that a cost of the viewers cannot hide.
+            for playback_rate in (1.0, _FAST)
+        )
+        dense_cloud = _dense_cloud_rates(server, _FAST, seconds, say)
+    return ServedFigures(rates, dense_cloud, page)
+
+
+def _loop_rates(
+    server: RunningServer,
+    playback_rate: float,
+    seconds: float,
+    viewer_count: int,
+    say: Callable[[str], None],
+) -> LoopRates:
+    server.request("POST", "/api/playback", {"rate": playback_rate, "loop": True})
+    say(f"the loop alone, playing at {playback_rate:g} x")
+    # Both halves of "alone" enclose the measurement with viewers, because a noisy machine drifts.
+    before = observed_rate(server, seconds / 2)
+    say(f"the loop with {viewer_count} viewers, playing at {playback_rate:g} x")
+    with viewers(server, viewer_count) as drained:
+        with_viewers = observed_rate(server, seconds)
+        drive = _drive_lateness(server)
+        say(f"the drive loop beside viewers and a recording, playing at {playback_rate:g} x")
+        with _recorded_run(server):
+            time.sleep(seconds)
+            recorded = _drive_lateness(server)
+    # A run begins with the source's beginning, and leaves it playing as it played.
+    after = observed_rate(server, seconds / 2)
+    return LoopRates(
+        playback_rate,
+        (before + after) / 2,
+        with_viewers,
+        viewer_count,
+        drained.scene,
+        drained.observations,
+        drained.images,
+        tuple(drained.failures),
+        drive,
+        recorded,
+    )
+
+
+@contextmanager
+def _recorded_run(server: RunningServer) -> Iterator[None]:
+    run = server.request("POST", "/api/runs", {"name": "measured", "record": "jpeg"})
+    yield
+    # One over a recording ends with it.
+    with suppress(BenchmarkError):
+        server.request("POST", f"/api/runs/{run['id']}/stop")
+
+
+def _drive_lateness(server: RunningServer) -> DriveLateness | None:
+    loop = server.request("GET", "/api/robots")["loop"]
+    if loop is None:
+        return None
+    return DriveLateness(loop["late_p99_ms"], loop["late_max_ms"], loop["priority"])
+
+
+def _dense_cloud_rates(
+    server: RunningServer, playback_rate: float, seconds: float, say: Callable[[str], None]
+) -> DenseCloudRates:
+    server.request("POST", "/api/playback", {"rate": playback_rate, "loop": True})
+    say(f"the loop with and without the dense cloud, playing at {playback_rate:g} x")
+    turn_s = max(seconds / _TURNS, _RATE_WINDOW_S)
+    without, watched, dense, failures = [], [], [], []
+    for _ in range(_TURNS):
+        without.append(observed_rate(server, turn_s))
+        with scene_viewer(server) as drained:
+            watched.append(observed_rate(server, turn_s))
+            dense.append(server.request("GET", "/api/status")["dense_stereo"])
+        failures += drained.failures
+    ages = [each["age_s"] for each in dense if each["age_s"] is not None]
+    costs = [each["median_ms"] for each in dense if each["median_ms"] is not None]
+    return DenseCloudRates(
+        playback_rate,
+        mean(without),
+        mean(watched),
+        mean(each["per_s"] for each in dense),
+        mean(ages) if ages else None,
+        mean(costs) if costs else None,
+        dense[-1]["coarseness"],
+        tuple(failures),
+    )
+
+
+def observed_rate(server: RunningServer, seconds: float) -> float:
+    """Unique frames per second over ``seconds``, from the engine's own count of observations."""
+    time.sleep(1.0)
+    first, first_at = _observed(server)
+    time.sleep(seconds)
+    last, last_at = _observed(server)
+    return (last - first) / (last_at - first_at)
+
+
+def _observed(server: RunningServer) -> tuple[int, float]:
+    status = server.request("GET", "/api/status")
+    return int(status["frames_observed"]), time.monotonic()

@@ -1,0 +1,115 @@
+"""Viewers without a browser: clients that drain the 3D scene, telemetry and one live view."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import threading
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import viser
+from websockets.asyncio.client import connect
+
+from tools.benchmark.server_process import RunningServer
+
+_STOP_TIMEOUT_S = 10.0
+
+
+@dataclass
+class Drained:
+    """What all clients together received so far, in messages."""
+
+    scene: int = 0
+    observations: int = 0
+    images: int = 0
+    failures: list[str] = field(default_factory=list)
+
+
+@contextmanager
+def viewers(server: RunningServer, count: int) -> Iterator[Drained]:
+    """``count`` viewers on a thread of their own while the block runs.
+
+    Each one drains the scene (``/viewer``), acknowledges every observation (``/api/live``) and
+    every image of the view ``left``, as the page does.
+    """
+    with _clients(server, (_drain_scene, _drain_live, _drain_view) * count) as drained:
+        yield drained
+
+
+@contextmanager
+def scene_viewer(server: RunningServer) -> Iterator[Drained]:
+    """One viewer of the 3D scene alone, dense cloud included, while the block runs."""
+    with _clients(server, (_drain_scene,)) as drained:
+        yield drained
+
+
+@contextmanager
+def _clients(
+    server: RunningServer,
+    clients: Sequence[Callable[[RunningServer, Drained], Coroutine[Any, Any, None]]],
+) -> Iterator[Drained]:
+    drained = Drained()
+    loop = asyncio.new_event_loop()
+    stopping = asyncio.Event()
+
+    async def all_of_them() -> None:
+        tasks = [asyncio.create_task(client(server, drained)) for client in clients]
+        await stopping.wait()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    thread = threading.Thread(
+        target=lambda: loop.run_until_complete(all_of_them()), name="benchmark-viewers"
+    )
+    thread.start()
+    try:
+        yield drained
+    finally:
+        loop.call_soon_threadsafe(stopping.set)
+        thread.join(_STOP_TIMEOUT_S)
+        loop.close()
+
+
+async def _drain_scene(server: RunningServer, drained: Drained) -> None:
+    async with _socket(server, "/viewer", drained, f"viser-v{viser.__version__}") as socket:
+        async for _ in socket:
+            drained.scene += 1
+
+
+async def _drain_live(server: RunningServer, drained: Drained) -> None:
+    async with _socket(server, "/api/live", drained) as socket:
+        async for text in socket:
+            message = json.loads(text)
+            if message["type"] == "observation":
+                drained.observations += 1
+                await socket.send(json.dumps({"type": "painted", "sequence": message["sequence"]}))
+
+
+async def _drain_view(server: RunningServer, drained: Drained) -> None:
+    async with _socket(server, "/api/views/left", drained) as socket:
+        async for _ in socket:
+            drained.images += 1
+            await socket.send("ack")
+
+
+@contextlib.asynccontextmanager
+async def _socket(server: RunningServer, path: str, drained: Drained, subprotocol: str = ""):  # type: ignore[no-untyped-def]
+    try:
+        async with connect(
+            f"ws://127.0.0.1:{server.port}{path}",
+            additional_headers={"Authorization": f"Bearer {server.token}"},
+            subprotocols=[subprotocol] if subprotocol else None,  # type: ignore[list-item]
+            compression=None,
+            max_size=None,
+            proxy=None,
+        ) as socket:
+            yield socket
+    except Exception as error:
+        # A viewer that fails must show in the figures, not vanish from them.
+        drained.failures.append(f"{path}: {error}")
+        raise

