@@ -78,6 +78,7 @@ lint: setup-dev
 
 bench: setup-dev
 	$(BIN)/dynamic-observer benchmark $(ARGS)
+	$(BIN)/python -m tools.benchmark served
 
 wheel: setup-dev
 	$(BIN)/python -m build --wheel
@@ -123,7 +124,7 @@ constraints: setup-dev
 clean:
 	rm -rf $(VENV) static/vendor static/vendor.new static/node_modules build dist artefacts
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
-	find app observer tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find app observer tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # --- pieces of shell -----------------------------------------------------------------------------
 

@@ -15,6 +15,8 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from observer.errors import TruthError
 
+# In the data folder.
+RIG_FILE = "rig.yaml"
 ENVIRONMENT_PREFIX = "DYNAMIC_OBSERVER_"
 
 _MEGABYTE = 1024 * 1024

@@ -10,7 +10,7 @@ import importlib
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -102,13 +102,22 @@ def _empty() -> typer.Typer:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit."""
+    run(build(), arguments)
+
+
+def run(cli: typer.Typer, arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run a command line, say its errors as all of them say theirs, and exit.
+
+    Args:
+        arguments: in place of the process's.
+    """
     # Before numpy and OpenCV are imported, which read it then.
     for name, value in NATIVE_ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     try:
-        code = build()(args=arguments, standalone_mode=False)
+        code = cli(args=arguments, standalone_mode=False)
     except InputError as error:
         _leave(str(error), EXIT_INPUT)
     except DynamicObserverError as error:
@@ -120,6 +129,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(code if isinstance(code, int) else 0)
 
 
-def _leave(sentence: str, code: int) -> None:
+def _leave(sentence: str, code: int) -> NoReturn:
     print(f"dynamic-observer: {sentence}", file=sys.stderr)  # noqa: T201
     sys.exit(code)

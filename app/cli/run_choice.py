@@ -42,11 +42,11 @@ def chosen_run(
         # A file or a folder may be of anywhere, so no database is asked about it.
         path = find_recording(run, storage_settings(data, database).data.expanduser().absolute())
         return path, None if compared is None else Comparison.read(compared)
+    settings = storage_settings(data, database)
+    path = find_recording(run, settings.data.expanduser().absolute())
     from app.storage import Storage
     from app.storage.comparison import kept_comparison
 
-    settings = storage_settings(data, database)
-    path = find_recording(run, settings.data.expanduser().absolute())
     with Storage(settings.database_location, folder=settings.data) as storage:
         record = storage.get_run(path.parent.name)
         if record is None or record.alignment is None:

@@ -8,18 +8,13 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-
-from alembic.config import Config
-from alembic.runtime.migration import MigrationContext
-from alembic.script import ScriptDirectory
-from sqlalchemy import URL, inspect, make_url
-from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+from typing import TYPE_CHECKING
 
 from app.doctor.finding import Finding
 from app.settings import Settings
-from app.storage.engines import database_url, make_engine
-from app.storage.errors import StorageError
-from app.storage.migration import MIGRATIONS
+
+if TYPE_CHECKING:
+    from sqlalchemy import URL
 
 _SECTION = "Data"
 _ELSEWHERE = "choose another folder with --data"
@@ -55,6 +50,10 @@ def examine_data(settings: Settings) -> Iterator[Finding]:
 
 def _url(text: str) -> URL | None:
     """The database's URL; None where it cannot be one of ours."""
+    # Here and below: what knows databases is as much as all else that is imported.
+    from sqlalchemy import make_url
+    from sqlalchemy.exc import ArgumentError
+
     try:
         url = make_url(text)
     except ArgumentError:
@@ -188,6 +187,11 @@ def _revision(where: str, revision: str | None, has_tables: bool, remedy: str) -
         return Finding(
             _SECTION, "problem", f"the database {where} belongs to another program{remedy}"
         )
+    from alembic.config import Config
+    from alembic.script import ScriptDirectory
+
+    from app.storage.migration import MIGRATIONS
+
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
     script = ScriptDirectory.from_config(config)
@@ -203,6 +207,13 @@ def _revision(where: str, revision: str | None, has_tables: bool, remedy: str) -
 
 
 def _server(location: str) -> Finding:
+    from alembic.runtime.migration import MigrationContext
+    from sqlalchemy import inspect
+    from sqlalchemy.exc import SQLAlchemyError
+
+    from app.storage.engines import database_url, make_engine
+    from app.storage.errors import StorageError
+
     other = "; name another one with --database, or leave it out to keep data in a file"
     try:
         url = database_url(location)

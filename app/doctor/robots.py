@@ -9,8 +9,7 @@ from app.doctor.finding import Finding
 from app.doctor.machine import Machine
 from app.doctor.serial_ports import port_trouble
 from app.drive.priority import permitted_priority
-from app.server.rig.rig_desk import FILE_NAME
-from app.settings import Settings
+from app.settings import RIG_FILE, Settings
 from observer.errors import InputError
 from observer.rig.rig import ROLES, Rig, Role
 from observer.rig.rig_file import read_rig
@@ -31,7 +30,7 @@ def examine_robots(settings: Settings | str, machine: Machine) -> Iterator[Findi
     """
     rig = Rig()
     if not isinstance(settings, str):
-        found = _rig(settings.data.expanduser().absolute() / FILE_NAME)
+        found = _rig(settings.data.expanduser().absolute() / RIG_FILE)
         if isinstance(found, Finding):
             yield found
         else:
@@ -45,7 +44,7 @@ def examine_robots(settings: Settings | str, machine: Machine) -> Iterator[Findi
 
 def _rig(file: Path) -> Rig | Finding:
     try:
-        return read_rig(file.read_text(encoding="utf-8"), FILE_NAME)
+        return read_rig(file.read_text(encoding="utf-8"), RIG_FILE)
     except FileNotFoundError:
         return Rig()
     except (InputError, UnicodeDecodeError) as error:

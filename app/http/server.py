@@ -47,10 +47,9 @@ from app.http.sockets.viewer_proxy import ViewerDoor
 from app.messages import VIEW_NAMES
 from app.server import Engine, Station
 from app.server.contracts import Drive
-from app.server.rig.rig_desk import FILE_NAME
 from app.server.robots import check_records
 from app.server.robots import profile_library as shelf
-from app.settings import Settings
+from app.settings import RIG_FILE, Settings
 from app.storage import Storage
 from app.viewer import Viewer, start_viewer
 from observer.version import library_version
@@ -116,7 +115,7 @@ def create_app(
         engine,
         storage or Storage(settings.database_location, folder=settings.data),
         source=settings.source,
-        rig_file=settings.data / FILE_NAME,
+        rig_file=settings.data / RIG_FILE,
         programme_folder=settings.data / shelf.FOLDER_NAME,
         check_folder=settings.data / check_records.FOLDER_NAME,
         drive=drive,

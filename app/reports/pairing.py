@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from observer.geometry import Pose
 from observer.jsonl import line_pose
@@ -54,7 +54,7 @@ def _assigned(
     distance = np.linalg.norm(true[:, None] - seen[None], axis=2)
     gates = np.array([_GATE_M + float(body.size[0]) / 2 for body in bodies])
     cost = np.where(distance <= gates[:, None], distance, _REFUSED)
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = scipy.optimize.linear_sum_assignment(cost)
     return {
         bodies[row].id: int(placed[column]["id"])
         for row, column in zip(rows, columns, strict=True)

@@ -62,14 +62,11 @@ class Worker:
         return {"env": program_environment() | self.environment, "start_new_session": True}
 
     @asynccontextmanager
-    async def started(
-        self,
-        *arguments: str,
-        stdin: int = DEVNULL,
-        stdout: int = DEVNULL,
-        stderr: int | None = None,
-    ) -> AsyncIterator[Process]:
+    async def started(self, *arguments: str, **streams: int) -> AsyncIterator[Process]:
         """A process, ended behind the block together with all that it started.
+
+        Args:
+            streams: ``stdin``, ``stdout`` and ``stderr``; by default nothing, nowhere and ours.
 
         Raises:
             OSError: it cannot be started.

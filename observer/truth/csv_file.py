@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array, Pose
@@ -194,9 +194,9 @@ def _between(a: float, b: float, weight: float) -> float:
 def _pose_between(a: Pose, b: Pose, weight: float) -> Pose:
     if weight == 0:
         return a
-    turn = Rotation.from_matrix(a.rotation.T @ b.rotation).as_rotvec()
+    turn = scipy.spatial.transform.Rotation.from_matrix(a.rotation.T @ b.rotation).as_rotvec()
     return Pose(
-        a.rotation @ Rotation.from_rotvec(weight * turn).as_matrix(),
+        a.rotation @ scipy.spatial.transform.Rotation.from_rotvec(weight * turn).as_matrix(),
         a.translation + weight * (b.translation - a.translation),
     )
 
@@ -311,7 +311,7 @@ class _Row:
                 f"{self.where}: camera_qw, camera_qx, camera_qy and camera_qz must be a unit "
                 f"quaternion, but its length is {norm:g}"
             )
-        rotation = Rotation.from_quat([qx, qy, qz, qw]).as_matrix()
+        rotation = scipy.spatial.transform.Rotation.from_quat([qx, qy, qz, qw]).as_matrix()
         return Pose(rotation, np.array([x, y, z]))
 
     def number(self, column: str) -> float:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from statistics import mean
+from typing import Any
 
 from tools.benchmark.browser import PageFigures, page_figures
 from tools.benchmark.server_process import BenchmarkError, RunningServer, running_server
@@ -110,6 +111,14 @@ class ServedFigures:
     rates: tuple[LoopRates, ...]
     dense_cloud: DenseCloudRates
     page: PageFigures | str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "loop": [asdict(each) | {"ratio": each.ratio} for each in self.rates],
+            "dense_cloud": asdict(self.dense_cloud) | {"ratio": self.dense_cloud.ratio},
+            "page": asdict(self.page) if isinstance(self.page, PageFigures) else self.page,
+        }
 
 
 def served_figures(

@@ -32,7 +32,7 @@ class StaticFilesHook(BuildHookInterface[Any]):
         if version == "editable":
             return
         # Does nothing when what is there is what the lock file says.
-        frontend = Path(self.root) / "app" / "packaging" / "frontend.py"
+        frontend = Path(self.root) / "tools" / "packaging" / "frontend.py"
         subprocess.run([sys.executable, str(frontend), "vendor"], check=True)
         if self.target_name == "wheel":
             static = Path(self.root) / "static"

@@ -8,13 +8,12 @@ from pathlib import Path
 
 from app.server.errors import FieldError
 from app.server.runs.file_names import told_as_ours, write_whole
+from app.settings import RIG_FILE
 from observer.errors import InputError
 from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
 from observer.rig.rig_file import read_rig, rig_text
 from observer.robot_opening import check_port
 from observer.robots.ports import shown_port
-
-FILE_NAME = "rig.yaml"
 
 
 class RigDesk:
@@ -139,7 +138,7 @@ class RigDesk:
             FieldError: it cannot be used; one sentence says why.
         """
         try:
-            return read_rig(text, FILE_NAME)
+            return read_rig(text, RIG_FILE)
         except InputError as error:
             raise FieldError(("body", "text"), str(error)) from error
 

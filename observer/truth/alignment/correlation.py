@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
 
 from observer.geometry import Float64Array
 from observer.truth.alignment.curves import SpeedCurve
@@ -68,7 +68,7 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
     # It takes as long to import as all that reads what was aligned before.
     from scipy.signal import medfilt
 
-    size = next_fast_len(n + m)
+    size = scipy.fft.next_fast_len(n + m)
     grid = true_start + step * np.arange(m)
     covariance = np.zeros(n + m - 1)
     power_seen, power_true, overlap = covariance.copy(), covariance.copy(), covariance.copy()
@@ -91,11 +91,11 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
             np.bincount(place, weights=w, minlength=n)
             for w in (ones, weight, weight * values, weight * values**2)
         ]
-        S = [rfft(a, size) for a in spread]
-        T = [np.conj(rfft(a, size)) for a in (mask, t, t * t)]
+        S = [scipy.fft.rfft(a, size) for a in spread]
+        T = [np.conj(scipy.fft.rfft(a, size)) for a in (mask, t, t * t)]
 
         def sums(a: Spectrum, b: Spectrum) -> Float64Array:
-            product = irfft(a * b, size)
+            product = scipy.fft.irfft(a * b, size)
             # Lag k: seen sample i meets true sample i - k.
             return np.concatenate([product[size - (m - 1) :], product[:n]])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from observer.geometry import Float64Array
 from observer.truth.alignment.curves import SpeedCurve
@@ -53,7 +53,7 @@ class OffsetFit:
                 full[free] = x
                 return np.concatenate([*self._residuals(full), self._priors(full)])
 
-            found = least_squares(
+            found = scipy.optimize.least_squares(
                 cost, start[free], loss="soft_l1", f_scale=_ROBUST_SIGMAS,
                 x_scale=[1e-2, *([1e-5] if with_drift else []), *[0.1] * (2 * len(self._parts))],
             )  # fmt: skip

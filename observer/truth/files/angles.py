@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array, rotation_matrix
@@ -73,7 +73,9 @@ def rotations(angles: Float64Array, reading: AngleReading) -> Float64Array:
     if reading == "helical":
         matrices[known] = rotation_matrix(angles[known])
     else:
-        matrices[known] = Rotation.from_euler("XYZ", angles[known]).as_matrix()
+        matrices[known] = scipy.spatial.transform.Rotation.from_euler(
+            "XYZ", angles[known]
+        ).as_matrix()
     return matrices
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from observer.geometry import Float64Array
 
@@ -24,5 +24,5 @@ def quaternion_rotations(xyzw: Float64Array) -> tuple[Float64Array, NDArray[np.b
         lengths = np.sqrt((xyzw * xyzw).sum(axis=1))
     unit = known & (np.abs(lengths - 1) <= _UNIT_WITHIN)
     if unit.any():
-        matrices[unit] = Rotation.from_quat(xyzw[unit]).as_matrix()
+        matrices[unit] = scipy.spatial.transform.Rotation.from_quat(xyzw[unit]).as_matrix()
     return matrices, np.asarray(known & ~unit)

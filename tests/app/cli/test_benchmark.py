@@ -13,7 +13,7 @@ from .shell import Shell, in_a_process
 def test_one_run_writes_json_markdown_and_figures(tmp_path: Path) -> None:
     folder, drawn = tmp_path / "new" / "results", tmp_path / "one.svg"
     done = in_a_process(
-        "benchmark", "simulated:lateral", "--no-served", "--frames", "16", "--json",
+        "benchmark", "simulated:lateral", "--frames", "16", "--json",
         "--output", str(folder), "--figure", str(drawn),
     )  # fmt: skip
     assert done.code == 0, done.err
@@ -50,7 +50,7 @@ def test_one_run_writes_json_markdown_and_figures(tmp_path: Path) -> None:
 def test_what_cannot_be_written_is_refused_before_the_work(
     shell: Shell, arguments: tuple[str, ...], part: str
 ) -> None:
-    done = shell("benchmark", "simulated:lateral", "--no-served", *arguments)
+    done = shell("benchmark", "simulated:lateral", *arguments)
     assert (done.code, done.out) == (2, "")
     assert len(done.err.strip().splitlines()) == 1, done.err
     assert part in done.err
@@ -112,7 +112,7 @@ def test_evaluate_breaks_down_as_benchmark_does(shell: Shell, tmp_path: Path) ->
     assert "| < 5 m/s | 14 |" in road
 
 
-def test_calibration_and_capture_stand_for_themselves(shell: Shell) -> None:
+def test_calibration_stands_for_itself(shell: Shell) -> None:
     done = shell("benchmark", "simulated:lateral", "--calibration")
     assert (done.code, done.out) == (2, "")
     assert "leave SOURCE and --figure out" in done.err

@@ -12,10 +12,11 @@ import cv2
 import numpy as np
 import pytest
 
+from app.cli.results import tell_measured
+from observer.evaluation import machine
 from tools.benchmark.camera_streams import camera_streams, to_and_fro
 from tools.benchmark.capture_report import capture_markdown
 from tools.benchmark.live_capture import CaptureFigures, Loop, Spread, capture_figures
-from tools.benchmark.parts import Parts
 from tools.benchmark.server_process import BenchmarkError
 
 
@@ -98,7 +99,19 @@ def test_what_is_missed_is_marked() -> None:
     assert "| read in a loop slower than the cameras, ms | <= 3 | 3.200 | **no** |" in text
     assert "| the same where they are tended between stages | <= 3 | 0.400 | yes |" in text
     assert "| - | - | 9 | 1 |" in text
-    parts = Parts((), figures, None, (0.5, 1.25))
-    assert parts.markdown().startswith("Load: 0.5 before, 1.2 after.")
-    assert parts.as_dict()["capture"]["added_ms"] == pytest.approx(3.5)
-    assert "calibration" not in parts.as_dict()
+    assert figures.as_dict()["added_ms"] == pytest.approx(3.5)
+
+
+def test_figures_are_told_and_kept_with_the_machine_and_its_load(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    loads = iter((0.5, 1.25))
+    monkeypatch.setattr(machine, "load", lambda: next(loads))
+    folder = tmp_path / "new"
+    tell_measured("it", lambda: 3, "is {}".format, lambda it: {"it": it}, folder, as_json=True)
+    values = json.loads((folder / "benchmark.json").read_text())
+    assert values == json.loads(capsys.readouterr().out)
+    assert values == {"machine": machine.machine_facts(), "load": [0.5, 1.25], "it": {"it": 3}}
+    first, _, load, _, last = (folder / "benchmark.md").read_text().splitlines()
+    assert first.startswith("Machine: platform ")
+    assert (load, last) == ("Load: 0.5 before, 1.2 after.", "is 3")

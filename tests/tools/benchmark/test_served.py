@@ -9,9 +9,6 @@ from dataclasses import asdict
 import psutil
 import pytest
 
-from app.cli.benchmark import _as_dict, _drive_line
-from observer.evaluation.breakdown import LAB
-from observer.evaluation.results import Benchmark
 from tools.benchmark import served
 from tools.benchmark.served import (
     DenseCloudRates,
@@ -21,6 +18,7 @@ from tools.benchmark.served import (
     _dense_cloud_rates,
     _loop_rates,
 )
+from tools.benchmark.served_report import drive_line
 from tools.benchmark.server_process import BenchmarkError, RunningServer, running_server
 
 pytestmark = pytest.mark.slow
@@ -96,14 +94,13 @@ def test_the_drive_loops_lateness_is_one_line_of_the_report() -> None:
         DenseCloudRates(4.0, 30.0, 29.0, 2.0, 0.5, 100.0, 1, ()),
         "no page in this test",
     )
-    assert _drive_line(figures) == (
+    assert drive_line(figures) == (
         "The drive loop's lateness with viewers, over its last 30 s: at 1 x p99 0.31 ms, "
         "max 4.50 ms, priority realtime, with a run recorded besides p99 0.50 ms, max 6.00 ms, "
         "priority realtime; at 2 x not told, priority normal, with a run recorded besides there "
         "was no drive process."
     )
-    method = Benchmark(LAB, 1, (), ())
-    assert _as_dict(method, figures, None)["served"]["loop"][0]["drive"] == {
+    assert figures.as_dict()["loop"][0]["drive"] == {
         "late_p99_ms": 0.312, "late_max_ms": 4.5, "priority": "realtime",
     }  # fmt: skip
 

@@ -88,7 +88,7 @@ def test_the_image_holds_what_set_up_needs_and_no_more(repository: Path) -> None
     assert rules[0] == "*"
     taken = {rule[1:] for rule in rules if rule.startswith("!")}
     needed = {"Makefile", "pyproject.toml", "constraints.txt", "README.md", "LICENSE"}
-    assert needed | {"app", "observer", "static"} == taken
+    assert needed | {"app", "observer", "static", "tools"} == taken
     left_out = [rule for rule in rules[1:] if not rule.startswith("!")]
     for made in ("static/vendor", "static/node_modules", "app/__pycache__"):
         assert any(fnmatch.fnmatch(made, rule) for rule in left_out)

@@ -18,7 +18,7 @@ from observer.truth.alignment.live_clocks import LiveClocks
 from observer.truth.live.clock import ClockFit
 from observer.truth.motion_capture import Trajectory
 
-from ...observer.truth.alignment.conftest import MOUNT, make_room
+from ....observer.truth.alignment.conftest import MOUNT, make_room
 
 SAME = ClockFit(0.0, 0.0, 0.0, 1, 0.0, 1.0)
 CLOCKS = LiveClocks(SAME, SAME)

@@ -1,0 +1,32 @@
+"""The machine that figures were measured on, and how busy it was."""
+
+from __future__ import annotations
+
+import os
+import platform
+from typing import Any
+
+import cv2
+
+
+def machine_facts() -> dict[str, Any]:
+    """Return what a reader of figures has to know of the machine, as plain values for JSON."""
+    return {
+        "platform": platform.platform(),
+        "python": platform.python_version(),
+        "opencv": cv2.__version__,
+        "cores": os.cpu_count(),
+    }
+
+
+def machine_line() -> str:
+    """Return ``machine_facts`` as one sentence."""
+    return f"Machine: {', '.join(f'{key} {value}' for key, value in machine_facts().items())}."
+
+
+def load() -> float | None:
+    """Return how many processes wanted a processor, averaged over the last minute.
+
+    None where the system does not tell.
+    """
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else None

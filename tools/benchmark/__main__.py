@@ -1,0 +1,88 @@
+"""``python -m tools.benchmark served|capture|recording``: one measurement of the running system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.command_line import run
+from app.cli.results import JsonOption, tell_measured
+
+OutputOption = Annotated[
+    Path | None, typer.Option(help="A folder for benchmark.json and benchmark.md.")
+]
+SecondsOption = Annotated[float, typer.Option(min=2, help="Length of each measurement.")]
+
+cli = typer.Typer(
+    help="Measures what the running system costs.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+@cli.command()
+def served(
+    source: Annotated[str, typer.Argument(help="What is served.")] = "simulated:lab",
+    seconds: SecondsOption = 15.0,
+    viewers: Annotated[int, typer.Option(min=1, max=50, help="Viewers on the server.")] = 5,
+    as_json: JsonOption = False,
+    output: OutputOption = None,
+) -> None:
+    """Measure a running server: viewers, page, latency."""
+    from tools.benchmark.served import ServedFigures, served_figures
+    from tools.benchmark.served_report import served_markdown
+
+    tell_measured(
+        "served",
+        lambda: served_figures(source, seconds=seconds, viewer_count=viewers, say=_say),
+        served_markdown,
+        ServedFigures.as_dict,
+        output,
+        as_json=as_json,
+    )
+
+
+@cli.command()
+def capture(as_json: JsonOption = False, output: OutputOption = None) -> None:
+    """Measure what live capture adds to the loop: about a minute."""
+    from tools.benchmark.capture_report import capture_markdown
+    from tools.benchmark.live_capture import CaptureFigures, capture_figures
+
+    tell_measured(
+        "capture",
+        lambda: capture_figures(say=_say),
+        capture_markdown,
+        CaptureFigures.as_dict,
+        output,
+        as_json=as_json,
+    )
+
+
+@cli.command()
+def recording(
+    seconds: SecondsOption = 15.0, as_json: JsonOption = False, output: OutputOption = None
+) -> None:
+    """Measure what recording 640x480 pairs takes from the loop, at each pace and in each mode."""
+    from tools.benchmark.recording_cost import RecordingFigures, recording_figures
+    from tools.benchmark.recording_report import recording_markdown
+
+    tell_measured(
+        "recording",
+        lambda: recording_figures(seconds=seconds, say=_say),
+        recording_markdown,
+        RecordingFigures.as_dict,
+        output,
+        as_json=as_json,
+    )
+
+
+def _say(what: str) -> None:
+    typer.echo(f"measuring {what}", err=True)
+
+
+if __name__ == "__main__":
+    run(cli)

@@ -1,0 +1,79 @@
+"""What a running server costs its loop, as Markdown."""
+
+from __future__ import annotations
+
+from observer.evaluation.evaluate import markdown_table
+from tools.benchmark.browser import PageFigures
+from tools.benchmark.served import DenseCloudRates, DriveLateness, ServedFigures
+
+
+def served_markdown(served: ServedFigures) -> str:
+    """Tables: the loop with and without viewers and the dense cloud, and one visible page."""
+    return "\n".join(
+        [
+            "## The loop in a running server, unique frames per second\n",
+            markdown_table(
+                ["played at", "alone", "with viewers", "ratio", "viewers", "scene messages",
+                 "observations", "images", "failures"],
+                [
+                    [
+                        f"{r.playback_rate:g} x", f"{r.alone:.1f}", f"{r.with_viewers:.1f}",
+                        f"{r.ratio:.2f}", str(r.viewers), str(r.scene_messages),
+                        str(r.observation_messages), str(r.image_messages), str(len(r.failures)),
+                    ]
+                    for r in served.rates
+                ],
+            ),
+            f"\n{drive_line(served)}",
+            "\n## The dense cloud beside the loop\n",
+            _dense_cloud_table(served.dense_cloud),
+            "\n## One visible page\n",
+            served.page if isinstance(served.page, str) else _page_table(served.page),
+        ]
+    )  # fmt: skip
+
+
+def drive_line(served: ServedFigures) -> str:
+    """How late the drive loop was, in one sentence."""
+    told = "; ".join(
+        f"at {r.playback_rate:g} x {_late(r.drive)}, with a run recorded besides "
+        f"{_late(r.recorded)}"
+        for r in served.rates
+    )
+    return f"The drive loop's lateness with viewers, over its last 30 s: {told}."
+
+
+def _late(drive: DriveLateness | None) -> str:
+    return "there was no drive process" if drive is None else drive.words
+
+
+def _dense_cloud_table(rates: DenseCloudRates) -> str:
+    def shown(value: float | None, factor: float = 1.0) -> str:
+        return "never" if value is None else f"{factor * value:.0f} ms"
+
+    return markdown_table(
+        ["played at", "loop without", "loop with", "ratio", "clouds per s", "age", "cost of one",
+         "pixels along one matched", "failures"],
+        [
+            [
+                f"{rates.playback_rate:g} x", f"{rates.without:.1f}", f"{rates.watched:.1f}",
+                f"{rates.ratio:.2f}", f"{rates.clouds_per_s:.1f}", shown(rates.age_s, 1e3),
+                shown(rates.median_ms), str(rates.coarseness), str(len(rates.failures)),
+            ]
+        ],
+    )  # fmt: skip
+
+
+def _page_table(page: PageFigures) -> str:
+    def shown(value: float | None, unit: str) -> str:
+        return "never" if value is None else f"{value:.1f} {unit}"
+
+    return markdown_table(
+        ["figure", "value"],
+        [
+            ["first obstacle after the server's start", shown(page.first_obstacle_s, "s")],
+            ["received to painted, median", shown(page.latency_median_ms, "ms")],
+            ["received to painted, p95", shown(page.latency_p95_ms, "ms")],
+            ["observations acknowledged", str(page.count)],
+        ],
+    )
