@@ -7,7 +7,6 @@ be replaced.
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
@@ -24,12 +23,12 @@ from app.messages import (
     StateEvent,
 )
 from app.runtime.child import ChildProcess
+from app.runtime.environment import module_command
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.runtime.latest import LatestReader, create_slot
 from app.runtime.supervisor import ProcessHealth, ProcessSupervisor, SupervisorLimits
 
-# -P: the folder somebody starts the server in must not supply the modules.
-ENGINE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.engine")
+ENGINE_COMMAND = module_command("app.engine")
 # A JPEG of 1280 pixels width stays below 1 MB, 20000 points take 300 KB; memory is only taken
 # as far as values reach.
 _SLOT_BYTES = 4 * 1024 * 1024

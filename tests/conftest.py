@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from app.native_environment import NATIVE_ENVIRONMENT
+from app.runtime.environment import NATIVE_ENVIRONMENT
 
 # Read while numpy is imported: threads that spin beside small matrices cost half as much again.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", NATIVE_ENVIRONMENT["OPENBLAS_NUM_THREADS"])

@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
-from app.native_environment import NATIVE_ENVIRONMENT
+from app.runtime.environment import NATIVE_ENVIRONMENT
 from observer.errors import DynamicObserverError, InputError
 
 EXIT_FAILED = 1

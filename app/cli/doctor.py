@@ -25,8 +25,8 @@ def doctor(
 ) -> None:
     """List cameras, ports, data folder and what to do about each problem; 1 if one hinders."""
     from app.doctor.examination import examine
-    from app.doctor.machine import Machine
     from app.doctor.telling import tell
+    from observer.machine import Machine
 
     examination = examine(_settings(data, database), Machine())
     if as_json:

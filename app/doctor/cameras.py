@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from app.doctor.finding import Finding, Level
-from app.doctor.machine import Machine
+from observer.machine import Machine
 from observer.sources.cameras.device_files import text_in
 from observer.sources.cameras.devices import CameraDevice, list_devices, shared_bus_hints
 from observer.sources.cameras.v4l2 import layout

@@ -9,11 +9,12 @@ from app.doctor.address import examine_address
 from app.doctor.cameras import examine_cameras
 from app.doctor.data_folder import examine_data
 from app.doctor.finding import Finding
-from app.doctor.machine import Machine
 from app.doctor.robots import examine_robots
-from app.doctor.serial_ports import SerialPort, examine_serial_ports
+from app.doctor.serial_ports import examine_serial_ports
 from app.doctor.software import examine_software, program_version
 from app.settings import Settings
+from observer.machine import Machine
+from observer.robots.serial_ports import SerialPort
 from observer.sources.cameras.devices import CameraDevice
 
 

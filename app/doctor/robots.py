@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from app.doctor.finding import Finding
-from app.doctor.machine import Machine
-from app.doctor.serial_ports import port_trouble
 from app.drive.priority import permitted_priority
 from app.settings import RIG_FILE, Settings
 from observer.errors import InputError
+from observer.machine import Machine
 from observer.rig.rig import ROLES, Rig, Role
 from observer.rig.rig_file import read_rig
 from observer.robots.ports import shown_port
+from observer.robots.serial_ports import port_trouble
 
 _SECTION = "Robots"
 _ALLOW_IT = (

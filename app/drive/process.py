@@ -6,7 +6,6 @@ import logging
 import os
 import queue
 import signal
-import socket
 import time
 from typing import NoReturn
 
@@ -42,16 +41,13 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
         open_robot: where robots come from.
     """
     logging.basicConfig(level=logging.WARNING, format="drive %(process)d: %(message)s")
-    for fd in (arguments.channel, *arguments.slots.values()):
-        # No program that this one may start shall hold the channel open.
-        os.set_inheritable(fd, False)
+    sock = arguments.open_channel()
 
     inbox: Inbox = queue.SimpleQueue()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: inbox.put(None))
     # Before any thread is started: they all shall have it.
     priority = raise_priority()
-    sock = socket.socket(fileno=arguments.channel)
     sender = MessageSender(
         sock, latest=(DriveEvent,), droppable=(WheelSpeedEvent, IncidentEvent, StoppedEvent)
     )

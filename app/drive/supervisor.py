@@ -5,7 +5,6 @@ A new process has no robot: who supervises connects them anew, and nobody but a 
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -18,10 +17,10 @@ from app.drive.messages import (
     LeaveDrive,
 )
 from app.runtime.child import ChildProcess
+from app.runtime.environment import module_command
 from app.runtime.supervisor import ProcessSupervisor, SupervisorLimits
 
-# -P: the folder somebody starts the server in must not supply the modules.
-DRIVE_COMMAND: tuple[str, ...] = (sys.executable, "-P", "-m", "app.drive")
+DRIVE_COMMAND = module_command("app.drive")
 # Events come every 0.1 s. A port's own thread sends zero much sooner than a hung loop is found;
 # a stand-in would have no robots, so it would be ready no sooner.
 DRIVE_LIMITS = SupervisorLimits(

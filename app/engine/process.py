@@ -7,7 +7,6 @@ import logging
 import os
 import queue
 import signal
-import socket
 import time
 from typing import NoReturn
 
@@ -48,14 +47,11 @@ def run_engine(
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
     logging.basicConfig(level=logging.WARNING, format="engine %(process)d: %(message)s")
-    for fd in (arguments.channel, *arguments.slots.values()):
-        # No program that this one may start shall hold the channel open.
-        os.set_inheritable(fd, False)
+    sock = arguments.open_channel()
 
     inbox: Inbox = queue.SimpleQueue()
     signal.signal(signal.SIGTERM, lambda *_: inbox.put(None))
     leaving = False
-    sock = socket.socket(fileno=arguments.channel)
     sender = MessageSender(
         sock,
         latest=(HeartbeatEvent, DenseStereoEvent, BoardLookEvent),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import socket
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -26,6 +28,12 @@ class ProcessArguments:
         for name, fd in self.slots.items():
             words += ["--slot", f"{name}={fd}"]
         return words
+
+    def open_channel(self) -> socket.socket:
+        """The messages' socket; no program that this process may start will hold it open."""
+        for fd in (self.channel, *self.slots.values()):
+            os.set_inheritable(fd, False)
+        return socket.socket(fileno=self.channel)
 
 
 def parse_arguments(words: Sequence[str], name: str = "engine") -> ProcessArguments:

@@ -14,8 +14,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from app.native_environment import program_environment
 from app.runtime.arguments import ProcessArguments
+from app.runtime.environment import program_environment
 from app.runtime.pipe import encode, read_message
 from app.runtime.requests import Reply, Request
 

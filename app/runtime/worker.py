@@ -11,7 +11,6 @@ import os
 import select
 import signal
 import subprocess
-import sys
 import threading
 from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -19,14 +18,13 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO, TypeVar, cast
 
-from app.native_environment import program_environment
+from app.runtime.environment import module_command, program_environment
 from app.runtime.errors import ChannelError
 from app.runtime.jobs import Progress, Refused
 from app.runtime.pipe import encode, load_message, read_message
 from observer.errors import DynamicObserverError
 
-# -P: the folder somebody starts the server in must not supply the modules.
-_COMMAND = (sys.executable, "-P", "-m", "app.runtime.worker_main")
+_COMMAND = module_command("app.runtime.worker_main")
 _GRACE_S = 2.0
 
 _Result = TypeVar("_Result")
@@ -59,7 +57,7 @@ class Worker:
     def options(self) -> dict[str, Any]:
         """Keywords for whatever starts a process."""
         # A terminal's Ctrl-C is the server's to answer.
-        return {"env": program_environment() | self.environment, "start_new_session": True}
+        return {"env": {**program_environment(), **self.environment}, "start_new_session": True}
 
     @asynccontextmanager
     async def started(self, *arguments: str, **streams: int) -> AsyncIterator[Process]:

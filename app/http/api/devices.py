@@ -8,8 +8,8 @@ from typing import Any
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
-from app.doctor.machine import Machine
-from app.doctor.serial_ports import SerialPort, find_serial_ports
+from observer.machine import Machine
+from observer.robots.serial_ports import SerialPort, find_serial_ports
 from observer.sources.cameras.devices import CameraDevice, list_devices, shared_bus_hints
 
 router = APIRouter(tags=["source"])

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+
+from app.cli.command_line import COMMANDS, load_command
 
 from .shell import Shell, in_a_process
 
@@ -87,3 +91,39 @@ def test_a_process_ends_with_its_sentence_and_code() -> None:
     assert (done.code, done.out) == (2, "")
     assert done.err.startswith("dynamic-observer: there is no kind of source 'magic'")
     assert done.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_list_of_commands_says_what_each_says_of_itself(name: str) -> None:
+    own = load_command(name).help
+    assert own.replace("\n", " ").startswith(COMMANDS[name])
+    assert load_command(name).name == name
+
+
+def test_help_lists_every_command_in_order(shell: Shell) -> None:
+    done = shell("--help")
+    assert (done.code, done.err) == (0, "")
+    _, _, listed = done.out.partition("Commands:\n")
+    assert [line.split()[0] for line in listed.splitlines()] == list(COMMANDS)
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("chart", "--help"), ("doctor", "--help")])
+def test_what_is_only_explained_is_not_imported(arguments: tuple[str, ...]) -> None:
+    code = (
+        "import sys\n"
+        "from app.cli import main\n"
+        "try:\n"
+        "    main()\n"
+        "except SystemExit:\n"
+        "    print(*sorted({name.partition('.')[0] for name in sys.modules}), file=sys.stderr)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=60,
+        check=True,
+    )  # fmt: skip
+    heavy = {"cv2", "numpy", "scipy", "matplotlib", "fastapi", "sqlalchemy", "alembic", "viser"}
+    assert heavy & set(done.stderr.split()) == set()
+
+
+def test_one_letter_wrong_is_answered_with_the_command_that_is_meant(shell: Shell) -> None:
+    assert "Did you mean 'chart'?" in shell("chartt").err

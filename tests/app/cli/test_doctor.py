@@ -18,11 +18,11 @@ from app.doctor.address import examine_address
 from app.doctor.cameras import examine_cameras
 from app.doctor.examination import Examination, examine
 from app.doctor.finding import Finding
-from app.doctor.machine import Machine
 from app.doctor.serial_ports import examine_serial_ports
 from app.doctor.software import _packages, _video_support, examine_software
 from app.doctor.telling import tell
 from app.settings import Settings
+from observer.machine import Machine
 from observer.sources.cameras.device_files import User
 from observer.sources.cameras.spec import parse_devices
 

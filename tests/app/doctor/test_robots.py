@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from app.doctor.finding import Finding
-from app.doctor.machine import Machine
 from app.doctor.robots import examine_robots
 from app.settings import Settings
+from observer.machine import Machine
 from observer.sources.cameras.device_files import User
 
 from ...observer.sources.cameras.fake_machine import FakeMachine

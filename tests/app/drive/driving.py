@@ -27,8 +27,8 @@ from app.drive.messages import (
     TakeLease,
 )
 from app.drive.supervisor import DRIVE_COMMAND
-from app.native_environment import program_environment
 from app.runtime.arguments import ProcessArguments
+from app.runtime.environment import program_environment
 from app.runtime.latest import LatestWriter
 from app.runtime.pipe import encode, receive_message
 from app.runtime.requests import Reply, Request

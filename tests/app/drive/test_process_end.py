@@ -22,7 +22,7 @@ from app.drive.messages import (
     SIGHT_NAME,
     WHEELS_NAME,
 )
-from app.native_environment import program_environment
+from app.runtime.environment import program_environment
 
 from .driving import PROMISED_S, Drive, Eyes, Robots, report, stays_at_rest, until, zero_after
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from app.doctor.machine import Machine
+from observer.machine import Machine
 from observer.sources.cameras.device_files import User
 
 from ...observer.sources.cameras.fake_machine import FakeMachine

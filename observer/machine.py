@@ -1,4 +1,4 @@
-"""The machine that is examined; tests put another one in its place."""
+"""The computer that devices are plugged into; tests put another one in its place."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def described_ports() -> Mapping[str, str]:
 
 @dataclass(frozen=True)
 class Machine:
-    """Where the doctor looks.
+    """Where devices are looked for.
 
     Attributes:
         root: of the file system. access: the kernel, for device files.

@@ -1,12 +1,13 @@
-"""How the native libraries behave in a process of ours; to be set before they are imported."""
+"""How processes of ours are started, and how the native libraries behave in them."""
 
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-# What the person who starts us chose in the environment goes first.
+# To be set before they are imported; what the person who starts us chose goes first.
 NATIVE_ENVIRONMENT: Mapping[str, str] = {
     # The method's matrices are small. OpenBLAS's threads spin beside them, which doubles a
     # frame's time on two busy cores; it reads this while numpy is imported.
@@ -17,9 +18,15 @@ NATIVE_ENVIRONMENT: Mapping[str, str] = {
 }
 
 
+def module_command(module: str) -> tuple[str, ...]:
+    """The command that runs a module of ours, like ``python -m``."""
+    # -P: the folder somebody starts the server in must not supply the modules.
+    return (sys.executable, "-P", "-m", module)
+
+
 def program_environment() -> dict[str, str]:
     """The environment of every process that we start: our packages, and calm libraries."""
-    packages = str(Path(__file__).resolve().parents[1])
+    packages = str(Path(__file__).resolve().parents[2])
     paths = [packages, os.environ.get("PYTHONPATH", "")]
     return {
         **NATIVE_ENVIRONMENT,

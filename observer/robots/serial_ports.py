@@ -1,0 +1,84 @@
+"""Serial ports, by which robots are driven."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from observer.machine import Machine
+from observer.sources.cameras.device_files import permission_advice
+
+# USB adapters and boards; the ports of the mainboard exist whether or not anything is behind them.
+_ON_USB = re.compile(r"tty(USB|ACM)\d+")
+
+
+@dataclass(frozen=True)
+class SerialPort:
+    """One port.
+
+    Attributes:
+        path: as in ``/dev/ttyUSB0``. by_id: its name by maker and serial number, None without one.
+        description: what it says of itself, None where it says nothing.
+        trouble: why this user may not read and write it, and what to do; None: it may be used.
+    """
+
+    path: str
+    by_id: str | None
+    description: str | None
+    trouble: str | None
+
+    @property
+    def usable(self) -> bool:
+        """Whether this user may read and write it."""
+        return self.trouble is None
+
+
+def find_serial_ports(machine: Machine) -> tuple[SerialPort, ...]:
+    """The ports on USB, by name. None is opened: that resets some boards."""
+    described = {path: None if says == "n/a" else says for path, says in machine.ports().items()}
+    if sys.platform != "linux":
+        # Where ports are no device files with groups, such as COM3, pyserial alone knows them.
+        return tuple(SerialPort(path, None, says, None) for path, says in described.items())
+    by_id = _by_id(machine.root)
+    return tuple(
+        SerialPort(
+            f"/dev/{file.name}",
+            by_id.get(file.name),
+            described.get(f"/dev/{file.name}"),
+            port_trouble(file, f"/dev/{file.name}", machine),
+        )
+        for file in _on_usb(machine.root)
+    )
+
+
+def port_trouble(file: Path, shown: str, machine: Machine) -> str | None:
+    """Why a port's file may not be read and written, and what to do; None: it may be.
+
+    Args:
+        shown: the port as people know it.
+    """
+    if machine.access.may_use(file):
+        return None
+    try:
+        return permission_advice(file.resolve(), machine.root, machine.user)
+    except (OSError, ValueError):
+        return f"{shown} may not be used by you"
+
+
+def _on_usb(root: Path) -> Iterator[Path]:
+    try:
+        files = sorted((root / "dev").iterdir())
+    except OSError:
+        return
+    yield from (file for file in files if _ON_USB.fullmatch(file.name))
+
+
+def _by_id(root: Path) -> dict[str, str]:
+    folder = root / "dev" / "serial" / "by-id"
+    try:
+        return {link.resolve().name: f"/dev/serial/by-id/{link.name}" for link in folder.iterdir()}
+    except OSError:
+        return {}
