@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from app.cli import build
+from app.cli.command_line import build
 from observer.calibration.formats.opencv_file import read_calibration_file
 from observer.errors import InputError
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import build
+from app.cli.command_line import build
 from app.reports.gathering import gather
 from app.reports.page import report_html
 from app.reports.report import Report, make_report, write_figures
