@@ -25,7 +25,7 @@ from app.reports.reproduction import Played
 from observer.motion_profiles.profile import Programme
 from observer.recording.reader import Recording
 
-from ..commands.shell import Shell
+from ..cli.shell import Shell
 
 
 @pytest.fixture(scope="session")

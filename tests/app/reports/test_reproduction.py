@@ -17,8 +17,8 @@ from observer.motion_profiles.profile import Programme
 from observer.motion_profiles.profile_file import programme_from_text
 from tools.benchmark.server_process import RunningServer
 
-from ..commands.scripted_server import MINE, TOKEN, ScriptedServer, running
-from ..commands.shell import Shell
+from ..cli.scripted_server import MINE, TOKEN, ScriptedServer, running
+from ..cli.shell import Shell
 
 RECORDED = b"what was recorded"
 LATE = "no frame came for 200 ms"
