@@ -1,4 +1,4 @@
-"""How processes of ours are started, and how the native libraries behave in them."""
+"""Command and environment of processes of ours, which keep native libraries calm."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ NATIVE_ENVIRONMENT: Mapping[str, str] = {
 
 
 def module_command(module: str) -> tuple[str, ...]:
-    """The command that runs a module of ours, like ``python -m``."""
+    """Command that runs a module of ours, like ``python -m``."""
     # -P: the folder somebody starts the server in must not supply the modules.
     return (sys.executable, "-P", "-m", module)
 
 
 def program_environment() -> dict[str, str]:
-    """The environment of every process that we start: our packages, and calm libraries."""
+    """Environment of every process that we start: our packages, and calm libraries."""
     packages = str(Path(__file__).resolve().parents[2])
     paths = [packages, os.environ.get("PYTHONPATH", "")]
     return {

@@ -1,4 +1,4 @@
-"""What a worker does: jobs from stdin, progress and results to stdout."""
+"""The worker's side: jobs from stdin, progress and results to stdout."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from observer.errors import DynamicObserverError
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a job is: in words, and as a share of all."""
+    """Progress of a job: in words, and as a share of all."""
 
     words: str
     share: float

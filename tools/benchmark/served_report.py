@@ -1,4 +1,4 @@
-"""What a running server costs its loop, as Markdown."""
+"""Figures of the loop in a running server, as Markdown."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def served_markdown(served: ServedFigures) -> str:
 
 
 def drive_line(served: ServedFigures) -> str:
-    """How late the drive loop was, in one sentence."""
+    """Lateness of the drive loop, in one sentence."""
     told = "; ".join(
         f"at {r.playback_rate:g} x {_late(r.drive)}, with a run recorded besides "
         f"{_late(r.recorded)}"
