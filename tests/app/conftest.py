@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,13 @@ import pytest
 
 from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.runtime.latest import create_slot
+from app.server import Station
 from app.storage import Storage
 from observer.parameters import Parameters
 
 from .fake_drive import FakeDrive
 from .peer_engine import PeerEngine, rectified_calibration
+from .server.servers import started
 
 
 @pytest.fixture
@@ -27,6 +29,13 @@ def peer() -> PeerEngine:
 @pytest.fixture
 def drive() -> FakeDrive:
     return FakeDrive()
+
+
+@pytest.fixture
+async def station(peer: PeerEngine, storage: Storage) -> AsyncIterator[Station]:
+    """A station that observes the simulated lab, without a drive process."""
+    async with started(peer, storage) as station:
+        yield station
 
 
 @pytest.fixture

@@ -38,8 +38,6 @@ from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.parameters import preset
 
-from .server.servers import run
-
 HERE = Path(__file__).parent
 FAKE = (sys.executable, str(HERE / "fake_engine.py"))
 WORKS = (*FAKE, "works")
@@ -104,229 +102,188 @@ def gone(pid: int) -> bool:
         return True
 
 
-def test_it_starts_answers_observes_and_leaves_nothing() -> None:
-    async def work() -> None:
-        before = len(os.listdir("/dev/fd"))
-        async with Watched() as watched:
-            supervisor = watched.supervisor
-            assert [type(event) for _, event in watched.events[:2]] == [
-                EngineStartedEvent,
-                StateEvent,
-            ]
-            health = supervisor.health
-            assert (health.generation, health.alive, health.restarts) == (1, True, 0)
-            assert health.pid is not None
-            assert health.heartbeat_age_s is not None
-            assert health.heartbeat_age_s < 2
-            value = await supervisor.request(numbers())
-            assert value["state"] == "preview"
-            assert watched.all(StateEvent)[-1].state is EngineState.PREVIEW
-            await watched.wait(ObservationEvent, lambda e: e.sequence == 20)
-            sequences = [e.sequence for e in watched.all(ObservationEvent)]
-            assert sequences == list(range(len(sequences)))
-            assert await supervisor.request(WatchViews(("plain",))) == {}
-            latest = await watched.until(supervisor.views["plain"].read, "a picture")
-            assert latest.payload.startswith(b"\xff\xd8")
-            assert supervisor.cloud.read() is None
-            await watched.standby_ready()
-        await supervisor.stop()
-        assert len(os.listdir("/dev/fd")) == before
-
-    run(work(), within_s=100)
+async def test_it_starts_answers_observes_and_leaves_nothing() -> None:
+    before = len(os.listdir("/dev/fd"))
+    async with Watched() as watched:
+        supervisor = watched.supervisor
+        assert [type(event) for _, event in watched.events[:2]] == [EngineStartedEvent, StateEvent]
+        health = supervisor.health
+        assert (health.generation, health.alive, health.restarts) == (1, True, 0)
+        assert health.pid is not None
+        assert health.heartbeat_age_s is not None
+        assert health.heartbeat_age_s < 2
+        value = await supervisor.request(numbers())
+        assert value["state"] == "preview"
+        assert watched.all(StateEvent)[-1].state is EngineState.PREVIEW
+        await watched.wait(ObservationEvent, lambda e: e.sequence == 20)
+        sequences = [e.sequence for e in watched.all(ObservationEvent)]
+        assert sequences == list(range(len(sequences)))
+        assert await supervisor.request(WatchViews(("plain",))) == {}
+        latest = await watched.until(supervisor.views["plain"].read, "a picture")
+        assert latest.payload.startswith(b"\xff\xd8")
+        assert supervisor.cloud.read() is None
+        await watched.standby_ready()
+    await supervisor.stop()
+    assert len(os.listdir("/dev/fd")) == before
 
 
-def test_refusals_and_absence_are_told_apart() -> None:
-    async def work() -> None:
-        async with Watched(limits=ALONE) as watched:
-            supervisor = watched.supervisor
-            with pytest.raises(EngineRefused, match="no run is going") as refused:
-                await supervisor.request(StopRun())
-            assert refused.value.refusal == "state"
-            with pytest.raises(EngineRefused, match="there is no such parameter") as refused:
-                await supervisor.request(SetParameters({"a.b": 1}, 1))
-            assert refused.value.refusal == "input"
-        with pytest.raises(EngineUnavailable, match="is being stopped"):
+async def test_refusals_and_absence_are_told_apart() -> None:
+    async with Watched(limits=ALONE) as watched:
+        supervisor = watched.supervisor
+        with pytest.raises(EngineRefused, match="no run is going") as refused:
             await supervisor.request(StopRun())
-
-    run(work(), within_s=100)
+        assert refused.value.refusal == "state"
+        with pytest.raises(EngineRefused, match="there is no such parameter") as refused:
+            await supervisor.request(SetParameters({"a.b": 1}, 1))
+        assert refused.value.refusal == "input"
+    with pytest.raises(EngineUnavailable, match="is being stopped"):
+        await supervisor.request(StopRun())
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV, signal.SIGSTOP])
-def test_a_dead_or_hung_engine_is_replaced_in_time(number: signal.Signals) -> None:
-    async def work() -> None:
-        async with Watched() as watched:
-            supervisor = watched.supervisor
-            await supervisor.request(numbers())
-            await watched.standby_ready()
-            first = supervisor.health.pid
-            assert first is not None
-            begin = time.monotonic()
-            os.kill(first, number)
-            await watched.wait(EngineStartedEvent, lambda e: e.generation == 2)
-            at = {type(e): t for t, e in watched.events if t > begin}
-            assert at[EngineStartedEvent] - begin < REPLACED_WITHIN_S
-            lost = watched.all(EngineLostEvent)[0]
-            assert lost.generation == 1
-            expected = "no sign of life" if number == signal.SIGSTOP else number.name
-            assert expected in lost.reason
-            order = [type(e) for _, e in watched.events if not isinstance(e, HeartbeatEvent)]
-            assert order.index(EngineLostEvent) < len(order) - order[::-1].index(EngineStartedEvent)
-            assert gone(first)
-            health = supervisor.health
-            assert health.restarts == 1
-            assert health.pid != first
-            # The next engine is idle and does what the first one did.
-            assert watched.all(StateEvent)[-1].state is EngineState.IDLE
-            await supervisor.request(numbers())
-            sequence = supervisor.views["plain"].read()
-            await supervisor.request(WatchViews(("plain",)))
-            await watched.until(
-                lambda: supervisor.views["plain"].read(sequence.sequence if sequence else 0),
-                "a picture of the next engine",
-            )
-
-    run(work(), within_s=100)
-
-
-def test_a_main_loop_that_hangs_is_replaced_although_its_threads_live() -> None:
-    async def work() -> None:
-        async with Watched() as watched:
-            await watched.standby_ready()
-            begin = time.monotonic()
-            await watched.supervisor.request(numbers("hang"))
-            await watched.wait(EngineLostEvent)
-            assert "no sign of life" in watched.all(EngineLostEvent)[0].reason
-            await watched.wait(EngineStartedEvent, lambda e: e.generation == 2)
-            assert time.monotonic() - begin < REPLACED_WITHIN_S + 0.5
-
-    run(work(), within_s=100)
-
-
-def test_a_request_to_an_engine_that_dies_fails_at_once() -> None:
-    async def work() -> None:
-        async with Watched(limits=ALONE) as watched:
-            begin = time.monotonic()
-            with pytest.raises(EngineUnavailable, match="ended before it answered OpenSource"):
-                await watched.supervisor.request(numbers("exit"), timeout_s=30)
-            assert time.monotonic() - begin < 10
-            await watched.wait(EngineLostEvent)
-            assert "exit code 7" in watched.all(EngineLostEvent)[0].reason
-
-    run(work(), within_s=100)
-
-
-def test_a_request_that_is_not_answered_times_out() -> None:
-    async def work() -> None:
-        limits = SupervisorLimits(hang_s=30, standby_delay_s=None)
-        async with Watched(limits=limits) as watched:
-            pid = watched.supervisor.health.pid
-            assert pid is not None
-            os.kill(pid, signal.SIGSTOP)
-            with pytest.raises(EngineUnavailable, match=r"did not answer StopRun within 0.3 s"):
-                await watched.supervisor.request(StopRun(), timeout_s=0.3)
-            begin = time.monotonic()
-        # Stopping ends a stopped engine as well.
-        assert gone(pid)
-        assert time.monotonic() - begin < 10
-
-    run(work(), within_s=100)
-
-
-def test_an_engine_that_dies_again_and_again_is_not_restarted_in_a_spin() -> None:
-    async def work() -> None:
-        limits = SupervisorLimits(standby_delay_s=0.0, backoff_s=0.2)
-        async with Watched(limits=limits) as watched:
-
-            def open_deadly(event: Any) -> None:
-                if isinstance(event, EngineStartedEvent):
-                    deadly.append(asyncio.create_task(watched.supervisor.request(numbers("exit"))))
-
-            await watched.standby_ready()
-            deadly: list[asyncio.Task[Any]] = []
-            unsubscribe = watched.supervisor.subscribe(open_deadly)
-            open_deadly(EngineStartedEvent(1, 0))
-            await watched.wait(EngineStartedEvent, lambda e: e.generation == 4)
-            unsubscribe()
-            await asyncio.gather(*deadly, return_exceptions=True)
-            starts = [t for t, e in watched.events if isinstance(e, EngineStartedEvent)]
-            losses = [t for t, e in watched.events if isinstance(e, EngineLostEvent)]
-            pauses = [start - lost for start, lost in zip(starts[1:], losses, strict=False)]
-            assert pauses[0] < REPLACED_WITHIN_S, "a single death is made good at once"
-            assert pauses[1] >= 0.2
-            assert pauses[2] >= 0.4
-
-    run(work(), within_s=100)
-
-
-def test_an_engine_that_never_starts_is_given_up_with_its_reason() -> None:
-    async def work() -> None:
-        dies = (sys.executable, "-c", "exit(3)")
-        watched = Watched(dies, limits=SupervisorLimits(backoff_s=0.05))
-        with pytest.raises(EngineUnavailable, match="exit code 3, 3 times in a row"):
-            await watched.supervisor.start()
-
-    run(work(), within_s=100)
-
-
-def test_an_engine_that_never_says_a_word_is_given_up() -> None:
-    async def work() -> None:
-        silent = (sys.executable, "-c", "import time; time.sleep(3600)")
-        watched = Watched(silent, limits=SupervisorLimits(start_s=0.4, backoff_s=0.05))
-        with pytest.raises(EngineUnavailable, match="no sign of life"):
-            await watched.supervisor.start()
-
-    run(work(), within_s=100)
-
-
-def test_a_program_that_is_not_there_is_one_sentence() -> None:
-    async def work() -> None:
-        supervisor = Supervisor(
-            command=("/nowhere/python",), limits=SupervisorLimits(backoff_s=0.05)
+async def test_a_dead_or_hung_engine_is_replaced_in_time(number: signal.Signals) -> None:
+    async with Watched() as watched:
+        supervisor = watched.supervisor
+        await supervisor.request(numbers())
+        await watched.standby_ready()
+        first = supervisor.health.pid
+        assert first is not None
+        begin = time.monotonic()
+        os.kill(first, number)
+        await watched.wait(EngineStartedEvent, lambda e: e.generation == 2)
+        at = {type(e): t for t, e in watched.events if t > begin}
+        assert at[EngineStartedEvent] - begin < REPLACED_WITHIN_S
+        lost = watched.all(EngineLostEvent)[0]
+        assert lost.generation == 1
+        expected = "no sign of life" if number == signal.SIGSTOP else number.name
+        assert expected in lost.reason
+        order = [type(e) for _, e in watched.events if not isinstance(e, HeartbeatEvent)]
+        assert order.index(EngineLostEvent) < len(order) - order[::-1].index(EngineStartedEvent)
+        assert gone(first)
+        health = supervisor.health
+        assert health.restarts == 1
+        assert health.pid != first
+        # The next engine is idle and does what the first one did.
+        assert watched.all(StateEvent)[-1].state is EngineState.IDLE
+        await supervisor.request(numbers())
+        sequence = supervisor.views["plain"].read()
+        await supervisor.request(WatchViews(("plain",)))
+        await watched.until(
+            lambda: supervisor.views["plain"].read(sequence.sequence if sequence else 0),
+            "a picture of the next engine",
         )
-        with pytest.raises(EngineUnavailable, match=r"cannot be started: .*No such file"):
-            await supervisor.start()
-
-    run(work(), within_s=100)
 
 
-def test_a_blocked_event_loop_is_not_taken_for_a_hung_engine() -> None:
-    async def work() -> None:
-        async with Watched(limits=ALONE) as watched:
-            await watched.supervisor.request(numbers())
-            pid = watched.supervisor.health.pid
-            time.sleep(2.5)
-            await asyncio.sleep(0.5)
-            assert watched.supervisor.health.pid == pid
-            assert watched.all(EngineLostEvent) == []
-            # 50 frames/s for 2.5 s are more than wait for anybody: what was lost was counted.
-
-            def counted() -> bool:
-                sequences = [e.sequence for e in watched.all(ObservationEvent)]
-                missing = sequences[-1] + 1 - len(sequences)
-                return missing == watched.supervisor.health.observations_lost
-
-            await watched.until(counted, "the count of what was lost")
-
-    run(work(), within_s=100)
+async def test_a_main_loop_that_hangs_is_replaced_although_its_threads_live() -> None:
+    async with Watched() as watched:
+        await watched.standby_ready()
+        begin = time.monotonic()
+        await watched.supervisor.request(numbers("hang"))
+        await watched.wait(EngineLostEvent)
+        assert "no sign of life" in watched.all(EngineLostEvent)[0].reason
+        await watched.wait(EngineStartedEvent, lambda e: e.generation == 2)
+        assert time.monotonic() - begin < REPLACED_WITHIN_S + 0.5
 
 
-def test_a_listener_that_fails_harms_nobody() -> None:
-    async def work() -> None:
-        async with Watched(limits=ALONE) as watched:
+async def test_a_request_to_an_engine_that_dies_fails_at_once() -> None:
+    async with Watched(limits=ALONE) as watched:
+        begin = time.monotonic()
+        with pytest.raises(EngineUnavailable, match="ended before it answered OpenSource"):
+            await watched.supervisor.request(numbers("exit"), timeout_s=30)
+        assert time.monotonic() - begin < 10
+        await watched.wait(EngineLostEvent)
+        assert "exit code 7" in watched.all(EngineLostEvent)[0].reason
 
-            def failing(_: Any) -> None:
-                raise ValueError("on purpose")
 
-            watched.supervisor.subscribe(failing)
-            heard: list[Any] = []
-            unsubscribe = watched.supervisor.subscribe(heard.append)
-            await watched.until(lambda: len(heard) > 3, "events behind a failing listener")
-            unsubscribe()
-            count = len(heard)
-            await asyncio.sleep(0.2)
-            assert len(heard) == count
+async def test_a_request_that_is_not_answered_times_out() -> None:
+    limits = SupervisorLimits(hang_s=30, standby_delay_s=None)
+    async with Watched(limits=limits) as watched:
+        pid = watched.supervisor.health.pid
+        assert pid is not None
+        os.kill(pid, signal.SIGSTOP)
+        with pytest.raises(EngineUnavailable, match=r"did not answer StopRun within 0.3 s"):
+            await watched.supervisor.request(StopRun(), timeout_s=0.3)
+        begin = time.monotonic()
+    # Stopping ends a stopped engine as well.
+    assert gone(pid)
+    assert time.monotonic() - begin < 10
 
-    run(work(), within_s=100)
+
+async def test_an_engine_that_dies_again_and_again_is_not_restarted_in_a_spin() -> None:
+    limits = SupervisorLimits(standby_delay_s=0.0, backoff_s=0.2)
+    async with Watched(limits=limits) as watched:
+
+        def open_deadly(event: Any) -> None:
+            if isinstance(event, EngineStartedEvent):
+                deadly.append(asyncio.create_task(watched.supervisor.request(numbers("exit"))))
+
+        await watched.standby_ready()
+        deadly: list[asyncio.Task[Any]] = []
+        unsubscribe = watched.supervisor.subscribe(open_deadly)
+        open_deadly(EngineStartedEvent(1, 0))
+        await watched.wait(EngineStartedEvent, lambda e: e.generation == 4)
+        unsubscribe()
+        await asyncio.gather(*deadly, return_exceptions=True)
+        starts = [t for t, e in watched.events if isinstance(e, EngineStartedEvent)]
+        losses = [t for t, e in watched.events if isinstance(e, EngineLostEvent)]
+        pauses = [start - lost for start, lost in zip(starts[1:], losses, strict=False)]
+        assert pauses[0] < REPLACED_WITHIN_S, "a single death is made good at once"
+        assert pauses[1] >= 0.2
+        assert pauses[2] >= 0.4
+
+
+async def test_an_engine_that_never_starts_is_given_up_with_its_reason() -> None:
+    dies = (sys.executable, "-c", "exit(3)")
+    watched = Watched(dies, limits=SupervisorLimits(backoff_s=0.05))
+    with pytest.raises(EngineUnavailable, match="exit code 3, 3 times in a row"):
+        await watched.supervisor.start()
+
+
+async def test_an_engine_that_never_says_a_word_is_given_up() -> None:
+    silent = (sys.executable, "-c", "import time; time.sleep(3600)")
+    watched = Watched(silent, limits=SupervisorLimits(start_s=0.4, backoff_s=0.05))
+    with pytest.raises(EngineUnavailable, match="no sign of life"):
+        await watched.supervisor.start()
+
+
+async def test_a_program_that_is_not_there_is_one_sentence() -> None:
+    supervisor = Supervisor(command=("/nowhere/python",), limits=SupervisorLimits(backoff_s=0.05))
+    with pytest.raises(EngineUnavailable, match=r"cannot be started: .*No such file"):
+        await supervisor.start()
+
+
+async def test_a_blocked_event_loop_is_not_taken_for_a_hung_engine() -> None:
+    async with Watched(limits=ALONE) as watched:
+        await watched.supervisor.request(numbers())
+        pid = watched.supervisor.health.pid
+        time.sleep(2.5)
+        await asyncio.sleep(0.5)
+        assert watched.supervisor.health.pid == pid
+        assert watched.all(EngineLostEvent) == []
+        # 50 frames/s for 2.5 s are more than wait for anybody: what was lost was counted.
+
+        def counted() -> bool:
+            sequences = [e.sequence for e in watched.all(ObservationEvent)]
+            missing = sequences[-1] + 1 - len(sequences)
+            return missing == watched.supervisor.health.observations_lost
+
+        await watched.until(counted, "the count of what was lost")
+
+
+async def test_a_listener_that_fails_harms_nobody() -> None:
+    async with Watched(limits=ALONE) as watched:
+
+        def failing(_: Any) -> None:
+            raise ValueError("on purpose")
+
+        watched.supervisor.subscribe(failing)
+        heard: list[Any] = []
+        unsubscribe = watched.supervisor.subscribe(heard.append)
+        await watched.until(lambda: len(heard) > 3, "events behind a failing listener")
+        unsubscribe()
+        count = len(heard)
+        await asyncio.sleep(0.2)
+        assert len(heard) == count
 
 
 @pytest.mark.parametrize(
@@ -394,70 +351,63 @@ def stereo_folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_real_engine_plays_observes_and_draws_a_stereo_folder(stereo_folder: Path) -> None:
-    async def work() -> None:
-        async with Watched(REAL, limits=ALONE) as watched:
-            supervisor = watched.supervisor
-            await supervisor.request(WatchViews((*VIEW_NAMES, CLOUD_NAME)))
-            parameters = preset("paper").flat()
-            value = await supervisor.request(
-                OpenSource(str(stereo_folder), None, parameters, 4, run_id="r", segment=2)
-            )
-            assert value["state"] == "running"
-            event = await watched.wait(ObservationEvent, lambda e: e.line["segment"] == 3)
-            events = watched.all(ObservationEvent)
-            assert [e.line["frame"] for e in events] == list(range(len(events)))
-            assert event.line["frame"] == 10
-            assert event.run_id == "r"
-            assert event.line["parameters_revision"] == 4
-            for name in VIEW_NAMES:
-                latest = await watched.until(supervisor.views[name].read, name)
-                image = cv2.imdecode(np.frombuffer(latest.payload, np.uint8), cv2.IMREAD_COLOR)
-                assert image is not None
-                assert image.shape == (200, 320, 3)
-                assert (latest.header["width"], latest.header["height"]) == (320, 200)
-            cloud = await watched.until(supervisor.cloud.read, "a cloud")
-            assert cloud.header["count"] > 1000
-            assert len(cloud.payload) == 15 * cloud.header["count"]
-            frame = (await supervisor.request(SetParameters(parameters, 5)))["frame"]
-            await watched.wait(
-                ObservationEvent,
-                lambda e: e.line["frame"] >= frame and e.line["parameters_revision"] == 5,
-            )
-            playback = await supervisor.request(SetPlayback(paused=True))
-            assert playback["paused"] is True
-            text = (stereo_folder / "calibration.yaml").read_text()
-            preview = await supervisor.request(PreviewCalibration(text))
-            assert preview["vertical_error_px"] == pytest.approx(0.0, abs=0.3)
-            assert preview["jpeg"].startswith(b"\xff\xd8")
+async def test_the_real_engine_plays_observes_and_draws_a_stereo_folder(
+    stereo_folder: Path,
+) -> None:
+    async with Watched(REAL, limits=ALONE) as watched:
+        supervisor = watched.supervisor
+        await supervisor.request(WatchViews((*VIEW_NAMES, CLOUD_NAME)))
+        parameters = preset("paper").flat()
+        value = await supervisor.request(
+            OpenSource(str(stereo_folder), None, parameters, 4, run_id="r", segment=2)
+        )
+        assert value["state"] == "running"
+        event = await watched.wait(ObservationEvent, lambda e: e.line["segment"] == 3)
+        events = watched.all(ObservationEvent)
+        assert [e.line["frame"] for e in events] == list(range(len(events)))
+        assert event.line["frame"] == 10
+        assert event.run_id == "r"
+        assert event.line["parameters_revision"] == 4
+        for name in VIEW_NAMES:
+            latest = await watched.until(supervisor.views[name].read, name)
+            image = cv2.imdecode(np.frombuffer(latest.payload, np.uint8), cv2.IMREAD_COLOR)
+            assert image is not None
+            assert image.shape == (200, 320, 3)
+            assert (latest.header["width"], latest.header["height"]) == (320, 200)
+        cloud = await watched.until(supervisor.cloud.read, "a cloud")
+        assert cloud.header["count"] > 1000
+        assert len(cloud.payload) == 15 * cloud.header["count"]
+        frame = (await supervisor.request(SetParameters(parameters, 5)))["frame"]
+        await watched.wait(
+            ObservationEvent,
+            lambda e: e.line["frame"] >= frame and e.line["parameters_revision"] == 5,
+        )
+        playback = await supervisor.request(SetPlayback(paused=True))
+        assert playback["paused"] is True
+        text = (stereo_folder / "calibration.yaml").read_text()
+        preview = await supervisor.request(PreviewCalibration(text))
+        assert preview["vertical_error_px"] == pytest.approx(0.0, abs=0.3)
+        assert preview["jpeg"].startswith(b"\xff\xd8")
 
-    run(work(), within_s=100)
 
-
-def test_the_real_engine_says_what_to_do_without_a_calibration(stereo_folder: Path) -> None:
+async def test_the_real_engine_says_what_to_do_without_a_calibration(stereo_folder: Path) -> None:
     (stereo_folder / "calibration.yaml").unlink()
 
-    async def work() -> None:
-        async with Watched(REAL, limits=ALONE) as watched:
-            with pytest.raises(EngineRefused, match="calibration") as refused:
-                await watched.supervisor.request(numbers(str(stereo_folder)))
-            assert refused.value.refusal == "input"
-            with pytest.raises(EngineRefused, match="there is no kind of source"):
-                await watched.supervisor.request(numbers("nonsense:1"))
-            failed = watched.all(StateEvent)[-1]
-            assert failed.state is EngineState.FAILED
-
-    run(work(), within_s=100)
+    async with Watched(REAL, limits=ALONE) as watched:
+        with pytest.raises(EngineRefused, match="calibration") as refused:
+            await watched.supervisor.request(numbers(str(stereo_folder)))
+        assert refused.value.refusal == "input"
+        with pytest.raises(EngineRefused, match="there is no kind of source"):
+            await watched.supervisor.request(numbers("nonsense:1"))
+        failed = watched.all(StateEvent)[-1]
+        assert failed.state is EngineState.FAILED
 
 
-def test_the_real_engine_observes_the_simulated_lab_with_truth() -> None:
-    async def work() -> None:
-        async with Watched(REAL, limits=ALONE) as watched:
-            await watched.supervisor.request(
-                OpenSource("simulated:lab", None, preset("paper").flat(), 1), timeout_s=PATIENCE_S
-            )
-            event = await watched.wait(ObservationEvent, lambda e: e.line["frame"] == 5)
-            assert watched.all(StateEvent)[-1].has_truth
-            assert {body["role"] for body in event.truth} == {"observer", "obstacle"}
-
-    run(work(), within_s=100)
+async def test_the_real_engine_observes_the_simulated_lab_with_truth() -> None:
+    async with Watched(REAL, limits=ALONE) as watched:
+        await watched.supervisor.request(
+            OpenSource("simulated:lab", None, preset("paper").flat(), 1), timeout_s=PATIENCE_S
+        )
+        event = await watched.wait(ObservationEvent, lambda e: e.line["frame"] == 5)
+        assert watched.all(StateEvent)[-1].has_truth
+        assert {body["role"] for body in event.truth} == {"observer", "obstacle"}

@@ -31,8 +31,6 @@ from app.supervisor import Supervisor
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import serve_tcp
 
-from ..server.servers import run
-
 PATIENCE_S = 20.0
 
 
@@ -65,97 +63,82 @@ class Watched:
         return None if robot is None else robot["state"]
 
 
-def test_it_answers_refuses_and_leaves_nothing(slots: dict[str, int]) -> None:
-    async def work() -> None:
-        before = len(os.listdir("/dev/fd"))
-        async with Watched(slots) as watched:
-            first = [type(event) for event in watched.events[:2]]
-            assert first == [DriveStartedEvent, DriveEvent]
-            health = watched.drive.health
-            assert (health.generation, health.alive, health.restarts) == (1, True, 0)
-            assert health.heartbeat_age_s is not None
-            assert health.heartbeat_age_s < 1
-            with pytest.raises(ProcessRefused, match="no robot is connected") as refused:
-                await watched.drive.request(ArmRobot("observer", None))
-            assert refused.value.refusal == "state"
-            with pytest.raises(ProcessRefused, match="'nonsense'") as refused:
-                await watched.drive.request(ConnectRobot("observer", "nonsense", None, "real"))
-            assert refused.value.refusal == "input"
-            assert await watched.drive.request(StopRobots("Ann")) == {}
-            await watched.until(lambda: watched.all(IncidentEvent), "the incident")
-            assert watched.all(IncidentEvent)[0].kind == "stop"
-        await watched.drive.stop()
-        with pytest.raises(ProcessUnavailable, match="is being stopped"):
-            await watched.drive.request(StopRobots("Ann"))
-        assert len(os.listdir("/dev/fd")) == before
-
-    run(work())
+async def test_it_answers_refuses_and_leaves_nothing(slots: dict[str, int]) -> None:
+    before = len(os.listdir("/dev/fd"))
+    async with Watched(slots) as watched:
+        first = [type(event) for event in watched.events[:2]]
+        assert first == [DriveStartedEvent, DriveEvent]
+        health = watched.drive.health
+        assert (health.generation, health.alive, health.restarts) == (1, True, 0)
+        assert health.heartbeat_age_s is not None
+        assert health.heartbeat_age_s < 1
+        with pytest.raises(ProcessRefused, match="no robot is connected") as refused:
+            await watched.drive.request(ArmRobot("observer", None))
+        assert refused.value.refusal == "state"
+        with pytest.raises(ProcessRefused, match="'nonsense'") as refused:
+            await watched.drive.request(ConnectRobot("observer", "nonsense", None, "real"))
+        assert refused.value.refusal == "input"
+        assert await watched.drive.request(StopRobots("Ann")) == {}
+        await watched.until(lambda: watched.all(IncidentEvent), "the incident")
+        assert watched.all(IncidentEvent)[0].kind == "stop"
+    await watched.drive.stop()
+    with pytest.raises(ProcessUnavailable, match="is being stopped"):
+        await watched.drive.request(StopRobots("Ann"))
+    assert len(os.listdir("/dev/fd")) == before
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_one_that_dies_or_hangs_is_replaced_and_connects_nothing(
+async def test_one_that_dies_or_hangs_is_replaced_and_connects_nothing(
     slots: dict[str, int], number: signal.Signals
 ) -> None:
-    async def work() -> None:
-        robot = serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic()))
-        with robot:
-            async with Watched(slots) as watched:
-                await watched.drive.request(ConnectRobot("obstacle", robot.port, None, "real"))
-                lease = (await watched.drive.request(TakeLease("obstacle", "Ann")))["lease"]
-                await watched.until(lambda: watched.state("obstacle") == "disarmed", "the robot")
-                await watched.drive.request(ArmRobot("obstacle", lease))
-                pid = watched.drive.health.pid
-                assert pid is not None
-                begun = time.monotonic()
-                os.kill(pid, number)
-                await watched.until(lambda: watched.all(DriveLostEvent), "the loss")
-                lost = time.monotonic() - begun
-                sys.stdout.write(f"\n{number.name}: known to be lost after {lost:.2f} s\n")
-                assert lost < 2.0
-                await watched.until(lambda: len(watched.all(DriveStartedEvent)) == 2, "another")
-                assert watched.all(DriveLostEvent)[0].reason == (
-                    "the drive process ended by SIGKILL"
-                    if number == signal.SIGKILL
-                    else watched.all(DriveLostEvent)[0].reason
+    robot = serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic()))
+    with robot:
+        async with Watched(slots) as watched:
+            await watched.drive.request(ConnectRobot("obstacle", robot.port, None, "real"))
+            lease = (await watched.drive.request(TakeLease("obstacle", "Ann")))["lease"]
+            await watched.until(lambda: watched.state("obstacle") == "disarmed", "the robot")
+            await watched.drive.request(ArmRobot("obstacle", lease))
+            pid = watched.drive.health.pid
+            assert pid is not None
+            begun = time.monotonic()
+            os.kill(pid, number)
+            await watched.until(lambda: watched.all(DriveLostEvent), "the loss")
+            lost = time.monotonic() - begun
+            sys.stdout.write(f"\n{number.name}: known to be lost after {lost:.2f} s\n")
+            assert lost < 2.0
+            await watched.until(lambda: len(watched.all(DriveStartedEvent)) == 2, "another")
+            assert watched.all(DriveLostEvent)[0].reason == (
+                "the drive process ended by SIGKILL"
+                if number == signal.SIGKILL
+                else watched.all(DriveLostEvent)[0].reason
+            )
+            assert "the drive process" in watched.all(DriveLostEvent)[0].reason
+            await watched.until(lambda: watched.state("obstacle") is None, "its facts")
+            assert watched.drive.health.restarts == 1
+            with pytest.raises(ProcessRefused, match="not in force"):
+                await watched.drive.request(
+                    DriveCommand("obstacle", lease, 1, time.monotonic(), 0.3, 0.0)
                 )
-                assert "the drive process" in watched.all(DriveLostEvent)[0].reason
-                await watched.until(lambda: watched.state("obstacle") is None, "its facts")
-                assert watched.drive.health.restarts == 1
-                with pytest.raises(ProcessRefused, match="not in force"):
-                    await watched.drive.request(
-                        DriveCommand("obstacle", lease, 1, time.monotonic(), 0.3, 0.0)
-                    )
-
-    run(work())
 
 
-def test_stopping_it_says_goodbye_to_the_robots(slots: dict[str, int]) -> None:
-    async def work() -> None:
-        with serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic())) as robot:
-            async with Watched(slots) as watched:
-                await watched.drive.request(ConnectRobot("obstacle", robot.port, None, "real"))
-                await watched.until(lambda: watched.state("obstacle") == "disarmed", "the robot")
-                assert robot.robot.firmware.is_open
-            assert not robot.robot.firmware.is_open
-
-    run(work())
+async def test_stopping_it_says_goodbye_to_the_robots(slots: dict[str, int]) -> None:
+    with serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic())) as robot:
+        async with Watched(slots) as watched:
+            await watched.drive.request(ConnectRobot("obstacle", robot.port, None, "real"))
+            await watched.until(lambda: watched.state("obstacle") == "disarmed", "the robot")
+            assert robot.robot.firmware.is_open
+        assert not robot.robot.firmware.is_open
 
 
-def test_one_that_cannot_start_is_given_up(slots: dict[str, int]) -> None:
-    async def work() -> None:
-        limits = SupervisorLimits(standby_delay_s=None, backoff_s=0.01)
-        watched = Watched(slots, command=(sys.executable, "-c", "exit(3)"), limits=limits)
-        with pytest.raises(ProcessUnavailable, match="drive process ended with exit code 3, 3 ti"):
-            await watched.drive.start()
-
-    run(work())
+async def test_one_that_cannot_start_is_given_up(slots: dict[str, int]) -> None:
+    limits = SupervisorLimits(standby_delay_s=None, backoff_s=0.01)
+    watched = Watched(slots, command=(sys.executable, "-c", "exit(3)"), limits=limits)
+    with pytest.raises(ProcessUnavailable, match="drive process ended with exit code 3, 3 ti"):
+        await watched.drive.start()
 
 
-def test_the_engines_supervisor_has_the_slots_that_both_share() -> None:
-    async def work() -> None:
-        engine = Supervisor()
-        async with Watched(dict(engine.shared_slots)) as watched:
-            assert watched.drive.health.alive
-        await engine.stop()
-
-    run(work())
+async def test_the_engines_supervisor_has_the_slots_that_both_share() -> None:
+    engine = Supervisor()
+    async with Watched(dict(engine.shared_slots)) as watched:
+        assert watched.drive.health.alive
+    await engine.stop()

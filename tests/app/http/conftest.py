@@ -127,6 +127,19 @@ def serve(tmp_path: Path, peer: Any, drive: Any, storage: Storage) -> ServedFact
 
 
 @pytest.fixture
+async def served(serve: ServedFactory) -> AsyncIterator[Served]:
+    """The application with the settings it has unless told otherwise."""
+    async with serve() as served:
+        yield served
+
+
+@pytest.fixture
+def http(served: Served) -> httpx.AsyncClient:
+    """The client of ``served`` that comes with the token."""
+    return served.http
+
+
+@pytest.fixture
 def serve_app() -> Callable[[Any, Settings], AbstractAsyncContextManager[Served]]:
     """Serve an application that the test put together itself."""
     return serving

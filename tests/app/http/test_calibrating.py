@@ -22,7 +22,7 @@ from app.server.calibrating import session as calibration_desk
 from app.workers.calibration.messages import Fitted, FitViews
 from observer.calibration.formats.opencv_file import calibration_id
 
-from .scenarios import JSON, run
+from .wire import JSON, UPLOAD_HEAD
 
 CAMERAS = {"source": "simulated:calibration"}
 BOARD = {"kind": "chessboard", "columns": "9", "rows": "6", "square_mm": "25"}
@@ -76,113 +76,104 @@ def images(content: bytes, **fields: str) -> dict[str, Any]:
 # --- the whole way --------------------------------------------------------------------------
 
 
-def test_from_the_board_to_the_calibration_in_use(serve: Any, peer: Any, quick: str) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        assert await facts(http) is None
-        body = {**CAMERAS, "kind": "charuco", "columns": 7, "rows": 5, "square_mm": 30.5}
-        begun = await http.post("/api/calibrating", json=body)
-        assert begun.status_code == 201, begun.text
-        told = begun.json()["calibrating"]
-        assert told["source"] == CAMERAS["source"]
-        assert (told["board"]["kind"], told["board"]["square_mm"]) == ("charuco", 30.5)
-        assert (told["size"], told["automatic"], told["views"]) == ([512, 256], True, [])
-        assert isinstance(peer.commands[-1], BeginCalibration)
-        assert peer.commands[-1].board.square_m == pytest.approx(0.0305)
-        for path in ("/api/calibrating/result", "/api/calibrating/preview"):
-            assert (await http.get(path)).status_code == 409
-        for path, more in (("compute", {}), ("save", {"name": "x"})):
-            assert (await http.post(f"/api/calibrating/{path}", json=more)).status_code == 409
+async def test_from_the_board_to_the_calibration_in_use(http: Any, peer: Any, quick: str) -> None:
+    assert await facts(http) is None
+    body = {**CAMERAS, "kind": "charuco", "columns": 7, "rows": 5, "square_mm": 30.5}
+    begun = await http.post("/api/calibrating", json=body)
+    assert begun.status_code == 201, begun.text
+    told = begun.json()["calibrating"]
+    assert told["source"] == CAMERAS["source"]
+    assert (told["board"]["kind"], told["board"]["square_mm"]) == ("charuco", 30.5)
+    assert (told["size"], told["automatic"], told["views"]) == ([512, 256], True, [])
+    assert isinstance(peer.commands[-1], BeginCalibration)
+    assert peer.commands[-1].board.square_m == pytest.approx(0.0305)
+    for path in ("/api/calibrating/result", "/api/calibrating/preview"):
+        assert (await http.get(path)).status_code == 409
+    for path, more in (("compute", {}), ("save", {"name": "x"})):
+        assert (await http.post(f"/api/calibrating/{path}", json=more)).status_code == 409
 
-        peer.board_seen = True
-        for _ in range(3):
-            shot = await http.patch("/api/calibrating", json={"capture": True})
-            assert shot.is_success, shot.text
-        peer.look(words="Captured 3", coverage={"X": 0.4}, covered="left", cover_asked=True)
-        told = await facts(http)
-        assert [view["name"] for view in told["views"]] == ["1", "2", "3"]
-        assert told["look"]["coverage"] == {"X": 0.4}
-        assert told["look"]["cover_asked"] is True
-        jpeg = await http.get("/api/calibrating/views/2/right.jpg")
-        assert jpeg.headers["content-type"] == "image/jpeg"
-        assert jpeg.content.startswith(b"\xff\xd8")
-        removed = await http.patch("/api/calibrating", json={"remove": "2"})
-        assert [view["name"] for view in removed.json()["calibrating"]["views"]] == ["1", "3"]
-        assert (await http.get("/api/calibrating/views/2/left.jpg")).status_code == 404
+    peer.board_seen = True
+    for _ in range(3):
+        shot = await http.patch("/api/calibrating", json={"capture": True})
+        assert shot.is_success, shot.text
+    peer.look(words="Captured 3", coverage={"X": 0.4}, covered="left", cover_asked=True)
+    told = await facts(http)
+    assert [view["name"] for view in told["views"]] == ["1", "2", "3"]
+    assert told["look"]["coverage"] == {"X": 0.4}
+    assert told["look"]["cover_asked"] is True
+    jpeg = await http.get("/api/calibrating/views/2/right.jpg")
+    assert jpeg.headers["content-type"] == "image/jpeg"
+    assert jpeg.content.startswith(b"\xff\xd8")
+    removed = await http.patch("/api/calibrating", json={"remove": "2"})
+    assert [view["name"] for view in removed.json()["calibrating"]["views"]] == ["1", "3"]
+    assert (await http.get("/api/calibrating/views/2/left.jpg")).status_code == 404
 
-        asked = await http.post("/api/calibrating/compute", json={"distortion_model": "radtan"})
-        assert asked.status_code == 202
-        # From this moment on: who asks at once for another one is refused.
-        assert asked.json()["calibrating"]["computing"] is not None
-        assert (await http.post("/api/calibrating/compute", json={})).status_code == 409
-        while (await facts(http))["result"] is None:
-            await asyncio.sleep(0.01)
-        result = (await http.get("/api/calibrating/result")).json()
-        assert result == {"views": ["1", "3"], "report": {"stereo_rms_px": 0.2, "views": 2}}
-        preview = await http.get("/api/calibrating/preview")
-        assert preview.headers["x-vertical-error-px"] == "0.125"
+    asked = await http.post("/api/calibrating/compute", json={"distortion_model": "radtan"})
+    assert asked.status_code == 202
+    # From this moment on: who asks at once for another one is refused.
+    assert asked.json()["calibrating"]["computing"] is not None
+    assert (await http.post("/api/calibrating/compute", json={})).status_code == 409
+    while (await facts(http))["result"] is None:
+        await asyncio.sleep(0.01)
+    result = (await http.get("/api/calibrating/result")).json()
+    assert result == {"views": ["1", "3"], "report": {"stereo_rms_px": 0.2, "views": 2}}
+    preview = await http.get("/api/calibrating/preview")
+    assert preview.headers["x-vertical-error-px"] == "0.125"
 
-        kept = await http.post("/api/calibrating/save", json={"name": "Bänk", "activate": False})
-        assert kept.status_code == 201, kept.text
-        assert (kept.json()["name"], kept.json()["active"]) == ("Bänk", False)
-        assert await facts(http) is not None
-        used = (await http.post("/api/calibrating/save", json={"name": "Bench"})).json()
-        assert (used["id"], used["active"]) == (calibration_id(quick), True)
-        assert used["origin"] == "calibrated here"
-        assert used["report"]["stereo_rms_px"] == 0.2
-        assert await facts(http) is None
-        assert peer.opened.source == CAMERAS["source"]
-        (listed,) = (await http.get("/api/calibrations")).json()
-        assert listed == used
-
-    run(serve, scenario)
+    kept = await http.post("/api/calibrating/save", json={"name": "Bänk", "activate": False})
+    assert kept.status_code == 201, kept.text
+    assert (kept.json()["name"], kept.json()["active"]) == ("Bänk", False)
+    assert await facts(http) is not None
+    used = (await http.post("/api/calibrating/save", json={"name": "Bench"})).json()
+    assert (used["id"], used["active"]) == (calibration_id(quick), True)
+    assert used["origin"] == "calibrated here"
+    assert used["report"]["stereo_rms_px"] == 0.2
+    assert await facts(http) is None
+    assert peer.opened.source == CAMERAS["source"]
+    (listed,) = (await http.get("/api/calibrations")).json()
+    assert listed == used
 
 
-def test_what_is_not_possible_is_a_sentence(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
+async def test_what_is_not_possible_is_a_sentence(http: Any, peer: Any) -> None:
+    async def refused(method: str, path: str, body: Any, status: int) -> str:
+        answer = await http.request(method, f"/api{path}", json=body)
+        assert answer.status_code == status, (path, body, answer.text)
+        return str(answer.json()["detail"])
 
-        async def refused(method: str, path: str, body: Any, status: int) -> str:
-            answer = await http.request(method, f"/api{path}", json=body)
-            assert answer.status_code == status, (path, body, answer.text)
-            return str(answer.json()["detail"])
+    nothing = "nothing is being calibrated"
+    assert nothing in await refused("PATCH", "/calibrating", {"capture": True}, 409)
+    assert nothing in await refused("POST", "/calibrating/compute", {}, 409)
+    assert (await http.post("/api/calibrating/cancel")).is_success
+    assert (await http.delete("/api/calibrating")).is_success
+    missing = await refused("POST", "/calibrating", {"source": "missing"}, 422)
+    assert "name one that exists" in missing
+    # As it was: nothing is calibrated, and the lab is observed.
+    assert await facts(http) is None
+    assert peer.opened.source == "simulated:lab"
 
-        nothing = "nothing is being calibrated"
-        assert nothing in await refused("PATCH", "/calibrating", {"capture": True}, 409)
-        assert nothing in await refused("POST", "/calibrating/compute", {}, 409)
-        assert (await http.post("/api/calibrating/cancel")).is_success
-        assert (await http.delete("/api/calibrating")).is_success
-        missing = await refused("POST", "/calibrating", {"source": "missing"}, 422)
-        assert "name one that exists" in missing
-        # As it was: nothing is calibrated, and the lab is observed.
-        assert await facts(http) is None
-        assert peer.opened.source == "simulated:lab"
+    assert (await http.post("/api/calibrating", json=CAMERAS)).status_code == 201
+    board = await refused("PATCH", "/calibrating", {"capture": True}, 409)
+    assert "not in both views" in board
+    assert "no view" in await refused("PATCH", "/calibrating", {"undo": True}, 409)
+    assert "no view '9'" in await refused("PATCH", "/calibrating", {"remove": "9"}, 404)
+    making = "a calibration is being made"
+    assert making in await refused("PUT", "/source", {"source": "a/folder"}, 409)
+    assert making in await refused("POST", "/runs", {}, 409)
+    assert making in await refused("POST", "/calibrations/deactivate", {}, 409)
+    assert making in await refused("PUT", "/rig", {"mount": {"height_m": {"value": 0.5}}}, 409)
+    assert "nothing is observed" in await refused("POST", "/rig/floor", {}, 409)
+    peer.lose()
+    await refused("PATCH", "/calibrating", {"capture": True}, 503)
+    await refused("POST", "/calibrating", CAMERAS, 503)
+    peer.start_process()
+    while peer.calibrating is None:
+        await asyncio.sleep(0.01)
+    left = await http.delete("/api/calibrating")
+    assert left.json()["engine"]["state"] == "preview"
+    assert left.json()["calibrating"] is None
 
-        assert (await http.post("/api/calibrating", json=CAMERAS)).status_code == 201
-        board = await refused("PATCH", "/calibrating", {"capture": True}, 409)
-        assert "not in both views" in board
-        assert "no view" in await refused("PATCH", "/calibrating", {"undo": True}, 409)
-        assert "no view '9'" in await refused("PATCH", "/calibrating", {"remove": "9"}, 404)
-        making = "a calibration is being made"
-        assert making in await refused("PUT", "/source", {"source": "a/folder"}, 409)
-        assert making in await refused("POST", "/runs", {}, 409)
-        assert making in await refused("POST", "/calibrations/deactivate", {}, 409)
-        assert making in await refused("PUT", "/rig", {"mount": {"height_m": {"value": 0.5}}}, 409)
-        assert "nothing is observed" in await refused("POST", "/rig/floor", {}, 409)
-        peer.lose()
-        await refused("PATCH", "/calibrating", {"capture": True}, 503)
-        await refused("POST", "/calibrating", CAMERAS, 503)
-        peer.start_process()
-        while peer.calibrating is None:
-            await asyncio.sleep(0.01)
-        left = await http.delete("/api/calibrating")
-        assert left.json()["engine"]["state"] == "preview"
-        assert left.json()["calibrating"] is None
-
-        assert (await http.post("/api/runs", json={})).status_code == 201
-        assert "stop it before you calibrate" in await refused("POST", "/calibrating", {}, 409)
-
-    run(serve, scenario)
+    assert (await http.post("/api/runs", json={})).status_code == 201
+    assert "stop it before you calibrate" in await refused("POST", "/calibrating", {}, 409)
 
 
 BAD_BODIES = [
@@ -222,54 +213,44 @@ BAD_BODIES = [
 ]
 
 
-def test_bad_values_change_nothing(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        assert (await http.post("/api/calibrating", json=CAMERAS)).is_success
-        before = await facts(http)
-        for method, path, body in BAD_BODIES:
-            answer = await http.request(
-                method, f"/api/calibrating{path}", content=body, headers=JSON
-            )
-            assert answer.status_code == 422, (path, body, answer.text)
-            assert answer.json()["detail"][0]["loc"][0] == "body", body
-            assert await facts(http) == before
-        for path in ("views/1/middle.jpg", f"views/{'x' * 201}/left.jpg"):
-            assert (await http.get(f"/api/calibrating/{path}")).status_code == 422
-        for path in ("views/..%2f1/left.jpg", "views/%00/left.jpg", "views/1/left.png"):
-            assert (await http.get(f"/api/calibrating/{path}")).status_code == 404
-        assert peer.calibrating is not None
-
-    run(serve, scenario)
+async def test_bad_values_change_nothing(http: Any, peer: Any) -> None:
+    assert (await http.post("/api/calibrating", json=CAMERAS)).is_success
+    before = await facts(http)
+    for method, path, body in BAD_BODIES:
+        answer = await http.request(method, f"/api/calibrating{path}", content=body, headers=JSON)
+        assert answer.status_code == 422, (path, body, answer.text)
+        assert answer.json()["detail"][0]["loc"][0] == "body", body
+        assert await facts(http) == before
+    for path in ("views/1/middle.jpg", f"views/{'x' * 201}/left.jpg"):
+        assert (await http.get(f"/api/calibrating/{path}")).status_code == 422
+    for path in ("views/..%2f1/left.jpg", "views/%00/left.jpg", "views/1/left.png"):
+        assert (await http.get(f"/api/calibrating/{path}")).status_code == 404
+    assert peer.calibrating is not None
 
 
 # --- images sent in -------------------------------------------------------------------------
 
 
-def test_images_are_looked_through(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        sent = archive({**PAIR, "readme.txt": b"x"})
-        answer = await http.post("/api/calibrating/images", **images(sent))
-        assert answer.status_code == 200, answer.text
-        told = answer.json()["calibrating"]
-        assert (told["source"], told["size"]) == (None, [320, 240])
-        assert told["views"] == [{"name": "1", "left": 54, "right": 54, "picture": True}]
-        assert told["refused"] == ["readme.txt is no image (PNG, JPEG, BMP, PGM, TIFF or WebP)"]
-        jpeg = await http.get("/api/calibrating/views/1/left.jpg")
-        assert jpeg.content.startswith(b"\xff\xd8")
-        # What is no archive leaves these.
-        refused = await http.post("/api/calibrating/images", **images(b"hello"))
-        assert refused.status_code == 422
-        (problem,) = refused.json()["detail"]
-        assert problem["loc"] == ["body", "file"]
-        assert "left/ and right/" in problem["msg"]
-        assert await facts(http) == told
-
-    run(serve, scenario)
+async def test_images_are_looked_through(http: Any) -> None:
+    sent = archive({**PAIR, "readme.txt": b"x"})
+    answer = await http.post("/api/calibrating/images", **images(sent))
+    assert answer.status_code == 200, answer.text
+    told = answer.json()["calibrating"]
+    assert (told["source"], told["size"]) == (None, [320, 240])
+    assert told["views"] == [{"name": "1", "left": 54, "right": 54, "picture": True}]
+    assert told["refused"] == ["readme.txt is no image (PNG, JPEG, BMP, PGM, TIFF or WebP)"]
+    jpeg = await http.get("/api/calibrating/views/1/left.jpg")
+    assert jpeg.content.startswith(b"\xff\xd8")
+    # What is no archive leaves these.
+    refused = await http.post("/api/calibrating/images", **images(b"hello"))
+    assert refused.status_code == 422
+    (problem,) = refused.json()["detail"]
+    assert problem["loc"] == ["body", "file"]
+    assert "left/ and right/" in problem["msg"]
+    assert await facts(http) == told
 
 
-def test_fields_beside_the_images_are_checked(serve: Any) -> None:
+async def test_fields_beside_the_images_are_checked(http: Any) -> None:
     bad = {
         "kind": ["circles", ""],
         "columns": ["2", "31", "9.5", "true", "nan", "1e999"],
@@ -277,17 +258,13 @@ def test_fields_beside_the_images_are_checked(serve: Any) -> None:
         "square_mm": ["nan", "inf", "1e999", "-25", "0", "501", "true"],
     }
 
-    async def scenario(served: Any) -> None:
-        http = served.http
-        for key, values in bad.items():
-            for value in values:
-                answer = await http.post("/api/calibrating/images", **images(b"x", **{key: value}))
-                assert answer.status_code == 422, (key, value, answer.text)
-                assert answer.json()["detail"][0]["loc"] == ["body", key], (key, value)
-        assert (await http.post("/api/calibrating/images", data=BOARD)).status_code in (415, 422)
-        assert await facts(http) is None
-
-    run(serve, scenario)
+    for key, values in bad.items():
+        for value in values:
+            answer = await http.post("/api/calibrating/images", **images(b"x", **{key: value}))
+            assert answer.status_code == 422, (key, value, answer.text)
+            assert answer.json()["detail"][0]["loc"] == ["body", key], (key, value)
+    assert (await http.post("/api/calibrating/images", data=BOARD)).status_code in (415, 422)
+    assert await facts(http) is None
 
 
 def nested() -> bytes:
@@ -318,32 +295,28 @@ HARMFUL = {
 }
 
 
-def test_harmful_archives_are_refused_at_once(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        children = psutil.Process().children()
-        for name, make in HARMFUL.items():
-            sent = make()
-            begin = time.monotonic()
-            before = psutil.Process().memory_info().rss
-            answer = await served.http.post("/api/calibrating/images", **images(sent))
-            took = time.monotonic() - begin
-            assert answer.status_code == 422, (name, answer.text)
-            assert answer.json()["detail"][0]["loc"] == ["body", "file"]
-            assert took < 2, name
-            # Nothing is expanded, and no worker was started that could.
-            assert psutil.Process().memory_info().rss - before < 50 * 2**20, name
-            assert psutil.Process().children() == children
-        assert await facts(served.http) is None
-
-    run(serve, scenario)
-
-
-UPLOAD_HEAD = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n'
+async def test_harmful_archives_are_refused_at_once(http: Any) -> None:
+    children = psutil.Process().children()
+    for name, make in HARMFUL.items():
+        sent = make()
+        begin = time.monotonic()
+        before = psutil.Process().memory_info().rss
+        answer = await http.post("/api/calibrating/images", **images(sent))
+        took = time.monotonic() - begin
+        assert answer.status_code == 422, (name, answer.text)
+        assert answer.json()["detail"][0]["loc"] == ["body", "file"]
+        assert took < 2, name
+        # Nothing is expanded, and no worker was started that could.
+        assert psutil.Process().memory_info().rss - before < 50 * 2**20, name
+        assert psutil.Process().children() == children
+    assert await facts(http) is None
 
 
 @pytest.mark.parametrize("announced", [True, False])
-def test_too_large_an_archive_costs_no_memory(serve: Any, token: str, announced: bool) -> None:
-    async def scenario(served: Any) -> None:
+async def test_too_large_an_archive_costs_no_memory(
+    serve: Any, token: str, announced: bool
+) -> None:
+    async with serve(images_max_bytes=20 * 2**20) as served:
         process = psutil.Process()
         before = process.memory_info().rss
         reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
@@ -368,11 +341,11 @@ def test_too_large_an_archive_costs_no_memory(serve: Any, token: str, announced:
         writer.close()
         assert (await served.http.get("/api/status")).is_success
 
-    run(serve, scenario, images_max_bytes=20 * 2**20)
 
-
-def test_each_path_has_its_own_limit(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
+async def test_each_path_has_its_own_limit(serve: Any) -> None:
+    async with serve(
+        images_max_bytes=1000000, calibration_max_bytes=300000, body_max_bytes=200000
+    ) as served:
         http = served.http
         large = b"x" * 400_000
         # More than a calibration may have, less than images.
@@ -389,64 +362,49 @@ def test_each_path_has_its_own_limit(serve: Any) -> None:
             )
             assert answer.status_code == 413, path
 
-    run(
-        serve,
-        scenario,
-        images_max_bytes=1_000_000,
-        calibration_max_bytes=300_000,
-        body_max_bytes=200_000,
-    )
-
 
 # --- boards and devices ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", ["chessboard", "charuco"])
-def test_boards_to_print(serve: Any, kind: str) -> None:
-    async def scenario(served: Any) -> None:
-        query = {"columns": 7, "rows": 5, "square_mm": 22.5, "paper": "Letter"}
-        svg = await served.http.get(f"/api/boards/{kind}.svg", params=query)
-        assert svg.headers["content-type"].startswith("image/svg+xml")
-        assert f"board-{kind}-7x5-22.5mm.svg" in svg.headers["content-disposition"]
-        root = ElementTree.fromstring(svg.text)
-        assert {root.get("width"), root.get("height")} == {"215.9mm", "279.4mm"}
-        pdf = await served.http.get(f"/api/boards/{kind}.pdf", params=query)
-        assert pdf.headers["content-type"] == "application/pdf"
-        assert pdf.content.startswith(b"%PDF-")
-
-    run(serve, scenario)
+async def test_boards_to_print(http: Any, kind: str) -> None:
+    query = {"columns": 7, "rows": 5, "square_mm": 22.5, "paper": "Letter"}
+    svg = await http.get(f"/api/boards/{kind}.svg", params=query)
+    assert svg.headers["content-type"].startswith("image/svg+xml")
+    assert f"board-{kind}-7x5-22.5mm.svg" in svg.headers["content-disposition"]
+    root = ElementTree.fromstring(svg.text)
+    assert {root.get("width"), root.get("height")} == {"215.9mm", "279.4mm"}
+    pdf = await http.get(f"/api/boards/{kind}.pdf", params=query)
+    assert pdf.headers["content-type"] == "application/pdf"
+    assert pdf.content.startswith(b"%PDF-")
 
 
-def test_boards_that_cannot_be_printed_are_refused(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        get = served.http.get
-        large = await get("/api/boards/chessboard.svg?columns=20&rows=14&square_mm=30")
-        assert large.status_code == 422
-        (problem,) = large.json()["detail"]
-        assert problem["loc"] == ["query", "square_mm"]
-        assert "mm" in problem["msg"]
-        for query in (
-            *("columns=2", "columns=31", "rows=nan", "square_mm=nan", "square_mm=inf"),
-            *("square_mm=1e999", "square_mm=0", "square_mm=true", "paper=A5", "columns=9.5"),
-        ):
-            answer = await get(f"/api/boards/chessboard.pdf?{query}")
-            assert answer.status_code == 422, query
-            assert answer.json()["detail"][0]["loc"][0] == "query", query
-        for path in ("circles.svg", "chessboard.png"):
-            assert (await get(f"/api/boards/{path}")).status_code == 422
-
-    run(serve, scenario)
+async def test_boards_that_cannot_be_printed_are_refused(http: Any) -> None:
+    get = http.get
+    large = await get("/api/boards/chessboard.svg?columns=20&rows=14&square_mm=30")
+    assert large.status_code == 422
+    (problem,) = large.json()["detail"]
+    assert problem["loc"] == ["query", "square_mm"]
+    assert "mm" in problem["msg"]
+    for query in (
+        *("columns=2", "columns=31", "rows=nan", "square_mm=nan", "square_mm=inf"),
+        *("square_mm=1e999", "square_mm=0", "square_mm=true", "paper=A5", "columns=9.5"),
+    ):
+        answer = await get(f"/api/boards/chessboard.pdf?{query}")
+        assert answer.status_code == 422, query
+        assert answer.json()["detail"][0]["loc"][0] == "query", query
+    for path in ("circles.svg", "chessboard.png"):
+        assert (await get(f"/api/boards/{path}")).status_code == 422
 
 
-def test_devices_of_a_machine_without_cameras(serve: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def scenario(served: Any) -> None:
-        answer = await served.http.get("/api/devices")
-        assert answer.status_code == 200
-        told = answer.json()
-        assert set(told) == {"cameras", "serial_ports", "hints"}
-        monkeypatch.setattr("app.http.api.devices.list_devices", lambda: ())
-        monkeypatch.setattr("app.http.api.devices.find_serial_ports", lambda _: ())
-        none = await served.http.get("/api/devices")
-        assert none.json() == {"cameras": [], "serial_ports": [], "hints": []}
-
-    run(serve, scenario)
+async def test_devices_of_a_machine_without_cameras(
+    http: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer = await http.get("/api/devices")
+    assert answer.status_code == 200
+    told = answer.json()
+    assert set(told) == {"cameras", "serial_ports", "hints"}
+    monkeypatch.setattr("app.http.api.devices.list_devices", lambda: ())
+    monkeypatch.setattr("app.http.api.devices.find_serial_ports", lambda _: ())
+    none = await http.get("/api/devices")
+    assert none.json() == {"cameras": [], "serial_ports": [], "hints": []}

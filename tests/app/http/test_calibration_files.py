@@ -15,7 +15,7 @@ from observer.calibration.formats.recognition import read_any
 from observer.calibration.formats.understanding import NamedFile
 from observer.camera import StereoCalibration
 
-from .scenarios import JSON, run
+from .wire import JSON
 
 RIG = StereoCalibration(
     640,
@@ -83,45 +83,41 @@ def opencv(calibration: StereoCalibration = RIG) -> tuple[NamedFile, ...]:
 # --- in -------------------------------------------------------------------------------------
 
 
-def test_every_format_comes_in_with_notes(serve: Any) -> None:
+async def test_every_format_comes_in_with_notes(served: Any) -> None:
     ids: set[str] = set()
 
-    async def scenario(served: Any) -> None:
-        for name, (files, told, width, baseline) in FORMATS.items():
-            answer = await send(served, files, **told)
-            assert answer.status_code == 201, (name, answer.text)
-            entry = answer.json()
-            assert entry["origin"].startswith("uploaded: "), name
-            assert name in entry["origin"]
-            assert entry["notes"], name
-            assert entry["width"] == width, name
-            assert entry["baseline_m"] == pytest.approx(baseline, abs=2e-6), name
-            assert entry["name"] == " and ".join(file.name for file in files)
-            assert (entry["active"], entry["report"], entry["tape_checks"]) == (False, None, [])
-            text = (await served.http.get(f"/api/calibrations/{entry['id']}/file")).content
-            again = read_any([NamedFile("again", text)]).calibration
-            assert (again.width, again.baseline) == (width, pytest.approx(baseline))
-            ids.add(entry["id"])
-        # By content: what one format says as the other does is one calibration.
-        listed = (await served.http.get("/api/calibrations")).json()
-        assert {each["id"] for each in listed} == ids
-        assert len(ids) >= len(FORMATS) - 2
-
-    run(serve, scenario)
+    for name, (files, told, width, baseline) in FORMATS.items():
+        answer = await send(served, files, **told)
+        assert answer.status_code == 201, (name, answer.text)
+        entry = answer.json()
+        assert entry["origin"].startswith("uploaded: "), name
+        assert name in entry["origin"]
+        assert entry["notes"], name
+        assert entry["width"] == width, name
+        assert entry["baseline_m"] == pytest.approx(baseline, abs=2e-6), name
+        assert entry["name"] == " and ".join(file.name for file in files)
+        assert (entry["active"], entry["report"], entry["tape_checks"]) == (False, None, [])
+        text = (await served.http.get(f"/api/calibrations/{entry['id']}/file")).content
+        again = read_any([NamedFile("again", text)]).calibration
+        assert (again.width, again.baseline) == (width, pytest.approx(baseline))
+        ids.add(entry["id"])
+    # By content: what one format says as the other does is one calibration.
+    listed = (await served.http.get("/api/calibrations")).json()
+    assert {each["id"] for each in listed} == ids
+    assert len(ids) >= len(FORMATS) - 2
 
 
-def test_what_came_is_kept_as_it_came_unless_its_lengths_were_read_otherwise(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        (file,) = opencv()
-        whole = (await send(served, [file])).json()
-        kept = await served.http.get(f"/api/calibrations/{whole['id']}/file")
-        assert kept.content == file.content
-        millimetres = file.content.replace(b"-0.12", b"-120.0").replace(b"0.001", b"1.0")
-        read = await send(served, [NamedFile("mm.yaml", millimetres)], unit="mm")
-        assert read.status_code == 201, read.text
-        assert read.json()["baseline_m"] == pytest.approx(0.12, abs=1e-4)
-
-    run(serve, scenario)
+async def test_what_came_is_kept_as_it_came_unless_its_lengths_were_read_otherwise(
+    served: Any,
+) -> None:
+    (file,) = opencv()
+    whole = (await send(served, [file])).json()
+    kept = await served.http.get(f"/api/calibrations/{whole['id']}/file")
+    assert kept.content == file.content
+    millimetres = file.content.replace(b"-0.12", b"-120.0").replace(b"0.001", b"1.0")
+    read = await send(served, [NamedFile("mm.yaml", millimetres)], unit="mm")
+    assert read.status_code == 201, read.text
+    assert read.json()["baseline_m"] == pytest.approx(0.12, abs=1e-4)
 
 
 REFUSED: dict[str, tuple[Any, dict[str, str], str]] = {
@@ -147,165 +143,140 @@ REFUSED: dict[str, tuple[Any, dict[str, str], str]] = {
 }
 
 
-def test_refusals_name_file_and_key(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        for name, (files, told, words) in REFUSED.items():
-            answer = await send(served, files(), **told)
-            assert answer.status_code == 422, (name, answer.text)
-            (problem,) = answer.json()["detail"]
-            assert problem["loc"] == ["body", "file"], name
-            assert words in problem["msg"], (name, problem["msg"])
-            assert len(problem["msg"]) < 400
-        for told in (
-            *({"size": text} for text in ("640", "640x", "-1x5", "axb", "1e3x4", "999999x1")),
-            {"unit": "inch"},
-            {"cameras": "both"},
-        ):
-            answer = await send(served, opencv(), **told)
-            assert answer.status_code == 422, (told, answer.text)
-            assert answer.json()["detail"][0]["loc"] == ["body", next(iter(told))]
-        assert (await served.http.get("/api/calibrations")).json() == []
-
-    run(serve, scenario)
+async def test_refusals_name_file_and_key(served: Any) -> None:
+    for name, (files, told, words) in REFUSED.items():
+        answer = await send(served, files(), **told)
+        assert answer.status_code == 422, (name, answer.text)
+        (problem,) = answer.json()["detail"]
+        assert problem["loc"] == ["body", "file"], name
+        assert words in problem["msg"], (name, problem["msg"])
+        assert len(problem["msg"]) < 400
+    for told in (
+        *({"size": text} for text in ("640", "640x", "-1x5", "axb", "1e3x4", "999999x1")),
+        {"unit": "inch"},
+        {"cameras": "both"},
+    ):
+        answer = await send(served, opencv(), **told)
+        assert answer.status_code == 422, (told, answer.text)
+        assert answer.json()["detail"][0]["loc"] == ["body", next(iter(told))]
+    assert (await served.http.get("/api/calibrations")).json() == []
 
 
-def test_names_of_files_are_names_and_no_paths(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        (file,) = opencv()
-        for given, name in (
-            ("../../etc/my cal.yaml", "my cal.yaml"),
-            ("C:\\users\\me\\c.yaml", "c.yaml"),
-            ("x" * 300 + ".yaml", "x" * 100),
-            ("/", "calibration.yaml"),
-        ):
-            entry = (await send(served, [NamedFile(given, file.content)])).json()
-            assert entry["name"] == name
-
-    run(serve, scenario)
+async def test_names_of_files_are_names_and_no_paths(served: Any) -> None:
+    (file,) = opencv()
+    for given, name in (
+        ("../../etc/my cal.yaml", "my cal.yaml"),
+        ("C:\\users\\me\\c.yaml", "c.yaml"),
+        ("x" * 300 + ".yaml", "x" * 100),
+        ("/", "calibration.yaml"),
+    ):
+        entry = (await send(served, [NamedFile(given, file.content)])).json()
+        assert entry["name"] == name
 
 
 # --- out ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", ["opencv", "ros", "kalibr"])
-def test_what_goes_out_comes_in_again(serve: Any, kind: str) -> None:
-    async def scenario(served: Any) -> None:
-        id = (await send(served, opencv())).json()["id"]
+async def test_what_goes_out_comes_in_again(served: Any, kind: str) -> None:
+    id = (await send(served, opencv())).json()["id"]
+    out = await served.http.get(f"/api/calibrations/{id}/export/{kind}")
+    assert out.status_code == 200
+    assert 'filename="calibration-' in out.headers["content-disposition"]
+    files = [NamedFile("it", out.content)]
+    if kind == "ros":
+        with zipfile.ZipFile(io.BytesIO(out.content)) as archive:
+            files = [NamedFile(name, archive.read(name)) for name in archive.namelist()]
+        assert len(files) == 2
+    again = read_any(files).calibration
+    assert again.baseline == pytest.approx(RIG.baseline, abs=1e-6)
+    assert np.allclose(again.K1, RIG.K1)
+
+
+async def test_a_format_that_does_not_hold_it_says_so(served: Any) -> None:
+    id = (await send(served, opencv(FISHEYE))).json()["id"]
+    for kind in ("opencv", "ros", "kalibr"):
         out = await served.http.get(f"/api/calibrations/{id}/export/{kind}")
-        assert out.status_code == 200
-        assert 'filename="calibration-' in out.headers["content-disposition"]
-        files = [NamedFile("it", out.content)]
-        if kind == "ros":
-            with zipfile.ZipFile(io.BytesIO(out.content)) as archive:
-                files = [NamedFile(name, archive.read(name)) for name in archive.namelist()]
-            assert len(files) == 2
-        again = read_any(files).calibration
-        assert again.baseline == pytest.approx(RIG.baseline, abs=1e-6)
-        assert np.allclose(again.K1, RIG.K1)
-
-    run(serve, scenario)
-
-
-def test_a_format_that_does_not_hold_it_says_so(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        id = (await send(served, opencv(FISHEYE))).json()["id"]
-        for kind in ("opencv", "ros", "kalibr"):
-            out = await served.http.get(f"/api/calibrations/{id}/export/{kind}")
-            assert out.status_code in (200, 422), (kind, out.text)
-        assert (await served.http.get(f"/api/calibrations/{id}/export/matlab")).status_code == 422
-        for missing in ("0" * 64, "..%2f..%2fetc%2fpasswd"):
-            out = await served.http.get(f"/api/calibrations/{missing}/export/ros")
-            assert out.status_code == 404
-
-    run(serve, scenario)
+        assert out.status_code in (200, 422), (kind, out.text)
+    assert (await served.http.get(f"/api/calibrations/{id}/export/matlab")).status_code == 422
+    for missing in ("0" * 64, "..%2f..%2fetc%2fpasswd"):
+        out = await served.http.get(f"/api/calibrations/{missing}/export/ros")
+        assert out.status_code == 404
 
 
 # --- beside it ------------------------------------------------------------------------------
 
 
-def test_renamed_used_and_not_deleted_meanwhile(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        entry = (await send(served, opencv())).json()
-        path = f"/api/calibrations/{entry['id']}"
-        assert (await http.post(f"{path}/activate")).is_success
-        renamed = await http.patch(path, json={"name": "Robot 3 ü"})
-        assert renamed.json() == {**entry, "name": "Robot 3 ü", "active": True}
-        assert (await http.get("/api/status")).json()["calibration"]["name"] == "Robot 3 ü"
-        for body in ("{}", '{"name": ""}', '{"name": 1}', '{"name": "a\\u0000"}', '{"x": 1}'):
-            answer = await http.patch(path, content=body, headers=JSON)
+async def test_renamed_used_and_not_deleted_meanwhile(http: Any, served: Any) -> None:
+    entry = (await send(served, opencv())).json()
+    path = f"/api/calibrations/{entry['id']}"
+    assert (await http.post(f"{path}/activate")).is_success
+    renamed = await http.patch(path, json={"name": "Robot 3 ü"})
+    assert renamed.json() == {**entry, "name": "Robot 3 ü", "active": True}
+    assert (await http.get("/api/status")).json()["calibration"]["name"] == "Robot 3 ü"
+    for body in ("{}", '{"name": ""}', '{"name": 1}', '{"name": "a\\u0000"}', '{"x": 1}'):
+        answer = await http.patch(path, content=body, headers=JSON)
+        assert answer.status_code == 422, body
+    refused = await http.delete(path)
+    assert refused.status_code == 409
+    assert "Robot 3 ü is in use; deactivate it first" in refused.json()["detail"]
+    missing = f"/api/calibrations/{'0' * 64}"
+    assert (await http.patch(missing, json={"name": "x"})).status_code == 404
+    assert (await http.delete(missing)).status_code == 404
+    await http.post("/api/calibrations/deactivate")
+    assert (await http.delete(path)).status_code == 204
+
+
+async def test_a_tape_check_is_kept_beside_it_also_when_it_comes_again(
+    http: Any, served: Any, peer: Any
+) -> None:
+    entry = (await send(served, opencv())).json()
+    path = f"/api/calibrations/{entry['id']}"
+    depth = await http.get(f"{path}/depth?u=100&v=50.5")
+    assert depth.json() == {"range_m": 2.0, "depth_m": 1.9, "disparity_px": 28.0}
+    assert isinstance(peer.commands[-1], MeasureDepth)
+    assert (peer.commands[-1].u, peer.commands[-1].v) == (100.0, 50.5)
+    body = {"u": 100, "v": 50.5, "measured_m": 2.01}
+    checked = await http.post(f"{path}/tape-checks", json=body)
+    assert checked.status_code == 201, checked.text
+    (check,) = checked.json()["tape_checks"]
+    assert (check["measured_m"], check["stated_m"], check["agrees"]) == (2.01, 2.0, True)
+    assert check["expected_m"] > 0.01
+    assert check["sentence"]
+    off = await http.post(f"{path}/tape-checks", json={**body, "measured_m": 3.0})
+    assert [each["agrees"] for each in off.json()["tape_checks"]] == [True, False]
+    # The same file once more: nobody measured for nothing.
+    again = (await send(served, opencv())).json()
+    assert again["tape_checks"] == off.json()["tape_checks"]
+    (listed,) = (await http.get("/api/calibrations")).json()
+    assert len(listed["tape_checks"]) == 2
+
+
+async def test_what_is_no_measurement_is_refused(http: Any, served: Any) -> None:
+    path = f"/api/calibrations/{(await send(served, opencv())).json()['id']}"
+    plain = {"u": "1", "v": "1", "measured_m": "2.0"}
+    for key in plain:
+        for value in ("NaN", "1e999", "true", '"1"', "-1", "null", "1e6"):
+            body = ", ".join(f'"{k}": {value if k == key else v}' for k, v in plain.items())
+            answer = await http.post(f"{path}/tape-checks", content=f"{{{body}}}", headers=JSON)
             assert answer.status_code == 422, body
-        refused = await http.delete(path)
-        assert refused.status_code == 409
-        assert "Robot 3 ü is in use; deactivate it first" in refused.json()["detail"]
-        missing = f"/api/calibrations/{'0' * 64}"
-        assert (await http.patch(missing, json={"name": "x"})).status_code == 404
-        assert (await http.delete(missing)).status_code == 404
-        await http.post("/api/calibrations/deactivate")
-        assert (await http.delete(path)).status_code == 204
-
-    run(serve, scenario)
-
-
-def test_a_tape_check_is_kept_beside_it_also_when_it_comes_again(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        entry = (await send(served, opencv())).json()
-        path = f"/api/calibrations/{entry['id']}"
-        depth = await http.get(f"{path}/depth?u=100&v=50.5")
-        assert depth.json() == {"range_m": 2.0, "depth_m": 1.9, "disparity_px": 28.0}
-        assert isinstance(peer.commands[-1], MeasureDepth)
-        assert (peer.commands[-1].u, peer.commands[-1].v) == (100.0, 50.5)
-        body = {"u": 100, "v": 50.5, "measured_m": 2.01}
-        checked = await http.post(f"{path}/tape-checks", json=body)
-        assert checked.status_code == 201, checked.text
-        (check,) = checked.json()["tape_checks"]
-        assert (check["measured_m"], check["stated_m"], check["agrees"]) == (2.01, 2.0, True)
-        assert check["expected_m"] > 0.01
-        assert check["sentence"]
-        off = await http.post(f"{path}/tape-checks", json={**body, "measured_m": 3.0})
-        assert [each["agrees"] for each in off.json()["tape_checks"]] == [True, False]
-        # The same file once more: nobody measured for nothing.
-        again = (await send(served, opencv())).json()
-        assert again["tape_checks"] == off.json()["tape_checks"]
-        (listed,) = (await http.get("/api/calibrations")).json()
-        assert len(listed["tape_checks"]) == 2
-
-    run(serve, scenario)
+            assert answer.json()["detail"][0]["loc"] == ["body", key], body
+    for query in ("", "u=1", "u=nan&v=1", "u=1&v=1e999", "u=true&v=1", "u=-1&v=1"):
+        answer = await http.get(f"{path}/depth?{query}")
+        assert answer.status_code == 422, query
+        assert answer.json()["detail"][0]["loc"][0] == "query"
+    outside = await http.get(f"{path}/depth?u=600&v=1")
+    assert outside.json()["detail"][0]["loc"] == ["query", "u"]
+    near = await http.post(f"{path}/tape-checks", json={"u": 1, "v": 1, "measured_m": 0.01})
+    assert near.json()["detail"][0]["loc"] == ["body", "measured_m"]
+    listed = (await http.get("/api/calibrations")).json()
+    assert listed[0]["tape_checks"] == []
+    missing = f"/api/calibrations/{'0' * 64}"
+    assert (await http.get(f"{missing}/depth?u=1&v=1")).status_code == 404
 
 
-def test_what_is_no_measurement_is_refused(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        path = f"/api/calibrations/{(await send(served, opencv())).json()['id']}"
-        plain = {"u": "1", "v": "1", "measured_m": "2.0"}
-        for key in plain:
-            for value in ("NaN", "1e999", "true", '"1"', "-1", "null", "1e6"):
-                body = ", ".join(f'"{k}": {value if k == key else v}' for k, v in plain.items())
-                answer = await http.post(f"{path}/tape-checks", content=f"{{{body}}}", headers=JSON)
-                assert answer.status_code == 422, body
-                assert answer.json()["detail"][0]["loc"] == ["body", key], body
-        for query in ("", "u=1", "u=nan&v=1", "u=1&v=1e999", "u=true&v=1", "u=-1&v=1"):
-            answer = await http.get(f"{path}/depth?{query}")
-            assert answer.status_code == 422, query
-            assert answer.json()["detail"][0]["loc"][0] == "query"
-        outside = await http.get(f"{path}/depth?u=600&v=1")
-        assert outside.json()["detail"][0]["loc"] == ["query", "u"]
-        near = await http.post(f"{path}/tape-checks", json={"u": 1, "v": 1, "measured_m": 0.01})
-        assert near.json()["detail"][0]["loc"] == ["body", "measured_m"]
-        listed = (await http.get("/api/calibrations")).json()
-        assert listed[0]["tape_checks"] == []
-        missing = f"/api/calibrations/{'0' * 64}"
-        assert (await http.get(f"{missing}/depth?u=1&v=1")).status_code == 404
-
-    run(serve, scenario)
-
-
-def test_refining_without_pictures_is_refused_and_replaces_nothing(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        answer = await served.http.post("/api/calibrations/refine")
-        assert answer.status_code == 409
-        assert "let the cameras deliver for some seconds" in answer.json()["detail"]
-        assert (await served.http.get("/api/calibrations")).json() == []
-
-    run(serve, scenario)
+async def test_refining_without_pictures_is_refused_and_replaces_nothing(http: Any) -> None:
+    answer = await http.post("/api/calibrations/refine")
+    assert answer.status_code == 409
+    assert "let the cameras deliver for some seconds" in answer.json()["detail"]
+    assert (await http.get("/api/calibrations")).json() == []

@@ -6,58 +6,54 @@ from typing import Any
 
 from app.messages import OpenSource
 
-from .scenarios import run
-
 
 def upload(text: str | bytes, name: str = "cal.yaml") -> dict[str, Any]:
     return {"files": {"file": (name, text, "application/yaml")}}
 
 
-def test_a_calibration_from_upload_to_use(serve: Any, peer: Any, calibration_yaml: Any) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        text = calibration_yaml()
-        answer = await http.post("/api/calibrations", **upload(text, "../../my cal.yaml"))
-        assert answer.status_code == 201, answer.text
-        entry = answer.json()
-        assert entry["name"] == "my cal.yaml"
-        assert (entry["width"], entry["height"], entry["baseline_m"]) == (512, 256, 0.12)
-        assert entry["rectified"] is True
-        assert abs(entry["hfov_deg"] - 60.05) < 0.1
-        assert entry["active"] is False
-        id = entry["id"]
-        again = await http.post("/api/calibrations", **upload(text))
-        assert again.json()["id"] == id
-        assert (await http.get(f"/api/calibrations/{id}/file")).text == text
+async def test_a_calibration_from_upload_to_use(
+    http: Any, peer: Any, calibration_yaml: Any
+) -> None:
+    text = calibration_yaml()
+    answer = await http.post("/api/calibrations", **upload(text, "../../my cal.yaml"))
+    assert answer.status_code == 201, answer.text
+    entry = answer.json()
+    assert entry["name"] == "my cal.yaml"
+    assert (entry["width"], entry["height"], entry["baseline_m"]) == (512, 256, 0.12)
+    assert entry["rectified"] is True
+    assert abs(entry["hfov_deg"] - 60.05) < 0.1
+    assert entry["active"] is False
+    id = entry["id"]
+    again = await http.post("/api/calibrations", **upload(text))
+    assert again.json()["id"] == id
+    assert (await http.get(f"/api/calibrations/{id}/file")).text == text
 
-        preview = await http.get(f"/api/calibrations/{id}/preview")
-        assert preview.headers["x-vertical-error-px"] == "0.125"
-        assert preview.headers["content-type"] == "image/jpeg"
-        assert peer.opened.calibration_yaml is None
+    preview = await http.get(f"/api/calibrations/{id}/preview")
+    assert preview.headers["x-vertical-error-px"] == "0.125"
+    assert preview.headers["content-type"] == "image/jpeg"
+    assert peer.opened.calibration_yaml is None
 
-        used = await http.post(f"/api/calibrations/{id}/activate")
-        assert used.json()["calibration"]["id"] == id
-        assert peer.opened.calibration_yaml == text
-        assert (await http.get("/api/calibrations")).json()[0]["active"] is True
-        assert (await http.delete(f"/api/calibrations/{id}")).status_code == 409
+    used = await http.post(f"/api/calibrations/{id}/activate")
+    assert used.json()["calibration"]["id"] == id
+    assert peer.opened.calibration_yaml == text
+    assert (await http.get("/api/calibrations")).json()[0]["active"] is True
+    assert (await http.delete(f"/api/calibrations/{id}")).status_code == 409
 
-        started = (await http.post("/api/runs", json={})).json()
-        assert started["calibration_id"] == id
-        assert (await http.post("/api/calibrations/deactivate")).status_code == 409
-        assert (await http.post(f"/api/calibrations/{id}/activate")).status_code == 409
-        await http.post(f"/api/runs/{started['id']}/stop")
+    started = (await http.post("/api/runs", json={})).json()
+    assert started["calibration_id"] == id
+    assert (await http.post("/api/calibrations/deactivate")).status_code == 409
+    assert (await http.post(f"/api/calibrations/{id}/activate")).status_code == 409
+    await http.post(f"/api/runs/{started['id']}/stop")
 
-        back = await http.post("/api/calibrations/deactivate")
-        assert back.json()["calibration"] is None
-        assert peer.opened.calibration_yaml is None
-        assert (await http.delete(f"/api/calibrations/{id}")).status_code == 204
-        assert (await http.get("/api/calibrations")).json() == []
-        # The run still refers to it, so it can be fetched, but not used any more.
-        assert (await http.get(f"/api/calibrations/{id}/file")).text == text
-        assert (await http.get(f"/api/calibrations/{id}/preview")).status_code == 404
-        assert (await http.get(f"/api/calibrations/{'0' * 64}/file")).status_code == 404
-
-    run(serve, scenario)
+    back = await http.post("/api/calibrations/deactivate")
+    assert back.json()["calibration"] is None
+    assert peer.opened.calibration_yaml is None
+    assert (await http.delete(f"/api/calibrations/{id}")).status_code == 204
+    assert (await http.get("/api/calibrations")).json() == []
+    # The run still refers to it, so it can be fetched, but not used any more.
+    assert (await http.get(f"/api/calibrations/{id}/file")).text == text
+    assert (await http.get(f"/api/calibrations/{id}/preview")).status_code == 404
+    assert (await http.get(f"/api/calibrations/{'0' * 64}/file")).status_code == 404
 
 
 BAD_CALIBRATIONS = {
@@ -71,41 +67,34 @@ BAD_CALIBRATIONS = {
 }
 
 
-def test_a_run_keeps_the_calibration_that_came_with_its_source(
-    serve: Any, calibration_yaml: Any
+async def test_a_run_keeps_the_calibration_that_came_with_its_source(
+    http: Any, calibration_yaml: Any
 ) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        started = (await http.post("/api/runs", json={})).json()
-        await http.post(f"/api/runs/{started['id']}/stop")
-        kept = (await http.get(f"/api/runs/{started['id']}")).json()["calibration_id"]
-        assert kept is not None
-        assert kept == started["calibration_id"]
-        file = await http.get(f"/api/calibrations/{kept}/file")
-        assert file.text == calibration_yaml()
-        assert (await http.get("/api/calibrations")).json() == []
-        assert (await http.post(f"/api/calibrations/{kept}/activate")).status_code == 404
-
-    run(serve, scenario)
+    started = (await http.post("/api/runs", json={})).json()
+    await http.post(f"/api/runs/{started['id']}/stop")
+    kept = (await http.get(f"/api/runs/{started['id']}")).json()["calibration_id"]
+    assert kept is not None
+    assert kept == started["calibration_id"]
+    file = await http.get(f"/api/calibrations/{kept}/file")
+    assert file.text == calibration_yaml()
+    assert (await http.get("/api/calibrations")).json() == []
+    assert (await http.post(f"/api/calibrations/{kept}/activate")).status_code == 404
 
 
-def test_bad_calibrations_are_refused_in_one_sentence(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        for name, content in BAD_CALIBRATIONS.items():
-            answer = await served.http.post("/api/calibrations", **upload(content))
-            assert answer.status_code == 422, (name, answer.text)
-            (problem,) = answer.json()["detail"]
-            assert problem["loc"] == ["body", "file"]
-            assert 10 < len(problem["msg"]) < 400, name
-        assert (await served.http.get("/api/calibrations")).json() == []
-
-    run(serve, scenario)
+async def test_bad_calibrations_are_refused_in_one_sentence(http: Any) -> None:
+    for name, content in BAD_CALIBRATIONS.items():
+        answer = await http.post("/api/calibrations", **upload(content))
+        assert answer.status_code == 422, (name, answer.text)
+        (problem,) = answer.json()["detail"]
+        assert problem["loc"] == ["body", "file"]
+        assert 10 < len(problem["msg"]) < 400, name
+    assert (await http.get("/api/calibrations")).json() == []
 
 
-def test_a_source_without_calibration_gets_one(
+async def test_a_source_without_calibration_gets_one(
     serve: Any, peer: Any, calibration_yaml: Any
 ) -> None:
-    async def scenario(served: Any) -> None:
+    async with serve(source="uncalibrated") as served:
         assert (await served.http.get("/api/status")).json()["engine"]["state"] == "failed"
         entry = (await served.http.post("/api/calibrations", **upload(calibration_yaml()))).json()
         body = {"source": "uncalibrated", "calibration": entry["id"]}
@@ -113,16 +102,12 @@ def test_a_source_without_calibration_gets_one(
         assert answer.json()["engine"]["state"] == "preview"
         assert peer.opened.source == "uncalibrated"
 
-    run(serve, scenario, source="uncalibrated")
 
-
-def test_a_calibration_can_be_activated_where_the_source_failed_for_want_of_one(
+async def test_a_calibration_can_be_activated_where_the_source_failed_for_want_of_one(
     serve: Any, peer: Any, calibration_yaml: Any
 ) -> None:
-    async def scenario(served: Any) -> None:
+    async with serve(source="uncalibrated") as served:
         entry = (await served.http.post("/api/calibrations", **upload(calibration_yaml()))).json()
         answer = await served.http.post(f"/api/calibrations/{entry['id']}/activate")
         assert answer.json()["engine"]["state"] == "preview"
         assert isinstance(peer.opened, OpenSource)
-
-    run(serve, scenario, source="uncalibrated")

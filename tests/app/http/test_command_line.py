@@ -72,7 +72,7 @@ def own_robot(free_port: int, peer: Any) -> Iterator[OwnRobot]:
     robot.close()
 
 
-def test_a_programme_of_a_file_is_driven_and_a_signal_stops_it(
+async def test_a_programme_of_a_file_is_driven_and_a_signal_stops_it(
     own_robot: OwnRobot,
     peer: Any,
     storage: Any,
@@ -94,40 +94,37 @@ def test_a_programme_of_a_file_is_driven_and_a_signal_stops_it(
             *command(port, *more), stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
         )
 
-    async def scenario() -> None:
-        # Only for its slots; the engine itself is the tests' own.
-        slots = Supervisor()
-        app = create_app(
-            settings, token, engine=peer, drive=DriveSupervisor(slots.shared_slots),
-            storage=storage, viewer=lambda _: NullViewer("not in this test"),
-        )  # fmt: skip
-        try:
-            async with asyncio.timeout(90), serve_app(app, settings) as served:
-                await eventually(lambda: own_robot.client.connected, 30)
-                process = await started(served.port, str(tmp_path / "short.yaml"), "--json")
-                out, err = await process.communicate()
-                assert process.returncode == 0, err
-                told = json.loads(out)
-                assert told["finished"] is True
-                driven = told["robots"]["obstacle"]
-                # 0.5 + 1 + 0.5 s at 0.2 m/s; it gets faster no quicker than the guard lets it.
-                assert own_robot.robot.x == pytest.approx(0.4, abs=0.08)
-                assert driven["encoder_way_m"] == pytest.approx(own_robot.robot.x, abs=0.03)
-                assert driven["commanded_way_m"] == pytest.approx(0.4, abs=0.05)
-                facts = (await served.http.get("/api/robots")).json()
-                assert facts["robots"]["obstacle"]["state"] == "disarmed"
-                assert facts["robots"]["obstacle"]["operator"] is None
+    # Only for its slots; the engine itself is the tests' own.
+    slots = Supervisor()
+    app = create_app(
+        settings, token, engine=peer, drive=DriveSupervisor(slots.shared_slots),
+        storage=storage, viewer=lambda _: NullViewer("not in this test"),
+    )  # fmt: skip
+    try:
+        async with asyncio.timeout(90), serve_app(app, settings) as served:
+            await eventually(lambda: own_robot.client.connected, 30)
+            process = await started(served.port, str(tmp_path / "short.yaml"), "--json")
+            out, err = await process.communicate()
+            assert process.returncode == 0, err
+            told = json.loads(out)
+            assert told["finished"] is True
+            driven = told["robots"]["obstacle"]
+            # 0.5 + 1 + 0.5 s at 0.2 m/s; it gets faster no quicker than the guard lets it.
+            assert own_robot.robot.x == pytest.approx(0.4, abs=0.08)
+            assert driven["encoder_way_m"] == pytest.approx(own_robot.robot.x, abs=0.03)
+            assert driven["commanded_way_m"] == pytest.approx(0.4, abs=0.05)
+            facts = (await served.http.get("/api/robots")).json()
+            assert facts["robots"]["obstacle"]["state"] == "disarmed"
+            assert facts["robots"]["obstacle"]["operator"] is None
 
-                # By its name, for it is kept now; and back, until somebody ends the command.
-                process = await started(served.port, "short", "--reverse")
-                await eventually(lambda: own_robot.robot.speed < -0.1, 30)
-                process.send_signal(signal.SIGINT)
-                await eventually(lambda: own_robot.client.permitted().stop, 0.3)
-                _, err = await process.communicate()
-                assert process.returncode == 130
-                assert b"interrupted; the robots are stopped and disarmed" in err
-                await eventually(lambda: own_robot.robot.speed == 0)
-        finally:
-            await slots.stop()
-
-    asyncio.run(scenario())
+            # By its name, for it is kept now; and back, until somebody ends the command.
+            process = await started(served.port, "short", "--reverse")
+            await eventually(lambda: own_robot.robot.speed < -0.1, 30)
+            process.send_signal(signal.SIGINT)
+            await eventually(lambda: own_robot.client.permitted().stop, 0.3)
+            _, err = await process.communicate()
+            assert process.returncode == 130
+            assert b"interrupted; the robots are stopped and disarmed" in err
+            await eventually(lambda: own_robot.robot.speed == 0)
+    finally:
+        await slots.stop()

@@ -18,7 +18,7 @@ from ...observer.sources.cameras.fake_v4l2 import FakeKernel
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="device files are Linux's")
 
 
-def test_serial_ports_are_told_with_lasting_names_and_whether_they_may_be_opened(
+async def test_serial_ports_are_told_with_lasting_names_and_whether_they_may_be_opened(
     serve: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     files, kernel = FakeMachine(tmp_path), FakeKernel({})
@@ -33,26 +33,23 @@ def test_serial_ports_are_told_with_lasting_names_and_whether_they_may_be_opened
     machine = Machine(tmp_path, kernel, User("ada", frozenset({54321})), lambda: described)
     monkeypatch.setattr("app.http.api.devices.Machine", lambda: machine)
 
-    async def scenario() -> None:
-        async with asyncio.timeout(30), serve() as served:
-            answer = await served.http.get("/api/devices")
-            assert answer.status_code == 200
-            locked, ready = answer.json()["serial_ports"]
-            assert ready == {
-                "path": "/dev/ttyUSB0",
-                "by_id": "/dev/serial/by-id/usb-Prolific_2303-if00-port0",
-                "description": "USB-Serial Controller",
-                "usable": True,
-                "trouble": None,
-            }
-            assert (locked["path"], locked["by_id"], locked["description"]) == (
-                "/dev/ttyACM1", None, None,
-            )  # fmt: skip
-            assert not locked["usable"]
-            assert "sudo usermod -aG dialout ada" in locked["trouble"]
-            # Plugged out: the next request finds the other one alone.
-            (tmp_path / "dev" / "ttyACM1").unlink()
-            (left,) = (await served.http.get("/api/devices")).json()["serial_ports"]
-            assert left == ready
-
-    asyncio.run(scenario())
+    async with asyncio.timeout(30), serve() as served:
+        answer = await served.http.get("/api/devices")
+        assert answer.status_code == 200
+        locked, ready = answer.json()["serial_ports"]
+        assert ready == {
+            "path": "/dev/ttyUSB0",
+            "by_id": "/dev/serial/by-id/usb-Prolific_2303-if00-port0",
+            "description": "USB-Serial Controller",
+            "usable": True,
+            "trouble": None,
+        }
+        assert (locked["path"], locked["by_id"], locked["description"]) == (
+            "/dev/ttyACM1", None, None,
+        )  # fmt: skip
+        assert not locked["usable"]
+        assert "sudo usermod -aG dialout ada" in locked["trouble"]
+        # Plugged out: the next request finds the other one alone.
+        (tmp_path / "dev" / "ttyACM1").unlink()
+        (left,) = (await served.http.get("/api/devices")).json()["serial_ports"]
+        assert left == ready

@@ -10,8 +10,6 @@ from pydantic import ValidationError
 from app.messages import LiveTruthOrder, OpenSource, SetTruth
 from app.settings import Settings
 
-from .scenarios import run
-
 PATH = "/api/truth/live"
 
 
@@ -21,8 +19,8 @@ def opened(peer: Any) -> OpenSource:
     return found
 
 
-def test_it_is_chosen_told_and_found_again(serve: Any, peer: Any, eventually: Any) -> None:
-    async def choose(served: Any) -> None:
+async def test_it_is_chosen_told_and_found_again(serve: Any, peer: Any, eventually: Any) -> None:
+    async with serve() as served:
         assert (await served.http.get(PATH)).json() is None
         assert (await served.http.get("/api/status")).json()["truth"] is None
         opens = len(peer.commands)
@@ -44,30 +42,22 @@ def test_it_is_chosen_told_and_found_again(serve: Any, peer: Any, eventually: An
         assert (again.status_code, again.json()) == (200, None)
         peer.start_process()
         await eventually(lambda: opened(peer).truth == LiveTruthOrder("vicon-udp:51001"))
-
-    run(serve, choose)
-
-    async def after_a_restart(served: Any) -> None:
+    # After a restart.
+    async with serve() as served:
         assert opened(peer).truth == LiveTruthOrder("vicon-udp:51001")
         assert (await served.http.put(PATH, json={"spec": None})).json() is None
         assert peer.commands[-1] == SetTruth(None)
         started = await served.http.post("/api/runs", json={"source": "simulated:lab"})
         assert started.status_code == 201
         assert opened(peer).truth is None
-
-    run(serve, after_a_restart)
-
-    async def from_the_command_line(served: Any) -> None:
+    # From the command line.
+    async with serve(truth="vrpn:mocap") as served:
         assert opened(peer).truth == LiveTruthOrder("vrpn:mocap")
         # What fits the same server goes on to hold when it is named again.
         await served.http.put(PATH, json={"spec": "vrpn:mocap", "observer": "Amigo"})
-
-    run(serve, from_the_command_line, truth="vrpn:mocap")
-
-    async def named_again(_: Any) -> None:
+    # Named again.
+    async with serve(truth="vrpn:mocap"):
         assert opened(peer).truth == LiveTruthOrder("vrpn:mocap", "Amigo")
-
-    run(serve, named_again, truth="vrpn:mocap")
 
 
 REFUSED: tuple[tuple[dict[str, Any], str, str], ...] = (
@@ -82,17 +72,14 @@ REFUSED: tuple[tuple[dict[str, Any], str, str], ...] = (
 )
 
 
-def test_what_names_none_is_refused(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        for choice, field, sentence in REFUSED:
-            answer = await served.http.put(PATH, json=choice)
-            assert answer.status_code == 422, choice
-            problem = answer.json()["detail"][0]
-            assert field in problem["loc"], choice
-            assert sentence in problem["msg"], choice
-        assert not any(isinstance(each, SetTruth) for each in peer.commands)
-
-    run(serve, scenario)
+async def test_what_names_none_is_refused(http: Any, peer: Any) -> None:
+    for choice, field, sentence in REFUSED:
+        answer = await http.put(PATH, json=choice)
+        assert answer.status_code == 422, choice
+        problem = answer.json()["detail"][0]
+        assert field in problem["loc"], choice
+        assert sentence in problem["msg"], choice
+    assert not any(isinstance(each, SetTruth) for each in peer.commands)
 
 
 def test_the_command_line_says_what_it_takes() -> None:

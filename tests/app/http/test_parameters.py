@@ -5,15 +5,13 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from .scenarios import run
-
 THRESHOLD = "ego_motion.ransac_threshold_px"
 
 
-def test_parameters_reach_the_engine_and_outlive_the_server(
+async def test_parameters_reach_the_engine_and_outlive_the_server(
     serve: Any, peer: Any, storage: Any
 ) -> None:
-    async def scenario(served: Any) -> None:
+    async with serve() as served:
         answer = await served.http.patch(
             "/api/parameters", json={THRESHOLD: 3.5, "stereo.matcher": "bm"}
         )
@@ -28,8 +26,6 @@ def test_parameters_reach_the_engine_and_outlive_the_server(
         again = await served.http.patch("/api/parameters", json={THRESHOLD: 3.5})
         assert again.json()["revision"] == 1
         assert (await served.http.get("/api/status")).json()["parameters_revision"] == 1
-
-    run(serve, scenario)
     with storage:
         assert storage.load_parameters().revision == 1
         assert storage.load_parameters().values["stereo.matcher"] == "bm"
@@ -37,54 +33,43 @@ def test_parameters_reach_the_engine_and_outlive_the_server(
         assert change.difference == {THRESHOLD: 3.5, "stereo.matcher": "bm"}
 
 
-def test_parameters_change_without_an_engine_and_reach_the_next(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        peer.lose()
-        state = (await served.http.patch("/api/parameters", json={THRESHOLD: 4.0})).json()
-        assert state["values"][THRESHOLD] == 4.0
-        assert state["frame"] is None
-        peer.start_process()
-        while peer.opened is None:
-            await asyncio.sleep(0.01)
-        assert peer.opened.parameters[THRESHOLD] == 4.0
-        assert peer.opened.parameters_revision == 1
-
-    run(serve, scenario)
+async def test_parameters_change_without_an_engine_and_reach_the_next(http: Any, peer: Any) -> None:
+    peer.lose()
+    state = (await http.patch("/api/parameters", json={THRESHOLD: 4.0})).json()
+    assert state["values"][THRESHOLD] == 4.0
+    assert state["frame"] is None
+    peer.start_process()
+    while peer.opened is None:
+        await asyncio.sleep(0.01)
+    assert peer.opened.parameters[THRESHOLD] == 4.0
+    assert peer.opened.parameters_revision == 1
 
 
-def test_presets_are_saved_used_and_deleted(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        names = [p["name"] for p in (await served.http.get("/api/presets")).json()]
-        assert names == ["paper", "default"]
-        await served.http.patch("/api/parameters", json={THRESHOLD: 2.5})
-        saved = await served.http.post("/api/presets", json={"name": "My own ü"})
-        assert saved.status_code == 201
-        assert saved.json()["built_in"] is False
-        assert saved.json()["values"][THRESHOLD] == 2.5
-        now = (await served.http.get("/api/parameters")).json()
-        assert now["preset"] == "My own ü"
-        paper = next(
-            p for p in (await served.http.get("/api/presets")).json() if p["name"] == "paper"
-        )
-        used = await served.http.patch("/api/parameters", json=paper["values"])
-        assert used.json()["preset"] == "paper"
-        taken = await served.http.post("/api/presets", json={"name": "My own ü"})
-        assert taken.status_code == 409
-        assert (await served.http.post("/api/presets", json={"name": "paper"})).status_code == 409
-        assert (await served.http.delete("/api/presets/My own ü")).status_code == 204
-        assert (await served.http.delete("/api/presets/My own ü")).status_code == 404
-        assert (await served.http.delete("/api/presets/paper")).status_code == 409
-
-    run(serve, scenario)
+async def test_presets_are_saved_used_and_deleted(http: Any) -> None:
+    names = [p["name"] for p in (await http.get("/api/presets")).json()]
+    assert names == ["paper", "default"]
+    await http.patch("/api/parameters", json={THRESHOLD: 2.5})
+    saved = await http.post("/api/presets", json={"name": "My own ü"})
+    assert saved.status_code == 201
+    assert saved.json()["built_in"] is False
+    assert saved.json()["values"][THRESHOLD] == 2.5
+    now = (await http.get("/api/parameters")).json()
+    assert now["preset"] == "My own ü"
+    paper = next(p for p in (await http.get("/api/presets")).json() if p["name"] == "paper")
+    used = await http.patch("/api/parameters", json=paper["values"])
+    assert used.json()["preset"] == "paper"
+    taken = await http.post("/api/presets", json={"name": "My own ü"})
+    assert taken.status_code == 409
+    assert (await http.post("/api/presets", json={"name": "paper"})).status_code == 409
+    assert (await http.delete("/api/presets/My own ü")).status_code == 204
+    assert (await http.delete("/api/presets/My own ü")).status_code == 404
+    assert (await http.delete("/api/presets/paper")).status_code == 409
 
 
-def test_the_schema_describes_every_parameter(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        schema = (await served.http.get("/api/parameters/schema")).json()
-        values = (await served.http.get("/api/parameters")).json()["values"]
-        assert [entry["name"] for entry in schema] == list(values)
-        threshold = next(entry for entry in schema if entry["name"] == THRESHOLD)
-        assert (threshold["minimum"], threshold["maximum"], threshold["unit"]) == (0.1, 20.0, "px")
-        assert "choices" not in threshold
-
-    run(serve, scenario)
+async def test_the_schema_describes_every_parameter(http: Any) -> None:
+    schema = (await http.get("/api/parameters/schema")).json()
+    values = (await http.get("/api/parameters")).json()["values"]
+    assert [entry["name"] for entry in schema] == list(values)
+    threshold = next(entry for entry in schema if entry["name"] == THRESHOLD)
+    assert (threshold["minimum"], threshold["maximum"], threshold["unit"]) == (0.1, 20.0, "px")
+    assert "choices" not in threshold

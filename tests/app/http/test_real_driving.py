@@ -47,7 +47,7 @@ def zero_after(robot: Serving[EmulatedRobot], moment: float) -> float:
     return float(first.time - moment)
 
 
-def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
+async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
     tmp_path: Path,
     peer: Any,
     storage: Storage,
@@ -66,69 +66,65 @@ def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
         lately = log.since(time.monotonic() - 0.2)
         return bool(lately) and lately[-1].speed_mps > 0.15 and lately[-1].enabled
 
-    async def scenario() -> None:
-        app = create_app(
-            settings,
-            token,
-            engine=peer,
-            drive=DriveSupervisor(slots),
-            storage=storage,
-            viewer=lambda _: NullViewer("not in this test"),
-        )
-        async with asyncio.timeout(90), serve_app(app, settings) as served:
-            http = served.http
-            driving = served.station.driving
-            page = Elsewhere(served.port, token, "obstacle")
-            page.speed_mps = None
-            await until(lambda: driving.alive, "the drive process")
-            # By which speeds get their time.
-            peer.observe()
-            page.start()
-            try:
-                await until(lambda: page.lease, "a lease")
-                while (
-                    armed := await http.post("/api/robots/obstacle/arm", json={"lease": page.lease})
-                ).status_code != 200:
-                    assert armed.status_code in (404, 409), armed.text
-                    await asyncio.sleep(0.1)
-                page.speed_mps = 0.3
-                await until(moves, "motion")
+    app = create_app(
+        settings,
+        token,
+        engine=peer,
+        drive=DriveSupervisor(slots),
+        storage=storage,
+        viewer=lambda _: NullViewer("not in this test"),
+    )
+    async with asyncio.timeout(90), serve_app(app, settings) as served:
+        http = served.http
+        driving = served.station.driving
+        page = Elsewhere(served.port, token, "obstacle")
+        page.speed_mps = None
+        await until(lambda: driving.alive, "the drive process")
+        # By which speeds get their time.
+        peer.observe()
+        page.start()
+        try:
+            await until(lambda: page.lease, "a lease")
+            while (
+                armed := await http.post("/api/robots/obstacle/arm", json={"lease": page.lease})
+            ).status_code != 200:
+                assert armed.status_code in (404, 409), armed.text
+                await asyncio.sleep(0.1)
+            page.speed_mps = 0.3
+            await until(moves, "motion")
 
-                stood_from = time.monotonic()
-                time.sleep(2.0)
-                blocked_s = zero_after(robot, stood_from)
-                stood_until = time.monotonic()
-                await asyncio.sleep(1.0)
-                # The key is held all the time: what recovers restarts nothing.
-                assert not [each for each in log.since(stood_until) if not each.stands]
-                assert driving.facts()["robots"]["obstacle"]["state"] == "armed"
-                page.speed_mps = 0.0
-                await asyncio.sleep(0.3)
-                page.speed_mps = 0.3
-                await until(moves, "motion behind a release")
+            stood_from = time.monotonic()
+            time.sleep(2.0)
+            blocked_s = zero_after(robot, stood_from)
+            stood_until = time.monotonic()
+            await asyncio.sleep(1.0)
+            # The key is held all the time: what recovers restarts nothing.
+            assert not [each for each in log.since(stood_until) if not each.stands]
+            assert driving.facts()["robots"]["obstacle"]["state"] == "armed"
+            page.speed_mps = 0.0
+            await asyncio.sleep(0.3)
+            page.speed_mps = 0.3
+            await until(moves, "motion behind a release")
 
-                page.done.set()
-                await asyncio.to_thread(page.join)
-                left = time.monotonic()
-                await until(lambda: log.first_standing(left), "zero")
-                gone_s = zero_after(robot, left)
-                await until(
-                    lambda: driving.facts()["robots"]["obstacle"]["state"] == "disarmed",
-                    "disarming",
-                )
-                kinds = [incident.kind for incident in driving.incidents.newest]
-                assert "expired" in kinds
-                assert "lease" in kinds
-                assert driving.wheels.newest > 10
-            finally:
-                page.done.set()
-                await asyncio.to_thread(page.join)
-        sys.stdout.write(
-            f"\nweb loop blocked: zero after {1000 * blocked_s:.0f} ms; "
-            f"page gone: zero after {1000 * gone_s:.0f} ms\n"
-        )
-        assert blocked_s <= PROMISED_S
-        assert gone_s <= PROMISED_S
-        assert not log.unintended
-
-    asyncio.run(scenario())
+            page.done.set()
+            await asyncio.to_thread(page.join)
+            left = time.monotonic()
+            await until(lambda: log.first_standing(left), "zero")
+            gone_s = zero_after(robot, left)
+            await until(
+                lambda: driving.facts()["robots"]["obstacle"]["state"] == "disarmed", "disarming"
+            )
+            kinds = [incident.kind for incident in driving.incidents.newest]
+            assert "expired" in kinds
+            assert "lease" in kinds
+            assert driving.wheels.newest > 10
+        finally:
+            page.done.set()
+            await asyncio.to_thread(page.join)
+    sys.stdout.write(
+        f"\nweb loop blocked: zero after {1000 * blocked_s:.0f} ms; "
+        f"page gone: zero after {1000 * gone_s:.0f} ms\n"
+    )
+    assert blocked_s <= PROMISED_S
+    assert gone_s <= PROMISED_S
+    assert not log.unintended

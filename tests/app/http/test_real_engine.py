@@ -29,48 +29,44 @@ def real(tmp_path: Path, serve_app: Any, token: str) -> Any:
     return make
 
 
-def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
-            assert (await next_obstacle(live))["speed"] >= 0
-            image = await served.http.get("/api/views/left.jpg")
-            assert image.content.startswith(b"\xff\xd8")
+async def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_path: Path) -> None:
+    async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
+        assert (await next_obstacle(live))["speed"] >= 0
+        image = await served.http.get("/api/views/left.jpg")
+        assert image.content.startswith(b"\xff\xd8")
 
-            refused = await served.http.put("/api/source", json={"source": "/no/such/folder"})
-            assert refused.status_code == 422
-            assert "/no/such/folder" in refused.json()["detail"][0]["msg"]
-            changed = await served.http.patch(
-                "/api/parameters", json={"ego_motion.ransac_threshold_px": 2.0}
-            )
-            assert changed.json()["frame"] > 0
+        refused = await served.http.put("/api/source", json={"source": "/no/such/folder"})
+        assert refused.status_code == 422
+        assert "/no/such/folder" in refused.json()["detail"][0]["msg"]
+        changed = await served.http.patch(
+            "/api/parameters", json={"ego_motion.ransac_threshold_px": 2.0}
+        )
+        assert changed.json()["frame"] > 0
 
-            run = (await served.http.post("/api/runs", json={"name": "Killed"})).json()
-            # Frames of before the run may still be on their way, and keep nothing.
-            while (await served.http.get(f"/api/runs/{run['id']}")).json()["frames"] == 0:
-                await message(live, lambda m: m["type"] == "observation")
-            pid = (await served.http.get("/api/status")).json()["engine"]["pid"]
-            if permitted_priority() in ("realtime", "raised"):
-                # Robots drive by it, so it goes before what else the machine does.
-                assert os.getpriority(os.PRIO_PROCESS, pid) < 0
-            os.kill(pid, signal.SIGKILL)
-            killed = time.monotonic()
-            told = await message(live, lambda m: m.get("engine", {}) != {} and is_failed(m))
-            assert "restarted" in told["engine"]["reason"]
-            back = await message(
-                live,
-                lambda m: m["type"] == "status" and m["engine"]["state"] == "running",
-            )
-            # The supervisor promises 2 s; a machine that runs other tests gets more.
-            assert time.monotonic() - killed < 10
-            assert back["engine"]["generation"] == 2
-            assert back["run"]["id"] == run["id"]
-            await message(live, lambda m: m["type"] == "observation" and m["line"]["segment"] >= 1)
-            ended = (await served.http.post(f"/api/runs/{run['id']}/stop")).json()
-            assert ended["state"] == "finished"
-            assert ended["segments"] == 2
-            assert ended["parameters"]["ego_motion.ransac_threshold_px"] == 2.0
-
-    asyncio.run(scenario())
+        run = (await served.http.post("/api/runs", json={"name": "Killed"})).json()
+        # Frames of before the run may still be on their way, and keep nothing.
+        while (await served.http.get(f"/api/runs/{run['id']}")).json()["frames"] == 0:
+            await message(live, lambda m: m["type"] == "observation")
+        pid = (await served.http.get("/api/status")).json()["engine"]["pid"]
+        if permitted_priority() in ("realtime", "raised"):
+            # Robots drive by it, so it goes before what else the machine does.
+            assert os.getpriority(os.PRIO_PROCESS, pid) < 0
+        os.kill(pid, signal.SIGKILL)
+        killed = time.monotonic()
+        told = await message(live, lambda m: m.get("engine", {}) != {} and is_failed(m))
+        assert "restarted" in told["engine"]["reason"]
+        back = await message(
+            live, lambda m: m["type"] == "status" and m["engine"]["state"] == "running"
+        )
+        # The supervisor promises 2 s; a machine that runs other tests gets more.
+        assert time.monotonic() - killed < 10
+        assert back["engine"]["generation"] == 2
+        assert back["run"]["id"] == run["id"]
+        await message(live, lambda m: m["type"] == "observation" and m["line"]["segment"] >= 1)
+        ended = (await served.http.post(f"/api/runs/{run['id']}/stop")).json()
+        assert ended["state"] == "finished"
+        assert ended["segments"] == 2
+        assert ended["parameters"]["ego_motion.ransac_threshold_px"] == 2.0
     with Storage(tmp_path / "observer.sqlite") as storage:
         (record,) = storage.list_runs()
         rows = storage.speeds(record.id)
@@ -79,26 +75,23 @@ def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_path: Pat
 
 
 @pytest.mark.patient
-def test_a_calibration_is_tried_on_the_newest_pair(real: Any, calibration_yaml: Any) -> None:
-    async def scenario() -> None:
-        async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
-            await message(live, lambda m: m["type"] == "observation")
-            good = await upload(served, calibration_yaml())
-            preview = await served.http.get(f"/api/calibrations/{good['id']}/preview")
-            assert preview.content.startswith(b"\xff\xd8")
-            assert float(preview.headers["x-vertical-error-px"]) < 0.5
-            used = await served.http.post(f"/api/calibrations/{good['id']}/activate")
-            assert used.json()["calibration"]["id"] == good["id"]
+async def test_a_calibration_is_tried_on_the_newest_pair(real: Any, calibration_yaml: Any) -> None:
+    async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
+        await message(live, lambda m: m["type"] == "observation")
+        good = await upload(served, calibration_yaml())
+        preview = await served.http.get(f"/api/calibrations/{good['id']}/preview")
+        assert preview.content.startswith(b"\xff\xd8")
+        assert float(preview.headers["x-vertical-error-px"]) < 0.5
+        used = await served.http.post(f"/api/calibrations/{good['id']}/activate")
+        assert used.json()["calibration"]["id"] == good["id"]
 
-            other = await upload(served, calibration_yaml(640, 480))
-            refused = await served.http.post(f"/api/calibrations/{other['id']}/activate")
-            assert refused.status_code == 422
-            assert "640x480" in refused.json()["detail"][0]["msg"]
-            status = (await served.http.get("/api/status")).json()
-            assert status["calibration"]["id"] == good["id"]
-            assert status["engine"]["state"] == "preview"
-
-    asyncio.run(scenario())
+        other = await upload(served, calibration_yaml(640, 480))
+        refused = await served.http.post(f"/api/calibrations/{other['id']}/activate")
+        assert refused.status_code == 422
+        assert "640x480" in refused.json()["detail"][0]["msg"]
+        status = (await served.http.get("/api/status")).json()
+        assert status["calibration"]["id"] == good["id"]
+        assert status["engine"]["state"] == "preview"
 
 
 async def upload(served: Any, text: str) -> dict[str, Any]:

@@ -16,63 +16,60 @@ from observer.recording.replay import replay, replay_revisions
 from observer.recording.source import RecordingSource
 
 
-def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles(
+async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles(
     tmp_path: Path, serve_app: Any, token: str, eventually: Any
 ) -> None:
     settings = Settings(data=tmp_path / "data")
     file, file_again = tmp_path / "run.mcap", tmp_path / "again.mcap"
     live: list[dict[str, Any]] = []
 
-    async def scenario() -> None:
-        async with asyncio.timeout(100), serve_app(create_app(settings, token), settings) as served:
-            station = served.station
-            run = (await served.http.post("/api/runs", json={"record": "lossless"})).json()
+    async with asyncio.timeout(100), serve_app(create_app(settings, token), settings) as served:
+        station = served.station
+        run = (await served.http.post("/api/runs", json={"record": "lossless"})).json()
 
-            def keep(event: Any) -> None:
-                if getattr(event, "run_id", None) == run["id"] and hasattr(event, "line"):
-                    live.append(event.line)
+        def keep(event: Any) -> None:
+            if getattr(event, "run_id", None) == run["id"] and hasattr(event, "line"):
+                live.append(event.line)
 
-            station.engine.subscribe(keep)
-            await eventually(lambda: len(live) >= 12, 40)
-            await served.http.patch("/api/parameters", json={"clustering.min_points": 7})
-            await eventually(lambda: len(live) >= 24, 40)
-            status = (await served.http.get("/api/status")).json()
-            assert status["recording"]["images"] == "lossless"
-            assert status["recording"]["trouble"] is None
-            # What is not yet in a chunk is lost with the engine; then it goes on in the same file.
-            os.kill(status["engine"]["pid"], signal.SIGKILL)
-            await eventually(lambda: station.generation == 2, 40)
-            await eventually(lambda: sum(line["segment"] == 1 for line in live) >= 10, 40)
-            ended = (await served.http.post(f"/api/runs/{run['id']}/stop")).json()
-            assert (ended["state"], ended["reason"]) == ("finished", None)
-            answer = await served.http.get(f"/api/runs/{run['id']}/recording")
-            file.write_bytes(answer.content)
-            assert ended["recording_bytes"] == len(answer.content)
+        station.engine.subscribe(keep)
+        await eventually(lambda: len(live) >= 12, 40)
+        await served.http.patch("/api/parameters", json={"clustering.min_points": 7})
+        await eventually(lambda: len(live) >= 24, 40)
+        status = (await served.http.get("/api/status")).json()
+        assert status["recording"]["images"] == "lossless"
+        assert status["recording"]["trouble"] is None
+        # What is not yet in a chunk is lost with the engine; then it goes on in the same file.
+        os.kill(status["engine"]["pid"], signal.SIGKILL)
+        await eventually(lambda: station.generation == 2, 40)
+        await eventually(lambda: sum(line["segment"] == 1 for line in live) >= 10, 40)
+        ended = (await served.http.post(f"/api/runs/{run['id']}/stop")).json()
+        assert (ended["state"], ended["reason"]) == ("finished", None)
+        answer = await served.http.get(f"/api/runs/{run['id']}/recording")
+        file.write_bytes(answer.content)
+        assert ended["recording_bytes"] == len(answer.content)
 
-            again = (await served.http.post(f"/api/runs/{run['id']}/rerun", json={})).json()
-            assert again["rerun_of"] == run["id"]
-            await eventually(lambda: station.run is None, 60)
-            ended = (await served.http.get(f"/api/runs/{again['id']}")).json()
-            assert (ended["state"], ended["record"]) == ("finished", "none")
-            file_again.write_bytes(
-                (await served.http.get(f"/api/runs/{again['id']}/recording")).content
-            )
-            playback = (await served.http.get("/api/status")).json()["playback"]
-            assert (playback["rate"], playback["loop"]) == (1.0, True)
+        again = (await served.http.post(f"/api/runs/{run['id']}/rerun", json={})).json()
+        assert again["rerun_of"] == run["id"]
+        await eventually(lambda: station.run is None, 60)
+        ended = (await served.http.get(f"/api/runs/{again['id']}")).json()
+        assert (ended["state"], ended["record"]) == ("finished", "none")
+        file_again.write_bytes(
+            (await served.http.get(f"/api/runs/{again['id']}/recording")).content
+        )
+        playback = (await served.http.get("/api/status")).json()["playback"]
+        assert (playback["rate"], playback["loop"]) == (1.0, True)
 
-            opened = await served.http.put("/api/source", json={"source": str(file)})
-            assert opened.status_code == 200, opened.text
-            assert opened.json()["source"]["kind"] == "recording"
-            assert opened.json()["has_truth"]
-            await eventually(lambda: station.latest is not None, 40)
-            change = {"paused": True, "seek": 5}
-            sought = (await served.http.post("/api/playback", json=change)).json()
-            assert (sought["paused"], sought["seekable"]) == (True, True)
-            await eventually(lambda: station.state.playback["frame"] == 5, 40)
-            beyond = await served.http.post("/api/playback", json={"seek": 100_000})
-            assert beyond.status_code == 422
-
-    asyncio.run(scenario())
+        opened = await served.http.put("/api/source", json={"source": str(file)})
+        assert opened.status_code == 200, opened.text
+        assert opened.json()["source"]["kind"] == "recording"
+        assert opened.json()["has_truth"]
+        await eventually(lambda: station.latest is not None, 40)
+        change = {"paused": True, "seek": 5}
+        sought = (await served.http.post("/api/playback", json=change)).json()
+        assert (sought["paused"], sought["seekable"]) == (True, True)
+        await eventually(lambda: station.state.playback["frame"] == 5, 40)
+        beyond = await served.http.post("/api/playback", json={"seek": 100_000})
+        assert beyond.status_code == 422
 
     with Recording(file) as recording:
         lines = list(recording.lines())
@@ -100,10 +97,10 @@ def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles(
         assert repeated["obstacles"] == line["obstacles"]
     source = RecordingSource(file)
     try:
-        again = list(replay(source, replay_revisions(source.recording)))
+        replayed = list(replay(source, replay_revisions(source.recording)))
     finally:
         source.close()
-    found = dict(zip(keys, map(observation_line, again), strict=True))
+    found = dict(zip(keys, map(observation_line, replayed), strict=True))
     assert any(line["obstacles"] for line in lines)
     for line in lines:
         same = found[line["segment"], line["frame"]]

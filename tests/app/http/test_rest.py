@@ -7,66 +7,57 @@ from typing import Any
 
 from app.messages import DenseStereoEvent, ExplainPixel
 
-from .scenarios import run
 
-
-def test_metrics_are_the_statuss_figures_as_prometheus_reads_them(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        peer.observe()
-        peer.publish(DenseStereoEvent(0, 0.0, 0.1, 0.05, 1, None))
-        answer = await served.http.get("/metrics")
-        assert answer.headers["content-type"].startswith("text/plain")
-        lines = answer.text.splitlines()
-        assert "dynamic_observer_frames_observed_total 1.0" in lines
-        assert 'dynamic_observer_engine_state{state="preview"} 1.0' in lines
-        assert 'dynamic_observer_engine_state{state="failed"} 0.0' in lines
-        assert "dynamic_observer_dense_stereo_per_second 0.0" in lines
-        assert any(line.startswith("dynamic_observer_dense_stereo_age_seconds ") for line in lines)
-        assert any(line.startswith('dynamic_observer_stage_ms{stage="') for line in lines)
-
-    run(serve, scenario)
+async def test_metrics_are_the_statuss_figures_as_prometheus_reads_them(
+    http: Any, peer: Any
+) -> None:
+    peer.observe()
+    peer.publish(DenseStereoEvent(0, 0.0, 0.1, 0.05, 1, None))
+    answer = await http.get("/metrics")
+    assert answer.headers["content-type"].startswith("text/plain")
+    lines = answer.text.splitlines()
+    assert "dynamic_observer_frames_observed_total 1.0" in lines
+    assert 'dynamic_observer_engine_state{state="preview"} 1.0' in lines
+    assert 'dynamic_observer_engine_state{state="failed"} 0.0' in lines
+    assert "dynamic_observer_dense_stereo_per_second 0.0" in lines
+    assert any(line.startswith("dynamic_observer_dense_stereo_age_seconds ") for line in lines)
+    assert any(line.startswith('dynamic_observer_stage_ms{stage="') for line in lines)
 
 
 # --- pixels --------------------------------------------------------------------------------
 
 
-def test_a_pixel_answers_with_its_figures(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        early = await served.http.get("/api/pixel?u=1&v=1")
-        assert early.status_code == 409
-        assert early.json()["detail"] == "no frame has been observed yet"
-        peer.observe()
-        answer = await served.http.get("/api/pixel?u=100.5&v=20")
-        assert answer.status_code == 200, answer.text
-        body = answer.json()
-        assert peer.commands[-1] == ExplainPixel(100.5, 20.0)
-        assert (body["u"], body["v"], body["frame"]) == (100.5, 20.0, 0)
-        assert body["numbers"] == {"residual_px": 4.2, "depth_m": None}
-        assert body["obstacle"]["id"] == 7
-        peer.lose()
-        assert (await served.http.get("/api/pixel?u=1&v=1")).status_code == 503
-
-    run(serve, scenario)
+async def test_a_pixel_answers_with_its_figures(http: Any, peer: Any) -> None:
+    early = await http.get("/api/pixel?u=1&v=1")
+    assert early.status_code == 409
+    assert early.json()["detail"] == "no frame has been observed yet"
+    peer.observe()
+    answer = await http.get("/api/pixel?u=100.5&v=20")
+    assert answer.status_code == 200, answer.text
+    body = answer.json()
+    assert peer.commands[-1] == ExplainPixel(100.5, 20.0)
+    assert (body["u"], body["v"], body["frame"]) == (100.5, 20.0, 0)
+    assert body["numbers"] == {"residual_px": 4.2, "depth_m": None}
+    assert body["obstacle"]["id"] == 7
+    peer.lose()
+    assert (await http.get("/api/pixel?u=1&v=1")).status_code == 503
 
 
-def test_what_is_no_pixel_is_refused_in_one_sentence(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        peer.observe()
-        asked = len(peer.commands)
-        for query in ("u=1", "v=1", "u=nan&v=1", "u=1&v=inf", "u=a&v=1", "u=1e9&v=1", ""):
-            answer = await served.http.get(f"/api/pixel?{query}")
-            assert answer.status_code == 422, query
-            assert answer.json()["detail"][0]["loc"][0] == "query"
-        assert len(peer.commands) == asked
-        outside = await served.http.get("/api/pixel?u=512&v=1")
-        assert outside.status_code == 422
-        (problem,) = outside.json()["detail"]
-        assert "512 x 256" in problem["msg"]
-
-    run(serve, scenario)
+async def test_what_is_no_pixel_is_refused_in_one_sentence(http: Any, peer: Any) -> None:
+    peer.observe()
+    asked = len(peer.commands)
+    for query in ("u=1", "v=1", "u=nan&v=1", "u=1&v=inf", "u=a&v=1", "u=1e9&v=1", ""):
+        answer = await http.get(f"/api/pixel?{query}")
+        assert answer.status_code == 422, query
+        assert answer.json()["detail"][0]["loc"][0] == "query"
+    assert len(peer.commands) == asked
+    outside = await http.get("/api/pixel?u=512&v=1")
+    assert outside.status_code == 422
+    (problem,) = outside.json()["detail"]
+    assert "512 x 256" in problem["msg"]
 
 
-def test_the_status_tells_how_the_camera_moved(serve: Any, peer: Any) -> None:
+async def test_the_status_tells_how_the_camera_moved(http: Any, peer: Any) -> None:
     motion = {
         "model": "affine",
         "status": "ok",
@@ -82,38 +73,32 @@ def test_the_status_tells_how_the_camera_moved(serve: Any, peer: Any) -> None:
         "motion": {"rotation_rad": [0.0, 0.01, 0.0], "translation_m": [0.02, 0.0, 0.0]},
     }
 
-    async def scenario(served: Any) -> None:
-        assert (await served.http.get("/api/status")).json()["ego_motion"] is None
-        peer.observe(ego_motion=motion)
-        assert (await served.http.get("/api/status")).json()["ego_motion"] == motion
-
-    run(serve, scenario)
+    assert (await http.get("/api/status")).json()["ego_motion"] is None
+    peer.observe(ego_motion=motion)
+    assert (await http.get("/api/status")).json()["ego_motion"] == motion
 
 
 # --- the description -----------------------------------------------------------------------
 
 
-def test_the_description_is_whole_and_stays_on_this_machine(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        schema = (await served.http.get("/openapi.json")).json()
-        assert schema["openapi"].startswith("3.")
-        for path, methods in schema["paths"].items():
-            for method, operation in methods.items():
-                where = (path, method)
-                assert operation["summary"], where
-                assert operation["tags"], where
-                assert {"401", "403"} <= set(operation["responses"]), where
-        references = set(find(schema, "$ref"))
-        assert all(reference.startswith("#/components/schemas/") for reference in references)
-        known = set(schema["components"]["schemas"])
-        assert {reference.rpartition("/")[2] for reference in references} <= known
-        page = await served.http.get("/docs")
-        assert "http://" not in page.text
-        assert "https://" not in page.text
-        script = await served.http.get("/docs/start.js")
-        assert script.headers["content-type"].startswith("text/javascript")
-
-    run(serve, scenario)
+async def test_the_description_is_whole_and_stays_on_this_machine(served: Any) -> None:
+    schema = (await served.http.get("/openapi.json")).json()
+    assert schema["openapi"].startswith("3.")
+    for path, methods in schema["paths"].items():
+        for method, operation in methods.items():
+            where = (path, method)
+            assert operation["summary"], where
+            assert operation["tags"], where
+            assert {"401", "403"} <= set(operation["responses"]), where
+    references = set(find(schema, "$ref"))
+    assert all(reference.startswith("#/components/schemas/") for reference in references)
+    known = set(schema["components"]["schemas"])
+    assert {reference.rpartition("/")[2] for reference in references} <= known
+    page = await served.http.get("/docs")
+    assert "http://" not in page.text
+    assert "https://" not in page.text
+    script = await served.http.get("/docs/start.js")
+    assert script.headers["content-type"].startswith("text/javascript")
 
 
 def find(value: Any, key: str) -> list[str]:
@@ -126,24 +111,21 @@ def find(value: Any, key: str) -> list[str]:
     return []
 
 
-def test_status_is_what_is_promised(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        for _ in range(5):
-            peer.observe()
-        status = (await served.http.get("/api/status")).json()
-        assert status["engine"]["state"] == "preview"
-        assert status["engine"]["generation"] == 1
-        assert status["frames_observed"] == 5
-        assert status["timings_ms"]["features"] == 2.0
-        assert status["has_truth"] is True
-        assert status["latency_ms"] == {"median": None, "p95": None, "count": 0}
-        assert json.dumps(status, allow_nan=False)
-        assert (await served.http.get("/readyz")).is_success
-        peer.lose("the engine gave no sign of life for 1.5 s")
-        status = (await served.http.get("/api/status")).json()
-        assert status["engine"]["state"] == "failed"
-        assert "no sign of life" in status["engine"]["reason"]
-        assert (await served.http.get("/readyz")).status_code == 503
-        assert (await served.http.get("/healthz")).is_success
-
-    run(serve, scenario)
+async def test_status_is_what_is_promised(http: Any, peer: Any) -> None:
+    for _ in range(5):
+        peer.observe()
+    status = (await http.get("/api/status")).json()
+    assert status["engine"]["state"] == "preview"
+    assert status["engine"]["generation"] == 1
+    assert status["frames_observed"] == 5
+    assert status["timings_ms"]["features"] == 2.0
+    assert status["has_truth"] is True
+    assert status["latency_ms"] == {"median": None, "p95": None, "count": 0}
+    assert json.dumps(status, allow_nan=False)
+    assert (await http.get("/readyz")).is_success
+    peer.lose("the engine gave no sign of life for 1.5 s")
+    status = (await http.get("/api/status")).json()
+    assert status["engine"]["state"] == "failed"
+    assert "no sign of life" in status["engine"]["reason"]
+    assert (await http.get("/readyz")).status_code == 503
+    assert (await http.get("/healthz")).is_success

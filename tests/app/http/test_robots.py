@@ -25,7 +25,7 @@ from observer.motion_profiles import programme_names
 from observer.rig.rig_file import read_rig
 from observer.robots.contract import RobotPort
 
-from .scenarios import JSON, run
+from .wire import JSON
 
 OWN = """
 name: to_and_fro
@@ -46,110 +46,102 @@ def world(peer: Any) -> None:
     )
 
 
-@pytest.mark.usefixtures("world")
-def test_arming_stopping_and_resetting(serve: Any, drive: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        await eventually(lambda: drive.robots)
-        told = (await http.get("/api/robots")).json()
-        RobotsNow.model_validate(told)
-        assert told["world"] == "simulated:lab/1"
-        assert told["robots"]["observer"]["name"] == "the cameras' robot"
-        assert told["robots"]["obstacle"] is None
-        assert told["process"] == {"alive": True, "pid": 2001, "restarts": 0, "trouble": None}
-        armed = await http.post("/api/robots/observer/arm", json={"lease": None})
-        assert (armed.status_code, armed.json()["state"]) == (200, "armed")
-        # Without a body it is the same.
-        assert (await http.post("/api/robots/observer/arm")).status_code == 200
-        disarmed = await http.post("/api/robots/observer/disarm")
-        assert (disarmed.status_code, disarmed.json()["state"]) == (200, "disarmed")
-        answer = await http.post("/api/robots/obstacle/arm", json={"lease": None})
-        assert answer.status_code == 409
-        assert answer.json()["detail"] == "the obstacle is not connected"
-        stopped = await http.post("/api/robots/stop")
-        assert stopped.status_code == 200
-        assert stopped.json()["stopped"]["by"] == "somebody at 127.0.0.1"
+@pytest.fixture
+async def connected(world: None, served: Any, drive: Any, eventually: Any) -> None:  # noqa: ARG001
+    """The server has connected the world's robot."""
+    await eventually(lambda: drive.robots)
+
+
+@pytest.mark.usefixtures("connected")
+async def test_arming_stopping_and_resetting(http: Any, drive: Any) -> None:
+    told = (await http.get("/api/robots")).json()
+    RobotsNow.model_validate(told)
+    assert told["world"] == "simulated:lab/1"
+    assert told["robots"]["observer"]["name"] == "the cameras' robot"
+    assert told["robots"]["obstacle"] is None
+    assert told["process"] == {"alive": True, "pid": 2001, "restarts": 0, "trouble": None}
+    armed = await http.post("/api/robots/observer/arm", json={"lease": None})
+    assert (armed.status_code, armed.json()["state"]) == (200, "armed")
+    # Without a body it is the same.
+    assert (await http.post("/api/robots/observer/arm")).status_code == 200
+    disarmed = await http.post("/api/robots/observer/disarm")
+    assert (disarmed.status_code, disarmed.json()["state"]) == (200, "disarmed")
+    answer = await http.post("/api/robots/obstacle/arm", json={"lease": None})
+    assert answer.status_code == 409
+    assert answer.json()["detail"] == "the obstacle is not connected"
+    stopped = await http.post("/api/robots/stop")
+    assert stopped.status_code == 200
+    assert stopped.json()["stopped"]["by"] == "somebody at 127.0.0.1"
+    answer = await http.post("/api/robots/observer/arm")
+    assert answer.status_code == 409
+    assert (await http.post("/api/robots/reset")).json()["stopped"] is None
+    assert (await http.post("/api/robots/observer/arm")).status_code == 200
+    assert (len(drive.of(ArmRobot)), len(drive.of(ResetStop))) == (5, 1)
+
+
+async def test_refusals_of_the_process_have_their_status(http: Any, drive: Any) -> None:
+    for refusal, status in (("state", 409), ("input", 422), ("failure", 503)):
+        drive.refuse[ArmRobot] = (refusal, "it is not so")
         answer = await http.post("/api/robots/observer/arm")
-        assert answer.status_code == 409
-        assert (await http.post("/api/robots/reset")).json()["stopped"] is None
-        assert (await http.post("/api/robots/observer/arm")).status_code == 200
-        assert (len(drive.of(ArmRobot)), len(drive.of(ResetStop))) == (5, 1)
-
-    run(serve, scenario)
-
-
-def test_refusals_of_the_process_have_their_status(serve: Any, drive: Any) -> None:
-    async def scenario(served: Any) -> None:
-        for refusal, status in (("state", 409), ("input", 422), ("failure", 503)):
-            drive.refuse[ArmRobot] = (refusal, "it is not so")
-            answer = await served.http.post("/api/robots/observer/arm")
-            assert answer.status_code == status
-            assert "it is not so" in answer.text
-        for method, path, body in (
-            ("POST", "observer/arm", '{"lease": 1}'),
-            ("POST", "observer/arm", '{"lese": "x"}'),
-            ("POST", "driver/arm", "{}"),
-            ("POST", "driver/disarm", ""),
-            ("POST", "programme", '{"name": "x", "leases": {"driver": "x"}}'),
-            ("POST", "programme", '{"name": "x", "repeat": 0, "leases": {}}'),
-            ("POST", "programme", '{"name": "x", "repeat": NaN, "leases": {}}'),
-            ("PUT", "observer/port", '{"port": ""}'),
-            ("PUT", "observer/port", '{"port": "/dev/ttyUSB0", "model": "tank"}'),
-            ("PUT", "observer/port", '{"port": "ttyUSB0"}'),
-            ("PUT", "observer/port", '{"port": "socket://host"}'),
-            ("PUT", "observer/port", '{"port": "/dev/a\\u0000b"}'),
-        ):
-            answer = await served.http.request(
-                method, f"/api/robots/{path}", content=body, headers=JSON
-            )
-            assert answer.status_code == 422, (path, body, answer.text)
-        assert (await served.http.post("/api/robots/stop", json={})).status_code == 200
-
-    run(serve, scenario)
+        assert answer.status_code == status
+        assert "it is not so" in answer.text
+    for method, path, body in (
+        ("POST", "observer/arm", '{"lease": 1}'),
+        ("POST", "observer/arm", '{"lese": "x"}'),
+        ("POST", "driver/arm", "{}"),
+        ("POST", "driver/disarm", ""),
+        ("POST", "programme", '{"name": "x", "leases": {"driver": "x"}}'),
+        ("POST", "programme", '{"name": "x", "repeat": 0, "leases": {}}'),
+        ("POST", "programme", '{"name": "x", "repeat": NaN, "leases": {}}'),
+        ("PUT", "observer/port", '{"port": ""}'),
+        ("PUT", "observer/port", '{"port": "/dev/ttyUSB0", "model": "tank"}'),
+        ("PUT", "observer/port", '{"port": "ttyUSB0"}'),
+        ("PUT", "observer/port", '{"port": "socket://host"}'),
+        ("PUT", "observer/port", '{"port": "/dev/a\\u0000b"}'),
+    ):
+        answer = await http.request(method, f"/api/robots/{path}", content=body, headers=JSON)
+        assert answer.status_code == 422, (path, body, answer.text)
+    assert (await http.post("/api/robots/stop", json={})).status_code == 200
 
 
-def test_a_stop_waits_for_nobody_and_outlives_the_process(
-    serve: Any, drive: Any, peer: Any, eventually: Any
+async def test_a_stop_waits_for_nobody_and_outlives_the_process(
+    http: Any, served: Any, drive: Any, peer: Any, eventually: Any
 ) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        # While something else holds the station, and wrong tokens are counted.
-        async with served.station._lock:
-            async with served.anonymous(Authorization="Bearer wrong") as client:
-                for _ in range(8):
-                    await client.post("/api/robots/stop")
-            assert not drive.of(StopRobots)
-            async with asyncio.timeout(5):
-                answer = await http.post("/api/robots/stop")
-            assert answer.status_code == 200
-        assert len(drive.of(StopRobots)) == 1
-        # The next process begins stopped, before it gets a robot.
-        peer.world, peer.robots = "real", ()
-        await http.put("/api/source", json={"source": "camera:0,1"})
-        await http.put("/api/robots/observer/port", json={"port": "/dev/ttyUSB0"})
-        await eventually(lambda: drive.of(ConnectRobot))
-        drive.lose()
-        answer = await http.post("/api/robots/stop")
-        assert answer.status_code == 503
-        assert "the robots' own switch" in answer.json()["detail"]
-        told = (await http.get("/api/robots")).json()
-        assert told["robots"] == {"observer": None, "obstacle": None}
-        assert "connected again, disarmed" in told["process"]["trouble"]
-        assert told["stopped"]
-        warnings = (await http.get("/api/status")).json()["warnings"]
-        assert any("the drive process was killed" in warning for warning in warnings)
-        before = len(drive.commands)
-        drive.start_process()
-        await eventually(lambda: drive.robots)
-        kinds = [type(command) for command in drive.commands[before:]]
-        assert kinds.index(StopRobots) < kinds.index(ConnectRobot)
-        assert drive.stopped["by"] == "somebody at 127.0.0.1"
-        assert (await http.get("/api/robots")).json()["process"]["restarts"] == 1
-
-    run(serve, scenario)
+    # While something else holds the station, and wrong tokens are counted.
+    async with served.station._lock:
+        async with served.anonymous(Authorization="Bearer wrong") as client:
+            for _ in range(8):
+                await client.post("/api/robots/stop")
+        assert not drive.of(StopRobots)
+        async with asyncio.timeout(5):
+            answer = await http.post("/api/robots/stop")
+        assert answer.status_code == 200
+    assert len(drive.of(StopRobots)) == 1
+    # The next process begins stopped, before it gets a robot.
+    peer.world, peer.robots = "real", ()
+    await http.put("/api/source", json={"source": "camera:0,1"})
+    await http.put("/api/robots/observer/port", json={"port": "/dev/ttyUSB0"})
+    await eventually(lambda: drive.of(ConnectRobot))
+    drive.lose()
+    answer = await http.post("/api/robots/stop")
+    assert answer.status_code == 503
+    assert "the robots' own switch" in answer.json()["detail"]
+    told = (await http.get("/api/robots")).json()
+    assert told["robots"] == {"observer": None, "obstacle": None}
+    assert "connected again, disarmed" in told["process"]["trouble"]
+    assert told["stopped"]
+    warnings = (await http.get("/api/status")).json()["warnings"]
+    assert any("the drive process was killed" in warning for warning in warnings)
+    before = len(drive.commands)
+    drive.start_process()
+    await eventually(lambda: drive.robots)
+    kinds = [type(command) for command in drive.commands[before:]]
+    assert kinds.index(StopRobots) < kinds.index(ConnectRobot)
+    assert drive.stopped["by"] == "somebody at 127.0.0.1"
+    assert (await http.get("/api/robots")).json()["process"]["restarts"] == 1
 
 
-def test_a_key_is_kept_and_never_shown(
+async def test_a_key_is_kept_and_never_shown(
     serve: Any,
     drive: Any,
     peer: Any,
@@ -161,7 +153,7 @@ def test_a_key_is_kept_and_never_shown(
     key = "0123456789abcdefSECRET"
     port, shown = f"external:0.0.0.0:7700?key={key}", "external:0.0.0.0:7700"
 
-    async def scenario(served: Any) -> None:
+    async with serve() as served:
         http = served.http
         answers = [await http.put("/api/robots/observer/port", json={"port": port})]
         assert answers[0].json()["ports"]["observer"] == {"port": shown, "model": None}
@@ -187,8 +179,6 @@ def test_a_key_is_kept_and_never_shown(
         assert all(key not in str(c.rig_yaml) for c in peer.commands if isinstance(c, OpenSource))
         # The file is the configuration itself: it keeps the key, for this user alone.
         assert key in (await http.get("/api/rig/file")).text
-
-    run(serve, scenario)
     file = tmp_path / "rig.yaml"
     assert read_rig(file.read_text(), "rig.yaml").ports == {"observer": port}
     assert file.stat().st_mode & 0o777 == 0o600
@@ -199,12 +189,12 @@ def test_a_key_is_kept_and_never_shown(
     assert key not in told.out + told.err
 
 
-def test_a_port_is_kept_and_changed_in_a_run(
+async def test_a_port_is_kept_and_changed_in_a_run(
     serve: Any, drive: Any, peer: Any, tmp_path: Path, eventually: Any
 ) -> None:
     peer.world = "real"
 
-    async def scenario(served: Any) -> None:
+    async with serve() as served:
         http = served.http
         assert (await http.post("/api/runs", json={})).status_code == 201
         opened = [c for c in peer.commands if isinstance(c, OpenSource)]
@@ -217,10 +207,7 @@ def test_a_port_is_kept_and_changed_in_a_run(
             ConnectRobot("observer", "/dev/ttyUSB0", "amigo-sh", "real")
         ]
         rig = read_rig((tmp_path / "rig.yaml").read_text(), "rig.yaml")
-        assert (rig.ports, rig.models) == (
-            {"observer": "/dev/ttyUSB0"},
-            {"observer": "amigo-sh"},
-        )
+        assert (rig.ports, rig.models) == ({"observer": "/dev/ttyUSB0"}, {"observer": "amigo-sh"})
         same = await http.put("/api/robots/obstacle/port", json={"port": "/dev/ttyUSB0"})
         assert same.status_code == 422
         assert "two different ports" in same.json()["detail"][0]["msg"]
@@ -238,234 +225,203 @@ def test_a_port_is_kept_and_changed_in_a_run(
         # Nothing of it began the source again.
         assert [c for c in peer.commands if isinstance(c, OpenSource)] == opened
 
-    run(serve, scenario)
 
-
-def test_a_port_and_a_mount_that_are_changed_at_once_are_both_kept(
-    serve: Any, tmp_path: Path
+async def test_a_port_and_a_mount_that_are_changed_at_once_are_both_kept(
+    http: Any, served: Any, tmp_path: Path
 ) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        async with served.station._lock:
-            # Both wait, as for a source that is being opened.
-            port = asyncio.create_task(
-                http.put("/api/robots/observer/port", json={"port": "/dev/ttyUSB0"})
-            )
-            await asyncio.sleep(0.1)
-            mount = asyncio.create_task(
-                http.put("/api/rig", json={"mount": {"height_m": {"value": 0.4}}})
-            )
-            await asyncio.sleep(0.1)
-        assert [(await each).status_code for each in (port, mount)] == [200, 200]
-        rig = read_rig((tmp_path / "rig.yaml").read_text(), "rig.yaml")
-        assert rig.ports == {"observer": "/dev/ttyUSB0"}
-        assert rig.mount.height_m is not None
-
-    run(serve, scenario)
+    async with served.station._lock:
+        # Both wait, as for a source that is being opened.
+        port = asyncio.create_task(
+            http.put("/api/robots/observer/port", json={"port": "/dev/ttyUSB0"})
+        )
+        await asyncio.sleep(0.1)
+        mount = asyncio.create_task(
+            http.put("/api/rig", json={"mount": {"height_m": {"value": 0.4}}})
+        )
+        await asyncio.sleep(0.1)
+    assert [(await each).status_code for each in (port, mount)] == [200, 200]
+    rig = read_rig((tmp_path / "rig.yaml").read_text(), "rig.yaml")
+    assert rig.ports == {"observer": "/dev/ttyUSB0"}
+    assert rig.mount.height_m is not None
 
 
-@pytest.mark.usefixtures("world")
-def test_programmes_are_listed_kept_driven_and_forgotten(
-    serve: Any, drive: Any, tmp_path: Path, eventually: Any
+@pytest.mark.usefixtures("connected")
+async def test_programmes_are_listed_kept_driven_and_forgotten(
+    http: Any, drive: Any, tmp_path: Path
 ) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        await eventually(lambda: drive.robots)
-        listed = (await http.get("/api/programmes")).json()
-        assert [each["name"] for each in listed] == list(programme_names())
-        assert not any(each["own"] for each in listed)
-        built_in = listed[0]["name"]
-        detail = (await http.get(f"/api/programmes/{built_in}")).json()
-        assert "steps:" in detail["text"]
-        kept = await http.post("/api/programmes", json={"text": OWN})
-        assert kept.status_code == 201, kept.text
-        own = {**kept.json()}
-        assert (own["own"], own["roles"], own["duration_s"]) == (True, ["observer"], 4.0)
-        listed = (await http.get("/api/programmes")).json()
-        assert listed[-1] == {key: own[key] for key in listed[-1]}
-        assert (tmp_path / "programmes" / "to_and_fro.yaml").read_text() == OWN
-        for text, status in (
-            (OWN.replace("to_and_fro", built_in), 409),
-            (OWN.replace("to_and_fro", "../x"), 422),
-            (OWN.replace("seconds: 2", "seconds: .inf"), 422),
-            ("a: &a [x]\nsteps: *a", 422),
-            ("x" * 200_001, 422),
-        ):
-            answer = await http.post("/api/programmes", json={"text": text})
-            assert answer.status_code == status, (text[:60], answer.text[:200])
-        wanted = {"name": "to_and_fro", "repeat": 3, "reverse": True, "leases": {"observer": "l"}}
-        answer = await http.post("/api/robots/programme", json=wanted)
-        assert (answer.status_code, answer.json()["detail"]) == (409, "the observer is not armed")
+    listed = (await http.get("/api/programmes")).json()
+    assert [each["name"] for each in listed] == list(programme_names())
+    assert not any(each["own"] for each in listed)
+    built_in = listed[0]["name"]
+    detail = (await http.get(f"/api/programmes/{built_in}")).json()
+    assert "steps:" in detail["text"]
+    kept = await http.post("/api/programmes", json={"text": OWN})
+    assert kept.status_code == 201, kept.text
+    own = {**kept.json()}
+    assert (own["own"], own["roles"], own["duration_s"]) == (True, ["observer"], 4.0)
+    listed = (await http.get("/api/programmes")).json()
+    assert listed[-1] == {key: own[key] for key in listed[-1]}
+    assert (tmp_path / "programmes" / "to_and_fro.yaml").read_text() == OWN
+    for text, status in (
+        (OWN.replace("to_and_fro", built_in), 409),
+        (OWN.replace("to_and_fro", "../x"), 422),
+        (OWN.replace("seconds: 2", "seconds: .inf"), 422),
+        ("a: &a [x]\nsteps: *a", 422),
+        ("x" * 200_001, 422),
+    ):
+        answer = await http.post("/api/programmes", json={"text": text})
+        assert answer.status_code == status, (text[:60], answer.text[:200])
+    wanted = {"name": "to_and_fro", "repeat": 3, "reverse": True, "leases": {"observer": "l"}}
+    answer = await http.post("/api/robots/programme", json=wanted)
+    assert (answer.status_code, answer.json()["detail"]) == (409, "the observer is not armed")
+    await http.post("/api/robots/observer/arm")
+    answer = await http.post("/api/robots/programme", json=wanted)
+    assert answer.status_code == 200
+    assert answer.json()["programme"]["name"] == "to_and_fro"
+    start = drive.of(StartProgramme)[-1]
+    assert (start.repeat, start.reverse, start.leases) == (3, True, {"observer": "l"})
+    assert (await http.delete("/api/robots/programme")).json()["programme"] is None
+    unknown = {**wanted, "name": "none"}
+    assert (await http.post("/api/robots/programme", json=unknown)).status_code == 404
+    for name, status in ((built_in, 409), ("to_and_fro", 204), ("to_and_fro", 404)):
+        assert (await http.delete(f"/api/programmes/{name}")).status_code == status
+    for name in ("..%2Fobserver", "%2e%2e", ".hidden", "rig"):
+        assert (await http.get(f"/api/programmes/{name}")).status_code == 404
+
+
+@pytest.mark.usefixtures("connected")
+async def test_a_run_begins_and_ends_with_its_programme(http: Any, served: Any, drive: Any) -> None:
+    wanted = {"programme": {"name": "to_and_fro", "leases": {"observer": "lease"}}}
+    assert (await http.post("/api/runs", json=wanted)).status_code == 404
+    assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
+    # A run that cannot begin with its programme does not begin.
+    answer = await http.post("/api/runs", json=wanted)
+    assert (answer.status_code, answer.json()["detail"]) == (
+        409,
+        "the observer is not armed; arm it first",
+    )
+    assert (await http.get("/api/runs")).json() == []
+    assert served.station.state.state.value == "preview"
+    drive.leases["observer"] = ("lease", "Anna")
+    await http.post("/api/robots/observer/arm", json={"lease": "lease"})
+    begun = await http.post("/api/runs", json=wanted)
+    assert begun.status_code == 201, begun.text
+    assert drive.programme is not None
+    assert served.station.state.state.value == "running"
+    drive.come_to_rest("observer", "fault", "the observer's left wheel stalled")
+    await http.post(f"/api/runs/{begun.json()['id']}/stop")
+    assert drive.programme is None
+    assert len(drive.of(StopProgramme)) == 1
+    # What stopped a robot is kept with the run, and shown.
+    path = f"/api/runs/{begun.json()['id']}/incidents"
+    (incident,) = (await http.get(path)).json()
+    assert incident["sentence"] == "the observer's left wheel stalled"
+    assert (incident["kind"], incident["speed_mps"]) == ("fault", 0.25)
+    shown = (await http.get("/api/robots")).json()["incidents"]
+    assert shown == [incident]
+    assert incident["stops"] == {
+        "observer": {
+            "zero_ms": 200.0,
+            "stood_ms": 500.0,
+            "distance_m": 0.09,
+            "speed_mps": 0.25,
+            "separation_m": None,
+        }
+    }
+    assert (await http.get("/api/runs/none/incidents")).status_code == 404
+
+
+@pytest.mark.usefixtures("connected")
+async def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_armed_again(
+    http: Any, served: Any, drive: Any, peer: Any
+) -> None:
+    assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
+    drive.leases["observer"] = ("lease", "Anna")
+    await http.post("/api/robots/observer/arm", json={"lease": "lease"})
+    peer.world = "simulated:lab/2"
+    peer.robots = (
+        vars(RobotPort("observer", "socket://127.0.0.1:5009", "amigo-sh", "the same again")),
+    )
+    wanted = {"name": "to_and_fro", "leases": {"observer": "lease"}}
+    begun = await http.post("/api/runs", json={"programme": wanted})
+    assert begun.status_code == 201, begun.text
+    kinds = (ConnectRobot, ArmRobot, StartProgramme)
+    assert [type(command) for command in drive.of(*kinds)[-3:]] == list(kinds)
+    assert drive.of(ArmRobot)[-1].lease == "lease"
+    assert drive.robots["observer"].world == "simulated:lab/2"
+    await http.post(f"/api/runs/{begun.json()['id']}/stop")
+    # A stop in between is not undone by anything.
+    peer.robots = (vars(RobotPort("observer", "socket://127.0.0.1:5010", "amigo-sh", "x")),)
+    drive.stops_at_connecting = True
+    answer = await http.post("/api/runs", json={"programme": wanted})
+    assert answer.status_code == 409
+    assert "stopped" in answer.json()["detail"]
+    assert served.station.run is None
+
+
+@pytest.mark.usefixtures("connected")
+async def test_wheels_are_kept_with_a_run_and_told_to_pages(
+    http: Any, served: Any, drive: Any, peer: Any
+) -> None:
+    async with served.socket("/api/live") as live:
+        # Before a frame nobody knows what time it is there.
+        drive.measure("observer", 0.5, 0.5)
+        begun = (await http.post("/api/runs", json={})).json()
+        peer.observe()
         await http.post("/api/robots/observer/arm")
-        answer = await http.post("/api/robots/programme", json=wanted)
-        assert answer.status_code == 200
-        assert answer.json()["programme"]["name"] == "to_and_fro"
-        start = drive.of(StartProgramme)[-1]
-        assert (start.repeat, start.reverse, start.leases) == (3, True, {"observer": "l"})
-        assert (await http.delete("/api/robots/programme")).json()["programme"] is None
-        unknown = {**wanted, "name": "none"}
-        assert (await http.post("/api/robots/programme", json=unknown)).status_code == 404
-        for name, status in ((built_in, 409), ("to_and_fro", 204), ("to_and_fro", 404)):
-            assert (await http.delete(f"/api/programmes/{name}")).status_code == status
-        for name in ("..%2Fobserver", "%2e%2e", ".hidden", "rig"):
-            assert (await http.get(f"/api/programmes/{name}")).status_code == 404
-
-    run(serve, scenario)
-
-
-@pytest.mark.usefixtures("world")
-def test_a_run_begins_and_ends_with_its_programme(serve: Any, drive: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        await eventually(lambda: drive.robots)
-        wanted = {
-            "programme": {"name": "to_and_fro", "leases": {"observer": "lease"}},
-        }
-        assert (await http.post("/api/runs", json=wanted)).status_code == 404
-        assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
-        # A run that cannot begin with its programme does not begin.
-        answer = await http.post("/api/runs", json=wanted)
-        assert (answer.status_code, answer.json()["detail"]) == (
-            409,
-            "the observer is not armed; arm it first",
-        )
-        assert (await http.get("/api/runs")).json() == []
-        assert served.station.state.state.value == "preview"
-        drive.leases["observer"] = ("lease", "Anna")
-        await http.post("/api/robots/observer/arm", json={"lease": "lease"})
-        begun = await http.post("/api/runs", json=wanted)
-        assert begun.status_code == 201, begun.text
-        assert drive.programme is not None
-        assert served.station.state.state.value == "running"
-        drive.come_to_rest("observer", "fault", "the observer's left wheel stalled")
-        await http.post(f"/api/runs/{begun.json()['id']}/stop")
-        assert drive.programme is None
-        assert len(drive.of(StopProgramme)) == 1
-        # What stopped a robot is kept with the run, and shown.
-        path = f"/api/runs/{begun.json()['id']}/incidents"
-        (incident,) = (await http.get(path)).json()
-        assert incident["sentence"] == "the observer's left wheel stalled"
-        assert (incident["kind"], incident["speed_mps"]) == ("fault", 0.25)
-        shown = (await http.get("/api/robots")).json()["incidents"]
-        assert shown == [incident]
-        assert incident["stops"] == {
-            "observer": {
-                "zero_ms": 200.0,
-                "stood_ms": 500.0,
-                "distance_m": 0.09,
-                "speed_mps": 0.25,
-                "separation_m": None,
-            }
-        }
-        assert (await http.get("/api/runs/none/incidents")).status_code == 404
-
-    run(serve, scenario)
+        event = peer.observe()
+        drive.measure("observer", 0.2, 0.18)
+        drive.measure("observer", 0.3, None)
+        drive.measure("observer", float("nan"), None)
+        drive.measure("observer", 0.1, float("inf"))
+        told: list[dict[str, Any]] = []
+        while len(told) < 3:
+            message = json.loads(await live.recv())
+            if message["type"] == "robots":
+                told += message["wheels"]
+        assert [each["sent_mps"] for each in told] == [0.2, 0.3, 0.1]
+        assert [each["encoder_mps"] for each in told] == [0.18, None, None]
+        # On the source's clock, a moment behind the frame.
+        for each in told:
+            assert each["time"] == pytest.approx(event.line["time"], abs=2.0)
+            assert each["time"] >= event.line["time"]
+    async with served.socket("/api/live") as later:
+        while (message := json.loads(await later.recv()))["type"] != "robots":
+            pass
+        assert message["wheels"] == []
+    ended = await http.post(f"/api/runs/{begun['id']}/stop")
+    assert ended.json()["state"] == "finished"
+    rows = (await http.get(f"/api/runs/{begun['id']}/speeds")).json()
+    wheels = [row for row in rows if row["track_id"] is None]
+    assert [(row["source"], row["speed"]) for row in wheels] == [
+        ("commanded", 0.2),
+        ("encoder", 0.18),
+        ("commanded", 0.3),
+        ("commanded", 0.1),
+    ]
+    assert {row["role"] for row in wheels} == {"observer"}
+    # The truth's own command is of the obstacle, which nobody drives.
+    scripted = [row for row in rows if row["source"] == "commanded" and row["track_id"]]
+    assert [row["role"] for row in scripted] == ["obstacle", "obstacle"]
+    csv = (await http.get(f"/api/runs/{begun['id']}/speeds?format=csv")).text
+    assert ",observer,encoder,,0.18,,0" in csv
 
 
-@pytest.mark.usefixtures("world")
-def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_armed_again(
-    serve: Any, drive: Any, peer: Any, eventually: Any
-) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        await eventually(lambda: drive.robots)
-        assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
-        drive.leases["observer"] = ("lease", "Anna")
-        await http.post("/api/robots/observer/arm", json={"lease": "lease"})
-        peer.world = "simulated:lab/2"
-        peer.robots = (
-            vars(RobotPort("observer", "socket://127.0.0.1:5009", "amigo-sh", "the same again")),
-        )
-        wanted = {"name": "to_and_fro", "leases": {"observer": "lease"}}
-        begun = await http.post("/api/runs", json={"programme": wanted})
-        assert begun.status_code == 201, begun.text
-        kinds = (ConnectRobot, ArmRobot, StartProgramme)
-        assert [type(command) for command in drive.of(*kinds)[-3:]] == list(kinds)
-        assert drive.of(ArmRobot)[-1].lease == "lease"
-        assert drive.robots["observer"].world == "simulated:lab/2"
-        await http.post(f"/api/runs/{begun.json()['id']}/stop")
-        # A stop in between is not undone by anything.
-        peer.robots = (vars(RobotPort("observer", "socket://127.0.0.1:5010", "amigo-sh", "x")),)
-        drive.stops_at_connecting = True
-        answer = await http.post("/api/runs", json={"programme": wanted})
-        assert answer.status_code == 409
-        assert "stopped" in answer.json()["detail"]
-        assert served.station.run is None
-
-    run(serve, scenario)
+async def test_metrics_tell_of_driving(http: Any, drive: Any) -> None:
+    text = (await http.get("/metrics")).text
+    assert "dynamic_observer_drive_alive 1.0" in text
+    assert "dynamic_observer_drive_late_p99_ms 0.4" in text
+    assert 'dynamic_observer_robot_armed{role="observer"} 0.0' in text
+    drive.lose()
+    text = (await http.get("/metrics")).text
+    assert "dynamic_observer_drive_alive 0.0" in text
+    assert "dynamic_observer_drive_late_p99_ms" not in text
 
 
-@pytest.mark.usefixtures("world")
-def test_wheels_are_kept_with_a_run_and_told_to_pages(
-    serve: Any, drive: Any, peer: Any, eventually: Any
-) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        await eventually(lambda: drive.robots)
-        async with served.socket("/api/live") as live:
-            # Before a frame nobody knows what time it is there.
-            drive.measure("observer", 0.5, 0.5)
-            begun = (await http.post("/api/runs", json={})).json()
-            peer.observe()
-            await http.post("/api/robots/observer/arm")
-            event = peer.observe()
-            drive.measure("observer", 0.2, 0.18)
-            drive.measure("observer", 0.3, None)
-            drive.measure("observer", float("nan"), None)
-            drive.measure("observer", 0.1, float("inf"))
-            told: list[dict[str, Any]] = []
-            while len(told) < 3:
-                message = json.loads(await live.recv())
-                if message["type"] == "robots":
-                    told += message["wheels"]
-            assert [each["sent_mps"] for each in told] == [0.2, 0.3, 0.1]
-            assert [each["encoder_mps"] for each in told] == [0.18, None, None]
-            # On the source's clock, a moment behind the frame.
-            for each in told:
-                assert each["time"] == pytest.approx(event.line["time"], abs=2.0)
-                assert each["time"] >= event.line["time"]
-        async with served.socket("/api/live") as later:
-            while (message := json.loads(await later.recv()))["type"] != "robots":
-                pass
-            assert message["wheels"] == []
-        ended = await http.post(f"/api/runs/{begun['id']}/stop")
-        assert ended.json()["state"] == "finished"
-        rows = (await http.get(f"/api/runs/{begun['id']}/speeds")).json()
-        wheels = [row for row in rows if row["track_id"] is None]
-        assert [(row["source"], row["speed"]) for row in wheels] == [
-            ("commanded", 0.2),
-            ("encoder", 0.18),
-            ("commanded", 0.3),
-            ("commanded", 0.1),
-        ]
-        assert {row["role"] for row in wheels} == {"observer"}
-        # The truth's own command is of the obstacle, which nobody drives.
-        scripted = [row for row in rows if row["source"] == "commanded" and row["track_id"]]
-        assert [row["role"] for row in scripted] == ["obstacle", "obstacle"]
-        csv = (await http.get(f"/api/runs/{begun['id']}/speeds?format=csv")).text
-        assert ",observer,encoder,,0.18,,0" in csv
-
-    run(serve, scenario)
-
-
-def test_metrics_tell_of_driving(serve: Any, drive: Any) -> None:
-    async def scenario(served: Any) -> None:
-        text = (await served.http.get("/metrics")).text
-        assert "dynamic_observer_drive_alive 1.0" in text
-        assert "dynamic_observer_drive_late_p99_ms 0.4" in text
-        assert 'dynamic_observer_robot_armed{role="observer"} 0.0' in text
-        drive.lose()
-        text = (await served.http.get("/metrics")).text
-        assert "dynamic_observer_drive_alive 0.0" in text
-        assert "dynamic_observer_drive_late_p99_ms" not in text
-
-    run(serve, scenario)
-
-
-def test_without_a_drive_process_the_rest_goes_on(serve: Any, drive: Any) -> None:
+async def test_without_a_drive_process_the_rest_goes_on(serve: Any, drive: Any) -> None:
     drive.cannot_start = True
 
-    async def scenario(served: Any) -> None:
+    async with serve() as served:
         status = (await served.http.get("/api/status")).json()
         (warning,) = [each for each in status["warnings"] if "robots cannot be driven" in each]
         assert "3 times in a row" in warning
@@ -473,5 +429,3 @@ def test_without_a_drive_process_the_rest_goes_on(serve: Any, drive: Any) -> Non
         assert (await served.http.post("/api/robots/observer/arm")).status_code == 503
         assert (await served.http.post("/api/robots/stop")).status_code == 503
         assert not drive.of(TakeLease)
-
-    run(serve, scenario)

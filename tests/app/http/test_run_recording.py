@@ -12,149 +12,129 @@ from app.drive.messages import IncidentEvent
 from app.messages import EngineState, RecordRobots, SaveRing
 from app.server.runs import saved_clips as rings
 
-from .scenarios import run
-
 CONTENT = b"\x89MCAP0\r\n and so on"
 
 
-def test_a_run_is_recorded_and_its_recording_can_be_had(
-    serve: Any, peer: Any, tmp_path: Path
+async def test_a_run_is_recorded_and_its_recording_can_be_had(
+    http: Any, peer: Any, tmp_path: Path
 ) -> None:
-    async def scenario(served: Any) -> None:
-        started = (await served.http.post("/api/runs", json={"record": "lossless"})).json()
-        id, path = started["id"], f"/api/runs/{started['id']}/recording"
-        order = peer.opened.record
-        file = tmp_path / "runs" / id / "recording.mcap"
-        assert (order.path, order.images) == (str(file), "lossless")
-        assert started["record"] == "lossless"
-        assert (await served.http.get("/api/status")).json()["recording"] is None
-        peer.publish(peer.state(recording=peer.recording(bytes=77)))
-        status = (await served.http.get("/api/status")).json()
-        assert status["recording"]["bytes"] == 77
-        trouble = "the recording ended because the disk is full"
-        peer.publish(peer.state(recording=peer.recording(trouble=trouble)))
-        assert trouble in (await served.http.get("/api/status")).json()["warnings"]
+    started = (await http.post("/api/runs", json={"record": "lossless"})).json()
+    id, path = started["id"], f"/api/runs/{started['id']}/recording"
+    order = peer.opened.record
+    file = tmp_path / "runs" / id / "recording.mcap"
+    assert (order.path, order.images) == (str(file), "lossless")
+    assert started["record"] == "lossless"
+    assert (await http.get("/api/status")).json()["recording"] is None
+    peer.publish(peer.state(recording=peer.recording(bytes=77)))
+    status = (await http.get("/api/status")).json()
+    assert status["recording"]["bytes"] == 77
+    trouble = "the recording ended because the disk is full"
+    peer.publish(peer.state(recording=peer.recording(trouble=trouble)))
+    assert trouble in (await http.get("/api/status")).json()["warnings"]
 
-        file.parent.mkdir(parents=True)
-        file.write_bytes(CONTENT)
-        going = await served.http.get(path)
-        assert (going.status_code, "is going" in going.json()["detail"]) == (409, True)
-        stopped = (await served.http.post(f"/api/runs/{id}/stop")).json()
-        assert stopped["recording_bytes"] == 4096
-        answer = await served.http.get(path)
-        assert answer.content == CONTENT
-        assert f'filename="{id}.mcap"' in answer.headers["content-disposition"]
-        part = await served.http.get(path, headers={"Range": "bytes=1-4"})
-        assert (part.status_code, part.content) == (206, b"MCAP")
-        beyond = await served.http.get(path, headers={"Range": "bytes=999-"})
-        assert beyond.status_code == 416
-        assert (await served.http.delete(f"/api/runs/{id}")).status_code == 204
-        assert (await served.http.get(path)).status_code == 404
-        # It can be had back until it is purged.
-        assert file.exists()
-
-    run(serve, scenario)
+    file.parent.mkdir(parents=True)
+    file.write_bytes(CONTENT)
+    going = await http.get(path)
+    assert (going.status_code, "is going" in going.json()["detail"]) == (409, True)
+    stopped = (await http.post(f"/api/runs/{id}/stop")).json()
+    assert stopped["recording_bytes"] == 4096
+    answer = await http.get(path)
+    assert answer.content == CONTENT
+    assert f'filename="{id}.mcap"' in answer.headers["content-disposition"]
+    part = await http.get(path, headers={"Range": "bytes=1-4"})
+    assert (part.status_code, part.content) == (206, b"MCAP")
+    beyond = await http.get(path, headers={"Range": "bytes=999-"})
+    assert beyond.status_code == 416
+    assert (await http.delete(f"/api/runs/{id}")).status_code == 204
+    assert (await http.get(path)).status_code == 404
+    # It can be had back until it is purged.
+    assert file.exists()
 
 
-def test_a_run_without_a_recording_says_so(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        id = (await served.http.post("/api/runs", json={})).json()["id"]
-        assert peer.opened.record.images == "jpeg"
-        await served.http.post(f"/api/runs/{id}/stop")
-        answer = await served.http.get(f"/api/runs/{id}/recording")
-        assert (answer.status_code, "no recording" in answer.json()["detail"]) == (404, True)
-        refused = await served.http.post("/api/runs", json={"record": "everything"})
-        assert refused.status_code == 422
-
-    run(serve, scenario)
+async def test_a_run_without_a_recording_says_so(http: Any, peer: Any) -> None:
+    id = (await http.post("/api/runs", json={})).json()["id"]
+    assert peer.opened.record.images == "jpeg"
+    await http.post(f"/api/runs/{id}/stop")
+    answer = await http.get(f"/api/runs/{id}/recording")
+    assert (answer.status_code, "no recording" in answer.json()["detail"]) == (404, True)
+    refused = await http.post("/api/runs", json={"record": "everything"})
+    assert refused.status_code == 422
 
 
-def test_a_full_disk_is_answered_with_507(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        answer = await served.http.post("/api/runs", json={"source": "no room"})
-        assert answer.status_code == 507
-        assert "3 MB are left" in answer.json()["detail"]
-        assert (await served.http.get("/api/runs")).json() == []
-        assert peer.opened.source == "simulated:lab"
-
-    run(serve, scenario)
+async def test_a_full_disk_is_answered_with_507(http: Any, peer: Any) -> None:
+    answer = await http.post("/api/runs", json={"source": "no room"})
+    assert answer.status_code == 507
+    assert "3 MB are left" in answer.json()["detail"]
+    assert (await http.get("/api/runs")).json() == []
+    assert peer.opened.source == "simulated:lab"
 
 
-def test_a_run_goes_on_in_its_recording_with_another_engine(
-    serve: Any, peer: Any, eventually: Any
+async def test_a_run_goes_on_in_its_recording_with_another_engine(
+    served: Any, peer: Any, eventually: Any
 ) -> None:
-    async def scenario(served: Any) -> None:
-        await served.http.post("/api/runs", json={})
-        first = peer.opened.record
-        peer.lose()
-        peer.start_process()
-        await eventually(lambda: peer.opened is not None and peer.opened.segment == 1)
-        assert peer.opened.record == first
-        await eventually(lambda: served.station.state.state is EngineState.RUNNING)
-
-    run(serve, scenario)
+    await served.http.post("/api/runs", json={})
+    first = peer.opened.record
+    peer.lose()
+    peer.start_process()
+    await eventually(lambda: peer.opened is not None and peer.opened.segment == 1)
+    assert peer.opened.record == first
+    await eventually(lambda: served.station.state.state is EngineState.RUNNING)
 
 
-def test_robots_are_told_of_in_the_recording(
-    serve: Any, peer: Any, drive: Any, eventually: Any
+async def test_robots_are_told_of_in_the_recording(
+    served: Any, peer: Any, drive: Any, eventually: Any
 ) -> None:
-    async def scenario(served: Any) -> None:
-        await served.http.post("/api/runs", json={})
-        peer.observe()
-        received = served.station.latest.received
-        time = served.station.latest.line["time"]
-        report = {
-            "received": received + 0.5,
-            "odometry": {"x": 1.0, "y": 2.0, "yaw": 0.5},
-            "speed_mps": 0.2,
-            "turn_rate_radps": 0.1,
-            "battery_v": 12.5,
-        }
-        sent = {"speed_mps": 0.3, "turn_rate_radps": 0.0}
-        robot = {"state": "moving", "operator": "Ann", "why": None, "sent": sent, "report": report}
-        for _ in range(3):
-            drive.tell(robots={"observer": robot, "obstacle": None})
-        drive.publish(IncidentEvent("observer", "guard", "it stopped", 7.0, 0.3))
+    await served.http.post("/api/runs", json={})
+    peer.observe()
+    received = served.station.latest.received
+    time = served.station.latest.line["time"]
+    report = {
+        "received": received + 0.5,
+        "odometry": {"x": 1.0, "y": 2.0, "yaw": 0.5},
+        "speed_mps": 0.2,
+        "turn_rate_radps": 0.1,
+        "battery_v": 12.5,
+    }
+    sent = {"speed_mps": 0.3, "turn_rate_radps": 0.0}
+    robot = {"state": "moving", "operator": "Ann", "why": None, "sent": sent, "report": report}
+    for _ in range(3):
+        drive.tell(robots={"observer": robot, "obstacle": None})
+    drive.publish(IncidentEvent("observer", "guard", "it stopped", 7.0, 0.3))
 
-        def told() -> RecordRobots | None:
-            return next((c for c in peer.commands if isinstance(c, RecordRobots)), None)
+    def told() -> RecordRobots | None:
+        return next((c for c in peer.commands if isinstance(c, RecordRobots)), None)
 
-        await eventually(told)
-        command = told()
-        assert command is not None
-        # Told three times, but heard once.
-        assert len(command.rows) == 1
-        row = command.rows[0]
-        assert (row["role"], row["sent_speed"], row["encoder_speed"]) == ("observer", 0.3, 0.2)
-        assert (row["x"], row["y"], row["yaw"]) == (1.0, 2.0, 0.5)
-        assert abs(row["time"] - time - 0.5) < 1e-6
-        assert [(i["kind"], i["received"]) for i in command.incidents] == [("guard", 7.0)]
-
-    run(serve, scenario)
+    await eventually(told)
+    command = told()
+    assert command is not None
+    # Told three times, but heard once.
+    assert len(command.rows) == 1
+    row = command.rows[0]
+    assert (row["role"], row["sent_speed"], row["encoder_speed"]) == ("observer", 0.3, 0.2)
+    assert (row["x"], row["y"], row["yaw"]) == (1.0, 2.0, 0.5)
+    assert abs(row["time"] - time - 0.5) < 1e-6
+    assert [(i["kind"], i["received"]) for i in command.incidents] == [("guard", 7.0)]
 
 
-def test_the_last_half_minute_is_saved_beside_the_run(
-    serve: Any, peer: Any, tmp_path: Path
+async def test_the_last_half_minute_is_saved_beside_the_run(
+    http: Any, peer: Any, tmp_path: Path
 ) -> None:
-    async def scenario(served: Any) -> None:
-        refused = await served.http.post("/api/recording/ring")
-        assert (refused.status_code, refused.json()["detail"]) == (
-            409, "what is open can be played again",
-        )  # fmt: skip
-        assert Path(peer.commands[-1].path).parent == tmp_path / "rings"
-        id = (await served.http.post("/api/runs", json={})).json()["id"]
-        saved = await served.http.post("/api/recording/ring")
-        assert saved.status_code == 201
-        path = Path(peer.commands[-1].path)
-        assert path.parent == tmp_path / "runs" / id
-        assert saved.json() == {
-            "file": str(path.relative_to(tmp_path)), "bytes": 512, "seconds": 29.9,
-        }  # fmt: skip
-
-    run(serve, scenario)
+    refused = await http.post("/api/recording/ring")
+    assert (refused.status_code, refused.json()["detail"]) == (
+        409, "what is open can be played again",
+    )  # fmt: skip
+    assert Path(peer.commands[-1].path).parent == tmp_path / "rings"
+    id = (await http.post("/api/runs", json={})).json()["id"]
+    saved = await http.post("/api/recording/ring")
+    assert saved.status_code == 201
+    path = Path(peer.commands[-1].path)
+    assert path.parent == tmp_path / "runs" / id
+    assert saved.json() == {
+        "file": str(path.relative_to(tmp_path)), "bytes": 512, "seconds": 29.9,
+    }  # fmt: skip
 
 
-def test_saved_half_minutes_are_listed_had_and_deleted(serve: Any, tmp_path: Path) -> None:
+async def test_saved_half_minutes_are_listed_had_and_deleted(served: Any, tmp_path: Path) -> None:
     alone = "ring-20261121-235959-000001"
     of_a_run = "ring-20261122-081500-123456"
     for place, name in (
@@ -165,35 +145,33 @@ def test_saved_half_minutes_are_listed_had_and_deleted(serve: Any, tmp_path: Pat
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(CONTENT)
 
-    async def scenario(served: Any) -> None:
-        http, path = served.http, "/api/recording/rings"
-        newest, oldest = (await http.get(path)).json()
-        file = tmp_path / "runs" / "2026-a" / f"{of_a_run}.mcap"
-        assert newest == {
-            "name": of_a_run, "run_id": "2026-a", "saved_at": "2026-11-22T08:15:00.123456+00:00",
-            "bytes": len(CONTENT), "source": str(file),
-        }  # fmt: skip
-        assert (oldest["name"], oldest["run_id"]) == (alone, None)
-        answer = await http.get(f"{path}/{of_a_run}")
-        assert answer.content == CONTENT
-        assert f'filename="{of_a_run}.mcap"' in answer.headers["content-disposition"]
-        for none in ("recording", "ring-mine", "..%2Frecording", "%2e%2e"):
-            assert (await http.get(f"{path}/{none}")).status_code == 404
-            assert (await http.delete(f"{path}/{none}")).status_code in (404, 405)
-        assert (await http.delete(f"{path}/{of_a_run}")).status_code == 204
-        gone = await http.delete(f"{path}/{of_a_run}")
-        assert (gone.status_code, "no saved half minute" in gone.json()["detail"]) == (404, True)
-        assert [each["name"] for each in (await http.get(path)).json()] == [alone]
-        assert sorted(each.name for each in file.parent.iterdir()) == ["recording.mcap"]
-
-    run(serve, scenario)
+    http, path = served.http, "/api/recording/rings"
+    newest, oldest = (await http.get(path)).json()
+    file = tmp_path / "runs" / "2026-a" / f"{of_a_run}.mcap"
+    assert newest == {
+        "name": of_a_run, "run_id": "2026-a", "saved_at": "2026-11-22T08:15:00.123456+00:00",
+        "bytes": len(CONTENT), "source": str(file),
+    }  # fmt: skip
+    assert (oldest["name"], oldest["run_id"]) == (alone, None)
+    answer = await http.get(f"{path}/{of_a_run}")
+    assert answer.content == CONTENT
+    assert f'filename="{of_a_run}.mcap"' in answer.headers["content-disposition"]
+    for none in ("recording", "ring-mine", "..%2Frecording", "%2e%2e"):
+        assert (await http.get(f"{path}/{none}")).status_code == 404
+        assert (await http.delete(f"{path}/{none}")).status_code in (404, 405)
+    assert (await http.delete(f"{path}/{of_a_run}")).status_code == 204
+    gone = await http.delete(f"{path}/{of_a_run}")
+    assert (gone.status_code, "no saved half minute" in gone.json()["detail"]) == (404, True)
+    assert [each["name"] for each in (await http.get(path)).json()] == [alone]
+    assert sorted(each.name for each in file.parent.iterdir()) == ["recording.mcap"]
 
 
 @pytest.mark.parametrize("automatic", [True, False])
-def test_a_stop_of_the_guard_saves_the_last_half_minute_once(
+async def test_a_stop_of_the_guard_saves_the_last_half_minute_once(
     serve: Any, peer: Any, drive: Any, eventually: Any, monkeypatch: Any, automatic: bool
 ) -> None:
-    async def scenario(served: Any) -> None:
+    monkeypatch.setattr(rings, "_BEHIND_STOP_S", 0.05)
+    async with serve(ring_at_guard_stops=automatic) as served:
         await served.http.post("/api/runs", json={})
         for kind in ("stop", "guard", "guard"):
             drive.publish(IncidentEvent("observer", kind, "it stopped", 7.0, 0.3))
@@ -205,6 +183,3 @@ def test_a_stop_of_the_guard_saves_the_last_half_minute_once(
             await eventually(saves)
         await asyncio.sleep(0.2)
         assert saves() == int(automatic)
-
-    monkeypatch.setattr(rings, "_BEHIND_STOP_S", 0.05)
-    run(serve, scenario, ring_at_guard_stops=automatic)

@@ -15,7 +15,6 @@ import pytest
 from app.messages import EngineState, LiveTruthOrder, OpenSource, SetPlayback
 
 from ..planted_runs import OFFSET_S, plant_run, truth_csv
-from .scenarios import run
 
 CAMERA = {
     "x_m": 0.12, "y_m": 0.06, "z_m": 0.25, "pan_deg": 0.0, "tilt_deg": 10.0, "roll_deg": 0.0,
@@ -40,114 +39,111 @@ def work_folders(tmp_path: Path) -> list[str]:
     return [each.name for each in tmp_path.iterdir() if each.name.startswith(".work-")]
 
 
-def test_truth_is_laid_over_a_run_and_shown_in_its_chart(serve: Any, tmp_path: Path) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        id = await planted(served)
-        sent = await upload(served, truth_csv(tmp_path / "ride.csv"))
-        assert sent.status_code == 201, sent.text
-        truth = sent.json()
-        assert (truth["name"], truth["format"]) == ("ride.csv", "plain CSV")
-        assert [body["name"] for body in truth["info"]["bodies"]] == ["cart"]
-        assert [each["id"] for each in (await http.get("/api/truth")).json()] == [truth["id"]]
-
-        before = (await http.get(f"/api/runs/{id}/chart")).json()
-        assert (before["aligned"], before["errors"], before["choices"]) == (False, [], None)
-        assert {curve["kind"] for curve in before["curves"]} == {"estimate", "commanded"}
-        body = {"truth_id": truth["id"], "matches": {"0/1": "cart"}, "camera_on_body": CAMERA}
-        answer = await http.post(f"/api/runs/{id}/align", json=body)
-        assert answer.status_code == 200, answer.text
-        found = answer.json()
-        assert (found["aligned"], found["truth_id"]) == (True, truth["id"])
-        alignment = found["alignment"]
-        assert alignment["offset_s"] == pytest.approx(OFFSET_S, abs=0.01)
-        assert abs(alignment["offset_s"] - OFFSET_S) < 3 * alignment["sigma_s"]
-        assert {key: each["body"] for key, each in alignment["matches"].items()} == {
-            "0:1": "cart", "0:2": "cart",
-        }  # fmt: skip
-        assert alignment["matches"]["0:1"]["by"] == "person"
-        assert "ride.csv" in found["sentence"]
-
-        chart = (await http.get(f"/api/runs/{id}/chart")).json()
-        assert chart["run"]["id"] == id
-        # What was said is told, so that it can be said again with a correction.
-        assert chart["choices"] == {
-            "observer": None, "ignore": [], "matches": {"0:1": "cart"}, "expected_offset_s": None,
-            "camera_on_body": CAMERA,
-        }  # fmt: skip
-        assert (chart["aligned"], chart["sentence"]) == (True, found["sentence"])
-        (change,) = chart["changes"]
-        assert (change["body"], change["before"], change["after"]) == ("cart", "0:1", "0:2")
-        assert change["time"] == pytest.approx(14.5, abs=0.1)
-        (whole,) = (each for each in chart["errors"] if each["group"] == "all")
-        assert whole["samples"] > 300
-        assert whole["rmse_mps"] < 0.02
-        rows = (await http.get(f"/api/runs/{id}/speeds")).json()
-        assert {row["source"] for row in rows} == {"truth"}
-        assert max(row["speed"] for row in rows) == pytest.approx(0.35, abs=0.02)
-        # The second time it is read where it was kept.
-        (kept,) = served.station.storage.folder.run(id).glob(".chart-*.json")
-        kept.write_bytes(kept.read_bytes().replace(b'"changes"', b'"changed"'))
-        assert "changed" in (await http.get(f"/api/runs/{id}/chart")).json()
-
-        text = (await http.get(f"/api/runs/{id}/chart.csv?begin=3&end=4.5")).text
-        table = list(csv.DictReader(io.StringIO(text)))
-        assert {row["source"] for row in table} == {"estimate", "truth", "commanded"}
-        times = [float(row["time_s"]) for row in table]
-        assert min(times) >= 3
-        assert max(times) <= 4.5
-        assert (await http.get(f"/api/runs/{id}/chart.csv?begin=4&end=4")).status_code == 422
-
-        # What was found before stays where nothing can be found.
-        body = {"truth_id": truth["id"], "ignore": ["cart"]}
-        refused = await http.post(f"/api/runs/{id}/align", json=body)
-        assert refused.status_code == 422
-        assert refused.json()["detail"][0]["msg"]
-        assert (await http.get(f"/api/runs/{id}")).json()["truth_id"] == truth["id"]
-        for wrong in (
-            {"truth_id": "none"}, {"matches": {"1": "cart"}}, {"observer": ""},
-            {"camera_on_body": {"x_m": 1}}, {"camera_on_body": CAMERA | {"tilt_deg": 91}},
-        ):  # fmt: skip
-            assert (await http.post(f"/api/runs/{id}/align", json=wrong)).status_code == 422
-
-        # What observes it again is compared with the same truth.
-        again = (await http.post(f"/api/runs/{id}/rerun", json={})).json()["id"]
-        await asyncio.to_thread(plant_run, served.station.storage.folder.run(again), again)
-        assert (await http.post(f"/api/runs/{again}/stop")).json()["aligned"] is False
-        async with asyncio.timeout(60):
-            while not (await http.get(f"/api/runs/{again}")).json()["aligned"]:
-                await asyncio.sleep(0.1)
-        assert (await http.get(f"/api/runs/{again}")).json()["truth_id"] == truth["id"]
-        choices = (await http.get(f"/api/runs/{again}/chart")).json()["choices"]
-        assert (choices["camera_on_body"], choices["matches"]) == (CAMERA, {})
-
-        # Runs still need it.
-        assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 204
-        assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 404
-        assert served.station.storage.truth_file(truth["id"]).is_file()
-        assert work_folders(tmp_path) == []
-
-    run(serve, scenario)
-
-
-def test_what_was_heard_live_is_laid_over_a_run_when_it_has_ended(
-    serve: Any, eventually: Any
+async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
+    http: Any, served: Any, tmp_path: Path
 ) -> None:
-    async def scenario(served: Any) -> None:
-        station = served.station
-        station.live_truth.order = LiveTruthOrder("vrpn:127.0.0.1:1", ignore=("nobody",))
-        id = (await served.http.post("/api/runs", json={})).json()["id"]
-        await asyncio.to_thread(plant_run, station.storage.folder.run(id), id, heard=True)
-        assert (await served.http.post(f"/api/runs/{id}/stop")).is_success
-        await eventually(lambda: station.storage.get_run(id).aligned, 60)
-        found = station.storage.get_run(id)
-        assert found.truth_id is None
-        assert {row.body for row in station.storage.speeds(id)} == {"cart"}
+    id = await planted(served)
+    sent = await upload(served, truth_csv(tmp_path / "ride.csv"))
+    assert sent.status_code == 201, sent.text
+    truth = sent.json()
+    assert (truth["name"], truth["format"]) == ("ride.csv", "plain CSV")
+    assert [body["name"] for body in truth["info"]["bodies"]] == ["cart"]
+    assert [each["id"] for each in (await http.get("/api/truth")).json()] == [truth["id"]]
 
-    run(serve, scenario)
+    before = (await http.get(f"/api/runs/{id}/chart")).json()
+    assert (before["aligned"], before["errors"], before["choices"]) == (False, [], None)
+    assert {curve["kind"] for curve in before["curves"]} == {"estimate", "commanded"}
+    body = {"truth_id": truth["id"], "matches": {"0/1": "cart"}, "camera_on_body": CAMERA}
+    answer = await http.post(f"/api/runs/{id}/align", json=body)
+    assert answer.status_code == 200, answer.text
+    found = answer.json()
+    assert (found["aligned"], found["truth_id"]) == (True, truth["id"])
+    alignment = found["alignment"]
+    assert alignment["offset_s"] == pytest.approx(OFFSET_S, abs=0.01)
+    assert abs(alignment["offset_s"] - OFFSET_S) < 3 * alignment["sigma_s"]
+    assert {key: each["body"] for key, each in alignment["matches"].items()} == {
+        "0:1": "cart", "0:2": "cart",
+    }  # fmt: skip
+    assert alignment["matches"]["0:1"]["by"] == "person"
+    assert "ride.csv" in found["sentence"]
+
+    chart = (await http.get(f"/api/runs/{id}/chart")).json()
+    assert chart["run"]["id"] == id
+    # What was said is told, so that it can be said again with a correction.
+    assert chart["choices"] == {
+        "observer": None, "ignore": [], "matches": {"0:1": "cart"}, "expected_offset_s": None,
+        "camera_on_body": CAMERA,
+    }  # fmt: skip
+    assert (chart["aligned"], chart["sentence"]) == (True, found["sentence"])
+    (change,) = chart["changes"]
+    assert (change["body"], change["before"], change["after"]) == ("cart", "0:1", "0:2")
+    assert change["time"] == pytest.approx(14.5, abs=0.1)
+    (whole,) = (each for each in chart["errors"] if each["group"] == "all")
+    assert whole["samples"] > 300
+    assert whole["rmse_mps"] < 0.02
+    rows = (await http.get(f"/api/runs/{id}/speeds")).json()
+    assert {row["source"] for row in rows} == {"truth"}
+    assert max(row["speed"] for row in rows) == pytest.approx(0.35, abs=0.02)
+    # The second time it is read where it was kept.
+    (kept,) = served.station.storage.folder.run(id).glob(".chart-*.json")
+    kept.write_bytes(kept.read_bytes().replace(b'"changes"', b'"changed"'))
+    assert "changed" in (await http.get(f"/api/runs/{id}/chart")).json()
+
+    text = (await http.get(f"/api/runs/{id}/chart.csv?begin=3&end=4.5")).text
+    table = list(csv.DictReader(io.StringIO(text)))
+    assert {row["source"] for row in table} == {"estimate", "truth", "commanded"}
+    times = [float(row["time_s"]) for row in table]
+    assert min(times) >= 3
+    assert max(times) <= 4.5
+    assert (await http.get(f"/api/runs/{id}/chart.csv?begin=4&end=4")).status_code == 422
+
+    # What was found before stays where nothing can be found.
+    body = {"truth_id": truth["id"], "ignore": ["cart"]}
+    refused = await http.post(f"/api/runs/{id}/align", json=body)
+    assert refused.status_code == 422
+    assert refused.json()["detail"][0]["msg"]
+    assert (await http.get(f"/api/runs/{id}")).json()["truth_id"] == truth["id"]
+    for wrong in (
+        {"truth_id": "none"}, {"matches": {"1": "cart"}}, {"observer": ""},
+        {"camera_on_body": {"x_m": 1}}, {"camera_on_body": CAMERA | {"tilt_deg": 91}},
+    ):  # fmt: skip
+        assert (await http.post(f"/api/runs/{id}/align", json=wrong)).status_code == 422
+
+    # What observes it again is compared with the same truth.
+    again = (await http.post(f"/api/runs/{id}/rerun", json={})).json()["id"]
+    await asyncio.to_thread(plant_run, served.station.storage.folder.run(again), again)
+    assert (await http.post(f"/api/runs/{again}/stop")).json()["aligned"] is False
+    async with asyncio.timeout(60):
+        while not (await http.get(f"/api/runs/{again}")).json()["aligned"]:
+            await asyncio.sleep(0.1)
+    assert (await http.get(f"/api/runs/{again}")).json()["truth_id"] == truth["id"]
+    choices = (await http.get(f"/api/runs/{again}/chart")).json()["choices"]
+    assert (choices["camera_on_body"], choices["matches"]) == (CAMERA, {})
+
+    # Runs still need it.
+    assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 204
+    assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 404
+    assert served.station.storage.truth_file(truth["id"]).is_file()
+    assert work_folders(tmp_path) == []
 
 
-def test_angles_that_can_be_read_in_two_ways_are_asked_for(serve: Any, tmp_path: Path) -> None:
+async def test_what_was_heard_live_is_laid_over_a_run_when_it_has_ended(
+    served: Any, eventually: Any
+) -> None:
+    station = served.station
+    station.live_truth.order = LiveTruthOrder("vrpn:127.0.0.1:1", ignore=("nobody",))
+    id = (await served.http.post("/api/runs", json={})).json()["id"]
+    await asyncio.to_thread(plant_run, station.storage.folder.run(id), id, heard=True)
+    assert (await served.http.post(f"/api/runs/{id}/stop")).is_success
+    await eventually(lambda: station.storage.get_run(id).aligned, 60)
+    found = station.storage.get_run(id)
+    assert found.truth_id is None
+    assert {row.body for row in station.storage.speeds(id)} == {"cart"}
+
+
+async def test_angles_that_can_be_read_in_two_ways_are_asked_for(
+    served: Any, tmp_path: Path
+) -> None:
     rows = [
         "Objects", "100", ",,Global Angle A:A,,,,,,",
         "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ", ",,rad,rad,rad,mm,mm,mm",
@@ -156,61 +152,46 @@ def test_angles_that_can_be_read_in_two_ways_are_asked_for(serve: Any, tmp_path:
     file = tmp_path / "turns.csv"
     file.write_text("\r\n".join(rows) + "\r\n")
 
-    async def scenario(served: Any) -> None:
-        asked = await upload(served, file)
-        assert asked.status_code == 422, asked.text
-        (problem,) = asked.json()["detail"]
-        assert problem["loc"] == ["body", "angles"]
-        assert "helical" in problem["msg"]
-        assert "Euler" in problem["msg"]
-        told = await upload(served, file, angles="helical", rate_hz="50")
-        assert told.status_code == 201, told.text
-        reading = told.json()["info"]["reading"]
-        assert reading == {"rate_hz": 50.0, "angles": "helical"}
-        file.write_text("nothing of the kind\n")
-        refused = await upload(served, file)
-        assert refused.status_code == 422
-        assert refused.json()["detail"][0]["msg"].startswith("turns.csv")
-        assert (await served.http.post("/api/truth", json={})).status_code in (415, 422)
-        assert work_folders(tmp_path) == []
-
-    run(serve, scenario)
+    asked = await upload(served, file)
+    assert asked.status_code == 422, asked.text
+    (problem,) = asked.json()["detail"]
+    assert problem["loc"] == ["body", "angles"]
+    assert "helical" in problem["msg"]
+    assert "Euler" in problem["msg"]
+    told = await upload(served, file, angles="helical", rate_hz="50")
+    assert told.status_code == 201, told.text
+    reading = told.json()["info"]["reading"]
+    assert reading == {"rate_hz": 50.0, "angles": "helical"}
+    file.write_text("nothing of the kind\n")
+    refused = await upload(served, file)
+    assert refused.status_code == 422
+    assert refused.json()["detail"][0]["msg"].startswith("turns.csv")
+    assert (await served.http.post("/api/truth", json={})).status_code in (415, 422)
+    assert work_folders(tmp_path) == []
 
 
-def test_files_are_made_and_what_is_not_there_is_said(serve: Any, tmp_path: Path) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        id = await planted(served)
-        table = await http.get(f"/api/runs/{id}/export", params={"format": "csv"})
-        assert table.status_code == 200, table.text
-        assert "obstacles.csv" in table.headers["content-disposition"]
-        assert len(table.text.splitlines()) > 300
-        # It was recorded without images.
-        video = await http.get(f"/api/runs/{id}/export", params={"format": "mp4"})
-        assert video.status_code == 409
-        assert "images" in video.json()["detail"]
-        wrong = await http.get(f"/api/runs/{id}/export", params={"format": "zip", "table": "truth"})
-        assert wrong.status_code == 422
-        for path in ("chart", "chart.png", "report", "export"):
-            assert (await http.get(f"/api/runs/none/{path}")).status_code == 404
-        assert work_folders(tmp_path) == []
-
-    run(serve, scenario)
-
-
-def test_a_command_ends_with_the_client_that_wanted_it(
-    serve: Any, tmp_path: Path, eventually: Any
+async def test_files_are_made_and_what_is_not_there_is_said(
+    http: Any, served: Any, tmp_path: Path
 ) -> None:
-    async def scenario(served: Any) -> None:
-        id = await planted(served)
-        with pytest.raises(TimeoutError):
-            async with asyncio.timeout(0.4):
-                await served.http.get(f"/api/runs/{id}/report")
-        await eventually(lambda: not children())
-        await eventually(lambda: work_folders(tmp_path) == [])
-        # Others are not held up by it.
-        assert (await served.http.get(f"/api/runs/{id}/chart")).is_success
+    id = await planted(served)
+    table = await http.get(f"/api/runs/{id}/export", params={"format": "csv"})
+    assert table.status_code == 200, table.text
+    assert "obstacles.csv" in table.headers["content-disposition"]
+    assert len(table.text.splitlines()) > 300
+    # It was recorded without images.
+    video = await http.get(f"/api/runs/{id}/export", params={"format": "mp4"})
+    assert video.status_code == 409
+    assert "images" in video.json()["detail"]
+    wrong = await http.get(f"/api/runs/{id}/export", params={"format": "zip", "table": "truth"})
+    assert wrong.status_code == 422
+    for path in ("chart", "chart.png", "report", "export"):
+        assert (await http.get(f"/api/runs/none/{path}")).status_code == 404
+    assert work_folders(tmp_path) == []
 
+
+async def test_a_command_ends_with_the_client_that_wanted_it(
+    served: Any, tmp_path: Path, eventually: Any
+) -> None:
     def children() -> list[psutil.Process]:
         found = []
         for child in psutil.Process().children():
@@ -218,40 +199,45 @@ def test_a_command_ends_with_the_client_that_wanted_it(
                 found += [child] if "app.runtime.worker_main" in child.cmdline() else []
         return found
 
-    run(serve, scenario)
+    id = await planted(served)
+    with pytest.raises(TimeoutError):
+        async with asyncio.timeout(0.4):
+            await served.http.get(f"/api/runs/{id}/report")
+    await eventually(lambda: not children())
+    await eventually(lambda: work_folders(tmp_path) == [])
+    # Others are not held up by it.
+    assert (await served.http.get(f"/api/runs/{id}/chart")).is_success
 
 
-def test_a_run_is_observed_again_with_other_parameters(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        http = served.http
-        values = {"ego_motion.ransac_threshold_px": 2.0, "guard.stop_margin_m": 0.5}
-        known = (await http.get("/api/parameters")).json()["values"]
-        values = {key: value for key, value in values.items() if key in known}
-        id = await planted(served, parameters=values)
-        await http.patch("/api/parameters", json={"ego_motion.ransac_threshold_px": 5.0})
-        body = {"name": "again", "parameters": {"clustering.min_points": 9}}
-        begun = await http.post(f"/api/runs/{id}/rerun", json=body)
-        assert begun.status_code == 201, begun.text
-        again = begun.json()
-        assert (again["rerun_of"], again["name"], again["record"]) == (id, "again", "none")
-        assert again["parameters"]["ego_motion.ransac_threshold_px"] == 2.0
-        assert again["parameters"]["clustering.min_points"] == 9
-        opened = [each for each in peer.commands if isinstance(each, OpenSource)][-1]
-        assert opened.source.endswith(f"{id}/recording.mcap")
-        assert (opened.loop, opened.rate) == (False, 4.0)
-        assert (await http.post(f"/api/runs/{id}/rerun", json={})).status_code == 409
-        assert (await http.post(f"/api/runs/{again['id']}/stop")).is_success
-        assert peer.commands[-1] == SetPlayback(loop=True, rate=1.0)
-        # What has no images of its own is made of those of the first.
-        third = (await http.post(f"/api/runs/{again['id']}/rerun", json={})).json()
-        assert third["rerun_of"] == again["id"]
-        assert third["source"].endswith(f"{id}/recording.mcap")
-        await http.post(f"/api/runs/{third['id']}/stop")
-        bare = (await http.post("/api/runs", json={"record": "none"})).json()["id"]
-        await http.post(f"/api/runs/{bare}/stop")
-        refused = await http.post(f"/api/runs/{bare}/rerun", json={})
-        assert refused.status_code == 404
-        assert "images" in refused.json()["detail"]
-        assert served.station.state.state is EngineState.PREVIEW
-
-    run(serve, scenario)
+async def test_a_run_is_observed_again_with_other_parameters(
+    http: Any, served: Any, peer: Any
+) -> None:
+    values = {"ego_motion.ransac_threshold_px": 2.0, "guard.stop_margin_m": 0.5}
+    known = (await http.get("/api/parameters")).json()["values"]
+    values = {key: value for key, value in values.items() if key in known}
+    id = await planted(served, parameters=values)
+    await http.patch("/api/parameters", json={"ego_motion.ransac_threshold_px": 5.0})
+    body = {"name": "again", "parameters": {"clustering.min_points": 9}}
+    begun = await http.post(f"/api/runs/{id}/rerun", json=body)
+    assert begun.status_code == 201, begun.text
+    again = begun.json()
+    assert (again["rerun_of"], again["name"], again["record"]) == (id, "again", "none")
+    assert again["parameters"]["ego_motion.ransac_threshold_px"] == 2.0
+    assert again["parameters"]["clustering.min_points"] == 9
+    opened = [each for each in peer.commands if isinstance(each, OpenSource)][-1]
+    assert opened.source.endswith(f"{id}/recording.mcap")
+    assert (opened.loop, opened.rate) == (False, 4.0)
+    assert (await http.post(f"/api/runs/{id}/rerun", json={})).status_code == 409
+    assert (await http.post(f"/api/runs/{again['id']}/stop")).is_success
+    assert peer.commands[-1] == SetPlayback(loop=True, rate=1.0)
+    # What has no images of its own is made of those of the first.
+    third = (await http.post(f"/api/runs/{again['id']}/rerun", json={})).json()
+    assert third["rerun_of"] == again["id"]
+    assert third["source"].endswith(f"{id}/recording.mcap")
+    await http.post(f"/api/runs/{third['id']}/stop")
+    bare = (await http.post("/api/runs", json={"record": "none"})).json()["id"]
+    await http.post(f"/api/runs/{bare}/stop")
+    refused = await http.post(f"/api/runs/{bare}/rerun", json={})
+    assert refused.status_code == 404
+    assert "images" in refused.json()["detail"]
+    assert served.station.state.state is EngineState.PREVIEW

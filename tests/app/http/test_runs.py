@@ -8,118 +8,101 @@ from typing import Any
 
 from app.messages import SetPlayback, StopRun
 
-from .scenarios import run
-
 THRESHOLD = "ego_motion.ransac_threshold_px"
 
 
-def test_a_locked_database_is_answered_with_503(serve: Any, peer: Any, tmp_path: Path) -> None:
-    async def scenario(served: Any) -> None:
-        lock = sqlite3.connect(tmp_path / "observer.sqlite", isolation_level=None)
-        lock.execute("BEGIN IMMEDIATE")
-        try:
-            for path, body in (("/api/runs", {}), ("/api/presets", {"name": "x"})):
-                answer = await served.http.post(path, json=body)
-                assert answer.status_code == 503, answer.text
-                assert "locked" in answer.json()["detail"]
-                assert answer.headers["retry-after"]
-            assert peer.opened.run_id is None
-            # Reading, observing and changing go on.
-            assert (await served.http.get("/api/runs")).json() == []
-            assert (await served.http.patch("/api/parameters", json={THRESHOLD: 5})).is_success
-        finally:
-            lock.execute("ROLLBACK")
-            lock.close()
-        assert (await served.http.post("/api/runs", json={})).status_code == 201
-
-    run(serve, scenario)
+async def test_a_locked_database_is_answered_with_503(http: Any, peer: Any, tmp_path: Path) -> None:
+    lock = sqlite3.connect(tmp_path / "observer.sqlite", isolation_level=None)
+    lock.execute("BEGIN IMMEDIATE")
+    try:
+        for path, body in (("/api/runs", {}), ("/api/presets", {"name": "x"})):
+            answer = await http.post(path, json=body)
+            assert answer.status_code == 503, answer.text
+            assert "locked" in answer.json()["detail"]
+            assert answer.headers["retry-after"]
+        assert peer.opened.run_id is None
+        # Reading, observing and changing go on.
+        assert (await http.get("/api/runs")).json() == []
+        assert (await http.patch("/api/parameters", json={THRESHOLD: 5})).is_success
+    finally:
+        lock.execute("ROLLBACK")
+        lock.close()
+    assert (await http.post("/api/runs", json={})).status_code == 201
 
 
-def test_choosing_a_source(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        assert peer.opened.source == "simulated:lab"
-        sources = (await served.http.get("/api/sources")).json()
-        assert sources[0]["spec"] == "simulated:lab"
-        assert all(set(entry) == {"spec", "title", "help"} for entry in sources)
-        answer = await served.http.put("/api/source", json={"source": "some/folder"})
-        assert answer.json()["source"]["spec"] == "some/folder"
-        assert peer.opened.loop is True
-        refused = await served.http.put("/api/source", json={"source": "missing"})
-        assert refused.status_code == 422
-        assert refused.json()["detail"][0]["loc"] == ["body", "source"]
-        assert (await served.http.get("/api/status")).json()["source"]["spec"] == "some/folder"
-
-    run(serve, scenario)
+async def test_choosing_a_source(http: Any, peer: Any) -> None:
+    assert peer.opened.source == "simulated:lab"
+    sources = (await http.get("/api/sources")).json()
+    assert sources[0]["spec"] == "simulated:lab"
+    assert all(set(entry) == {"spec", "title", "help"} for entry in sources)
+    answer = await http.put("/api/source", json={"source": "some/folder"})
+    assert answer.json()["source"]["spec"] == "some/folder"
+    assert peer.opened.loop is True
+    refused = await http.put("/api/source", json={"source": "missing"})
+    assert refused.status_code == 422
+    assert refused.json()["detail"][0]["loc"] == ["body", "source"]
+    assert (await http.get("/api/status")).json()["source"]["spec"] == "some/folder"
 
 
-def test_playback(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        answer = await served.http.post("/api/playback", json={"paused": True, "step": 2})
-        assert answer.json()["paused"] is True
-        assert peer.commands[-1] == SetPlayback(paused=True, step=2)
-        peer.lose()
-        assert (await served.http.post("/api/playback", json={})).status_code == 503
-
-    run(serve, scenario)
+async def test_playback(http: Any, peer: Any) -> None:
+    answer = await http.post("/api/playback", json={"paused": True, "step": 2})
+    assert answer.json()["paused"] is True
+    assert peer.commands[-1] == SetPlayback(paused=True, step=2)
+    peer.lose()
+    assert (await http.post("/api/playback", json={})).status_code == 503
 
 
-def test_a_run_from_start_to_csv(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        body = {"name": "First", "preset": "paper", "parameters": {THRESHOLD: 2.0}}
-        started = await served.http.post("/api/runs", json=body)
-        assert started.status_code == 201, started.text
-        id = started.json()["id"]
-        assert started.json()["state"] == "running"
-        assert started.json()["parameters"]["matching.method"] == "descriptor"
-        assert peer.opened.run_id == id
-        assert peer.opened.parameters[THRESHOLD] == 2.0
-        assert (await served.http.get("/api/parameters")).json()["values"][THRESHOLD] == 2.0
-        for _ in range(20):
-            peer.observe()
-        status = (await served.http.get("/api/status")).json()
-        assert status["run"]["id"] == id
-        assert (await served.http.post("/api/runs", json={})).status_code == 409
-        other = await served.http.put("/api/source", json={"source": "x"})
-        assert other.status_code == 409
-        assert (await served.http.delete(f"/api/runs/{id}")).status_code == 409
-        assert (await served.http.get(f"/api/runs/{id}")).json()["frames"] == 20
+async def test_a_run_from_start_to_csv(http: Any, peer: Any) -> None:
+    body = {"name": "First", "preset": "paper", "parameters": {THRESHOLD: 2.0}}
+    started = await http.post("/api/runs", json=body)
+    assert started.status_code == 201, started.text
+    id = started.json()["id"]
+    assert started.json()["state"] == "running"
+    assert started.json()["parameters"]["matching.method"] == "descriptor"
+    assert peer.opened.run_id == id
+    assert peer.opened.parameters[THRESHOLD] == 2.0
+    assert (await http.get("/api/parameters")).json()["values"][THRESHOLD] == 2.0
+    for _ in range(20):
+        peer.observe()
+    status = (await http.get("/api/status")).json()
+    assert status["run"]["id"] == id
+    assert (await http.post("/api/runs", json={})).status_code == 409
+    other = await http.put("/api/source", json={"source": "x"})
+    assert other.status_code == 409
+    assert (await http.delete(f"/api/runs/{id}")).status_code == 409
+    assert (await http.get(f"/api/runs/{id}")).json()["frames"] == 20
 
-        stopped = await served.http.post(f"/api/runs/{id}/stop")
-        assert stopped.json()["state"] == "finished"
-        assert stopped.json()["frames"] == 20
-        assert stopped.json()["ended_at"]
-        assert (await served.http.post(f"/api/runs/{id}/stop")).status_code == 409
-        assert (await served.http.get("/api/status")).json()["run"] is None
+    stopped = await http.post(f"/api/runs/{id}/stop")
+    assert stopped.json()["state"] == "finished"
+    assert stopped.json()["frames"] == 20
+    assert stopped.json()["ended_at"]
+    assert (await http.post(f"/api/runs/{id}/stop")).status_code == 409
+    assert (await http.get("/api/status")).json()["run"] is None
 
-        rows = (await served.http.get(f"/api/runs/{id}/speeds")).json()
-        assert {row["source"] for row in rows} == {"estimate", "truth", "commanded"}
-        assert len(rows) == 60
-        answer = await served.http.get(f"/api/runs/{id}/speeds", params={"format": "csv"})
-        assert answer.headers["content-type"].startswith("text/csv")
-        lines = answer.text.splitlines()
-        assert lines[0] == "time,role,source,track_id,speed,std,segment"
-        assert lines[1] == "0.0,obstacle,estimate,7,0.4,0.05,0"
-        assert lines[2] == "0.0,obstacle,truth,1,0.4,,0"
-        assert len(lines) == 61
-        assert (await served.http.get(f"/api/runs/{id}/speeds?format=xml")).status_code == 422
+    rows = (await http.get(f"/api/runs/{id}/speeds")).json()
+    assert {row["source"] for row in rows} == {"estimate", "truth", "commanded"}
+    assert len(rows) == 60
+    answer = await http.get(f"/api/runs/{id}/speeds", params={"format": "csv"})
+    assert answer.headers["content-type"].startswith("text/csv")
+    lines = answer.text.splitlines()
+    assert lines[0] == "time,role,source,track_id,speed,std,segment"
+    assert lines[1] == "0.0,obstacle,estimate,7,0.4,0.05,0"
+    assert lines[2] == "0.0,obstacle,truth,1,0.4,,0"
+    assert len(lines) == 61
+    assert (await http.get(f"/api/runs/{id}/speeds?format=xml")).status_code == 422
 
-        assert [r["id"] for r in (await served.http.get("/api/runs")).json()] == [id]
-        assert (await served.http.delete(f"/api/runs/{id}")).status_code == 204
-        assert (await served.http.get(f"/api/runs/{id}")).status_code == 404
-        assert (await served.http.get(f"/api/runs/{id}/speeds")).status_code == 404
-        assert (await served.http.delete(f"/api/runs/{id}")).status_code == 404
-
-    run(serve, scenario)
+    assert [r["id"] for r in (await http.get("/api/runs")).json()] == [id]
+    assert (await http.delete(f"/api/runs/{id}")).status_code == 204
+    assert (await http.get(f"/api/runs/{id}")).status_code == 404
+    assert (await http.get(f"/api/runs/{id}/speeds")).status_code == 404
+    assert (await http.delete(f"/api/runs/{id}")).status_code == 404
 
 
-def test_a_run_whose_source_is_refused_was_never_there(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        answer = await served.http.post("/api/runs", json={"source": "missing"})
-        assert answer.status_code == 422
-        assert (await served.http.get("/api/runs")).json() == []
-        status = (await served.http.get("/api/status")).json()
-        assert status["run"] is None
-        assert status["source"]["spec"] == "simulated:lab"
-        assert not any(isinstance(command, StopRun) for command in peer.commands)
-
-    run(serve, scenario)
+async def test_a_run_whose_source_is_refused_was_never_there(http: Any, peer: Any) -> None:
+    answer = await http.post("/api/runs", json={"source": "missing"})
+    assert answer.status_code == 422
+    assert (await http.get("/api/runs")).json() == []
+    status = (await http.get("/api/status")).json()
+    assert status["run"] is None
+    assert status["source"]["spec"] == "simulated:lab"
+    assert not any(isinstance(command, StopRun) for command in peer.commands)

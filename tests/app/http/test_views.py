@@ -11,7 +11,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.messages import VIEW_NAMES
 
-from .scenarios import run
+from .wire import read_on
 
 
 async def image(socket: Any) -> tuple[int, float, bytes]:
@@ -20,98 +20,79 @@ async def image(socket: Any) -> tuple[int, float, bytes]:
     return sequence, age_ms, data[16:]
 
 
-def test_images_come_as_they_are_acknowledged(serve: Any, peer: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/views/left") as socket:
-            first, age_ms, jpeg = await image(socket)
-            assert peer.watched == ("left",)
-            assert jpeg.startswith(b"\xff\xd8")
-            assert 0 <= age_ms < 5000
-            for _ in range(10):
-                peer.observe()
-                await asyncio.sleep(0.01)
-            # Nothing comes before the acknowledgement, then only the newest.
-            with pytest.raises(TimeoutError):
-                async with asyncio.timeout(0.2):
-                    await socket.recv()
-            await socket.send("ack")
-            newest, _, _ = await image(socket)
-            assert newest == first + 10
-        await eventually(lambda: peer.watched == ())
-
-    run(serve, scenario)
-
-
-def test_only_what_is_watched_is_drawn(serve: Any, peer: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        assert peer.watched == ()
-        async with served.socket("/api/views/left") as one, served.socket("/api/views/left") as two:
-            await image(one)
-            # The second watcher sees what is there, also while nothing new is drawn.
-            await image(two)
-            async with served.socket("/api/views/disparity") as three:
-                await image(three)
-                assert peer.watched == ("disparity", "left")
-            await eventually(lambda: peer.watched == ("left",))
-            await one.close()
+async def test_images_come_as_they_are_acknowledged(
+    served: Any, peer: Any, eventually: Any
+) -> None:
+    async with served.socket("/api/views/left") as socket:
+        first, age_ms, jpeg = await image(socket)
+        assert peer.watched == ("left",)
+        assert jpeg.startswith(b"\xff\xd8")
+        assert 0 <= age_ms < 5000
+        for _ in range(10):
             peer.observe()
-            await two.send("ack")
-            assert await image(two)
-            assert peer.watched == ("left",)
+            await asyncio.sleep(0.01)
+        # Nothing comes before the acknowledgement, then only the newest.
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.2):
+                await socket.recv()
+        await socket.send("ack")
+        newest, _, _ = await image(socket)
+        assert newest == first + 10
+    await eventually(lambda: peer.watched == ())
 
-    run(serve, scenario)
+
+async def test_only_what_is_watched_is_drawn(served: Any, peer: Any, eventually: Any) -> None:
+    assert peer.watched == ()
+    async with served.socket("/api/views/left") as one, served.socket("/api/views/left") as two:
+        await image(one)
+        # The second watcher sees what is there, also while nothing new is drawn.
+        await image(two)
+        async with served.socket("/api/views/disparity") as three:
+            await image(three)
+            assert peer.watched == ("disparity", "left")
+        await eventually(lambda: peer.watched == ("left",))
+        await one.close()
+        peer.observe()
+        await two.send("ack")
+        assert await image(two)
+        assert peer.watched == ("left",)
 
 
-def test_a_new_engine_is_told_who_watches(serve: Any, peer: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
+async def test_a_new_engine_is_told_who_watches(served: Any, peer: Any, eventually: Any) -> None:
+    async with served.socket("/api/views/left") as socket:
+        await image(socket)
+        peer.lose()
+        peer.watched = ()
+        peer.start_process()
+        await eventually(lambda: peer.watched == ("left",))
+        await socket.send("ack")
+        assert await image(socket)
+
+
+async def test_snapshots(http: Any, peer: Any, eventually: Any) -> None:
+    names = (await http.get("/api/views")).json()
+    assert names == list(VIEW_NAMES)
+    for name in names:
+        answer = await http.get(f"/api/views/{name}.jpg")
+        assert answer.headers["content-type"] == "image/jpeg"
+        assert answer.content.startswith(b"\xff\xd8")
+    await eventually(lambda: peer.watched == ())
+    assert (await http.get("/api/views/none.jpg")).status_code == 404
+    peer.draw_on_watch = False
+    # An image of the past is not shown as one of now.
+    assert (await http.get("/api/views/left.jpg")).status_code == 503
+
+
+async def test_unknown_views_and_garbage(served: Any) -> None:
+    for name in ("none", "cloud", "..", "left.jpg"):
+        with pytest.raises(InvalidStatus) as refused:
+            async with served.socket(f"/api/views/{name}"):
+                pass
+        assert refused.value.response.status_code in (403, 404)
+    for garbage in ("nack", b"ack"):
         async with served.socket("/api/views/left") as socket:
-            await image(socket)
-            peer.lose()
-            peer.watched = ()
-            peer.start_process()
-            await eventually(lambda: peer.watched == ("left",))
-            await socket.send("ack")
-            assert await image(socket)
-
-    run(serve, scenario)
-
-
-def test_snapshots(serve: Any, peer: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        names = (await served.http.get("/api/views")).json()
-        assert names == list(VIEW_NAMES)
-        for name in names:
-            answer = await served.http.get(f"/api/views/{name}.jpg")
-            assert answer.headers["content-type"] == "image/jpeg"
-            assert answer.content.startswith(b"\xff\xd8")
-        await eventually(lambda: peer.watched == ())
-        assert (await served.http.get("/api/views/none.jpg")).status_code == 404
-        peer.draw_on_watch = False
-        # An image of the past is not shown as one of now.
-        assert (await served.http.get("/api/views/left.jpg")).status_code == 503
-
-    run(serve, scenario)
-
-
-def test_unknown_views_and_garbage(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        for name in ("none", "cloud", "..", "left.jpg"):
-            with pytest.raises(InvalidStatus) as refused:
-                async with served.socket(f"/api/views/{name}"):
-                    pass
-            assert refused.value.response.status_code in (403, 404)
-        for garbage in ("nack", b"ack"):
-            async with served.socket("/api/views/left") as socket:
-                await socket.send(garbage)
-                with pytest.raises(ConnectionClosed):
-                    await read_on(socket)
-                assert socket.close_code == 1007
-        assert (await served.http.get("/api/status")).is_success
-
-    run(serve, scenario)
-
-
-async def read_on(socket: Any) -> None:
-    """Read until the connection ends."""
-    while True:
-        await socket.recv()
+            await socket.send(garbage)
+            with pytest.raises(ConnectionClosed):
+                await read_on(socket)
+            assert socket.close_code == 1007
+    assert (await served.http.get("/api/status")).is_success

@@ -73,30 +73,27 @@ def test_messages_arrive_whole_and_in_order(pair: tuple[socket.socket, socket.so
 @given(
     texts=st.lists(st.text(max_size=200), max_size=6), cuts=st.lists(st.integers(1, 50), min_size=1)
 )
-def test_the_asynchronous_reader_takes_any_fragmentation(texts: list[str], cuts: list[int]) -> None:
+async def test_the_asynchronous_reader_takes_any_fragmentation(
+    texts: list[str], cuts: list[int]
+) -> None:
     wire = b"".join(encode(text) for text in texts)
+    reader = asyncio.StreamReader()
+    messages: list[Any] = []
 
-    async def read() -> list[Any]:
-        reader = asyncio.StreamReader()
+    async def feed() -> None:
         at, turn = 0, 0
-        messages: list[Any] = []
+        while at < len(wire):
+            size = cuts[turn % len(cuts)]
+            reader.feed_data(wire[at : at + size])
+            at, turn = at + size, turn + 1
+            await asyncio.sleep(0)
+        reader.feed_eof()
 
-        async def feed() -> None:
-            nonlocal at, turn
-            while at < len(wire):
-                size = cuts[turn % len(cuts)]
-                reader.feed_data(wire[at : at + size])
-                at, turn = at + size, turn + 1
-                await asyncio.sleep(0)
-            reader.feed_eof()
-
-        feeding = asyncio.create_task(feed())
-        while (message := await read_message(reader)) is not None:
-            messages.append(message)
-        await feeding
-        return messages
-
-    assert asyncio.run(read()) == texts
+    feeding = asyncio.create_task(feed())
+    while (message := await read_message(reader)) is not None:
+        messages.append(message)
+    await feeding
+    assert messages == texts
 
 
 def test_the_end_in_the_middle_of_a_message_is_the_end(

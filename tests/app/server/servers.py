@@ -1,9 +1,9 @@
-"""A station over the peer engine, in an event loop of the test's own."""
+"""A station over the peer engine."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -26,14 +26,10 @@ async def started(
         await station.stop()
 
 
-def run(scenario: Coroutine[Any, Any, None], within_s: float = 60) -> None:
-    """What a test does, to its end."""
-
-    async def limited() -> None:
-        async with asyncio.timeout(within_s):
-            await scenario
-
-    asyncio.run(limited())
+async def begin(station: Station, **more: Any) -> Any:
+    """The record of a run that is begun with what is in force, but for ``more``."""
+    given = {"name": None, "source": None, "calibration_id": None, "preset": None}
+    return await station.start_run(**{**given, "parameters": {}, **more})
 
 
 async def until(condition: Callable[[], Any]) -> None:

@@ -35,8 +35,6 @@ from app.viewer.trails import Trails
 from observer.geometry import Pose
 from observer.mount import CameraMount, level_pose
 
-from ..server.servers import run
-
 ANGLES = st.floats(-1.4, 1.4)
 
 
@@ -294,23 +292,9 @@ def test_the_robot_comes_from_what_the_drive_process_tells(observed: Any) -> Non
 # --- viser's nodes --------------------------------------------------------------------------
 
 
-def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
+async def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
     peer: Any, drive: Any, storage: Storage, capsys: Any
 ) -> None:
-    async def scenario() -> None:
-        station = Station(peer, storage, source="simulated:lab", drive=drive)
-        viewer = None
-        try:
-            await station.start()
-            while station.state.state is EngineState.IDLE:
-                await asyncio.sleep(0.005)
-            viewer = await asyncio.to_thread(ViserViewer, station, points=300, rate_hz=20)
-            await watch(viewer)
-        finally:
-            if viewer is not None:
-                await asyncio.to_thread(viewer.stop)
-            await station.stop()
-
     async def watch(viewer: ViserViewer) -> None:
         scene = viewer._scene
         handles = dict(viewer._server.scene._handle_from_node_name)
@@ -356,5 +340,16 @@ def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
                 await asyncio.sleep(0.03)
         assert viewer._server.scene._handle_from_node_name == handles
 
-    run(scenario())
+    station = Station(peer, storage, source="simulated:lab", drive=drive)
+    viewer = None
+    try:
+        await station.start()
+        while station.state.state is EngineState.IDLE:
+            await asyncio.sleep(0.005)
+        viewer = await asyncio.to_thread(ViserViewer, station, points=300, rate_hz=20)
+        await watch(viewer)
+    finally:
+        if viewer is not None:
+            await asyncio.to_thread(viewer.stop)
+        await station.stop()
     assert "viser" not in capsys.readouterr().out

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import sys
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from app.messages import SetParameters
 
-from ..scenarios import JSON, run
+from ..wire import JSON
 
 THRESHOLD = "ego_motion.ransac_threshold_px"
 NO_NUMBERS = [
@@ -22,42 +21,38 @@ NO_NUMBERS = [
 ]
 
 
-def test_what_is_no_number_in_range_is_refused_and_changes_nothing(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        before = (await served.http.get("/api/parameters")).json()
-        for value in NO_NUMBERS:
-            body = f'{{"{THRESHOLD}": {value}, "flow.window_px": 21}}'
-            answer = await served.http.patch("/api/parameters", content=body, headers=JSON)
-            assert answer.status_code == 422, value
-            problems = answer.json()["detail"]
-            assert all(set(problem) == {"loc", "msg", "type"} for problem in problems)
-            assert any(THRESHOLD in problem["loc"] for problem in problems), value
-            assert (await served.http.get("/api/parameters")).json() == before
-        assert not any(isinstance(command, SetParameters) for command in peer.commands)
-
-    run(serve, scenario)
-
-
-def test_a_refused_parameter_is_told_with_its_range(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        answer = await served.http.patch("/api/parameters", json={THRESHOLD: 25.0, "flow.x": 1})
-        detail = {problem["loc"][-1]: problem for problem in answer.json()["detail"]}
-        assert detail[THRESHOLD] == {
-            "loc": ["body", THRESHOLD],
-            "msg": "must be a finite number from 0.1 to 20 px",
-            "type": "parameter",
-        }
-        assert "no such parameter" in detail["flow.x"]["msg"]
-
-    run(serve, scenario)
+async def test_what_is_no_number_in_range_is_refused_and_changes_nothing(
+    http: Any, peer: Any
+) -> None:
+    before = (await http.get("/api/parameters")).json()
+    for value in NO_NUMBERS:
+        body = f'{{"{THRESHOLD}": {value}, "flow.window_px": 21}}'
+        answer = await http.patch("/api/parameters", content=body, headers=JSON)
+        assert answer.status_code == 422, value
+        problems = answer.json()["detail"]
+        assert all(set(problem) == {"loc", "msg", "type"} for problem in problems)
+        assert any(THRESHOLD in problem["loc"] for problem in problems), value
+        assert (await http.get("/api/parameters")).json() == before
+    assert not any(isinstance(command, SetParameters) for command in peer.commands)
 
 
-def test_a_missing_extra_is_told_and_the_old_parameters_stay(
+async def test_a_refused_parameter_is_told_with_its_range(http: Any) -> None:
+    answer = await http.patch("/api/parameters", json={THRESHOLD: 25.0, "flow.x": 1})
+    detail = {problem["loc"][-1]: problem for problem in answer.json()["detail"]}
+    assert detail[THRESHOLD] == {
+        "loc": ["body", THRESHOLD],
+        "msg": "must be a finite number from 0.1 to 20 px",
+        "type": "parameter",
+    }
+    assert "no such parameter" in detail["flow.x"]["msg"]
+
+
+async def test_a_missing_extra_is_told_and_the_old_parameters_stay(
     serve: Any, peer: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "mahotas", None)
 
-    async def scenario(served: Any) -> None:
+    async with serve() as served:
         before = (await served.http.get("/api/parameters")).json()
         change = {"features.detector": "surf", THRESHOLD: 2.5}
         answer = await served.http.patch("/api/parameters", json=change)
@@ -69,8 +64,6 @@ def test_a_missing_extra_is_told_and_the_old_parameters_stay(
         started = await served.http.post("/api/runs", json={"parameters": change})
         assert started.status_code == 422
         assert not any(isinstance(command, SetParameters) for command in peer.commands)
-
-    run(serve, scenario)
 
 
 BAD_VALUES = [
@@ -106,18 +99,15 @@ BAD_VALUES = [
 ]
 
 
-def test_bad_values_are_answered_with_422(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        opened = peer.opened
-        for path, method, body in BAD_VALUES:
-            answer = await served.http.request(method, path, content=body, headers=JSON)
-            assert answer.status_code == 422, (path, body, answer.text)
-            assert answer.json()["detail"][0]["loc"][0] == "body", body
-            assert peer.opened == opened
-            assert (await served.http.get("/api/runs")).json() == []
-        assert (await served.http.get("/api/parameters")).json()["revision"] == 0
-
-    run(serve, scenario)
+async def test_bad_values_are_answered_with_422(http: Any, peer: Any) -> None:
+    opened = peer.opened
+    for path, method, body in BAD_VALUES:
+        answer = await http.request(method, path, content=body, headers=JSON)
+        assert answer.status_code == 422, (path, body, answer.text)
+        assert answer.json()["detail"][0]["loc"][0] == "body", body
+        assert peer.opened == opened
+        assert (await http.get("/api/runs")).json() == []
+    assert (await http.get("/api/parameters")).json()["revision"] == 0
 
 
 MALFORMED = {
@@ -131,16 +121,13 @@ MALFORMED = {
 }
 
 
-def test_malformed_and_deep_json_is_the_clients_fault(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        for name, body in MALFORMED.items():
-            for method, path in (("PATCH", "/api/parameters"), ("POST", "/api/playback")):
-                answer = await served.http.request(method, path, content=body, headers=JSON)
-                assert 400 <= answer.status_code < 500, (name, answer.text)
-                assert len(answer.content) < 5000
-        assert (await served.http.get("/api/status")).is_success
-
-    run(serve, scenario)
+async def test_malformed_and_deep_json_is_the_clients_fault(http: Any) -> None:
+    for name, body in MALFORMED.items():
+        for method, path in (("PATCH", "/api/parameters"), ("POST", "/api/playback")):
+            answer = await http.request(method, path, content=body, headers=JSON)
+            assert 400 <= answer.status_code < 500, (name, answer.text)
+            assert len(answer.content) < 5000
+    assert (await http.get("/api/status")).is_success
 
 
 ANY_JSON = st.recursive(
@@ -177,20 +164,14 @@ KNOWN_KEYS = [
 ]
 
 
-def test_no_json_breaks_the_server(serve: Any) -> None:
-    with asyncio.Runner() as runner:
-        serving = serve()
-        served = runner.run(serving.__aenter__())
-        try:
-
-            @settings(deadline=None, max_examples=100)
-            @given(st.sampled_from(TAKE_JSON), ANY_JSON)
-            def check(route: tuple[str, str], value: Any) -> None:
-                body = json.dumps(value)
-                sent = served.http.request(*route, content=body, headers=JSON)
-                answer = runner.run(sent)
-                assert answer.status_code < 500, (route, body, answer.text)
-
-            check()
-        finally:
-            runner.run(serving.__aexit__(None, None, None))
+@settings(
+    deadline=None,
+    max_examples=100,
+    # All examples are sent to one server.
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(route=st.sampled_from(TAKE_JSON), value=ANY_JSON)
+async def test_no_json_breaks_the_server(http: Any, route: tuple[str, str], value: Any) -> None:
+    body = json.dumps(value)
+    answer = await http.request(*route, content=body, headers=JSON)
+    assert answer.status_code < 500, (route, body, answer.text)

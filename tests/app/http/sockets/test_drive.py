@@ -18,8 +18,6 @@ from websockets.sync.client import connect
 from app.drive.messages import DriveCommand, Presence, ReleaseLease, StopRobots, TakeLease
 from observer.robots.contract import RobotPort
 
-from ..scenarios import run
-
 # A page's clock begins when it is opened.
 EPOCH = time.monotonic() - 12.0
 
@@ -111,237 +109,214 @@ async def arm(served: Any, lease: str | None, role: str = "observer") -> int:
     return int(answer.status_code)
 
 
-def test_take_arm_drive_and_leave(serve: Any, drive: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        await eventually(lambda: len(drive.robots) == 2)
-        async with hand(served, "Anna") as anna:
-            assert (await anna.next("operator"))["name"] == "Anna"
-            await anna.drive()
-            assert "take the observer first" in (await anna.next("refused"))["sentence"]
-            lease = await anna.take()
-            assert (lease["state"], lease["holder"]) == ("yours", "Anna")
-            # Asked for twice, it is the same.
-            assert (await anna.take())["lease"] == lease["lease"]
-            assert len(drive.of(TakeLease)) == 1
-            sequence = await anna.drive()
-            sent = await anna.next("sent", sequence=sequence)
-            assert (sent["speed_mps"], sent["limited_by"]) == (0.0, "not armed")
-            assert await arm(served, lease["lease"]) == 200
-            sequence = await anna.drive(speed_mps=0.9)
-            sent = await anna.next("sent", sequence=sequence)
-            assert (sent["speed_mps"], sent["turn_rate_radps"]) == (0.3, 0.1)
-            assert 0 <= sent["age_ms"] < 250
-            anna.sequence += 1
-            present = {"type": "present", "role": "observer", "sequence": anna.sequence}
-            await anna.say({**present, "time": clock_ms()})
-            await eventually(lambda: drive.of(Presence))
-            asked = drive.of(DriveCommand)[-1]
-            assert asked.lease == lease["lease"]
-            assert asked.issued <= time.monotonic()
-            told = (await served.http.get("/api/robots")).json()["robots"]["observer"]
-            assert (told["operator"], told["state"]) == ("Anna", "armed")
-        await eventually(lambda: drive.of(ReleaseLease))
-        assert drive.of(ReleaseLease)[-1].lease == lease["lease"]
-        assert not drive.leases
-
-    run(serve, scenario)
+async def test_take_arm_drive_and_leave(served: Any, drive: Any, eventually: Any) -> None:
+    await eventually(lambda: len(drive.robots) == 2)
+    async with hand(served, "Anna") as anna:
+        assert (await anna.next("operator"))["name"] == "Anna"
+        await anna.drive()
+        assert "take the observer first" in (await anna.next("refused"))["sentence"]
+        lease = await anna.take()
+        assert (lease["state"], lease["holder"]) == ("yours", "Anna")
+        # Asked for twice, it is the same.
+        assert (await anna.take())["lease"] == lease["lease"]
+        assert len(drive.of(TakeLease)) == 1
+        sequence = await anna.drive()
+        sent = await anna.next("sent", sequence=sequence)
+        assert (sent["speed_mps"], sent["limited_by"]) == (0.0, "not armed")
+        assert await arm(served, lease["lease"]) == 200
+        sequence = await anna.drive(speed_mps=0.9)
+        sent = await anna.next("sent", sequence=sequence)
+        assert (sent["speed_mps"], sent["turn_rate_radps"]) == (0.3, 0.1)
+        assert 0 <= sent["age_ms"] < 250
+        anna.sequence += 1
+        present = {"type": "present", "role": "observer", "sequence": anna.sequence}
+        await anna.say({**present, "time": clock_ms()})
+        await eventually(lambda: drive.of(Presence))
+        asked = drive.of(DriveCommand)[-1]
+        assert asked.lease == lease["lease"]
+        assert asked.issued <= time.monotonic()
+        told = (await served.http.get("/api/robots")).json()["robots"]["observer"]
+        assert (told["operator"], told["state"]) == ("Anna", "armed")
+    await eventually(lambda: drive.of(ReleaseLease))
+    assert drive.of(ReleaseLease)[-1].lease == lease["lease"]
+    assert not drive.leases
 
 
-def test_one_drives_and_taking_over_is_explicit(serve: Any, drive: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        await eventually(lambda: len(drive.robots) == 2)
-        async with hand(served, "Anna") as anna, hand(served) as other:
-            mine = (await anna.take())["lease"]
-            refused = await other.take()
-            assert (refused["state"], refused["holder"]) == ("refused", "Anna")
-            assert "Anna drives the observer" in refused["sentence"]
-            # By REST as well: it is not this one's robot.
-            assert await arm(served, None) == 409
-            assert await arm(served, "another") == 409
-            await other.drive()
-            assert (await other.next("refused"))["sequence"] == other.sequence
-            assert not drive.of(DriveCommand)
-            assert await arm(served, mine) == 200
-            taken = await other.take(takeover=True)
-            assert taken["state"] == "yours"
-            lost = await anna.next("lease", state="lost")
-            assert lost["holder"] == taken["holder"]
-            assert "took over the observer" in lost["sentence"]
-            assert "observer" not in drive.armed
-            await anna.drive()
-            assert "take the observer first" in (await anna.next("refused"))["sentence"]
-            # The other role is free all the time.
-            assert (await anna.take("obstacle"))["state"] == "yours"
-            await other.say({"type": "release", "role": "observer"})
-            await eventually(lambda: "observer" not in drive.leases)
-            assert (await anna.take())["state"] == "yours"
-
-    run(serve, scenario)
-
-
-def test_names_are_told_apart_and_made_readable(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with hand(served, "Anna") as first, hand(served, "Anna") as second:
-            names = [(await each.next("operator"))["name"] for each in (first, second)]
-            assert names[0] == "Anna"
-            assert names[1].startswith("Anna (")
-        async with hand(served, "%00%0a") as third, hand(served, 100 * "x") as fourth:
-            assert (await third.next("operator"))["name"] == "operator 3"
-            assert (await fourth.next("operator"))["name"] == 40 * "x"
-
-    run(serve, scenario)
-
-
-def test_what_is_old_or_said_before_is_refused(serve: Any, drive: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        await eventually(lambda: len(drive.robots) == 2)
-        async with hand(served) as page:
-            lease = (await page.take())["lease"]
-            assert await arm(served, lease) == 200
-            late = await page.drive(ago_ms=400)
-            refused = await page.next("refused", sequence=late)
-            assert refused["sentence"] == "stopped: link too slow"
-            slow = await page.next("link", quality="slow")
-            assert slow["sentence"] == "stopped: link too slow"
-            assert slow["delay_ms"] > 250
-            good = await page.drive()
-            await page.next("sent", sequence=good)
-            for sequence in (good, good - 1, 0):
-                await page.drive(sequence=sequence)
-                refused = await page.next("refused", sequence=sequence)
-                assert "sequence must be above" in refused["sentence"]
-            # A stamp of the future is no freshness.
-            await page.drive(ago_ms=-5000, sequence=good + 50)
-            assert "not measured" in (await page.next("refused", sequence=good + 50))["sentence"]
-            assert [command.sequence for command in drive.of(DriveCommand)] == [good]
-
-    run(serve, scenario)
-
-
-def test_before_the_link_is_measured_nothing_is_driven(serve: Any, drive: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/drive") as socket:
-            page = Hand(socket)
-            await page.say({"type": "take", "role": "observer"})
-            await page.drive()
-            while (message := json.loads(await socket.recv()))["type"] != "refused":
-                pass
-            assert "not measured" in message["sentence"] or "take" in message["sentence"]
-            assert not drive.of(DriveCommand)
-
-    run(serve, scenario)
-
-
-def test_what_is_no_number_is_refused_and_the_socket_lives(serve: Any, drive: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with hand(served) as page:
-            await page.take()
-            fields = {"role": "observer", "sequence": 1, "time": clock_ms()}
-            body = {"type": "drive", **fields, "speed_mps": 0.1, "turn_rate_radps": 0}
-            for key in ("time", "speed_mps", "turn_rate_radps", "sequence"):
-                for value in ("NaN", "Infinity", "1e999", "true", "null", '"0.1"'):
-                    text = json.dumps({**body, key: "HERE"}).replace('"HERE"', value)
-                    await page.say(text)
-                    assert key in (await page.next("refused"))["sentence"]
-                await page.say({name: value for name, value in body.items() if name != key})
-                assert key in (await page.next("refused"))["sentence"]
-            assert not drive.of(DriveCommand)
-            await page.next("sent", sequence=await page.drive())
-
-    run(serve, scenario)
-
-
-def test_garbage_closes_with_1007_and_gives_the_robot_back(
-    serve: Any, drive: Any, eventually: Any
+async def test_one_drives_and_taking_over_is_explicit(
+    served: Any, drive: Any, eventually: Any
 ) -> None:
-    async def scenario(served: Any) -> None:
-        for garbage in ("hello", "[1]", '{"type": "fly"}', "[" * 900, b"\x00\xff"):
-            async with hand(served) as page:
-                assert (await page.take())["state"] == "yours"
-                await page.socket.send(garbage)
-                await eventually(lambda: page.socket.close_code is not None)
-                assert page.socket.close_code == 1007
-            await eventually(lambda: not drive.leases)
-
-    run(serve, scenario)
-
-
-def test_stop_is_for_everybody_and_at_once(serve: Any, drive: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        await eventually(lambda: len(drive.robots) == 2)
-        async with hand(served, "Anna") as anna, hand(served, "Bert") as bert:
-            lease = (await anna.take())["lease"]
-            assert await arm(served, lease) == 200
-            await bert.say({"type": "stop"})
-            await eventually(lambda: drive.stopped)
-            assert drive.of(StopRobots)[0].by == "Bert"
-            assert not drive.armed
-            # And while the drive process answers nobody's velocities.
-            drive.hangs = True
-            for _ in range(8):
-                await anna.drive()
-            await anna.say({"type": "stop"})
-            await eventually(lambda: len(drive.of(StopRobots)) == 2)
-            told = await anna.next("refused", sequence=None)
-            assert "use the robots' own switch" in told["sentence"]
-            drive.hangs = False
-
-    run(serve, scenario)
+    await eventually(lambda: len(drive.robots) == 2)
+    async with hand(served, "Anna") as anna, hand(served) as other:
+        mine = (await anna.take())["lease"]
+        refused = await other.take()
+        assert (refused["state"], refused["holder"]) == ("refused", "Anna")
+        assert "Anna drives the observer" in refused["sentence"]
+        # By REST as well: it is not this one's robot.
+        assert await arm(served, None) == 409
+        assert await arm(served, "another") == 409
+        await other.drive()
+        assert (await other.next("refused"))["sequence"] == other.sequence
+        assert not drive.of(DriveCommand)
+        assert await arm(served, mine) == 200
+        taken = await other.take(takeover=True)
+        assert taken["state"] == "yours"
+        lost = await anna.next("lease", state="lost")
+        assert lost["holder"] == taken["holder"]
+        assert "took over the observer" in lost["sentence"]
+        assert "observer" not in drive.armed
+        await anna.drive()
+        assert "take the observer first" in (await anna.next("refused"))["sentence"]
+        # The other role is free all the time.
+        assert (await anna.take("obstacle"))["state"] == "yours"
+        await other.say({"type": "release", "role": "observer"})
+        await eventually(lambda: "observer" not in drive.leases)
+        assert (await anna.take())["state"] == "yours"
 
 
-def test_with_the_drive_process_all_leases_go(serve: Any, drive: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
+async def test_names_are_told_apart_and_made_readable(served: Any) -> None:
+    async with hand(served, "Anna") as first, hand(served, "Anna") as second:
+        names = [(await each.next("operator"))["name"] for each in (first, second)]
+        assert names[0] == "Anna"
+        assert names[1].startswith("Anna (")
+    async with hand(served, "%00%0a") as third, hand(served, 100 * "x") as fourth:
+        assert (await third.next("operator"))["name"] == "operator 3"
+        assert (await fourth.next("operator"))["name"] == 40 * "x"
+
+
+async def test_what_is_old_or_said_before_is_refused(
+    served: Any, drive: Any, eventually: Any
+) -> None:
+    await eventually(lambda: len(drive.robots) == 2)
+    async with hand(served) as page:
+        lease = (await page.take())["lease"]
+        assert await arm(served, lease) == 200
+        late = await page.drive(ago_ms=400)
+        refused = await page.next("refused", sequence=late)
+        assert refused["sentence"] == "stopped: link too slow"
+        slow = await page.next("link", quality="slow")
+        assert slow["sentence"] == "stopped: link too slow"
+        assert slow["delay_ms"] > 250
+        good = await page.drive()
+        await page.next("sent", sequence=good)
+        for sequence in (good, good - 1, 0):
+            await page.drive(sequence=sequence)
+            refused = await page.next("refused", sequence=sequence)
+            assert "sequence must be above" in refused["sentence"]
+        # A stamp of the future is no freshness.
+        await page.drive(ago_ms=-5000, sequence=good + 50)
+        assert "not measured" in (await page.next("refused", sequence=good + 50))["sentence"]
+        assert [command.sequence for command in drive.of(DriveCommand)] == [good]
+
+
+async def test_before_the_link_is_measured_nothing_is_driven(served: Any, drive: Any) -> None:
+    async with served.socket("/api/drive") as socket:
+        page = Hand(socket)
+        await page.say({"type": "take", "role": "observer"})
+        await page.drive()
+        while (message := json.loads(await socket.recv()))["type"] != "refused":
+            pass
+        assert "not measured" in message["sentence"] or "take" in message["sentence"]
+        assert not drive.of(DriveCommand)
+
+
+async def test_what_is_no_number_is_refused_and_the_socket_lives(served: Any, drive: Any) -> None:
+    async with hand(served) as page:
+        await page.take()
+        fields = {"role": "observer", "sequence": 1, "time": clock_ms()}
+        body = {"type": "drive", **fields, "speed_mps": 0.1, "turn_rate_radps": 0}
+        for key in ("time", "speed_mps", "turn_rate_radps", "sequence"):
+            for value in ("NaN", "Infinity", "1e999", "true", "null", '"0.1"'):
+                text = json.dumps({**body, key: "HERE"}).replace('"HERE"', value)
+                await page.say(text)
+                assert key in (await page.next("refused"))["sentence"]
+            await page.say({name: value for name, value in body.items() if name != key})
+            assert key in (await page.next("refused"))["sentence"]
+        assert not drive.of(DriveCommand)
+        await page.next("sent", sequence=await page.drive())
+
+
+async def test_garbage_closes_with_1007_and_gives_the_robot_back(
+    served: Any, drive: Any, eventually: Any
+) -> None:
+    for garbage in ("hello", "[1]", '{"type": "fly"}', "[" * 900, b"\x00\xff"):
         async with hand(served) as page:
-            await page.take()
-            drive.lose("the drive process ended with exit code 1")
-            lost = await page.next("lease", state="lost")
-            assert "exit code 1" in lost["sentence"]
-            assert (await page.take())["state"] == "refused"
-            drive.start_process()
-            await eventually(lambda: len(drive.robots) == 2)
             assert (await page.take())["state"] == "yours"
-            # Where the process knows nothing of a lease, it is none.
-            drive.leases.clear()
-            for _ in range(2):
-                drive.tell()
-            assert (await page.next("lease", state="lost"))["holder"] is None
-
-    run(serve, scenario)
+            await page.socket.send(garbage)
+            await eventually(lambda: page.socket.close_code is not None)
+            assert page.socket.close_code == 1007
+        await eventually(lambda: not drive.leases)
 
 
-def test_too_much_at_once_is_refused_and_nothing_is_kept_for_later(serve: Any, drive: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with hand(served) as page:
-            await page.take()
-            drive.hangs = True
-            sequences = [await page.drive() for _ in range(12)]
-            refused = await page.next("refused", sequence=sequences[-1])
-            assert "does not keep up" in refused["sentence"]
-            await page.next("refused", sequence=sequences[0])
-            drive.hangs = False
-            await page.next("sent", sequence=await page.drive())
-            passed_on = [command.sequence for command in drive.of(DriveCommand)]
-            assert passed_on == [*sequences[:8], sequences[-1] + 1]
+async def test_stop_is_for_everybody_and_at_once(served: Any, drive: Any, eventually: Any) -> None:
+    await eventually(lambda: len(drive.robots) == 2)
+    async with hand(served, "Anna") as anna, hand(served, "Bert") as bert:
+        lease = (await anna.take())["lease"]
+        assert await arm(served, lease) == 200
+        await bert.say({"type": "stop"})
+        await eventually(lambda: drive.stopped)
+        assert drive.of(StopRobots)[0].by == "Bert"
+        assert not drive.armed
+        # And while the drive process answers nobody's velocities.
+        drive.hangs = True
+        for _ in range(8):
+            await anna.drive()
+        await anna.say({"type": "stop"})
+        await eventually(lambda: len(drive.of(StopRobots)) == 2)
+        told = await anna.next("refused", sequence=None)
+        assert "use the robots' own switch" in told["sentence"]
+        drive.hangs = False
 
-    run(serve, scenario)
+
+async def test_with_the_drive_process_all_leases_go(
+    served: Any, drive: Any, eventually: Any
+) -> None:
+    async with hand(served) as page:
+        await page.take()
+        drive.lose("the drive process ended with exit code 1")
+        lost = await page.next("lease", state="lost")
+        assert "exit code 1" in lost["sentence"]
+        assert (await page.take())["state"] == "refused"
+        drive.start_process()
+        await eventually(lambda: len(drive.robots) == 2)
+        assert (await page.take())["state"] == "yours"
+        # Where the process knows nothing of a lease, it is none.
+        drive.leases.clear()
+        for _ in range(2):
+            drive.tell()
+        assert (await page.next("lease", state="lost"))["holder"] is None
 
 
-def test_a_client_that_takes_nothing_is_let_go(serve: Any, drive: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/drive") as socket:
-            page = Hand(socket)
-            await page.say({"type": "take", "role": "observer"})
-            await eventually(lambda: drive.leases)
-            socket.transport.pause_reading()
-            with contextlib.suppress(ConnectionClosed):
-                # More answers than the buffers of both kernels hold.
-                async with asyncio.timeout(20):
-                    while drive.leases:
-                        await page.say('{"type": "present", "role": "observer"}')
-            assert not drive.leases
-            socket.transport.abort()
+async def test_too_much_at_once_is_refused_and_nothing_is_kept_for_later(
+    served: Any, drive: Any
+) -> None:
+    async with hand(served) as page:
+        await page.take()
+        drive.hangs = True
+        sequences = [await page.drive() for _ in range(12)]
+        refused = await page.next("refused", sequence=sequences[-1])
+        assert "does not keep up" in refused["sentence"]
+        await page.next("refused", sequence=sequences[0])
+        drive.hangs = False
+        await page.next("sent", sequence=await page.drive())
+        passed_on = [command.sequence for command in drive.of(DriveCommand)]
+        assert passed_on == [*sequences[:8], sequences[-1] + 1]
 
-    run(serve, scenario)
+
+async def test_a_client_that_takes_nothing_is_let_go(
+    served: Any, drive: Any, eventually: Any
+) -> None:
+    async with served.socket("/api/drive") as socket:
+        page = Hand(socket)
+        await page.say({"type": "take", "role": "observer"})
+        await eventually(lambda: drive.leases)
+        socket.transport.pause_reading()
+        with contextlib.suppress(ConnectionClosed):
+            # More answers than the buffers of both kernels hold.
+            async with asyncio.timeout(20):
+                while drive.leases:
+                    await page.say('{"type": "present", "role": "observer"}')
+        assert not drive.leases
+        socket.transport.abort()
 
 
 # --- a loop that stands ----------------------------------------------------------------------
@@ -402,44 +377,38 @@ class Elsewhere(threading.Thread):
                 return
 
 
-def test_commands_that_waited_while_the_loop_stood_are_all_refused(
-    serve: Any, drive: Any, eventually: Any, token: str
+async def test_commands_that_waited_while_the_loop_stood_are_all_refused(
+    served: Any, drive: Any, eventually: Any, token: str
 ) -> None:
     """Two seconds of them lie in the kernel then; what is passed on is known to be old."""
 
-    async def scenario(served: Any) -> None:
-        page = Elsewhere(served.port, token)
-        page.start()
-        try:
-            await eventually(page.begun.is_set)
-            stood_from = time.monotonic()
-            time.sleep(2.0)
-            stood_until = time.monotonic()
-            await asyncio.sleep(1.0)
-        finally:
-            page.done.set()
-            await asyncio.to_thread(page.join)
-        refused = {m["sequence"] for m in page.heard if m["type"] == "refused"}
-        waited = [
-            sequence
-            for sequence, given in page.given.items()
-            if stood_from + 0.05 < given < stood_until - 0.25
-        ]
-        assert len(waited) > 10
-        assert set(waited) <= refused
-        for command in drive.of(DriveCommand):
-            given = page.given[command.sequence]
-            # Never said to be fresher than it is, beyond what the clocks leave open.
-            assert command.issued <= given + 0.02
-        # The link recovers by itself.
-        assert max(c.sequence for c in drive.of(DriveCommand)) > max(waited)
-
-    run(serve, scenario)
+    page = Elsewhere(served.port, token)
+    page.start()
+    try:
+        await eventually(page.begun.is_set)
+        stood_from = time.monotonic()
+        time.sleep(2.0)
+        stood_until = time.monotonic()
+        await asyncio.sleep(1.0)
+    finally:
+        page.done.set()
+        await asyncio.to_thread(page.join)
+    refused = {m["sequence"] for m in page.heard if m["type"] == "refused"}
+    waited = [
+        sequence
+        for sequence, given in page.given.items()
+        if stood_from + 0.05 < given < stood_until - 0.25
+    ]
+    assert len(waited) > 10
+    assert set(waited) <= refused
+    for command in drive.of(DriveCommand):
+        given = page.given[command.sequence]
+        # Never said to be fresher than it is, beyond what the clocks leave open.
+        assert command.issued <= given + 0.02
+    # The link recovers by itself.
+    assert max(c.sequence for c in drive.of(DriveCommand)) > max(waited)
 
 
-def test_the_connection_is_not_compressed_and_sends_at_once(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/drive") as socket:
-            assert "sec-websocket-extensions" not in socket.response.headers
-
-    run(serve, scenario)
+async def test_the_connection_is_not_compressed_and_sends_at_once(served: Any) -> None:
+    async with served.socket("/api/drive") as socket:
+        assert "sec-websocket-extensions" not in socket.response.headers

@@ -16,7 +16,7 @@ from websockets.exceptions import ConnectionClosed
 
 from app.http.sockets.live import LiveHub
 
-from ..scenarios import run
+from ..wire import read_on
 
 
 async def next_of(socket: Any, kind: str) -> dict[str, Any]:
@@ -40,159 +40,134 @@ async def painted(socket: Any, sequence: int) -> None:
     await socket.send(json.dumps({"type": "painted", "sequence": sequence}))
 
 
-def test_a_page_hears_status_heartbeat_and_observations(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/live") as socket:
-            status = await next_of(socket, "status")
-            rest = (await served.http.get("/api/status")).json()
-            assert set(status) == set(rest) | {"type"}
-            beat = await next_of(socket, "heartbeat")
-            assert beat["observation_age_s"] is None
-            event = peer.observe()
-            seen = await next_of(socket, "observation")
-            assert seen["line"] == event.line
-            assert seen["truth"] == event.truth
-            assert 0 <= seen["age_ms"] < 5000
-            beat = await next_of(socket, "heartbeat")
-            assert 0 <= beat["observation_age_s"] < 5
-
-    run(serve, scenario)
+async def test_a_page_hears_status_heartbeat_and_observations(served: Any, peer: Any) -> None:
+    async with served.socket("/api/live") as socket:
+        status = await next_of(socket, "status")
+        rest = (await served.http.get("/api/status")).json()
+        assert set(status) == set(rest) | {"type"}
+        beat = await next_of(socket, "heartbeat")
+        assert beat["observation_age_s"] is None
+        event = peer.observe()
+        seen = await next_of(socket, "observation")
+        assert seen["line"] == event.line
+        assert seen["truth"] == event.truth
+        assert 0 <= seen["age_ms"] < 5000
+        beat = await next_of(socket, "heartbeat")
+        assert 0 <= beat["observation_age_s"] < 5
 
 
-def test_a_page_that_comes_later_sees_what_stands(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        peer.observe()
-        async with served.socket("/api/live") as socket:
-            seen = await next_of(socket, "observation")
-            assert seen["line"]["frame"] == 0
-        # What was seen of another source does not stand any more.
-        await served.http.put("/api/source", json={"source": "another"})
-        async with served.socket("/api/live") as socket:
-            kinds = {message["type"] for message in await heard_for(socket, 0.5)}
-            assert kinds == {"status", "robots", "heartbeat"}
-
-    run(serve, scenario)
+async def test_a_page_that_comes_later_sees_what_stands(served: Any, peer: Any) -> None:
+    peer.observe()
+    async with served.socket("/api/live") as socket:
+        seen = await next_of(socket, "observation")
+        assert seen["line"]["frame"] == 0
+    # What was seen of another source does not stand any more.
+    await served.http.put("/api/source", json={"source": "another"})
+    async with served.socket("/api/live") as socket:
+        kinds = {message["type"] for message in await heard_for(socket, 0.5)}
+        assert kinds == {"status", "robots", "heartbeat"}
 
 
-def test_twenty_slow_pages_take_little_memory_and_nobodys_rate(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with contextlib.AsyncExitStack() as stack:
-            slow = []
-            for path in 10 * ["/api/live"] + 10 * ["/api/views/left"]:
-                slow.append(await stack.enter_async_context(served.socket(path)))
-                slow[-1].transport.pause_reading()
-            quick = await stack.enter_async_context(served.socket("/api/live"))
-            before = psutil.Process().memory_info().rss
-            for _ in range(300):
-                peer.padding = "x" * 50_000
-                event = peer.observe()
-                seen = await next_of(quick, "observation")
-                assert seen["line"]["frame"] == event.line["frame"]
-                await painted(quick, seen["sequence"])
-            assert psutil.Process().memory_info().rss - before < 50 * 1024**2
-            for socket in slow:
-                socket.transport.abort()
-
-    run(serve, scenario)
-
-
-def test_heartbeats_come_while_nothing_happens(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/live") as socket:
-            messages = await heard_for(socket, 2.0)
-            kinds = [message["type"] for message in messages]
-            # Promised are one every 250 ms, and the status twice a second.
-            assert kinds.count("heartbeat") >= 6
-            assert kinds.count("status") >= 3
-
-    run(serve, scenario)
-
-
-def test_a_change_is_told_at_once(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/live") as socket:
-            await next_of(socket, "status")
-            peer.lose("the engine ended with exit code 1")
-            for _ in range(5):
-                status = await next_of(socket, "status")
-                if status["engine"]["state"] == "failed":
-                    break
-            assert "exit code 1" in status["engine"]["reason"]
-            peer.start_process()
-            while status["engine"]["state"] != "preview":
-                status = await next_of(socket, "status")
-            assert status["engine"]["restarts"] == 1
-            assert status["engine"]["generation"] == 2
-
-    run(serve, scenario)
-
-
-def test_latency_ends_with_the_acknowledgement(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/live") as socket:
-            await next_of(socket, "status")
-            peer.observe()
-            seen = await next_of(socket, "observation")
-            await asyncio.sleep(0.2)
-            await painted(socket, seen["sequence"])
-            # Said twice, or never sent: no measurement.
-            await painted(socket, seen["sequence"])
-            await painted(socket, 10**9)
-            while True:
-                latency = (await next_of(socket, "status"))["latency_ms"]
-                if latency["count"]:
-                    break
-            assert latency["count"] == 1
-            assert 200 <= latency["median"] < 5000
-            assert latency["p95"] == latency["median"]
-
-    run(serve, scenario)
-
-
-def test_a_page_that_does_not_acknowledge_gets_two_and_then_the_newest(
-    serve: Any, peer: Any
+async def test_twenty_slow_pages_take_little_memory_and_nobodys_rate(
+    served: Any, peer: Any
 ) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/live") as socket:
-            await next_of(socket, "status")
-            got = []
-            for _ in range(2):
-                peer.observe()
-                got.append(await next_of(socket, "observation"))
-            for _ in range(30):
-                peer.observe()
-            messages = await heard_for(socket, 0.6)
-            assert not [m for m in messages if m["type"] == "observation"]
-            await painted(socket, got[0]["sequence"])
-            newest = await next_of(socket, "observation")
-            assert newest["line"]["frame"] == 31
-            drops = (await served.http.get("/api/status")).json()["drops"]
-            assert drops["live_messages_dropped"] == 29
-
-    run(serve, scenario)
+    async with contextlib.AsyncExitStack() as stack:
+        slow = []
+        for path in 10 * ["/api/live"] + 10 * ["/api/views/left"]:
+            slow.append(await stack.enter_async_context(served.socket(path)))
+            slow[-1].transport.pause_reading()
+        quick = await stack.enter_async_context(served.socket("/api/live"))
+        before = psutil.Process().memory_info().rss
+        for _ in range(300):
+            peer.padding = "x" * 50_000
+            event = peer.observe()
+            seen = await next_of(quick, "observation")
+            assert seen["line"]["frame"] == event.line["frame"]
+            await painted(quick, seen["sequence"])
+        assert psutil.Process().memory_info().rss - before < 50 * 1024**2
+        for socket in slow:
+            socket.transport.abort()
 
 
-def test_a_slow_page_costs_the_others_nothing(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/live"), served.socket("/api/live") as quick:
-            await next_of(quick, "status")
-            for frame in range(40):
-                peer.observe()
-                seen = await next_of(quick, "observation")
-                assert seen["line"]["frame"] == frame
-                await painted(quick, seen["sequence"])
-            assert served.station.viewers == 2
-
-    run(serve, scenario)
+async def test_heartbeats_come_while_nothing_happens(served: Any) -> None:
+    async with served.socket("/api/live") as socket:
+        messages = await heard_for(socket, 2.0)
+        kinds = [message["type"] for message in messages]
+        # Promised are one every 250 ms, and the status twice a second.
+        assert kinds.count("heartbeat") >= 6
+        assert kinds.count("status") >= 3
 
 
-def test_pages_are_counted(serve: Any, eventually: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/live") as socket:
-            assert (await next_of(socket, "status"))["viewers"] == 1
-        await eventually(lambda: served.station.viewers == 0)
+async def test_a_change_is_told_at_once(served: Any, peer: Any) -> None:
+    async with served.socket("/api/live") as socket:
+        await next_of(socket, "status")
+        peer.lose("the engine ended with exit code 1")
+        for _ in range(5):
+            status = await next_of(socket, "status")
+            if status["engine"]["state"] == "failed":
+                break
+        assert "exit code 1" in status["engine"]["reason"]
+        peer.start_process()
+        while status["engine"]["state"] != "preview":
+            status = await next_of(socket, "status")
+        assert status["engine"]["restarts"] == 1
+        assert status["engine"]["generation"] == 2
 
-    run(serve, scenario)
+
+async def test_latency_ends_with_the_acknowledgement(served: Any, peer: Any) -> None:
+    async with served.socket("/api/live") as socket:
+        await next_of(socket, "status")
+        peer.observe()
+        seen = await next_of(socket, "observation")
+        await asyncio.sleep(0.2)
+        await painted(socket, seen["sequence"])
+        # Said twice, or never sent: no measurement.
+        await painted(socket, seen["sequence"])
+        await painted(socket, 10**9)
+        while True:
+            latency = (await next_of(socket, "status"))["latency_ms"]
+            if latency["count"]:
+                break
+        assert latency["count"] == 1
+        assert 200 <= latency["median"] < 5000
+        assert latency["p95"] == latency["median"]
+
+
+async def test_a_page_that_does_not_acknowledge_gets_two_and_then_the_newest(
+    served: Any, peer: Any
+) -> None:
+    async with served.socket("/api/live") as socket:
+        await next_of(socket, "status")
+        got = []
+        for _ in range(2):
+            peer.observe()
+            got.append(await next_of(socket, "observation"))
+        for _ in range(30):
+            peer.observe()
+        messages = await heard_for(socket, 0.6)
+        assert not [m for m in messages if m["type"] == "observation"]
+        await painted(socket, got[0]["sequence"])
+        newest = await next_of(socket, "observation")
+        assert newest["line"]["frame"] == 31
+        drops = (await served.http.get("/api/status")).json()["drops"]
+        assert drops["live_messages_dropped"] == 29
+
+
+async def test_a_slow_page_costs_the_others_nothing(served: Any, peer: Any) -> None:
+    async with served.socket("/api/live"), served.socket("/api/live") as quick:
+        await next_of(quick, "status")
+        for frame in range(40):
+            peer.observe()
+            seen = await next_of(quick, "observation")
+            assert seen["line"]["frame"] == frame
+            await painted(quick, seen["sequence"])
+        assert served.station.viewers == 2
+
+
+async def test_pages_are_counted(served: Any, eventually: Any) -> None:
+    async with served.socket("/api/live") as socket:
+        assert (await next_of(socket, "status"))["viewers"] == 1
+    await eventually(lambda: served.station.viewers == 0)
 
 
 GARBAGE: tuple[str | bytes, ...] = (
@@ -210,36 +185,30 @@ GARBAGE: tuple[str | bytes, ...] = (
 )
 
 
-def test_garbage_closes_with_1007_and_nothing_else_ends(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/live") as other:
-            for garbage in GARBAGE:
-                async with served.socket("/api/live") as socket:
-                    await socket.send(garbage)
-                    with pytest.raises(ConnectionClosed):
-                        await read_on(socket)
-                    assert socket.close_code == 1007, garbage
-            last = served.station.clock()
-            while (await next_of(other, "heartbeat"))["time"] < last:
-                pass
-
-    run(serve, scenario)
+async def test_garbage_closes_with_1007_and_nothing_else_ends(served: Any) -> None:
+    async with served.socket("/api/live") as other:
+        for garbage in GARBAGE:
+            async with served.socket("/api/live") as socket:
+                await socket.send(garbage)
+                with pytest.raises(ConnectionClosed):
+                    await read_on(socket)
+                assert socket.close_code == 1007, garbage
+        last = served.station.clock()
+        while (await next_of(other, "heartbeat"))["time"] < last:
+            pass
 
 
-def test_text_that_is_no_utf8_closes_with_1007(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        async with served.socket("/api/live") as socket:
-            await socket.send(b"\xff\xfe\xfd", text=True)
-            with pytest.raises(ConnectionClosed):
-                await read_on(socket)
-            assert socket.close_code == 1007
-            assert (await served.http.get("/api/status")).is_success
-
-    run(serve, scenario)
+async def test_text_that_is_no_utf8_closes_with_1007(served: Any) -> None:
+    async with served.socket("/api/live") as socket:
+        await socket.send(b"\xff\xfe\xfd", text=True)
+        with pytest.raises(ConnectionClosed):
+            await read_on(socket)
+        assert socket.close_code == 1007
+        assert (await served.http.get("/api/status")).is_success
 
 
-def test_nonsense_ends_a_page_also_at_the_instant_at_which_something_is_due(
-    serve: Any, peer: Any
+async def test_nonsense_ends_a_page_also_at_the_instant_at_which_something_is_due(
+    served: Any, peer: Any
 ) -> None:
     """A wait that is cancelled as it ends must not go on, or the page would never be closed."""
 
@@ -258,25 +227,19 @@ def test_nonsense_ends_a_page_also_at_the_instant_at_which_something_is_due(
             await page
         assert socket.closed == 1007
 
-    async def scenario(served: Any) -> None:
-        for later in range(-6, 7):
-            await closed(served, later)
-
-    run(serve, scenario)
+    for later in range(-6, 7):
+        await closed(served, later)
 
 
-def test_the_server_ends_while_pages_are_open(serve: Any) -> None:
-    async def serving() -> None:
-        async with serve() as served:
-            socket = await served.socket("/api/live")
-            await next_of(socket, "status")
-            started = time.monotonic()
-        assert time.monotonic() - started < 5
-        with pytest.raises(ConnectionClosed):
-            await read_on(socket)
-        assert socket.close_code == 1012
-
-    asyncio.run(serving())
+async def test_the_server_ends_while_pages_are_open(serve: Any) -> None:
+    async with serve() as served:
+        socket = await served.socket("/api/live")
+        await next_of(socket, "status")
+        started = time.monotonic()
+    assert time.monotonic() - started < 5
+    with pytest.raises(ConnectionClosed):
+        await read_on(socket)
+    assert socket.close_code == 1012
 
 
 class _ScriptedSocket:
@@ -300,9 +263,3 @@ class _ScriptedSocket:
 
     async def close(self, code: int, _: str) -> None:
         self.closed = code
-
-
-async def read_on(socket: Any) -> None:
-    """Read until the connection ends."""
-    while True:
-        await socket.recv()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import AsyncIterator
 from typing import Any
 
 import msgspec
@@ -16,7 +17,7 @@ from app.http.sockets.viewer_proxy import passes
 from app.viewer import ViserViewer
 from app.viewer import viewer as viewer_module
 
-from ..scenarios import run
+from ..wire import read_on
 
 PROTOCOL = f"viser-v{viser.__version__}"
 CAMERA = {
@@ -37,6 +38,13 @@ def real_viewer(station: Any) -> ViserViewer:
     return ViserViewer(station, points=500, rate_hz=20)
 
 
+@pytest.fixture
+async def served(serve: Any) -> AsyncIterator[Any]:
+    """The application with viser."""
+    async with serve(viewer=real_viewer) as served:
+        yield served
+
+
 async def started(served: Any) -> Any:
     """The viewer, once it is up."""
     door = served.app.state.viewer
@@ -45,10 +53,10 @@ async def started(served: Any) -> Any:
     return door.viewer
 
 
-def test_the_scene_comes_through_and_follows(
+async def test_the_scene_comes_through_and_follows(
     serve: Any, peer: Any, eventually: Any, capsys: Any
 ) -> None:
-    async def scenario(served: Any) -> None:
+    async with serve(viewer=real_viewer) as served:
         viewer = await started(served)
         page = await served.http.get("/viewer/")
         assert page.is_success
@@ -75,18 +83,16 @@ def test_the_scene_comes_through_and_follows(
             assert received > 4500
         await eventually(lambda: peer.watched == ())
         await eventually(lambda: not viewer._server.get_clients())
-
-    run(serve, scenario, viewer=real_viewer)
     assert "viser" not in capsys.readouterr().out
 
 
-def test_nobody_reaches_viser_or_the_world_through_it(
+async def test_nobody_reaches_viser_or_the_world_through_it(
     serve: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tunnels = []
     monkeypatch.setattr("viser._viser.ViserTunnel", lambda *a: tunnels.append(a))
 
-    async def scenario(served: Any) -> None:
+    async with serve(viewer=real_viewer) as served:
         viewer = await started(served)
         assert viewer._server.get_host() == "127.0.0.1"
         async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
@@ -98,8 +104,6 @@ def test_nobody_reaches_viser_or_the_world_through_it(
         # Also past the proxy, should a message ever get there.
         assert await asyncio.to_thread(viewer._server.request_share_url) is None
         assert tunnels == []
-
-    run(serve, scenario, viewer=real_viewer)
 
 
 def test_only_a_sound_camera_pose_goes_through() -> None:
@@ -129,39 +133,38 @@ def test_only_a_sound_camera_pose_goes_through() -> None:
 
 
 @pytest.mark.parametrize("garbage", [b"\xc1\xc1", "text"])
-def test_garbage_closes_with_1007(serve: Any, garbage: Any) -> None:
-    async def scenario(served: Any) -> None:
-        await started(served)
-        async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
-            await socket.recv()
-            await socket.send(garbage)
-            with pytest.raises(ConnectionClosed):
-                await read_on(socket)
-            assert socket.close_code == 1007
-        assert (await served.http.get("/api/status")).is_success
-
-    run(serve, scenario, viewer=real_viewer)
+async def test_garbage_closes_with_1007(served: Any, garbage: Any) -> None:
+    await started(served)
+    async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
+        await socket.recv()
+        await socket.send(garbage)
+        with pytest.raises(ConnectionClosed):
+            await read_on(socket)
+        assert socket.close_code == 1007
+    assert (await served.http.get("/api/status")).is_success
 
 
-def test_a_client_of_another_version_is_told(serve: Any, capsys: Any) -> None:
-    async def scenario(served: Any) -> None:
+async def test_a_client_of_another_version_is_told(serve: Any, capsys: Any) -> None:
+    async with serve(viewer=real_viewer) as served:
         await started(served)
         async with served.socket("/viewer", subprotocols=["viser-v0.0.1"]) as socket:
             with pytest.raises(ConnectionClosed):
                 await socket.recv()
             assert socket.close_code == 1002
-
-    run(serve, scenario, viewer=real_viewer)
     capsys.readouterr()
 
 
-def test_without_viewer_everything_else_works(serve: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_without_viewer_everything_else_works(
+    serve: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def fail() -> Any:
         raise OSError("no port is left")
 
     monkeypatch.setattr(viewer_module, "_quiet_server", fail)
 
-    async def scenario(served: Any) -> None:
+    async with serve(
+        viewer=lambda s: viewer_module.start_viewer(s, points=500, rate_hz=10)
+    ) as served:
         door = served.app.state.viewer
         while "no port is left" not in str(door.viewer.trouble):
             await asyncio.sleep(0.01)
@@ -174,49 +177,35 @@ def test_without_viewer_everything_else_works(serve: Any, monkeypatch: pytest.Mo
         assert refused.value.response.status_code == 503
         assert (await served.http.get("/api/status")).is_success
 
-    run(serve, scenario, viewer=lambda s: viewer_module.start_viewer(s, points=500, rate_hz=10))
 
-
-def test_a_viewer_that_dies_takes_nobody_along(serve: Any) -> None:
-    async def scenario(served: Any) -> None:
-        viewer = await started(served)
-        async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
-            await socket.recv()
-            await asyncio.to_thread(viewer.stop)
-            with pytest.raises(ConnectionClosed):
-                await read_on(socket)
-            assert socket.close_code == 1001
-        with pytest.raises(InvalidStatus) as refused:
-            async with served.socket("/viewer", subprotocols=[PROTOCOL]):
-                pass
-        assert refused.value.response.status_code == 503
-        assert (await served.http.get("/api/status")).is_success
-
-    run(serve, scenario, viewer=real_viewer)
-
-
-def test_a_slow_viewer_holds_nothing_up(serve: Any, peer: Any) -> None:
-    async def scenario(served: Any) -> None:
-        await started(served)
-        slow = await served.socket("/viewer", subprotocols=[PROTOCOL])
-        # It never reads again: its transport fills, and viser waits for it alone.
-        slow.transport.pause_reading()
-        async with served.socket("/viewer", subprotocols=[PROTOCOL]) as quick:
-            await quick.recv()
-            until = time.monotonic() + 2
-            messages = 0
-            while time.monotonic() < until:
-                peer.observe()
-                async with asyncio.timeout(5):
-                    await quick.recv()
-                messages += 1
-            assert messages >= 10
-        slow.transport.abort()
-
-    run(serve, scenario, viewer=real_viewer)
-
-
-async def read_on(socket: Any) -> None:
-    """Read until the connection ends."""
-    while True:
+async def test_a_viewer_that_dies_takes_nobody_along(served: Any) -> None:
+    viewer = await started(served)
+    async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
         await socket.recv()
+        await asyncio.to_thread(viewer.stop)
+        with pytest.raises(ConnectionClosed):
+            await read_on(socket)
+        assert socket.close_code == 1001
+    with pytest.raises(InvalidStatus) as refused:
+        async with served.socket("/viewer", subprotocols=[PROTOCOL]):
+            pass
+    assert refused.value.response.status_code == 503
+    assert (await served.http.get("/api/status")).is_success
+
+
+async def test_a_slow_viewer_holds_nothing_up(served: Any, peer: Any) -> None:
+    await started(served)
+    slow = await served.socket("/viewer", subprotocols=[PROTOCOL])
+    # It never reads again: its transport fills, and viser waits for it alone.
+    slow.transport.pause_reading()
+    async with served.socket("/viewer", subprotocols=[PROTOCOL]) as quick:
+        await quick.recv()
+        until = time.monotonic() + 2
+        messages = 0
+        while time.monotonic() < until:
+            peer.observe()
+            async with asyncio.timeout(5):
+                await quick.recv()
+            messages += 1
+        assert messages >= 10
+    slow.transport.abort()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import AsyncIterator
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from typing import Any
@@ -35,7 +36,7 @@ from observer.parameters import Parameters
 from observer.rig.rig import Rig
 from observer.robots.contract import RobotPort
 
-from ..servers import run, started, until
+from ..servers import begin, started, until
 
 RIG = Rig(ports={"observer": "/dev/ttyUSB0"}, models={"observer": "amigo-sh", "obstacle": "p3dx"})
 OWN = tuple(
@@ -46,6 +47,13 @@ OWN = tuple(
 
 def shows(world: str | None, robots: Any = ()) -> StateEvent:
     return StateEvent(EngineState.PREVIEW, None, world=world, robots=robots)
+
+
+@pytest.fixture
+async def station(peer: Any, drive: Any, storage: Storage) -> AsyncIterator[Station]:
+    """A station with a drive process, over a source without robots."""
+    async with started(peer, storage, drive=drive) as station:
+        yield station
 
 
 def test_robots_belong_to_the_world_that_is_seen() -> None:
@@ -66,203 +74,174 @@ def test_robots_belong_to_the_world_that_is_seen() -> None:
     assert wanted_robots(shows(None, OWN), RIG) == {}
 
 
-def test_each_source_brings_its_own_robots(peer: Any, drive: Any, storage: Storage) -> None:
-    async def scenario() -> None:
-        peer.world, peer.robots = "simulated:lab/1", OWN
-        async with started(peer, storage, drive=drive) as station:
-            await until(lambda: len(drive.robots) == 2)
-            station.rig.rig = RIG
-            peer.world, peer.robots = "real", ()
-            await station.open_source("camera:0,1", None)
-            await until(lambda: set(drive.robots) == {"observer"})
-            assert drive.robots["observer"].port == "/dev/ttyUSB0"
-            peer.world = None
-            await station.open_source("recorded", None)
-            await until(lambda: not drive.robots)
-            assert {c.role for c in drive.of(DisconnectRobot)} == {"observer", "obstacle"}
-            # Nothing of it is repeated.
-            told = len(drive.commands)
-            peer.publish(peer.state())
-            await asyncio.sleep(0.05)
-            assert len(drive.commands) == told
-
-    run(scenario())
+async def test_each_source_brings_its_own_robots(peer: Any, drive: Any, storage: Storage) -> None:
+    peer.world, peer.robots = "simulated:lab/1", OWN
+    async with started(peer, storage, drive=drive) as station:
+        await until(lambda: len(drive.robots) == 2)
+        station.rig.rig = RIG
+        peer.world, peer.robots = "real", ()
+        await station.open_source("camera:0,1", None)
+        await until(lambda: set(drive.robots) == {"observer"})
+        assert drive.robots["observer"].port == "/dev/ttyUSB0"
+        peer.world = None
+        await station.open_source("recorded", None)
+        await until(lambda: not drive.robots)
+        assert {c.role for c in drive.of(DisconnectRobot)} == {"observer", "obstacle"}
+        # Nothing of it is repeated.
+        told = len(drive.commands)
+        peer.publish(peer.state())
+        await asyncio.sleep(0.05)
+        assert len(drive.commands) == told
 
 
-def test_a_lost_engine_keeps_the_robots_and_the_next_one_brings_others(
+async def test_a_lost_engine_keeps_the_robots_and_the_next_one_brings_others(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
-    async def scenario() -> None:
-        peer.world, peer.robots = "simulated:lab/1", OWN
-        async with started(peer, storage, drive=drive):
-            await until(lambda: len(drive.robots) == 2)
-            peer.lose()
-            await asyncio.sleep(0.02)
-            assert not drive.of(DisconnectRobot)
-            peer.world = "simulated:lab/2"
-            peer.start_process()
-            await until(lambda: drive.robots["obstacle"].world == "simulated:lab/2")
-            assert len(drive.of(ConnectRobot)) == 4
-
-    run(scenario())
+    peer.world, peer.robots = "simulated:lab/1", OWN
+    async with started(peer, storage, drive=drive):
+        await until(lambda: len(drive.robots) == 2)
+        peer.lose()
+        await asyncio.sleep(0.02)
+        assert not drive.of(DisconnectRobot)
+        peer.world = "simulated:lab/2"
+        peer.start_process()
+        await until(lambda: drive.robots["obstacle"].world == "simulated:lab/2")
+        assert len(drive.of(ConnectRobot)) == 4
 
 
-def test_the_guard_is_told_first_and_of_every_change(
+async def test_the_guard_is_told_first_and_of_every_change(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
     names = [name for name in Parameters().flat() if name.startswith("guard.")]
     assert names
 
-    async def scenario() -> None:
-        peer.world, peer.robots = "simulated:lab/1", OWN
-        async with started(peer, storage, drive=drive) as station:
-            await until(lambda: len(drive.robots) == 2)
-            assert isinstance(drive.commands[0], SetGuard)
-            assert sorted(drive.commands[0].parameters) == sorted(names)
-            await station.change_parameters({"guard.speed_max_mps": 0.4})
-            await until(lambda: len(drive.of(SetGuard)) == 2)
-            assert drive.of(SetGuard)[1].parameters["guard.speed_max_mps"] == 0.4
-            # Another parameter is nothing to it.
-            await station.change_parameters({"ego_motion.ransac_threshold_px": 2.0})
-            drive.lose()
-            drive.start_process()
-            await until(lambda: len(drive.robots) == 2)
-            assert len(drive.of(SetGuard)) == 3
-            assert drive.of(SetGuard)[2] == drive.of(SetGuard)[1]
-            drive.refuse[SetGuard] = ("input", "guard.speed_max_mps is too high")
-            await station.change_parameters({"guard.speed_max_mps": 0.5})
-            await until(lambda: station.driving.warnings)
-            assert station.driving.warnings == ["guard.speed_max_mps is too high"]
-
-    run(scenario())
+    peer.world, peer.robots = "simulated:lab/1", OWN
+    async with started(peer, storage, drive=drive) as station:
+        await until(lambda: len(drive.robots) == 2)
+        assert isinstance(drive.commands[0], SetGuard)
+        assert sorted(drive.commands[0].parameters) == sorted(names)
+        await station.change_parameters({"guard.speed_max_mps": 0.4})
+        await until(lambda: len(drive.of(SetGuard)) == 2)
+        assert drive.of(SetGuard)[1].parameters["guard.speed_max_mps"] == 0.4
+        # Another parameter is nothing to it.
+        await station.change_parameters({"ego_motion.ransac_threshold_px": 2.0})
+        drive.lose()
+        drive.start_process()
+        await until(lambda: len(drive.robots) == 2)
+        assert len(drive.of(SetGuard)) == 3
+        assert drive.of(SetGuard)[2] == drive.of(SetGuard)[1]
+        drive.refuse[SetGuard] = ("input", "guard.speed_max_mps is too high")
+        await station.change_parameters({"guard.speed_max_mps": 0.5})
+        await until(lambda: station.driving.warnings)
+        assert station.driving.warnings == ["guard.speed_max_mps is too high"]
 
 
-def test_what_cannot_be_connected_is_said_and_not_repeated(
+async def test_what_cannot_be_connected_is_said_and_not_repeated(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
-    async def scenario() -> None:
-        peer.world, peer.robots = "simulated:lab/1", OWN
-        drive.refuse[ConnectRobot] = ("input", "nothing answers there")
-        async with started(peer, storage, drive=drive) as station:
-            await until(lambda: len(station.driving.warnings) == 2)
-            warnings = status(station)["warnings"]
-            assert "the obstacle is not connected: nothing answers there" in warnings
-            trouble = station.driving.facts()["trouble"]
-            assert trouble["observer"] == "the observer is not connected: nothing answers there"
-            told = len(drive.of(ConnectRobot))
-            await asyncio.sleep(0.1)
-            assert told == len(drive.of(ConnectRobot)) == 2
-            drive.refuse.clear()
-            # Another source's robots are another wish.
-            peer.world = "simulated:lab/2"
-            await station.open_source("simulated:other", None)
-            await until(lambda: len(drive.robots) == 2)
-            assert station.driving.warnings == []
-
-    run(scenario())
+    peer.world, peer.robots = "simulated:lab/1", OWN
+    drive.refuse[ConnectRobot] = ("input", "nothing answers there")
+    async with started(peer, storage, drive=drive) as station:
+        await until(lambda: len(station.driving.warnings) == 2)
+        warnings = status(station)["warnings"]
+        assert "the obstacle is not connected: nothing answers there" in warnings
+        trouble = station.driving.facts()["trouble"]
+        assert trouble["observer"] == "the observer is not connected: nothing answers there"
+        told = len(drive.of(ConnectRobot))
+        await asyncio.sleep(0.1)
+        assert told == len(drive.of(ConnectRobot)) == 2
+        drive.refuse.clear()
+        # Another source's robots are another wish.
+        peer.world = "simulated:lab/2"
+        await station.open_source("simulated:other", None)
+        await until(lambda: len(drive.robots) == 2)
+        assert station.driving.warnings == []
 
 
-def test_who_does_not_answer_is_asked_again(
+async def test_who_does_not_answer_is_asked_again(
     peer: Any, drive: Any, storage: Storage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("app.server.robots.connecting._RETRY_S", 0.02)
 
-    async def scenario() -> None:
-        peer.world, peer.robots = "simulated:lab/1", OWN
-        drive.refuse[ConnectRobot] = ("failure", "the port is busy")
-        async with started(peer, storage, drive=drive) as station:
-            await until(lambda: len(drive.of(ConnectRobot)) > 5)
-            assert "the port is busy" in station.driving.warnings[0]
-            drive.refuse.clear()
-            await until(lambda: len(drive.robots) == 2)
-            assert station.driving.warnings == []
-
-    run(scenario())
+    peer.world, peer.robots = "simulated:lab/1", OWN
+    drive.refuse[ConnectRobot] = ("failure", "the port is busy")
+    async with started(peer, storage, drive=drive) as station:
+        await until(lambda: len(drive.of(ConnectRobot)) > 5)
+        assert "the port is busy" in station.driving.warnings[0]
+        drive.refuse.clear()
+        await until(lambda: len(drive.robots) == 2)
+        assert station.driving.warnings == []
 
 
-def test_a_robot_that_did_not_answer_is_let_go_where_it_is_not_wanted_any_more(
+async def test_a_robot_that_did_not_answer_is_let_go_where_it_is_not_wanted_any_more(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
-    async def scenario() -> None:
-        peer.world, peer.robots = "simulated:lab/1", OWN
-        drive.refuse[ConnectRobot] = ("failure", "it took too long")
-        async with started(peer, storage, drive=drive) as station:
-            await until(lambda: len(station.driving.warnings) == 2)
-            assert not drive.of(DisconnectRobot)
-            peer.world, peer.robots = None, ()
-            await station.open_source("simulated:other", None)
-            # For all that is known, it may be connected by now.
-            await until(lambda: len(drive.of(DisconnectRobot)) == 2)
-            await until(lambda: station.driving.warnings == [])
-
-    run(scenario())
+    peer.world, peer.robots = "simulated:lab/1", OWN
+    drive.refuse[ConnectRobot] = ("failure", "it took too long")
+    async with started(peer, storage, drive=drive) as station:
+        await until(lambda: len(station.driving.warnings) == 2)
+        assert not drive.of(DisconnectRobot)
+        peer.world, peer.robots = None, ()
+        await station.open_source("simulated:other", None)
+        # For all that is known, it may be connected by now.
+        await until(lambda: len(drive.of(DisconnectRobot)) == 2)
+        await until(lambda: station.driving.warnings == [])
 
 
-def test_a_stop_while_another_one_is_reset_holds(peer: Any, drive: Any, storage: Storage) -> None:
-    async def scenario() -> None:
-        async with started(peer, storage, drive=drive) as station:
-            await until(lambda: drive.health.alive)
-            await station.driving.stop_robots("Anna")
-            request = drive.request
+async def test_a_stop_while_another_one_is_reset_holds(drive: Any, station: Station) -> None:
+    await until(lambda: drive.health.alive)
+    await station.driving.stop_robots("Anna")
+    request = drive.request
 
-            async def slow(command: Any, timeout_s: float = 1.0) -> dict[str, Any]:
-                answer: dict[str, Any] = await request(command, timeout_s)
-                if isinstance(command, ResetStop):
-                    drive.lose()
-                    with pytest.raises(NotAvailable):
-                        await station.driving.stop_robots("Bert")
-                return answer
+    async def slow(command: Any, timeout_s: float = 1.0) -> dict[str, Any]:
+        answer: dict[str, Any] = await request(command, timeout_s)
+        if isinstance(command, ResetStop):
+            drive.lose()
+            with pytest.raises(NotAvailable):
+                await station.driving.stop_robots("Bert")
+        return answer
 
-            drive.request = slow
-            await station.driving.reset("Anna")
-            drive.start_process()
-            await until(lambda: drive.stopped)
-            assert drive.stopped["by"] == "Bert"
-
-    run(scenario())
+    drive.request = slow
+    await station.driving.reset("Anna")
+    drive.start_process()
+    await until(lambda: drive.stopped)
+    assert drive.stopped["by"] == "Bert"
 
 
-def test_a_stop_that_nobody_heard_is_told_the_next_process(
-    peer: Any, drive: Any, storage: Storage
+async def test_a_stop_that_nobody_heard_is_told_the_next_process(
+    drive: Any, station: Station
 ) -> None:
-    async def scenario() -> None:
-        async with started(peer, storage, drive=drive) as station:
-            await until(lambda: drive.health.alive)
-            drive.lose()
-            with pytest.raises(NotAvailable, match="begins stopped"):
-                await station.driving.stop_robots("Anna")
-            assert not drive.of(StopRobots)
-            drive.start_process()
-            await until(lambda: drive.stopped)
-            assert drive.stopped["by"] == "Anna"
-            # Once undone, it is not brought back.
-            await station.driving.reset("Anna")
-            drive.lose()
-            drive.start_process()
-            await asyncio.sleep(0.05)
-            assert drive.stopped is None
-
-    run(scenario())
+    await until(lambda: drive.health.alive)
+    drive.lose()
+    with pytest.raises(NotAvailable, match="begins stopped"):
+        await station.driving.stop_robots("Anna")
+    assert not drive.of(StopRobots)
+    drive.start_process()
+    await until(lambda: drive.stopped)
+    assert drive.stopped["by"] == "Anna"
+    # Once undone, it is not brought back.
+    await station.driving.reset("Anna")
+    drive.lose()
+    drive.start_process()
+    await asyncio.sleep(0.05)
+    assert drive.stopped is None
 
 
-def test_the_robots_stop_before_anything_else_ends(
+async def test_the_robots_stop_before_anything_else_ends(
     peer: Any, drive: Any, storage: Storage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     order: list[str] = []
 
-    async def scenario() -> None:
-        for name, one in (("drive", drive), ("engine", peer)):
-            stop = one.stop
+    for name, one in (("drive", drive), ("engine", peer)):
+        stop = one.stop
 
-            async def noted(name: str = name, stop: Any = stop) -> None:
-                order.append(name)
-                await stop()
+        async def noted(name: str = name, stop: Any = stop) -> None:
+            order.append(name)
+            await stop()
 
-            monkeypatch.setattr(one, "stop", noted)
-        async with started(peer, storage, drive=drive):
-            pass
-
-    run(scenario())
+        monkeypatch.setattr(one, "stop", noted)
+    async with started(peer, storage, drive=drive):
+        pass
     assert order == ["drive", "engine"]
 
 
@@ -292,15 +271,14 @@ def test_speeds_are_on_the_sources_clock(peer: Any) -> None:
     assert len(log.since(0)) == 200
 
 
-def test_a_driven_roles_command_is_written_once(peer: Any, drive: Any, storage: Storage) -> None:
-    async def scenario() -> None:
-        async with started(peer, storage, drive=drive):
-            event = peer.observe()
-        assert "commanded" in {row.source for row in speed_rows("run", event)}
-        assert "commanded" not in {row.source for row in speed_rows("run", event, ["obstacle"])}
-        assert "commanded" in {row.source for row in speed_rows("run", event, ["observer"])}
-
-    run(scenario())
+async def test_a_driven_roles_command_is_written_once(
+    peer: Any, drive: Any, storage: Storage
+) -> None:
+    async with started(peer, storage, drive=drive):
+        event = peer.observe()
+    assert "commanded" in {row.source for row in speed_rows("run", event)}
+    assert "commanded" not in {row.source for row in speed_rows("run", event, ["obstacle"])}
+    assert "commanded" in {row.source for row in speed_rows("run", event, ["observer"])}
 
 
 def test_incidents_have_the_time_of_day_and_the_newest_twenty_stay() -> None:
@@ -336,97 +314,76 @@ def test_incidents_are_kept_with_their_run_and_go_with_it(storage: Storage) -> N
         storage.append_stop(number, "observer", known)
 
 
-def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
-    peer: Any, drive: Any, storage: Storage
+async def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
+    drive: Any, station: Station
 ) -> None:
-    async def scenario() -> None:
-        async with started(peer, storage, drive=drive) as station:
-            first = await begun(station)
-            now = time.monotonic()
-            drive.publish(IncidentEvent(None, "stop", "all robots were stopped", now, 0.3))
-            stopped = StoppedEvent(
-                "observer", "stop", "all robots were stopped", now, now, now + 0.0124, now + 0.4,
-                0.3, 0.3, 0.0612, None,
-            )  # fmt: skip
-            drive.publish(stopped)
-            # What is told again, or of an incident that nobody knows, is nobody's.
-            drive.publish(replace(stopped, distance_m=5.0))
-            drive.publish(replace(stopped, incident_time=now + 1.0))
-            await station.stop_run(first)
-            second = await begun(station)
-            # This one stood only when its run was over, and tells next to nothing.
-            late = replace(stopped, role="obstacle", zero_time=None, stood_time=None)
-            drive.publish(replace(late, speed_mps=None, distance_m=float("nan")))
-            drive.publish(IncidentEvent("observer", "fault", "a wheel stalled", now, None))
-            (incident,) = station.driving.facts()["incidents"][:1]
-            assert incident["stops"] == {
-                "observer": {
-                    "zero_ms": pytest.approx(12.4),
-                    "stood_ms": pytest.approx(400.0),
-                    "distance_m": 0.061,
-                    "speed_mps": 0.3,
-                    "separation_m": None,
-                },
-                "obstacle": dict.fromkeys(incident["stops"]["observer"]),
-            }
-            await station.stop_run(second)
-            (kept,) = await station.runs.incidents(first)
-            assert {role: asdict(each) for role, each in kept.stops.items()} == incident["stops"]
-            (other,) = await station.runs.incidents(second)
-            assert (other.sentence, other.stops) == ("a wheel stalled", {})
-
-    async def begun(station: Station) -> str:
-        run = await station.start_run(
-            name=None, source=None, calibration_id=None, preset=None, parameters={}
-        )
-        return run.id
-
-    run(scenario())
+    first = (await begin(station)).id
+    now = time.monotonic()
+    drive.publish(IncidentEvent(None, "stop", "all robots were stopped", now, 0.3))
+    stopped = StoppedEvent(
+        "observer", "stop", "all robots were stopped", now, now, now + 0.0124, now + 0.4,
+        0.3, 0.3, 0.0612, None,
+    )  # fmt: skip
+    drive.publish(stopped)
+    # What is told again, or of an incident that nobody knows, is nobody's.
+    drive.publish(replace(stopped, distance_m=5.0))
+    drive.publish(replace(stopped, incident_time=now + 1.0))
+    await station.stop_run(first)
+    second = (await begin(station)).id
+    # This one stood only when its run was over, and tells next to nothing.
+    late = replace(stopped, role="obstacle", zero_time=None, stood_time=None)
+    drive.publish(replace(late, speed_mps=None, distance_m=float("nan")))
+    drive.publish(IncidentEvent("observer", "fault", "a wheel stalled", now, None))
+    (incident,) = station.driving.facts()["incidents"][:1]
+    assert incident["stops"] == {
+        "observer": {
+            "zero_ms": pytest.approx(12.4),
+            "stood_ms": pytest.approx(400.0),
+            "distance_m": 0.061,
+            "speed_mps": 0.3,
+            "separation_m": None,
+        },
+        "obstacle": dict.fromkeys(incident["stops"]["observer"]),
+    }
+    await station.stop_run(second)
+    (kept,) = await station.runs.incidents(first)
+    assert {role: asdict(each) for role, each in kept.stops.items()} == incident["stops"]
+    (other,) = await station.runs.incidents(second)
+    assert (other.sentence, other.stops) == ("a wheel stalled", {})
 
 
-def test_what_wheels_tell_is_kept_while_no_frame_comes(
-    peer: Any, drive: Any, storage: Storage
+async def test_what_wheels_tell_is_kept_while_no_frame_comes(
+    peer: Any, drive: Any, storage: Storage, station: Station
 ) -> None:
-    async def scenario() -> None:
-        async with started(peer, storage, drive=drive) as station:
-            record = await station.start_run(
-                name=None, source=None, calibration_id=None, preset=None, parameters={}
-            )
-            peer.observe()
-            told = 0
-            while not any(row.source == "encoder" for row in storage.speeds(record.id)):
-                drive.measure("observer", 0.3, 0.25)
-                told += 1
-                await asyncio.sleep(0.02)
-            assert told > 1
-
-    run(scenario())
+    record = await begin(station)
+    peer.observe()
+    told = 0
+    while not any(row.source == "encoder" for row in storage.speeds(record.id)):
+        drive.measure("observer", 0.3, 0.25)
+        told += 1
+        await asyncio.sleep(0.02)
+    assert told > 1
 
 
-def test_a_lease_that_comes_after_its_operator_left_is_given_back() -> None:
+async def test_a_lease_that_comes_after_its_operator_left_is_given_back() -> None:
     asked: list[Any] = []
-    answer: asyncio.Future[dict[str, Any]]
+    answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
 
     async def ask(command: Any) -> dict[str, Any]:
         asked.append(command)
         return await answer if isinstance(command, TakeLease) else {}
 
-    async def scenario() -> None:
-        nonlocal answer
-        answer = asyncio.get_running_loop().create_future()
-        background: list[Any] = []
-        operators = Operators(ask, lambda work: background.append(asyncio.ensure_future(work)))
-        operator = operators.join("Anna", lambda *_: None)
-        taking = asyncio.create_task(operators.take(operator, "observer", takeover=False))
-        await asyncio.sleep(0)
-        operators.leave(operator)
-        answer.set_result({"lease": "late"})
-        await taking
-        await asyncio.gather(*background)
-        assert [type(command).__name__ for command in asked] == ["TakeLease", "ReleaseLease"]
-        assert operators.holder("observer") is None
-
-    run(scenario())
+    background: list[Any] = []
+    operators = Operators(ask, lambda work: background.append(asyncio.ensure_future(work)))
+    operator = operators.join("Anna", lambda *_: None)
+    taking = asyncio.create_task(operators.take(operator, "observer", takeover=False))
+    await asyncio.sleep(0)
+    operators.leave(operator)
+    answer.set_result({"lease": "late"})
+    await taking
+    await asyncio.gather(*background)
+    assert [type(command).__name__ for command in asked] == ["TakeLease", "ReleaseLease"]
+    assert operators.holder("observer") is None
 
 
 def test_every_operator_has_a_name_of_their_own() -> None:

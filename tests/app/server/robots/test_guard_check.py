@@ -18,8 +18,6 @@ from app.server.robots.circumstances import Circumstances
 from app.server.robots.guard_check import GuardCheck
 from observer.rig.rig import Rig, RigMount, RigValue
 
-from ..servers import run
-
 NOW = "2026-11-22T02:09:41.000+00:00"
 STOP = StoppedEvent(
     role="observer",
@@ -235,51 +233,45 @@ def desk_at(folder: Path, work: list[Any]) -> CheckDesk:
     )
 
 
-def test_a_record_that_cannot_be_written_is_not_lost(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        work: list[Any] = []
-        in_the_way = tmp_path / "guard-checks"
-        in_the_way.write_text("")
-        desk = desk_at(in_the_way, work)
+async def test_a_record_that_cannot_be_written_is_not_lost(tmp_path: Path) -> None:
+    work: list[Any] = []
+    in_the_way = tmp_path / "guard-checks"
+    in_the_way.write_text("")
+    desk = desk_at(in_the_way, work)
+    desk.start("observer", None, "Anna")
+    with pytest.raises(Conflict, match="going on"):
+        desk.start("obstacle", None, "Bob")
+    for _ in range(3):
+        await desk.skip("Anna")
+    desk.stopped(GONE)
+    await work.pop()
+    facts = desk.facts() or {}
+    assert (facts["record"], facts["outcome"]) == (None, "incomplete")
+    assert "not kept" in facts["trouble"]
+    with pytest.raises(Conflict, match="not kept yet"):
         desk.start("observer", None, "Anna")
-        with pytest.raises(Conflict, match="going on"):
-            desk.start("obstacle", None, "Bob")
-        for _ in range(3):
-            await desk.skip("Anna")
-        desk.stopped(GONE)
-        await work.pop()
-        facts = desk.facts() or {}
-        assert (facts["record"], facts["outcome"]) == (None, "incomplete")
-        assert "not kept" in facts["trouble"]
-        with pytest.raises(Conflict, match="not kept yet"):
-            desk.start("observer", None, "Anna")
-        with pytest.raises(FieldError):
-            await desk.give_up("Anna")
-        in_the_way.unlink()
+    with pytest.raises(FieldError):
         await desk.give_up("Anna")
-        facts = desk.facts() or {}
-        assert (facts["outcome"], facts["trouble"]) == ("incomplete", None)
-        assert (in_the_way / f"{facts['record']}.md").exists()
-        with pytest.raises(Conflict, match="no check"):
-            await desk.give_up("Anna")
-        desk.start("observer", None, "Anna")
+    in_the_way.unlink()
+    await desk.give_up("Anna")
+    facts = desk.facts() or {}
+    assert (facts["outcome"], facts["trouble"]) == ("incomplete", None)
+    assert (in_the_way / f"{facts['record']}.md").exists()
+    with pytest.raises(Conflict, match="no check"):
+        await desk.give_up("Anna")
+    desk.start("observer", None, "Anna")
 
-    run(scenario())
 
-
-def test_the_servers_end_keeps_what_there_is(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        desk = desk_at(tmp_path, [])
-        await desk.close()
-        desk.start("observer", None, "Anna")
-        desk.stopped(STOP)
-        await desk.close()
-        await desk.close()
-        (entry,) = desk.records.all()
-        assert (entry["outcome"], entry["states"]["walk_in"]) == ("given_up", "passed")
-        record = json.loads(desk.records.text(entry["name"], "json"))
-        assert record["given_up_by"] == "the end of the server"
-        started = datetime.fromisoformat(record["started_at"])
-        assert abs(datetime.now(UTC) - started) < timedelta(minutes=1)
-
-    run(scenario())
+async def test_the_servers_end_keeps_what_there_is(tmp_path: Path) -> None:
+    desk = desk_at(tmp_path, [])
+    await desk.close()
+    desk.start("observer", None, "Anna")
+    desk.stopped(STOP)
+    await desk.close()
+    await desk.close()
+    (entry,) = desk.records.all()
+    assert (entry["outcome"], entry["states"]["walk_in"]) == ("given_up", "passed")
+    record = json.loads(desk.records.text(entry["name"], "json"))
+    assert record["given_up_by"] == "the end of the server"
+    started = datetime.fromisoformat(record["started_at"])
+    assert abs(datetime.now(UTC) - started) < timedelta(minutes=1)

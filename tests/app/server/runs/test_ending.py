@@ -13,10 +13,8 @@ from app.server.runs.ending import write_end
 from app.server.runs.writer import Writer
 from app.storage import RunRecord, RunState, Storage, StorageFull, StorageMissing
 
-from ..servers import run
 
-
-def test_an_end_without_room_is_written_once_there_is(
+async def test_an_end_without_room_is_written_once_there_is(
     storage: Storage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     storage.open()
@@ -32,17 +30,14 @@ def test_an_end_without_room_is_written_once_there_is(
     monkeypatch.setattr(storage, "update_run", full)
     writer = Writer()
 
-    async def scenario() -> None:
+    writer.start()
+    try:
         background = Background()
         write = partial(storage.update_run, record.id, state=RunState.FINISHED)
         written = await write_end(writer, write, record.id, background.start, again_s=0.01)
         assert written is None
         while background._tasks:
             await asyncio.sleep(0.01)
-
-    writer.start()
-    try:
-        run(scenario())
     finally:
         writer.stop()
     found = storage.get_run(record.id)
@@ -50,7 +45,7 @@ def test_an_end_without_room_is_written_once_there_is(
     assert (refusals[0], found.state) == (0, RunState.FINISHED)
 
 
-def test_what_more_room_does_not_help_is_not_tried_again() -> None:
+async def test_what_more_room_does_not_help_is_not_tried_again() -> None:
     tries: list[str] = []
 
     def missing() -> RunRecord:
@@ -61,7 +56,7 @@ def test_what_more_room_does_not_help_is_not_tried_again() -> None:
     background = Background()
     writer.start()
     try:
-        assert asyncio.run(write_end(writer, missing, "r", background.start)) is None
+        assert await write_end(writer, missing, "r", background.start) is None
     finally:
         writer.stop()
     assert (tries, background._tasks) == (["once"], set())

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import zipfile
 import zlib
-from collections.abc import Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -35,14 +34,6 @@ SIZE = (640, 480)
 FOCAL, BASELINE = 520.0, 0.1
 K = np.array([[FOCAL, 0, 319.5], [0, FOCAL, 239.5], [0, 0, 1]])
 TILTS = [(0, 0), (30, 0), (-30, 0), (0, 30), (0, -30), (20, 25), (-25, 20), (25, -20), (10, 5)]
-
-
-def run(scenario: Coroutine[Any, Any, Any]) -> Any:
-    async def limited() -> Any:
-        async with asyncio.timeout(60):
-            return await scenario
-
-    return asyncio.run(limited())
 
 
 def poses() -> list[tuple[np.ndarray, np.ndarray]]:
@@ -104,10 +95,10 @@ def large_png(width: int, height: int) -> bytes:
 # --- results --------------------------------------------------------------------------------
 
 
-def test_views_become_a_calibration_with_its_report() -> None:
+async def test_views_become_a_calibration_with_its_report() -> None:
     heard: list[Progress] = []
     job = FitViews(views(), BOARD, *SIZE, 30.0)
-    fitted = run(work(job, heard.append))
+    fitted = await work(job, heard.append)
     assert isinstance(fitted, Fitted)
     calibration = read_calibration(fitted.calibration_yaml, name="it")
     assert calibration.baseline == pytest.approx(BASELINE, rel=0.01)
@@ -119,7 +110,7 @@ def test_views_become_a_calibration_with_its_report() -> None:
     assert 0 <= shares[0] <= shares[-1] <= 1
 
 
-def test_boards_are_found_in_an_archive(tmp_path: Path) -> None:
+async def test_boards_are_found_in_an_archive(tmp_path: Path) -> None:
     entries = {}
     for k, (R, t) in enumerate(poses()[:4]):
         entries[f"left/{k}.png"] = picture(R, t)
@@ -131,7 +122,7 @@ def test_boards_are_found_in_an_archive(tmp_path: Path) -> None:
     small = cv2.imencode(".png", np.zeros((60, 80), np.uint8))[1].tobytes()
     entries["left/small.png"] = entries["right/small.png"] = small
     heard: list[Progress] = []
-    found = run(work(FindBoards(archive_of(tmp_path / "a.zip", entries), BOARD), heard.append))
+    found = await work(FindBoards(archive_of(tmp_path / "a.zip", entries), BOARD), heard.append)
     assert isinstance(found, BoardsFound)
     assert [view.name for view in found.views] == ["0", "1", "2", "3"]
     assert (found.width, found.height) == SIZE
@@ -145,7 +136,7 @@ def test_boards_are_found_in_an_archive(tmp_path: Path) -> None:
     assert len(heard) >= 7
 
 
-def test_what_cannot_be_done_is_one_sentence(tmp_path: Path) -> None:
+async def test_what_cannot_be_done_is_one_sentence(tmp_path: Path) -> None:
     R, t = poses()[0]
     other = archive_of(
         tmp_path / "a.zip",
@@ -166,42 +157,36 @@ def test_what_cannot_be_done_is_one_sentence(tmp_path: Path) -> None:
         assert words in messages[-1].reason
         assert not any(isinstance(each, Refused) for each in messages[:-1])
     with pytest.raises(CalibrationError, match="is no ZIP archive"):
-        run(work(FindBoards(tmp_path / "missing.zip", BOARD), lambda _: None))
+        await work(FindBoards(tmp_path / "missing.zip", BOARD), lambda _: None)
 
 
 # --- ends -----------------------------------------------------------------------------------
 
 
-def test_a_worker_that_dies_is_one_sentence() -> None:
-    async def scenario() -> None:
-        doing = asyncio.create_task(work(endless(), lambda _: None))
-        (await worker()).kill()
-        with pytest.raises(CalibrationError, match=r"ended without a result \(exit code -9\)"):
-            await doing
-
-    run(scenario())
+async def test_a_worker_that_dies_is_one_sentence() -> None:
+    doing = asyncio.create_task(work(endless(), lambda _: None))
+    (await worker()).kill()
+    with pytest.raises(CalibrationError, match=r"ended without a result \(exit code -9\)"):
+        await doing
 
 
-def test_a_worker_that_breaks_is_one_sentence(capfd: pytest.CaptureFixture[str]) -> None:
+async def test_a_worker_that_breaks_is_one_sentence(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(CalibrationError, match=r"ended without a result \(exit code 1\)"):
-        run(work("no job", lambda _: None))  # type: ignore[arg-type]
+        await work("no job", lambda _: None)  # type: ignore[arg-type]
     # Its own words are in the log, not in the answer.
     assert "Traceback" in capfd.readouterr().err
 
 
-def test_cancelling_ends_the_worker() -> None:
-    async def scenario() -> None:
-        doing = asyncio.create_task(work(endless(), lambda _: None))
-        process = await worker()
-        doing.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await doing
-        assert not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
-
-    run(scenario())
+async def test_cancelling_ends_the_worker() -> None:
+    doing = asyncio.create_task(work(endless(), lambda _: None))
+    process = await worker()
+    doing.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await doing
+    assert not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
 
 
-def test_a_worker_ends_with_its_server(repository: Path, tmp_path: Path) -> None:
+async def test_a_worker_ends_with_its_server(repository: Path, tmp_path: Path) -> None:
     code = (
         "import asyncio, sys\n"
         "from app.workers.calibration.process import work\n"
@@ -215,7 +200,7 @@ def test_a_worker_ends_with_its_server(repository: Path, tmp_path: Path) -> None
     os.mkfifo(fifo)
     server = subprocess.Popen([sys.executable, "-c", code, str(fifo)], cwd=repository)
     try:
-        started = run(_child_of(psutil.Process(server.pid)))
+        started = await _child_of(psutil.Process(server.pid))
     finally:
         server.kill()
         server.wait(10)
@@ -223,17 +208,19 @@ def test_a_worker_ends_with_its_server(repository: Path, tmp_path: Path) -> None
     assert alive == []
 
 
-def test_what_cannot_be_sent_or_started_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_what_cannot_be_sent_or_started_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def too_large(_: object) -> bytes:
         raise ChannelError("a FitViews of 70000000 bytes exceeds the largest message")
 
     with monkeypatch.context() as patch:
         patch.setattr(worker_module, "encode", too_large)
         with pytest.raises(CalibrationError, match="cannot be started: a FitViews of 70000000"):
-            run(work(endless(), lambda _: None))
+            await work(endless(), lambda _: None)
     monkeypatch.setattr(worker_module, "_COMMAND", ("/no/such/python",))
     with pytest.raises(CalibrationError, match=r"cannot be started: .*No such file"):
-        run(work(endless(), lambda _: None))
+        await work(endless(), lambda _: None)
 
 
 def endless() -> FitViews:
