@@ -65,7 +65,8 @@ function rowOf(own, values, times) {
   own.forEach((time, i) => {
     // Times of other curves lie within the gap as well.
     const broken = i > 0 && (values[i] === null || values[i - 1] === null);
-    for (; at < times.length && Number(times[at]) < time; at += 1) if (broken) row[at] = null;
+    for (; at < times.length && Number(times[at]) < time; at += 1)
+      if (broken && row[at] === undefined) row[at] = null;
     row[at] = values[i];
   });
   return row;

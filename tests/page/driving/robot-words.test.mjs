@@ -1,0 +1,127 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import * as words from "../../../static/app/driving/robot-words.js";
+import { sonarInWords } from "../../../static/app/driving/sonar-ring.js";
+import { report, robot } from "../made.mjs";
+
+/** @typedef {import("../../../static/app/driving/types.js").DrivingFacts} DrivingFacts */
+
+/** @param {Partial<DrivingFacts>} [changes] @returns {DrivingFacts} */
+function facts(changes) {
+  return {
+    stopped: null,
+    programme: null,
+    robots: { observer: null, obstacle: null },
+    world: "real",
+    ...changes,
+  };
+}
+
+test("a stop comes before every other reason for which a robot stands", () => {
+  const faulty = robot({ why: "it is far", report: report({ fault: "a wheel stalls" }) });
+  const because = (/** @type {DrivingFacts} */ known) =>
+    words.standsBecause("observer", faulty, known, true);
+  assert.match(because(facts({ stopped: { by: "Ann", since: 0 } })), /^Stopped by Ann: reset it/);
+  assert.equal(because(facts()), "A wheel stalls.");
+});
+
+test("a robot that is not reached says why", () => {
+  const waiting = robot({ state: "waiting", report: report({ trouble: "no answer" }) });
+  assert.equal(words.standsBecause("observer", waiting, facts(), true), "No answer.");
+  const connecting = robot({ state: "connecting" });
+  assert.equal(
+    words.standsBecause("observer", connecting, facts(), true),
+    "It is being connected.",
+  );
+});
+
+test("who is armed waits for whoever drives it", () => {
+  const armed = robot({ state: "armed" });
+  assert.match(words.standsBecause("observer", armed, facts(), true), /waits for you/);
+  assert.match(words.standsBecause("observer", armed, facts(), false), /somebody else/);
+});
+
+test("where there is no robot the reason is told", () => {
+  const because = (/** @type {DrivingFacts | null} */ known) =>
+    words.standsBecause("obstacle", null, known, false);
+  assert.equal(because(null), "Waiting for word of the robots.");
+  const ports = { observer: null, obstacle: { port: "/dev/ttyUSB0", model: null } };
+  assert.match(because(facts({ ports, world: "simulated" })), /of another world/);
+  assert.match(because(facts({ world: null })), /only replayed/);
+  assert.match(because(facts()), /give its port/);
+  const trouble = { observer: null, obstacle: "the port is busy" };
+  assert.equal(because(facts({ ports, trouble })), "The port is busy.");
+});
+
+test("who drives, and whether they are there", () => {
+  assert.equal(words.driverInWords(robot({ operator: "Ann" }), true), "You drive it");
+  assert.equal(
+    words.driverInWords(robot({ operator: "Ann" }), false),
+    "Ann drives it, but is not there",
+  );
+  assert.equal(words.driverInWords(robot(), false), "Nobody drives it");
+  assert.equal(words.driverInWords(null, false), "");
+});
+
+test("a battery tells what is out of the ordinary", () => {
+  const battery = (/** @type {Parameters<typeof report>[0]} */ changes) =>
+    words.batteryInWords(report(changes));
+  assert.equal(battery({}), "–");
+  assert.equal(battery({ battery_v: 12.34, battery: "good", charging: "no" }), "12.3 V");
+  assert.equal(battery({ battery_v: 11, battery: "low", charging: "bulk" }), "11.0 V, low, bulk");
+});
+
+test("figures say what is not known, which wheel stalls and which bumper is pressed", () => {
+  const told = (/** @type {Parameters<typeof report>[0]} */ changes) =>
+    Object.fromEntries(
+      words.figuresOf(robot({ report: report(changes) })).map(([term, text]) => [term, text]),
+    );
+  const unknown = told({});
+  assert.deepEqual(
+    ["By its encoders", "Wheels", "Hardware stop", "Bumpers"].map((term) => unknown[term]),
+    ["–", "–", "–", "none fitted"],
+  );
+  assert.equal(told({ stalled: [false, true] })["Wheels"], "right one stalled");
+  assert.equal(
+    told({ front_bumpers: [true, false, true], rear_bumpers: [false, true] })["Bumpers"],
+    "front 1, 3; rear 2",
+  );
+  assert.equal(
+    told({ odometry: { x: 1, y: -0.5, yaw: Math.PI / 2 } })["Pose by its wheels"],
+    "1.00, -0.50 m, 90°",
+  );
+});
+
+test("a stop is told with what was measured of it", () => {
+  const stop = { zero_ms: 220, stood_ms: 610, distance_m: 0.123, speed_mps: 0.3 };
+  assert.equal(
+    words.stopInWords({ ...stop, separation_m: 0.4 }),
+    "zero after 220 ms, stood after 610 ms and 0.12 m, 0.40 m left",
+  );
+  assert.equal(
+    words.stopInWords({ ...stop, zero_ms: null, stood_ms: null, separation_m: null }),
+    "zero never went out, not seen to stand",
+  );
+});
+
+test("turns have a side, times have minutes", () => {
+  assert.equal(words.turnInWords(0.2), "11 °/s to the left");
+  assert.equal(words.turnInWords(-0.2), "11 °/s to the right");
+  assert.equal(words.turnInWords(0.001), "straight");
+  assert.deepEqual([65, 59.6, -3].map(words.clock), ["1:05", "1:00", "0:00"]);
+  assert.deepEqual([59, 65].map(words.lastsInWords), ["59 s", "1 min 5 s"]);
+});
+
+test("sonars tell the nearest echo and how old the oldest word is", () => {
+  const reading = { index: 0, x: 0, y: 0, heading: 0 };
+  const sonars = [
+    { ...reading, range_m: 1.5, received: 9.5 },
+    { ...reading, range_m: null, received: 9 },
+  ];
+  assert.equal(
+    sonarInWords(robot({ report: report({ sonars }) })),
+    "Sonar: nearest 1.50\u00a0m, up to 1.0\u00a0s old",
+  );
+  assert.equal(sonarInWords(null), "No sonar");
+});

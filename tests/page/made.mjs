@@ -1,0 +1,140 @@
+/** What the server would say, in short: each gives a whole message with what a test changes of it. */
+
+/** @typedef {import("../../static/app/types.js").Obstacle} Obstacle */
+/** @typedef {import("../../static/app/types.js").TrueBody} TrueBody */
+/** @typedef {import("../../static/app/types.js").Line} Line */
+/** @typedef {import("../../static/app/types.js").Run} Run */
+/** @typedef {import("../../static/app/driving/types.js").RobotFacts} RobotFacts */
+/** @typedef {import("../../static/app/driving/types.js").RobotReport} RobotReport */
+
+/** A moving one, 3 m ahead. @param {Partial<Obstacle>} [changes] @returns {Obstacle} */
+export function obstacle(changes) {
+  return {
+    id: 1,
+    state: "confirmed",
+    motion: "moving",
+    position: [0, 0, 3],
+    velocity: [0.5, 0, 0],
+    speed: 0.5,
+    speed_std: 0.02,
+    velocity_time: 0,
+    range: 3,
+    bearing: 0,
+    closing_speed: 0,
+    points: 20,
+    significance: 12,
+    size: [0.4, 0.5, 0.4],
+    ...changes,
+  };
+}
+
+/** @param {Partial<TrueBody>} [changes] @returns {TrueBody} */
+export function body(changes) {
+  return {
+    id: 7,
+    name: "cart",
+    role: "obstacle",
+    speed: 0.5,
+    visible: 1,
+    commanded_speed: null,
+    track_id: null,
+    ...changes,
+  };
+}
+
+/** @param {Partial<Line>} [changes] @returns {Line} */
+export function line(changes) {
+  return {
+    frame: 0,
+    time: 0,
+    segment: 0,
+    status: "ok",
+    reasons: [],
+    parameters_revision: 1,
+    pose: { position: [0, 0, 0], orientation_wxyz: [1, 0, 0, 0] },
+    obstacles: [],
+    timings_ms: {},
+    ...changes,
+  };
+}
+
+/** @param {Partial<Run>} [changes] @returns {Run} */
+export function run(changes) {
+  return {
+    id: "r1",
+    name: "first",
+    state: "finished",
+    source: "simulated:lab",
+    started_at: "2026-01-01T10:00:00Z",
+    updated_at: "2026-01-01T10:01:00Z",
+    ended_at: "2026-01-01T10:01:12Z",
+    frames: 100,
+    segments: 1,
+    reason: null,
+    preset: null,
+    parameters: {},
+    calibration_id: null,
+    versions: {},
+    record: "jpeg",
+    recording_bytes: null,
+    tags: [],
+    notes: "",
+    truth_id: null,
+    aligned: false,
+    rerun_of: null,
+    deleted_at: null,
+    ...changes,
+  };
+}
+
+/** @param {Partial<RobotReport>} [changes] @returns {RobotReport} */
+export function report(changes) {
+  return {
+    phase: "running",
+    trouble: null,
+    fault: null,
+    warnings: [],
+    received: 10,
+    name: null,
+    model: null,
+    subtype: null,
+    odometry: null,
+    speed_mps: null,
+    turn_rate_radps: null,
+    motors_enabled: null,
+    stalled: null,
+    front_bumpers: [],
+    rear_bumpers: [],
+    stop_pressed: null,
+    battery_v: null,
+    battery: null,
+    charging: null,
+    temperature_c: null,
+    sonars: [],
+    watchdog_s: null,
+    limits: null,
+    radius_m: null,
+    width_m: null,
+    length_m: null,
+    counters: {},
+    ...changes,
+  };
+}
+
+/** Connected, its motors off. @param {Partial<RobotFacts>} [changes] @returns {RobotFacts} */
+export function robot(changes) {
+  return {
+    port: "/dev/ttyUSB0",
+    name: null,
+    world: "real",
+    state: "disarmed",
+    operator: null,
+    present: false,
+    why: null,
+    commanded: { speed_mps: 0, turn_rate_radps: 0 },
+    sent: { speed_mps: 0, turn_rate_radps: 0 },
+    guard: null,
+    report: report(),
+    ...changes,
+  };
+}

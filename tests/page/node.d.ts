@@ -1,0 +1,15 @@
+// What the tests use of node's own runner; its whole types would be one more package.
+declare module "node:test" {
+  export function test(name: string, run: () => unknown): Promise<void>;
+}
+
+declare module "node:assert/strict" {
+  const assert: {
+    ok(value: unknown, message?: string): asserts value;
+    equal(actual: unknown, expected: unknown, message?: string): void;
+    deepEqual(actual: unknown, expected: unknown, message?: string): void;
+    match(actual: string, expected: RegExp, message?: string): void;
+    rejects(promise: Promise<unknown>, expected: (error: any) => boolean): Promise<void>;
+  };
+  export default assert;
+}

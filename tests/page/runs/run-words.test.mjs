@@ -1,0 +1,58 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import * as words from "../../../static/app/runs/run-words.js";
+import { run } from "../made.mjs";
+
+test("sizes have two or three digits and the next unit in time", () => {
+  assert.deepEqual([0, 999, 1000, 99_400, 99_600, 999_600, 1.4e9].map(words.size), [
+    "0 B",
+    "999 B",
+    "1.0 kB",
+    "99 kB",
+    "100 kB",
+    "1.0 MB",
+    "1.4 GB",
+  ]);
+  assert.equal(words.size(null), "–");
+});
+
+test("one is not many", () => {
+  assert.deepEqual(
+    [0, 1, 2].map((count) => words.counted(count, "run")),
+    ["0 runs", "1 run", "2 runs"],
+  );
+});
+
+test("a run is told by source, duration and what it holds", () => {
+  const told = words.facts(run({ segments: 2, recording_bytes: 2e6 })).split(" · ");
+  assert.equal(told[0], "simulated:lab");
+  assert.deepEqual(told.slice(2), ["1 min 12 s", "100 frames", "2 segments", "2.0 MB"]);
+});
+
+test("a run that was interrupted lasted up to its last sign of life", () => {
+  const told = words.facts(run({ state: "interrupted", ended_at: null }));
+  assert.match(told, / · 1 min 0 s · 100 frames$/);
+});
+
+test("only a kept recording with images is played", () => {
+  assert.equal(words.hasImages(run()), true);
+  assert.equal(words.hasImages(run({ state: "running" })), false);
+  assert.equal(words.hasImages(run({ record: "none" })), false);
+  assert.equal(words.hasImages(run({ record: null })), false);
+});
+
+test("an address leads back to what it was made of", () => {
+  assert.deepEqual(words.placeOf(words.runHref("a/b c")), { view: "run", ids: ["a/b c"] });
+  assert.deepEqual(words.placeOf(words.compareHref(["a,b", "c"])), {
+    view: "compare",
+    ids: ["a,b", "c"],
+  });
+});
+
+test("an address that somebody typed leads to the list at worst", () => {
+  assert.deepEqual(words.placeOf("#history"), { view: "list", ids: [] });
+  assert.deepEqual(words.placeOf("#history/compare/only"), { view: "list", ids: [] });
+  assert.deepEqual(words.placeOf("#history/%E0%A4"), { view: "run", ids: ["%E0%A4"] });
+  assert.deepEqual(words.placeOf("#elsewhere"), { view: "none", ids: [] });
+});
