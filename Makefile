@@ -2,9 +2,12 @@
 #
 #   make run     set up, then serve the panel on the simulated lab   (ARGS="--port 9000")
 #   make test    set up, then all tests                              (ARGS="tests/app -k speeds")
+#   make system  install through apt-get what some tests need: Chromium, ffmpeg, PostgreSQL;
+#                without them make test leaves these tests out, and says so
 #   make faults  what must happen when something fails while a robot drives: the worst of
 #                TRIALS=100 times each, which takes hours
 #   make lint    ruff, mypy, import-linter, the page's JavaScript
+#   make coverage  all tests but those in real time, with a report of what they run
 #   make bench   set up, then time the method and the server
 #   make wheel   dist/*.whl, the page's files inside
 #   make setup   only set up; a second time it has nothing to do
@@ -34,7 +37,7 @@ ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
 $(MADE): moved
 endif
 
-.PHONY: moved help setup setup-dev run test faults lint bench wheel chromium ffmpeg postgres constraints clean
+.PHONY: moved help setup setup-dev run test system faults lint coverage bench wheel constraints clean
 .DELETE_ON_ERROR:
 
 help:
@@ -55,10 +58,9 @@ run: setup
 # environment says not to: the tests start hundreds of processes.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: setup-dev
-	@( $(install_chromium) ) || true
-	@( $(install_ffmpeg) ) || true
-	@( $(install_postgres) ) || true
+	@$(find_missing); $(call tell_left_out,make system) >&2
 ifeq ($(strip $(ARGS)),)
+	$(BIN)/python app/packaging/frontend.py test
 	$(BIN)/pytest -n 3 --dist loadfile --ignore tests/browser --ignore tests/faults $(once_more)
 	$(BIN)/pytest -s tests/faults
 	$(BIN)/pytest tests/browser $(once_more)
@@ -75,6 +77,12 @@ lint: setup-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tools/packaging/frontend.py check
+
+# Not in tests/faults, whose promises in real time do not hold while every line is counted.
+coverage: setup-dev
+	@$(find_missing); $(call tell_left_out,make system) >&2
+	$(BIN)/pytest --cov --cov-report= --ignore tests/faults $(ARGS); status=$$?; \
+	$(BIN)/coverage report && exit $$status
 
 bench: setup-dev
 	$(BIN)/dynamic-observer benchmark $(ARGS)
@@ -104,16 +112,23 @@ $(VENDORED): static/package-lock.json tools/packaging/frontend.py | $(MADE)
 	@$(BIN)/python tools/packaging/frontend.py vendor
 	@touch $@
 
-# The browser tests drive the system's Chromium, those of network cameras ffmpeg's servers, those
-# of the database a PostgreSQL server. Each fails, and says so, where it cannot be installed.
-chromium:
-	@$(install_chromium)
-
-ffmpeg:
-	@$(install_ffmpeg)
-
-postgres:
-	@$(install_postgres)
+# With apt-get, as root or where sudo asks for no password; fails where something stays missing.
+system:
+	@$(find_missing); as=; \
+	if command -v apt-get >/dev/null; then \
+	  if [ "$$(id -u)" = 0 ]; then as=env; \
+	  elif sudo -n true 2>/dev/null; then as="sudo -n env"; fi; \
+	fi; \
+	if [ -n "$$missing" ] && [ -n "$$as" ]; then \
+	  echo "Installing$$missing for the tests"; \
+	  $$as apt-get update -qq; \
+	  for package in $$missing; do \
+	    $$as DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$package" >/dev/null; \
+	  done; \
+	  $(find_missing); \
+	fi; \
+	$(call tell_left_out,sudo apt-get install $$package) >&2; \
+	[ -z "$$missing" ]
 
 constraints: setup-dev
 	@{ echo "# Every package that a set-up may install, pinned. Renewed by: make constraints"; \
@@ -123,7 +138,7 @@ constraints: setup-dev
 
 clean:
 	rm -rf $(VENV) static/vendor static/vendor.new static/node_modules build dist artefacts
-	rm -rf .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .coverage*
 	find app observer tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # --- pieces of shell -----------------------------------------------------------------------------
@@ -160,44 +175,29 @@ if ! "$$python" -c 'import venv, ensurepip' 2>/dev/null; then \
 fi
 endef
 
-define find_chromium
-{ command -v chromium || command -v chromium-browser || command -v google-chrome; } >/dev/null
+# Sets $missing to the packages that tests need and the system lacks: the browser tests drive its
+# Chromium, those of network cameras ffmpeg's servers, those of the database a PostgreSQL server,
+# whose programmes Debian keeps apart from the path, by version.
+define find_missing
+missing=; \
+{ command -v chromium || command -v chromium-browser || command -v google-chrome; } >/dev/null \
+  || missing="$$missing chromium"; \
+command -v ffmpeg >/dev/null || missing="$$missing ffmpeg"; \
+{ command -v initdb || { set -- $(POSTGRES_HOME)/*/bin/initdb; command -v "$$1"; }; } >/dev/null \
+  || missing="$$missing postgresql"
 endef
 
-define find_ffmpeg
-command -v ffmpeg >/dev/null
+# $(call tell_left_out,what brings $package): a line for each of $missing.
+define tell_left_out
+for package in $$missing; do \
+  case $$package in \
+    chromium) tests="in tests/browser";; \
+    ffmpeg) tests="of network cameras";; \
+    *) tests="of the database on PostgreSQL";; \
+  esac; \
+  echo "$$package is missing, so the tests $$tests are left out; to run them: $(1)"; \
+done
 endef
-
-# Debian keeps its programmes apart from the path, by version.
-define find_postgres
-{ command -v initdb || { set -- $(POSTGRES_HOME)/*/bin/initdb; command -v "$$1"; }; } >/dev/null
-endef
-
-# $(call install,what finds it,its package,what it is for,what is left out without it): with
-# apt-get, as root or where sudo asks for no password; otherwise says what is left out.
-define install
-$(1) && exit 0; \
-as=; \
-if command -v apt-get >/dev/null; then \
-  if [ "$$(id -u)" = 0 ]; then as=env; \
-  elif sudo -n true 2>/dev/null; then as="sudo -n env"; fi; \
-fi; \
-if [ -n "$$as" ]; then \
-  echo "Installing $(2) for $(3)"; \
-  $$as apt-get update -qq && \
-  $$as DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(2) >/dev/null; \
-  $(1) && exit 0; \
-fi; \
-echo "$(2) is missing, so $(4) left out; to run them: sudo apt-get install $(2)" >&2; \
-exit 1
-endef
-
-install_chromium = $(call install,$(find_chromium),chromium,the browser tests,$\
-the tests in tests/browser are)
-install_ffmpeg = $(call install,$(find_ffmpeg),ffmpeg,the tests of network cameras,$\
-the tests of network cameras are)
-install_postgres = $(call install,$(find_postgres),postgresql,the tests of the database,$\
-the tests of the database on PostgreSQL are)
 
 define registry_hint
 echo "pip could not install what pyproject.toml asks for, as said above;" \

@@ -73,7 +73,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         return
     if chromium() is not None:
         return
-    reason = "no Chromium on this machine: apt-get install chromium"
+    reason = "no Chromium on this machine: make system"
     for item in items:
         if "chromium_path" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.skip(reason=reason))
@@ -88,7 +88,7 @@ def chromium() -> str | None:
 def chromium_path() -> str:
     path = chromium()
     if path is None:
-        pytest.fail("no Chromium on this machine: apt-get install chromium")
+        pytest.fail("no Chromium on this machine: make system")
     return path
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-MISSING = "no PostgreSQL server on this machine: make postgres"
+MISSING = "no PostgreSQL server on this machine: make system"
 
 _START_S = 30.0
 _PR_SET_PDEATHSIG = 1

@@ -94,57 +94,94 @@ def test_no_npm_and_no_pip_to_bring_it(clone: Path, tmp_path: Path) -> None:
     assert not (clone / "static" / "vendor").exists()
 
 
-@pytest.mark.parametrize(
-    ("package", "left_out"), [("chromium", "tests/browser"), ("ffmpeg", "network cameras")]
-)
+@pytest.fixture
+def database(bare: Path) -> str:
+    """Where the Makefile looks for PostgreSQL, as an argument; nothing is there."""
+    return f"POSTGRES_HOME={bare}/postgresql"
+
+
+LEFT_OUT = {
+    "chromium": "tests/browser",
+    "ffmpeg": "network cameras",
+    "postgresql": "the database on PostgreSQL",
+}
+
+
 def test_a_program_is_missing_and_there_is_no_way_to_install_it(
-    clone: Path, bare: Path, package: str, left_out: str
+    clone: Path, bare: Path, database: str
 ) -> None:
-    done = make(clone, package, path=str(bare))
+    done = make(clone, "system", database, path=str(bare))
     assert done.returncode != 0
-    (sentence,) = sentences(done)
-    assert f"{left_out} are left out" in sentence
-    assert f"apt-get install {package}" in sentence
+    assert len(sentences(done)) == len(LEFT_OUT)
+    for sentence, (package, left_out) in zip(sentences(done), LEFT_OUT.items(), strict=True):
+        assert f"{left_out} are left out" in sentence
+        assert f"apt-get install {package}" in sentence
 
 
-@pytest.mark.parametrize("package", ["chromium", "ffmpeg"])
-def test_a_program_is_installed_where_that_is_permitted(
-    clone: Path, bare: Path, package: str
-) -> None:
-    log = clone / "asked"
-    install = f'printf "#!/bin/sh\n" > {bare}/{package}; chmod +x {bare}/{package}'
+def allow_installing(bare: Path, log: Path) -> None:
+    """A superuser's apt-get, which makes the program of the package's name and notes it all."""
+    install = f'printf "#!/bin/sh\\n" > "{bare}/$4"; chmod +x "{bare}/$4"'
     for name, body in (
-        ("apt-get", f'echo "$1" >> "{log}"; [ "$1" = install ] || exit 0; {install}'),
+        ("apt-get", f'echo "$*" >> "{log}"; [ "$1" = install ] || exit 0; {install}'),
         ("id", "echo 0"),
     ):
         (bare / name).unlink(missing_ok=True)
         (bare / name).write_text(f"#!/bin/sh\n{body}\n")
         (bare / name).chmod(0o755)
-    done = make(clone, package, path=str(bare))
-    assert done.returncode == 0, done.stderr
-    assert log.read_text().split() == ["update", "install"]
-    assert make(clone, package, path=str(bare)).returncode == 0
-    assert log.read_text().split() == ["update", "install"]
 
 
-def test_a_database_server_is_looked_for_where_debian_keeps_it(clone: Path, bare: Path) -> None:
-    home = f"POSTGRES_HOME={bare}/postgresql"
-    done = make(clone, "postgres", home, path=str(bare))
-    assert done.returncode != 0
-    (sentence,) = sentences(done)
-    assert "the tests of the database on PostgreSQL are left out" in sentence
-    assert "apt-get install postgresql" in sentence
+def install_server(bare: Path) -> None:
     initdb = bare / "postgresql" / "15" / "bin" / "initdb"
     initdb.parent.mkdir(parents=True)
     initdb.write_text("#!/bin/sh\n")
     initdb.chmod(0o755)
-    assert make(clone, "postgres", home, path=str(bare)).returncode == 0
+
+
+def test_programs_are_installed_where_that_is_permitted(
+    clone: Path, bare: Path, database: str
+) -> None:
+    log = clone / "asked"
+    asked = ["update -qq", "install -y -qq chromium", "install -y -qq ffmpeg"]
+    allow_installing(bare, log)
+    install_server(bare)
+    done = make(clone, "system", database, path=str(bare))
+    assert done.returncode == 0, done.stderr
+    assert log.read_text().splitlines() == asked
+    assert make(clone, "system", database, path=str(bare)).returncode == 0
+    assert log.read_text().splitlines() == asked
+
+
+def test_a_database_server_is_looked_for_where_debian_keeps_it(
+    clone: Path, bare: Path, database: str
+) -> None:
+    done = make(clone, "system", database, path=str(bare))
+    assert any("postgresql is missing" in sentence for sentence in sentences(done))
+    install_server(bare)
+    done = make(clone, "system", database, path=str(bare))
+    assert not any("postgresql is missing" in sentence for sentence in sentences(done))
+
+
+def test_testing_installs_nothing_and_tells_what_is_left_out(
+    clone: Path, bare: Path, database: str
+) -> None:
+    allow_installing(bare, clone / "asked")
+    for program in ("pytest", "python"):
+        (bare / program).write_text("#!/bin/sh\n")
+        (bare / program).chmod(0o755)
+    done = make(clone, "test", database, f"BIN={bare}", "-o", "setup-dev", path=str(bare))
+    assert done.returncode == 0, done.stderr
+    assert not (clone / "asked").exists()
+    for sentence, (package, left_out) in zip(sentences(done), LEFT_OUT.items(), strict=True):
+        assert f"{package} is missing" in sentence
+        assert f"{left_out} are left out; to run them: make system" in sentence
 
 
 def test_make_alone_lists_the_targets(clone: Path) -> None:
     done = make(clone)
     assert done.returncode == 0
-    for target in ("run", "test", "lint", "bench", "wheel", "setup", "clean"):
+    for target in (
+        "run", "test", "system", "lint", "coverage", "bench", "wheel", "setup", "clean",
+    ):  # fmt: skip
         assert f"make {target} " in done.stdout
 
 
@@ -159,6 +196,7 @@ def test_in_ci_what_failed_is_tried_once_more(
         f'case "$*" in *last-failed*) exit {again};; "-s tests/faults") exit 0;; *) exit 1;; esac\n'
     )
     script.chmod(0o755)
+    fake_python(bare, "python", "3.12.1", "exit 0")
     done = make(clone, "test", "CI=true", f"BIN={bare}", "-o", "setup-dev", path=str(bare))
     assert done.returncode == code, done.stderr
     asked = log.read_text().splitlines()

@@ -23,7 +23,7 @@ def need_ffmpeg() -> str:
     """The path of ffmpeg; leaves the test out without it, and fails it in CI."""
     path = shutil.which("ffmpeg")
     if path is None:
-        missing = "no ffmpeg on this machine: apt-get install ffmpeg"
+        missing = "no ffmpeg on this machine: make system"
         if os.environ.get("CI"):
             pytest.fail(missing)
         pytest.skip(missing)
