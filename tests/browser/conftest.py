@@ -27,6 +27,13 @@ from playwright.sync_api import Browser, Locator, Page
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts"
 DESKTOP = {"width": 1440, "height": 900}
 
+# What fixtures give; arguments as described there.
+Json = dict[str, Any]
+OpenPanel = Callable[..., Page]
+Eventually = Callable[..., Any]
+KeepPicture = Callable[[Page, str], None]
+Pixels = Callable[..., NDArray[np.uint8]]
+
 _START_S = 40.0
 _STOP_S = 10.0
 _REFUSED = re.compile(r"the server responded with a status of 4(09|22)")
@@ -126,7 +133,7 @@ def browser(
 @pytest.fixture
 def open_panel(
     server: Server, browser: Browser, leave_viewer_out: Callable[[Page], None]
-) -> Iterator[Callable[..., Page]]:
+) -> Iterator[OpenPanel]:
     """Open the panel in a page of its own, signed in, with live data arriving.
 
     Arguments of what it gives: ``viewer`` False leaves the 3D scene out, which takes most of the
@@ -183,7 +190,7 @@ def _watch(page: Page, link: str) -> list[str]:
 
 
 @pytest.fixture
-def keep_picture() -> Callable[[Page, str], None]:
+def keep_picture() -> KeepPicture:
     """Keep a screenshot under ``artefacts/``, for people to look at."""
 
     def keep(page: Page, name: str) -> None:
@@ -194,7 +201,7 @@ def keep_picture() -> Callable[[Page, str], None]:
 
 
 @pytest.fixture
-def pixels() -> Callable[..., NDArray[np.uint8]]:
+def pixels() -> Pixels:
     """What is seen of an element, (H, W, 3)."""
 
     def take(element: Locator) -> NDArray[np.uint8]:
@@ -205,9 +212,7 @@ def pixels() -> Callable[..., NDArray[np.uint8]]:
 
 
 @pytest.fixture
-def wait_for_scene(
-    pixels: Callable[..., NDArray[np.uint8]], eventually: Callable[..., Any]
-) -> Callable[[Page], None]:
+def wait_for_scene(pixels: Pixels, eventually: Eventually) -> Callable[[Page], None]:
     """Wait until the 3D scene is drawn: many different colours, not one ground."""
 
     def is_drawn(page: Page) -> bool:
@@ -219,7 +224,7 @@ def wait_for_scene(
 
 
 @pytest.fixture
-def eventually() -> Callable[..., Any]:
+def eventually() -> Eventually:
     """Ask until the answer is true; returns it."""
 
     def wait(ask: Callable[[], Any], within_s: float = 10.0) -> Any:

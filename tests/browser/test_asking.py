@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
+
+from .conftest import Eventually, Json, KeepPicture, OpenPanel, Server
 
 _STEP_PX = 16
 
+Standing = Callable[..., tuple[Page, Json]]
+
 
 @pytest.fixture
-def standing(server, open_panel, eventually):
+def standing(server: Server, open_panel: OpenPanel, eventually: Eventually) -> Iterator[Standing]:
     """A page whose picture stands, and a pixel of it that moves."""
 
-    def open_one(**options):
+    def open_one(**options: Any) -> tuple[Page, Json]:
         eventually(lambda: server.get("/status")["source"], 30)
         # Other tests may have left the playback as they liked.
         server.api.post("/api/playback", json={"paused": False}).raise_for_status()
@@ -35,7 +41,7 @@ def standing(server, open_panel, eventually):
     server.api.post("/api/playback", json={"paused": False}).raise_for_status()
 
 
-def _moving_pixel(server):
+def _moving_pixel(server: Server) -> Json | None:
     camera = server.get("/status")["camera"]
     for v in range(_STEP_PX, camera["height"], _STEP_PX):
         for u in range(_STEP_PX, camera["width"], _STEP_PX):
@@ -43,11 +49,12 @@ def _moving_pixel(server):
             around = [(u, v), (u - 2, v - 2), (u + 2, v - 2), (u - 2, v + 2), (u + 2, v + 2)]
             answers = (server.get(f"/pixel?u={x}&v={y}") for x, y in around)
             if all(answer["obstacle"] for answer in answers):
-                return server.get(f"/pixel?u={u}&v={v}")
+                moving: Json = server.get(f"/pixel?u={u}&v={v}")
+                return moving
     return None
 
 
-def _click(page, u, v, camera):
+def _click(page: Page, u: float, v: float, camera: Json) -> None:
     pick = page.locator(".pixel-pick")
     pick.scroll_into_view_if_needed()
     box = pick.bounding_box()
@@ -56,7 +63,9 @@ def _click(page, u, v, camera):
     pick.click(position={"x": x, "y": y})
 
 
-def test_a_click_on_the_picture_is_answered(server, standing, keep_picture):
+def test_a_click_on_the_picture_is_answered(
+    server: Server, standing: Standing, keep_picture: KeepPicture
+) -> None:
     page, told = standing()
     camera = server.get("/status")["camera"]
     _click(page, told["u"], told["v"], camera)
@@ -86,7 +95,7 @@ def test_a_click_on_the_picture_is_answered(server, standing, keep_picture):
     expect(page.locator(".pixel-mark")).to_be_hidden()
 
 
-def test_the_mark_moves_by_keyboard_and_enter_asks(server, standing):
+def test_the_mark_moves_by_keyboard_and_enter_asks(server: Server, standing: Standing) -> None:
     page, _ = standing()
     camera = server.get("/status")["camera"]
     page.locator(".pixel-pick").focus()
@@ -106,7 +115,7 @@ def test_the_mark_moves_by_keyboard_and_enter_asks(server, standing):
     expect(page.locator(".pixel-pick")).to_be_focused()
 
 
-def test_an_obstacles_row_opens_the_figures_behind_its_reason(standing):
+def test_an_obstacles_row_opens_the_figures_behind_its_reason(standing: Standing) -> None:
     page, told = standing()
     row = page.locator("observer-obstacles tbody tr").first
     why = page.locator("observer-obstacles tr.why").first
@@ -121,7 +130,9 @@ def test_an_obstacles_row_opens_the_figures_behind_its_reason(standing):
     expect(why.locator("dl")).to_be_visible()
 
 
-def test_the_cameras_own_motion_is_shown(server, open_panel, keep_picture):
+def test_the_cameras_own_motion_is_shown(
+    server: Server, open_panel: OpenPanel, keep_picture: KeepPicture
+) -> None:
     before = server.get("/parameters")["values"]
     try:
         server.api.patch("/api/parameters", json={"ego_motion.model": "affine"}).raise_for_status()
@@ -138,7 +149,9 @@ def test_the_cameras_own_motion_is_shown(server, open_panel, keep_picture):
         server.api.patch("/api/parameters", json=before).raise_for_status()
 
 
-def test_an_answer_fits_on_a_phone(server, standing, keep_picture):
+def test_an_answer_fits_on_a_phone(
+    server: Server, standing: Standing, keep_picture: KeepPicture
+) -> None:
     page, told = standing(viewport={"width": 360, "height": 780}, has_touch=True)
     _click(page, told["u"], told["v"], server.get("/status")["camera"])
     card = page.locator(".answer")

@@ -6,15 +6,17 @@ import os
 import re
 import signal
 import sys
+from collections.abc import Iterator
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 from scipy.spatial.transform import Rotation
 
 from observer.calibration.formats.opencv_file import read_calibration
-from observer.camera import as_gray
+from observer.camera import StereoCalibration, as_gray
 from observer.parameters import StereoParameters
 from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import load_scenario
@@ -22,6 +24,11 @@ from observer.simulation.visibility import left_rays, render_depth
 from observer.simulation.world import World
 from observer.vision.rectification import Rectification
 from observer.vision.stereo import disparity_map
+
+from .conftest import Eventually, Json, KeepPicture, OpenPanel, Server
+
+# The entry of a calibration, and what its file says.
+Made = tuple[Json, StereoCalibration]
 
 _NAME = "Two webcams by keyboard"
 # The same board in quick hands, which hold each of the 28 poses just long enough, and cameras of
@@ -58,7 +65,7 @@ def _tell(measured: str) -> None:
 class _Hands:
     """A person without a mouse, to whom the focus is never lost and never unseen."""
 
-    def __init__(self, page):
+    def __init__(self, page: Page) -> None:
         self._page = page
 
     def focus(self) -> tuple[str, str]:
@@ -97,28 +104,28 @@ class _Hands:
 
 
 @pytest.fixture(scope="module")
-def source(tmp_path_factory) -> str:
+def source(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Two cameras that nobody has calibrated, and a person who shows them a board."""
     path = tmp_path_factory.mktemp("scenario") / "held_board.yaml"
     path.write_text(_SCENARIO)
     return f"simulated:{path}"
 
 
-def _now(server):
+def _now(server: Server) -> Any:
     return server.get("/status")["calibrating"]
 
 
-def _hurry(server, rate: float = 4.0) -> None:
+def _hurry(server: Server, rate: float = 4.0) -> None:
     """As fast as the machine can: the person's hands, not the pictures, are simulated slower."""
     server.api.post("/api/playback", json={"rate": rate}).raise_for_status()
 
 
-def _play(server, **change) -> None:
+def _play(server: Server, **change: Any) -> None:
     server.api.post("/api/playback", json=change).raise_for_status()
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _as_before(server):
+def _as_before(server: Server) -> Iterator[None]:
     """Other tests find the lab again, and no calibration."""
     yield
     server.api.delete("/api/calibrating")
@@ -128,7 +135,7 @@ def _as_before(server):
 
 
 @pytest.fixture(autouse=True)
-def _nothing_is_calibrated(server, eventually):
+def _nothing_is_calibrated(server: Server, eventually: Eventually) -> None:
     """Also behind a test that failed half-way."""
     eventually(lambda: server.get("/status")["source"], 40)
     if _now(server):
@@ -140,8 +147,12 @@ def _nothing_is_calibrated(server, eventually):
 @pytest.mark.slow
 @pytest.mark.timeout(240)
 def test_the_whole_wizard_goes_by_keyboard_alone(
-    server, source, open_panel, eventually, keep_picture
-):
+    server: Server,
+    source: str,
+    open_panel: OpenPanel,
+    eventually: Eventually,
+    keep_picture: KeepPicture,
+) -> None:
     page = open_panel(refusals=True)
     hands = _Hands(page)
 
@@ -277,7 +288,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
 
 
 @pytest.fixture
-def made(server, source, eventually):
+def made(server: Server, source: str, eventually: Eventually) -> Made:
     """The calibration that the keyboard made; where that test was left out, one made by REST."""
     found = [each for each in server.get("/calibrations") if each["name"] == _NAME]
     if not found:
@@ -293,13 +304,13 @@ def made(server, source, eventually):
     return found[0], read_calibration(text, name=_NAME)
 
 
-def _turned_deg(rotation) -> float:
+def _turned_deg(rotation: Any) -> float:
     return float(np.degrees(Rotation.from_matrix(rotation).magnitude()))
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(240)
-def test_what_the_keyboard_made_is_near_the_truth(made):
+def test_what_the_keyboard_made_is_near_the_truth(made: Made) -> None:
     entry, found = made
     true = World(load_scenario("calibration"), 0).true_calibration
     focal = [abs(a[i, i] / b[i, i] - 1) for a, b in ((found.K1, true.K1), (found.K2, true.K2))
@@ -322,7 +333,7 @@ def test_what_the_keyboard_made_is_near_the_truth(made):
 
 @pytest.mark.slow
 @pytest.mark.timeout(240)
-def test_depth_of_the_lab_with_it_is_right_at_three_metres(server, made):
+def test_depth_of_the_lab_with_it_is_right_at_three_metres(server: Server, made: Made) -> None:
     entry, found = made
     opening = {"source": "simulated:webcams", "calibration": entry["id"]}
     server.api.put("/api/source", json=opening).raise_for_status()
@@ -372,8 +383,8 @@ _CALM = """async () => {
 @pytest.mark.slow
 @pytest.mark.patient
 def test_views_outlive_reloads_and_engines_and_are_seen_by_all(
-    server, source, open_panel, eventually
-):
+    server: Server, source: str, open_panel: OpenPanel, eventually: Eventually
+) -> None:
     page, other = open_panel(), open_panel()
     server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()
     page.get_by_role("tab", name="Calibration").click()

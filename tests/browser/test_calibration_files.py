@@ -5,20 +5,24 @@ from __future__ import annotations
 import io
 import re
 import zipfile
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
+
+from .conftest import Eventually, Json, KeepPicture, OpenPanel, Server
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _as_before(server):
+def _as_before(server: Server) -> Iterator[None]:
     """Other tests find no calibration."""
     yield
     for kept in server.get("/calibrations"):
         server.api.delete(f"/api/calibrations/{kept['id']}").raise_for_status()
 
 
-def _choose(page, **files: str) -> None:
+def _choose(page: Page, **files: str) -> None:
     page.set_input_files(
         "#calibration-file",
         files=[
@@ -28,7 +32,7 @@ def _choose(page, **files: str) -> None:
     )
 
 
-def _camchain(camera, baseline: str) -> str:
+def _camchain(camera: Json, baseline: str) -> str:
     one = f"""\
   camera_model: pinhole
   distortion_model: radtan
@@ -39,13 +43,13 @@ def _camchain(camera, baseline: str) -> str:
     return f"cam0:\n{one}cam1:\n{one}{baseline}"
 
 
-def _kalibr_baseline(camera) -> str:
+def _kalibr_baseline(camera: Json) -> str:
     rows = [f"[1.0, 0.0, 0.0, {-camera['baseline']}]", "[0.0, 1.0, 0.0, 0.0]",
             "[0.0, 0.0, 1.0, 0.0]", "[0.0, 0.0, 0.0, 1.0]"]  # fmt: skip
     return "  T_cn_cnm1:\n" + "".join(f"  - {row}\n" for row in rows)
 
 
-def _ros(camera, name: str, shift: float) -> str:
+def _ros(camera: Json, name: str, shift: float) -> str:
     fx, fy, cx, cy = (camera[key] for key in ("fx", "fy", "cx", "cy"))
     return f"""\
 image_width: {camera["width"]}
@@ -61,7 +65,7 @@ projection_matrix:
 
 
 @pytest.fixture
-def camera(server, eventually):
+def camera(server: Server, eventually: Eventually) -> Any:
     """The rectified pair of the lab, and no calibration kept."""
     eventually(lambda: server.get("/status")["source"], 40)
     status = server.get("/status")
@@ -73,8 +77,8 @@ def camera(server, eventually):
 
 
 def test_files_of_other_tools_are_understood_before_they_are_used(
-    server, open_panel, camera, keep_picture
-):
+    server: Server, open_panel: OpenPanel, camera: Json, keep_picture: KeepPicture
+) -> None:
     page = open_panel()
     page.get_by_role("tab", name="Calibration").click()
     preview = page.get_by_role("dialog")
@@ -133,7 +137,9 @@ def test_files_of_other_tools_are_understood_before_they_are_used(
     expect(preview).to_have_count(0)
 
 
-def test_a_refused_file_names_the_key_and_the_reason(server, open_panel, camera):
+def test_a_refused_file_names_the_key_and_the_reason(
+    server: Server, open_panel: OpenPanel, camera: Json
+) -> None:
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Calibration").click()
     _choose(page, camchain=_camchain(camera, ""))

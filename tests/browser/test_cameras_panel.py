@@ -8,20 +8,25 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from observer.sources.cameras.spec import parse_devices
 
+from .conftest import Eventually, Json, KeepPicture, OpenPanel, Server
+
+Picker = Callable[..., tuple[Page, list[str], Json]]
 _PORTS = ["/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0",
           "/dev/v4l/by-path/pci-0000:00:14.0-usb-0:2:1.0-video-index0"]  # fmt: skip
 _BUSY = "/dev/video4 is in use by another program; close it there, or choose another camera"
 _SHARED = "Both cameras share one USB bus; with YUYV at 640x480 and 30 images/s it is too slow"
 
 
-def _device(number: int, **changed):
+def _device(number: int, **changed: Any) -> Json:
     modes = [
         {"pixel_format": "YUYV", "width": 640, "height": 480, "rates": [30.0, 15.0]},
         {"pixel_format": "MJPG", "width": 640, "height": 480, "rates": [30.0]},
@@ -39,7 +44,7 @@ def _device(number: int, **changed):
 
 
 @pytest.fixture(autouse=True)
-def _the_lab_before_and_after(server, eventually):
+def _the_lab_before_and_after(server: Server, eventually: Eventually) -> Iterator[None]:
     eventually(lambda: server.get("/status")["engine"]["state"] == "preview", 40)
     yield
     server.api.delete("/api/calibrating")
@@ -48,14 +53,14 @@ def _the_lab_before_and_after(server, eventually):
 
 
 @pytest.fixture
-def picker(open_panel):
+def picker(open_panel: OpenPanel) -> Picker:
     """The page at its sources, with such devices plugged in; what it asks to open is kept.
 
     What it gives takes the devices and the hints: the page, a list of sources that were asked
     for, and the answer of the server, which may be changed.
     """
 
-    def open_one(devices, hints=()):
+    def open_one(devices: list[Json], hints: Sequence[str] = ()) -> tuple[Page, list[str], Json]:
         page = open_panel(refusals=True)
         answer = {"cameras": devices, "hints": list(hints)}
         page.route("**/api/devices", lambda route: route.fulfill(json=answer))
@@ -75,7 +80,9 @@ def picker(open_panel):
     return open_one
 
 
-def test_the_chosen_cameras_and_settings_become_one_source(picker, keep_picture):
+def test_the_chosen_cameras_and_settings_become_one_source(
+    picker: Picker, keep_picture: KeepPicture
+) -> None:
     in_use = _device(2, trouble=_BUSY)
     page, asked, answer = picker([_device(0), _device(1), in_use], [_SHARED])
     box = page.locator("observer-camera-picker")
@@ -115,7 +122,7 @@ def test_the_chosen_cameras_and_settings_become_one_source(picker, keep_picture)
     assert (settings.gain, settings.white_balance) == (None, None)
 
 
-def test_one_camera_can_show_both_images(picker):
+def test_one_camera_can_show_both_images(picker: Picker) -> None:
     page, asked, answer = picker([_device(3)])
     box = page.locator("observer-camera-picker")
     expect(box).to_contain_text("One camera is plugged in")
@@ -131,7 +138,9 @@ def test_one_camera_can_show_both_images(picker):
     expect(box.get_by_role("button", name="Open these cameras")).to_be_hidden()
 
 
-def test_cameras_that_nobody_calibrated_lead_to_the_wizard(server, open_panel):
+def test_cameras_that_nobody_calibrated_lead_to_the_wizard(
+    server: Server, open_panel: OpenPanel
+) -> None:
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Source").click()
     offer = page.get_by_role("button", name="Calibrate these cameras")
@@ -155,7 +164,7 @@ def test_cameras_that_nobody_calibrated_lead_to_the_wizard(server, open_panel):
 
 
 @pytest.fixture
-def video_server():
+def video_server() -> Callable[..., Any]:
     """The server of real video streams that the cameras' own tests use."""
     tests = Path(__file__).resolve().parents[1]
     path = tests / "observer" / "sources" / "cameras" / "video_server.py"
@@ -167,8 +176,11 @@ def video_server():
 
 @pytest.mark.slow
 def test_network_cameras_are_shown_as_what_they_deliver(
-    server, open_panel, video_server, keep_picture
-):
+    server: Server,
+    open_panel: OpenPanel,
+    video_server: Callable[..., Any],
+    keep_picture: KeepPicture,
+) -> None:
     page = open_panel()
     with video_server() as left, video_server() as right:
         spec = f"{left.url},{right.url}"

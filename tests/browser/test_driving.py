@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from .conftest import KeepPicture, OpenPanel, Server
 from .road import Road
 from .witness import TRIES, Witness, report
 
@@ -32,7 +33,7 @@ _ASK = """import("/static/app/notice.js").then((notice) => {
 
 
 @pytest.fixture(scope="module")
-def room(server) -> Iterator[Any]:
+def room(server: Server) -> Iterator[Server]:
     """The server on a simulated room in which there is space to drive."""
     _until(lambda: _opened(server, "simulated:drive"))
     _until(lambda: _all_disarmed(server))
@@ -50,7 +51,7 @@ def _until(is_so: Callable[[], bool], within_s: float = 60.0) -> None:
         time.sleep(0.05)
 
 
-def _opened(server, source: str) -> bool:
+def _opened(server: Server, source: str) -> bool:
     """Whether it was; the engine may be starting."""
     if server.api.put("/api/source", json={"source": source}).is_success:
         return True
@@ -58,23 +59,23 @@ def _opened(server, source: str) -> bool:
     return False
 
 
-def _play(server, rate: float) -> None:
+def _play(server: Server, rate: float) -> None:
     server.api.post("/api/playback", json={"rate": rate}).raise_for_status()
 
 
-def _all_disarmed(server) -> bool:
+def _all_disarmed(server: Server) -> bool:
     robots = server.get("/robots")["robots"].values()
     return all(robot and robot["state"] == "disarmed" for robot in robots)
 
 
 @pytest.fixture(autouse=True)
-def _begin_at_rest(room) -> None:
+def _begin_at_rest(room: Server) -> None:
     room.api.post("/api/robots/stop").raise_for_status()
     room.api.post("/api/robots/reset").raise_for_status()
 
 
 @pytest.fixture
-def seat(open_panel) -> Callable[..., Page]:
+def seat(open_panel: OpenPanel) -> Callable[..., Page]:
     """A page on the robots' tab, the obstacle chosen; ``armed`` arms it as well."""
 
     def sit(
@@ -125,7 +126,9 @@ def _drive(
     pytest.fail(f"it did not move: {page.locator('observer-robots').inner_text()}")
 
 
-def test_the_pad_drives_while_it_is_held(room, seat, keep_picture):
+def test_the_pad_drives_while_it_is_held(
+    room: Server, seat: Callable[..., Page], keep_picture: KeepPicture
+) -> None:
     page = seat()
     took = []
     with Witness(room) as witness:
@@ -153,7 +156,7 @@ def test_the_pad_drives_while_it_is_held(room, seat, keep_picture):
             page.mouse.up()
 
 
-def test_keys_drive_only_where_nobody_types(room, seat):
+def test_keys_drive_only_where_nobody_types(room: Server, seat: Callable[..., Page]) -> None:
     page = seat()
     with Witness(room) as witness:
         for key in ("w", "ArrowDown"):
@@ -179,7 +182,9 @@ def test_keys_drive_only_where_nobody_types(room, seat):
         report("field entered", witness.zero_after(start))
 
 
-def test_a_gamepad_drives_while_its_shoulder_button_is_held(room, seat):
+def test_a_gamepad_drives_while_its_shoulder_button_is_held(
+    room: Server, seat: Callable[..., Page]
+) -> None:
     page = seat()
     page.evaluate(_FAKE_GAMEPAD)
 
@@ -203,7 +208,9 @@ def test_a_gamepad_drives_while_its_shoulder_button_is_held(room, seat):
         witness.stays_zero(0.3)
 
 
-def test_a_page_that_is_left_stops_the_robot(room, seat, hide_page):
+def test_a_page_that_is_left_stops_the_robot(
+    room: Server, seat: Callable[..., Page], hide_page: Callable[[Page, bool], None]
+) -> None:
     page = seat()
     page.locator(".drive-pad").focus()
 
@@ -245,7 +252,9 @@ def test_a_page_that_is_left_stops_the_robot(room, seat, hide_page):
         witness.stays_zero(0.3)
 
 
-def test_the_second_operator_takes_over_and_the_first_is_told(room, seat):
+def test_the_second_operator_takes_over_and_the_first_is_told(
+    room: Server, seat: Callable[..., Page]
+) -> None:
     first = seat()
     second = seat(armed=False, refusals=True)
     expect(_card(second)).to_contain_text("drives it")
@@ -272,7 +281,9 @@ def test_the_second_operator_takes_over_and_the_first_is_told(room, seat):
     expect(second.locator(".stop-state")).to_contain_text("Stopped by")
 
 
-def test_space_and_esc_stop_wherever_one_is(room, seat, keep_picture):
+def test_space_and_esc_stop_wherever_one_is(
+    room: Server, seat: Callable[..., Page], keep_picture: KeepPicture
+) -> None:
     page = seat()
     latched = page.locator(".stop-latched")
 
@@ -312,7 +323,7 @@ def test_space_and_esc_stop_wherever_one_is(room, seat, keep_picture):
     page.locator("dialog").get_by_role("button", name="Keep").click()
 
 
-def test_the_keys_keep_their_meaning_while_nothing_is_armed(seat):
+def test_the_keys_keep_their_meaning_while_nothing_is_armed(seat: Callable[..., Page]) -> None:
     page = seat(armed=False)
     page.locator("#run-name").press("Space")
     expect(page.locator("#run-name")).to_have_value(" ")
@@ -325,7 +336,7 @@ def test_the_keys_keep_their_meaning_while_nothing_is_armed(seat):
     expect(page.locator(".stop-state")).to_contain_text("Stopped by")
 
 
-def test_a_slow_link_stops_and_says_so(room, seat):
+def test_a_slow_link_stops_and_says_so(room: Server, seat: Callable[..., Page]) -> None:
     roads: list[Road] = []
     page = seat(before=lambda page: roads.append(Road(page)))
     road = roads[0]
@@ -350,7 +361,9 @@ def test_a_slow_link_stops_and_says_so(room, seat):
         report("link lost", witness.zero_after(start))
 
 
-def test_a_finger_drives_on_a_phone(room, seat, keep_picture):
+def test_a_finger_drives_on_a_phone(
+    room: Server, seat: Callable[..., Page], keep_picture: KeepPicture
+) -> None:
     page = seat(viewport={"width": 360, "height": 780}, has_touch=True)
     expect(page.locator("#stop-robots")).to_be_in_viewport()
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
@@ -375,7 +388,9 @@ def test_a_finger_drives_on_a_phone(room, seat, keep_picture):
     expect(page.locator("#stop-robots")).to_be_in_viewport()
 
 
-def test_a_programme_runs_while_its_operator_is_there(room, seat, hide_page):
+def test_a_programme_runs_while_its_operator_is_there(
+    room: Server, seat: Callable[..., Page], hide_page: Callable[[Page, bool], None]
+) -> None:
     page = seat(refusals=True)
     both = page.locator("[data-programme=figure17_a]")
     expect(both.get_by_role("button", name="Start")).to_be_disabled()
@@ -393,7 +408,9 @@ def test_a_programme_runs_while_its_operator_is_there(room, seat, hide_page):
 
 
 @pytest.mark.patient
-def test_a_check_outlasts_the_page_that_is_closed(room, seat, keep_picture):
+def test_a_check_outlasts_the_page_that_is_closed(
+    room: Server, seat: Callable[..., Page], keep_picture: KeepPicture
+) -> None:
     page = seat()
     page.get_by_text("Check the guard").click()
     section = page.locator("observer-guard-check")
@@ -434,7 +451,7 @@ def test_a_check_outlasts_the_page_that_is_closed(room, seat, keep_picture):
     keep_picture(page, "guard-check-record")
 
 
-def _speed_up(page: Page, server, key: str) -> None:
+def _speed_up(page: Page, server: Server, key: str) -> None:
     """Hold a key until a check takes it for driving; again where the page was held up."""
     page.locator(".drive-pad").focus()
     for _ in range(TRIES):
@@ -451,6 +468,6 @@ def _speed_up(page: Page, server, key: str) -> None:
     pytest.fail(f"it did not drive: {page.locator('observer-robots').inner_text()}")
 
 
-def _speed(server) -> float:
+def _speed(server: Server) -> float:
     robot = server.get("/robots")["robots"]["obstacle"]
     return abs(robot["report"]["speed_mps"] or 0.0)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, Page, expect
+
+from .conftest import KeepPicture, OpenPanel, Server
 
 _TABS = ("Source", "Parameters", "Robots", "Calibration", "Runs", "Status")
 
@@ -74,8 +78,8 @@ _UNREACHED = """() => [...document.querySelectorAll(
 
 
 def test_a_phone_shows_everything_without_scrolling_sideways(
-    open_panel, keep_picture, wait_for_scene
-):
+    open_panel: OpenPanel, keep_picture: KeepPicture, wait_for_scene: Callable[[Page], None]
+) -> None:
     page = open_panel(viewer=True, viewport={"width": 360, "height": 780}, has_touch=True)
     wait_for_scene(page)
     keep_picture(page, "phone")
@@ -94,14 +98,14 @@ def test_a_phone_shows_everything_without_scrolling_sideways(
     keep_picture(page, "phone-parameters")
 
 
-def _darkness(page) -> float:
+def _darkness(page: Page) -> float:
     """0 for a white ground, 1 for a black one."""
     colour = page.evaluate("getComputedStyle(document.querySelector('aside')).backgroundColor")
     channels = [float(part) for part in colour.strip("rgba()").split(",")[:3]]
     return 1 - sum(channels) / 765
 
 
-def test_colours_follow_the_system_or_the_choice_and_stay(open_panel):
+def test_colours_follow_the_system_or_the_choice_and_stay(open_panel: OpenPanel) -> None:
     page = open_panel(color_scheme="dark")
     assert _darkness(page) > 0.85
     page.locator("input[name=theme][value=light]").check()
@@ -114,7 +118,9 @@ def test_colours_follow_the_system_or_the_choice_and_stay(open_panel):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_every_text_stands_out_and_every_control_has_a_name(open_panel, scheme):
+def test_every_text_stands_out_and_every_control_has_a_name(
+    open_panel: OpenPanel, scheme: str
+) -> None:
     page = open_panel(color_scheme=scheme)
     for tab in _TABS:
         page.get_by_role("tab", name=tab).click()
@@ -123,7 +129,7 @@ def test_every_text_stands_out_and_every_control_has_a_name(open_panel, scheme):
         assert page.evaluate(_NAMELESS) == [], tab
 
 
-def test_everything_is_reached_by_keyboard_and_its_focus_is_seen(open_panel):
+def test_everything_is_reached_by_keyboard_and_its_focus_is_seen(open_panel: OpenPanel) -> None:
     page = open_panel()
     page.get_by_role("tab", name="Source").focus()
     page.keyboard.press("ArrowRight")
@@ -139,7 +145,7 @@ def test_everything_is_reached_by_keyboard_and_its_focus_is_seen(open_panel):
     assert page.evaluate(_UNREACHED) == []
 
 
-def test_signing_in_by_hand(server, browser):
+def test_signing_in_by_hand(server: Server, browser: Browser) -> None:
     """Whoever comes without the link is asked for the token, and told where it is."""
     context = browser.new_context()
     page = context.new_page()

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import expect
+
+from .conftest import Eventually, KeepPicture, OpenPanel, Server
 
 # What the server makes of a recording is made by a process of the lowest priority.
 _MADE_MS = 60_000
 
 
 @pytest.fixture
-def kept_run(server, eventually) -> Iterator[str]:
+def kept_run(server: Server, eventually: Eventually) -> Iterator[str]:
     """A run of some frames; none is left behind."""
     started = server.api.post("/api/runs", json={"name": "ride"}).json()
     eventually(lambda: server.get(f"/runs/{started['id']}")["frames"] > 8, 30)
@@ -25,14 +27,20 @@ def kept_run(server, eventually) -> Iterator[str]:
         server.api.delete(f"/api/runs/{run['id']}")
 
 
-def _folder(server, run: str) -> Path:
+def _folder(server: Server, run: str) -> Path:
     command = server.process.cmdline()
     return Path(command[command.index("--data") + 1]) / "runs" / run
 
 
 def test_a_run_is_found_described_and_compared_with_truth(
-    server, open_panel, kept_run, plant_ride, eventually, keep_picture, tmp_path
-):
+    server: Server,
+    open_panel: OpenPanel,
+    kept_run: str,
+    plant_ride: Callable[[Path, str, Path], None],
+    eventually: Eventually,
+    keep_picture: KeepPicture,
+    tmp_path: Path,
+) -> None:
     plant_ride(_folder(server, kept_run), kept_run, tmp_path / "capture.csv")
     page = open_panel()
     # What is live is not looked at here, and its work would be waited for.
@@ -108,8 +116,12 @@ def test_a_run_is_found_described_and_compared_with_truth(
 
 
 def test_a_run_is_observed_again_compared_and_played(
-    server, open_panel, kept_run, eventually, keep_picture
-):
+    server: Server,
+    open_panel: OpenPanel,
+    kept_run: str,
+    eventually: Eventually,
+    keep_picture: KeepPicture,
+) -> None:
     name = "ego_motion.ransac_threshold_px"
     before = server.get("/parameters")["values"][name]
     page = open_panel()

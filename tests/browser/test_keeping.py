@@ -6,10 +6,14 @@ import re
 
 import cv2
 import numpy as np
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
+
+from .conftest import Eventually, Json, KeepPicture, OpenPanel, Pixels, Server
 
 
-def test_a_run_is_started_stopped_listed_and_deleted(server, open_panel, eventually, keep_picture):
+def test_a_run_is_started_stopped_listed_and_deleted(
+    server: Server, open_panel: OpenPanel, eventually: Eventually, keep_picture: KeepPicture
+) -> None:
     page = open_panel()
     page.get_by_label("Name of the run").fill("crossing")
     page.get_by_role("button", name="Start run").click()
@@ -58,7 +62,7 @@ def test_a_run_is_started_stopped_listed_and_deleted(server, open_panel, eventua
     assert server.get("/history")["total"] == 0
 
 
-def _calibration_of(camera) -> bytes:
+def _calibration_of(camera: Json) -> bytes:
     """The pair that is open, as an OpenCV file."""
     matrix = [camera["fx"], 0, camera["cx"], 0, camera["fy"], camera["cy"], 0, 0, 1]
     writer = cv2.FileStorage(
@@ -74,12 +78,14 @@ def _calibration_of(camera) -> bytes:
     return writer.releaseAndGetString().encode()
 
 
-def _choose(page, name: str, content: bytes) -> None:
+def _choose(page: Page, name: str, content: bytes) -> None:
     file = {"name": name, "mimeType": "application/yaml", "buffer": content}
     page.set_input_files("#calibration-file", files=[file])
 
 
-def test_a_bad_calibration_is_refused_in_one_sentence(server, open_panel):
+def test_a_bad_calibration_is_refused_in_one_sentence(
+    server: Server, open_panel: OpenPanel
+) -> None:
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Calibration").click()
     _choose(page, "holiday.yaml", b"beach: sunny\n")
@@ -90,8 +96,12 @@ def test_a_bad_calibration_is_refused_in_one_sentence(server, open_panel):
 
 
 def test_a_calibration_is_seen_before_it_is_used(
-    server, open_panel, eventually, keep_picture, pixels
-):
+    server: Server,
+    open_panel: OpenPanel,
+    eventually: Eventually,
+    keep_picture: KeepPicture,
+    pixels: Pixels,
+) -> None:
     page = open_panel()
     page.get_by_role("tab", name="Calibration").click()
     camera = server.get("/status")["camera"]

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Locator, Page, expect
+
+from .conftest import Eventually, OpenPanel, Server
 
 _NAME = "ego_motion.ransac_threshold_px"
 _FIELD = "#parameter-ego_motion-ransac_threshold_px"
 
 
 @pytest.fixture(autouse=True)
-def _default_values(server):
+def _default_values(server: Server) -> Iterator[None]:
     """Each test starts from, and leaves, the values of the preset ``default``."""
     defaults = next(p["values"] for p in server.get("/presets") if p["name"] == "default")
     yield
@@ -20,14 +23,16 @@ def _default_values(server):
 
 
 @pytest.fixture
-def form(open_panel):
+def form(open_panel: OpenPanel) -> Page:
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Parameters").click()
     expect(page.locator(_FIELD)).to_be_visible()
     return page
 
 
-def test_a_change_acts_on_the_next_frames_and_can_be_undone(server, form, eventually):
+def test_a_change_acts_on_the_next_frames_and_can_be_undone(
+    server: Server, form: Page, eventually: Eventually
+) -> None:
     before = server.get("/parameters")
     form.locator(_FIELD).fill("3.2")
     form.keyboard.press("Enter")
@@ -53,7 +58,9 @@ def test_a_change_acts_on_the_next_frames_and_can_be_undone(server, form, eventu
 
 
 @pytest.mark.parametrize("typed", ["99", "-1", ""])
-def test_a_bad_value_is_refused_in_words_and_the_old_one_stays(server, form, typed):
+def test_a_bad_value_is_refused_in_words_and_the_old_one_stays(
+    server: Server, form: Page, typed: str
+) -> None:
     before = server.get("/parameters")
     old = form.locator(_FIELD).input_value()
     form.locator(_FIELD).fill(typed)
@@ -66,7 +73,9 @@ def test_a_bad_value_is_refused_in_words_and_the_old_one_stays(server, form, typ
     assert server.get("/parameters") == before
 
 
-def test_a_slider_moves_by_keyboard_and_is_one_step_of_undo(server, form, eventually):
+def test_a_slider_moves_by_keyboard_and_is_one_step_of_undo(
+    server: Server, form: Page, eventually: Eventually
+) -> None:
     slider = form.get_by_label("RANSAC threshold, slider")
     slider.focus()
     start = server.get("/parameters")["values"][_NAME]
@@ -76,7 +85,7 @@ def test_a_slider_moves_by_keyboard_and_is_one_step_of_undo(server, form, eventu
     eventually(lambda: server.get("/parameters")["values"][_NAME] == start)
 
 
-def test_presets_and_search(server, form, eventually):
+def test_presets_and_search(server: Server, form: Page, eventually: Eventually) -> None:
     form.get_by_label("Preset", exact=True).select_option("paper")
     eventually(lambda: server.get("/parameters")["preset"] == "paper")
     form.locator("#preset-name").fill("mine")
@@ -91,8 +100,10 @@ def test_presets_and_search(server, form, eventually):
     eventually(lambda: server.get("/parameters")["preset"] == "default")
 
 
-def test_the_detector_acts_in_space_and_what_does_not_says_so(server, form, eventually):
-    def of(name):
+def test_the_detector_acts_in_space_and_what_does_not_says_so(
+    server: Server, form: Page, eventually: Eventually
+) -> None:
+    def of(name: str) -> Locator:
         return form.locator(f'observer-parameter[data-name="features.{name}"]')
 
     form.locator("details", has=of("detector")).locator("summary").click()

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from playwright.sync_api import Locator, Page, expect
+
+from .conftest import Eventually, Json, OpenPanel, Server
 
 _BY_ID = "/dev/serial/by-id/usb-Prolific_2303-if00-port0"
 _LOCKED = "/dev/ttyACM1 may be used by the group dialout only; join it"
 
 
-def _port(path: str, **changed):
+def _port(path: str, **changed: Any) -> Json:
     plain = {"by_id": None, "description": None, "usable": True, "trouble": None}
     return {"path": path, **plain, **changed}
 
 
 @pytest.fixture(autouse=True)
-def _a_robot(server, eventually):
+def _a_robot(server: Server, eventually: Eventually) -> None:
     eventually(lambda: server.get("/robots")["robots"]["observer"], 40)
 
 
@@ -30,7 +34,9 @@ def _opened_form(page: Page) -> Locator:
     return form
 
 
-def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(open_panel):
+def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(
+    open_panel: OpenPanel,
+) -> None:
     page = open_panel(viewer=False)
     ports = [
         _port("/dev/ttyUSB0", by_id=_BY_ID, description="USB-Serial Controller"),
@@ -60,7 +66,7 @@ def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(op
     assert form.locator("datalist option").count() == len(suggested) - 2
 
 
-def test_a_key_is_kept_and_seen_no_more(server, open_panel):
+def test_a_key_is_kept_and_seen_no_more(server: Server, open_panel: OpenPanel) -> None:
     key = "0123456789abcdefSECRET"
     shown = "external:127.0.0.1:7799"
     page = open_panel(viewer=False)

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from observer.simulation.scenarios import load_scenario
+
+from .conftest import Eventually, KeepPicture, OpenPanel, Server
 
 _IN_USE = "#pane-calibration observer-rig [role=status]"
 
 
 @pytest.fixture(autouse=True)
-def _unknown_before_and_after(server, eventually):
+def _unknown_before_and_after(server: Server, eventually: Eventually) -> Iterator[None]:
     def forget() -> None:
         if server.get("/rig")["mount"]:
             server.api.put("/api/rig", json={"mount": {}}).raise_for_status()
@@ -26,18 +30,20 @@ def _unknown_before_and_after(server, eventually):
 
 
 @pytest.fixture
-def panel(open_panel):
+def panel(open_panel: OpenPanel) -> Page:
     """The page at its rig, where values may be refused."""
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Calibration").click()
     return page
 
 
-def _mount(server):
+def _mount(server: Server) -> Any:
     return server.get("/status")["mount"]
 
 
-def test_what_is_typed_is_checked_and_levels_the_scene(server, panel, eventually, keep_picture):
+def test_what_is_typed_is_checked_and_levels_the_scene(
+    server: Server, panel: Page, eventually: Eventually, keep_picture: KeepPicture
+) -> None:
     true, rig = _mount(server), panel.locator("observer-rig")
     assert true["height_m"] != pytest.approx(0.83, abs=0.05)
     height, tilt = rig.get_by_label("Height, m"), rig.get_by_label("Tilt, °")
@@ -80,7 +86,9 @@ def test_what_is_typed_is_checked_and_levels_the_scene(server, panel, eventually
     assert "0.83" in coming.value.path().read_text()
 
 
-def test_the_floor_fills_in_what_it_tells_and_how_well(server, panel, keep_picture):
+def test_the_floor_fills_in_what_it_tells_and_how_well(
+    server: Server, panel: Page, keep_picture: KeepPicture
+) -> None:
     camera, rig = load_scenario("lab").camera, panel.locator("observer-rig")
     rig.get_by_label("Pan, °").fill("1.5")
     button = panel.get_by_role("button", name="Estimate from the floor")

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
+
+from .conftest import Eventually, KeepPicture, OpenPanel, Pixels, Server
+
+Confirmed = Callable[..., tuple[Page, int]]
 
 _MODEL = "#parameter-ego_motion-model"
 _MOVES = re.compile(r"Obstacle (\d+) moves at (\d+\.\d\d) ± \d+\.\d\d m/s")
 
 
 @pytest.fixture(autouse=True)
-def _as_it_begins(server, eventually):
+def _as_it_begins(server: Server, eventually: Eventually) -> Iterator[None]:
     """Each test starts from, and leaves, the default and a playback that goes on."""
 
     def reset() -> None:
@@ -27,10 +33,10 @@ def _as_it_begins(server, eventually):
 
 
 @pytest.fixture
-def confirmed(server, open_panel):
+def confirmed(server: Server, open_panel: OpenPanel) -> Confirmed:
     """A page that stands at a confirmed obstacle, and the obstacle's number."""
 
-    def open_one(**options):
+    def open_one(**options: Any) -> tuple[Page, int]:
         page = open_panel(**options)
         line = page.locator(".first-line-text")
         expect(line).to_have_text(_MOVES, timeout=40_000)
@@ -42,7 +48,9 @@ def confirmed(server, open_panel):
     return open_one
 
 
-def test_an_obstacle_is_confirmed_with_box_and_row(confirmed, pixels, keep_picture):
+def test_an_obstacle_is_confirmed_with_box_and_row(
+    confirmed: Confirmed, pixels: Pixels, keep_picture: KeepPicture
+) -> None:
     page, number = confirmed(color_scheme="light")
     row = page.locator("observer-obstacles tbody tr").first
     expect(row).to_contain_text(re.compile(rf"{number}\s*\d\.\d\d ± \d\.\d\d"))
@@ -56,7 +64,7 @@ def test_an_obstacle_is_confirmed_with_box_and_row(confirmed, pixels, keep_pictu
     keep_picture(page, "rigid")
 
 
-def test_a_pixel_of_it_is_answered_with_numbers(server, confirmed):
+def test_a_pixel_of_it_is_answered_with_numbers(server: Server, confirmed: Confirmed) -> None:
     page, number = confirmed()
     camera = server.get("/status")["camera"]
     places = [(u, v) for v in range(8, camera["height"], 12) for u in range(8, camera["width"], 12)]
@@ -87,7 +95,9 @@ def test_a_pixel_of_it_is_answered_with_numbers(server, confirmed):
     assert re.search(r"Anything faster than \d+\.\d\d m/s", still["would_change"])
 
 
-def test_the_model_is_changed_live_and_back(server, open_panel, eventually, keep_picture):
+def test_the_model_is_changed_live_and_back(
+    server: Server, open_panel: OpenPanel, eventually: Eventually, keep_picture: KeepPicture
+) -> None:
     page = open_panel()
     page.locator("input[name=view][value=warped]").check()
     page.get_by_role("tab", name="Parameters").click()

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Locator, Page, expect
 
+from .conftest import Eventually, KeepPicture, OpenPanel, Pixels, Server
+
 _SPEED, _STD, _TOP = 0.4, 0.05, 0.4 * 1.15
 _SHOW = """async (charts) => {
   const { RunChart } = await import("/static/app/runs/run-chart.js");
@@ -116,7 +118,9 @@ def _is_ground(picture: np.ndarray, x: float, y: float) -> bool:
     return bool(np.abs(around - picture[-5, 12].astype(int)).max() < 12)
 
 
-def test_stored_runs_are_drawn_read_zoomed_and_compared(open_panel, pixels, keep_picture):
+def test_stored_runs_are_drawn_read_zoomed_and_compared(
+    open_panel: OpenPanel, pixels: Pixels, keep_picture: KeepPicture
+) -> None:
     page = open_panel(color_scheme="light")
     page.evaluate(_SHOW, [_stored("crossing")])
     chart = page.locator("#charted")
@@ -195,7 +199,9 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(open_panel, pixels, keep
     assert chart.locator(".chart-errors table").count() == 0
 
 
-def test_live_curves_break_where_nothing_is_known(server, open_panel, free_port):
+def test_live_curves_break_where_nothing_is_known(
+    server: Server, open_panel: OpenPanel, free_port: int
+) -> None:
     page = open_panel()
     told = page.evaluate(_LIVE)
     (coasted,), (dropped,) = told["gaps"]
@@ -227,7 +233,9 @@ def test_live_curves_break_where_nothing_is_known(server, open_panel, free_port)
     assert "Truth" in saved.value.path().read_text()
 
 
-def test_what_is_seen_of_a_run_is_saved_in_two_clicks(server, open_panel, eventually):
+def test_what_is_seen_of_a_run_is_saved_in_two_clicks(
+    server: Server, open_panel: OpenPanel, eventually: Eventually
+) -> None:
     wanted = {"name": "figure 17", "source": "simulated:lab", "record": "none"}
     run = server.api.post("/api/runs", json=wanted).raise_for_status().json()["id"]
     eventually(lambda: server.get(f"/runs/{run}")["frames"] >= 30, 30)

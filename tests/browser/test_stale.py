@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import signal
 import time
+from collections.abc import Callable
 
 import psutil
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
+
+from .conftest import Eventually, KeepPicture, OpenPanel, Server
 
 # What an engine needs at least to start, and how long it is watched for being idle, seconds.
 _READING_S = 0.4
@@ -27,13 +30,13 @@ _REMEMBER = """() => {
 }"""
 
 
-def _engines(server) -> list[psutil.Process]:
+def _engines(server: Server) -> list[psutil.Process]:
     """The engine and the one that stands by for it: without that, going on takes a while."""
     children = server.process.children()
     return [each for each in children if "app.engine" in each.cmdline()]
 
 
-def _both_have_started(server) -> bool:
+def _both_have_started(server: Server) -> bool:
     """One that is struck while it starts is given half a minute to go on.
 
     It has started once it has read all its modules and does nothing more.
@@ -47,7 +50,7 @@ def _both_have_started(server) -> bool:
     return used_s > _READING_S and sum(standby.cpu_times()[:2]) - used_s < 0.1 * _IDLE_S
 
 
-def _strike(server, page, eventually, kind: signal.Signals) -> None:
+def _strike(server: Server, page: Page, eventually: Eventually, kind: signal.Signals) -> None:
     """Strike both engines, and see the page say so and go on with the next."""
     eventually(lambda: _both_have_started(server), 30)
     engine = server.get("/status")["engine"]
@@ -68,14 +71,17 @@ def _strike(server, page, eventually, kind: signal.Signals) -> None:
 
 
 def test_the_page_says_that_the_engine_is_gone_and_goes_on_with_the_next(
-    server, open_panel, eventually
-):
+    server: Server, open_panel: OpenPanel, eventually: Eventually
+) -> None:
     _strike(server, open_panel(), eventually, signal.SIGKILL)
 
 
 def test_everything_is_marked_while_the_server_is_silent(
-    server, open_panel, keep_picture, wait_for_scene
-):
+    server: Server,
+    open_panel: OpenPanel,
+    keep_picture: KeepPicture,
+    wait_for_scene: Callable[[Page], None],
+) -> None:
     page = open_panel(viewer=True, losses=True, viewport=_SMALL)
     wait_for_scene(page)
     server.process.suspend()
@@ -105,7 +111,7 @@ def test_everything_is_marked_while_the_server_is_silent(
 
 
 def test_the_page_says_that_the_engine_hangs_and_goes_on_with_the_next(
-    server, open_panel, eventually
-):
+    server: Server, open_panel: OpenPanel, eventually: Eventually
+) -> None:
     # Last: until then another engine has come to stand by.
     _strike(server, open_panel(), eventually, signal.SIGSTOP)

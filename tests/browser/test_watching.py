@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
+
+from .conftest import Eventually, KeepPicture, OpenPanel, Pixels, Server
 
 _FIRST_LINE = re.compile(
     r"Obstacle \d+ moves at (\d+\.\d\d)( ± \d+\.\d\d)? m/s.*, \d+\.\d m .* — truth \d\.\d\d m/s"
@@ -12,8 +15,13 @@ _FIRST_LINE = re.compile(
 
 
 def test_scene_views_and_first_line_show_the_moving_obstacle(
-    server, open_panel, keep_picture, eventually, pixels, wait_for_scene
-):
+    server: Server,
+    open_panel: OpenPanel,
+    keep_picture: KeepPicture,
+    eventually: Eventually,
+    pixels: Pixels,
+    wait_for_scene: Callable[[Page], None],
+) -> None:
     page = open_panel(viewer=True, color_scheme="light")
     line = page.locator(".first-line-text")
     expect(line).to_have_text(_FIRST_LINE, timeout=30_000)
@@ -40,7 +48,7 @@ def test_scene_views_and_first_line_show_the_moving_obstacle(
     keep_picture(page, "desktop-dark")
 
 
-def test_views_are_chosen_and_stay_chosen(open_panel, keep_picture):
+def test_views_are_chosen_and_stay_chosen(open_panel: OpenPanel, keep_picture: KeepPicture) -> None:
     page = open_panel()
     for name in ("warped", "disparity"):
         page.locator(f"input[name=view][value={name}]").check()
@@ -59,7 +67,9 @@ def test_views_are_chosen_and_stay_chosen(open_panel, keep_picture):
     expect(page.locator("observer-live-view")).to_have_count(3)
 
 
-def test_playback_pauses_steps_and_goes_on(server, open_panel, eventually):
+def test_playback_pauses_steps_and_goes_on(
+    server: Server, open_panel: OpenPanel, eventually: Eventually
+) -> None:
     page = open_panel()
     page.get_by_role("button", name="Pause").click()
     eventually(lambda: server.get("/status")["playback"]["paused"])
@@ -78,7 +88,9 @@ def test_playback_pauses_steps_and_goes_on(server, open_panel, eventually):
     eventually(lambda: server.get("/status")["playback"]["rate"] == 1)
 
 
-def test_a_source_that_is_not_there_is_refused_beside_its_field(server, open_panel):
+def test_a_source_that_is_not_there_is_refused_beside_its_field(
+    server: Server, open_panel: OpenPanel
+) -> None:
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Source").click()
     expect(page.locator(".source[aria-current=true] code")).to_have_text("simulated:lab")

@@ -39,7 +39,9 @@ def drive() -> tuple[StereoCalibration, list[StereoFrame], Pose]:
 
 
 @pytest.mark.parametrize(("detector", "method", "model"), COMBINATIONS)
-def test_the_camera_is_found_where_it_is(drive, detector: str, method: str, model: str) -> None:
+def test_the_camera_is_found_where_it_is(
+    drive: tuple[StereoCalibration, list[StereoFrame], Pose], detector: str, method: str, model: str
+) -> None:
     calibration, frames, true_pose = drive
     parameters = Parameters().changed(
         {"features.detector": detector, "matching.method": method, "ego_motion.model": model}

@@ -45,7 +45,7 @@ def moving() -> list[StereoFrame]:
 
 
 @pytest.mark.parametrize("camera", [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.0, 0.15)])
-def test_a_moving_board_is_confirmed_with_its_velocity(camera) -> None:
+def test_a_moving_board_is_confirmed_with_its_velocity(camera: tuple[float, float, float]) -> None:
     seen = observe_all(Observer(CALIBRATION), frames(9, camera_velocity=camera))
     assert all(o.status is Status.OK for o in seen[1:])
     for k, observation in enumerate(seen[5:], 5):
@@ -92,7 +92,9 @@ def test_parallax_is_called_moving_by_the_paper_and_not_by_the_default() -> None
 
 
 @pytest.mark.parametrize("name", ["paper", "default"])
-def test_equal_input_gives_equal_results_to_the_last_digit(moving, name: str) -> None:
+def test_equal_input_gives_equal_results_to_the_last_digit(
+    moving: list[StereoFrame], name: str
+) -> None:
     before = cv2.getNumThreads()
     lines = []
     try:
@@ -116,7 +118,7 @@ def test_the_first_frame_says_so() -> None:
     np.testing.assert_array_equal(first.T_world_camera.matrix, np.eye(4))
 
 
-def test_lines_have_no_nan_and_carry_what_was_observed(moving) -> None:
+def test_lines_have_no_nan_and_carry_what_was_observed(moving: list[StereoFrame]) -> None:
     observer = Observer(CALIBRATION, preset("default"), parameters_revision=7)
     line = observation_line(observe_all(observer, moving)[-1])
     again = json.loads(json.dumps(line, allow_nan=False))
@@ -145,7 +147,9 @@ ONE_CAMERA_ONLY = {"rays", "ray_evidence"}
     ("parameters", "own"),
     [(PLANAR, PLANAR_ONLY), (preset("paper"), PLANAR_ONLY), (Parameters(), RIGID_ONLY)],
 )
-def test_the_trace_holds_every_step_that_its_table_names(moving, parameters, own) -> None:
+def test_the_trace_holds_every_step_that_its_table_names(
+    moving: list[StereoFrame], parameters: Parameters, own: set[str]
+) -> None:
     trace = FullTrace()
     observer = Observer(CALIBRATION, parameters)
     observe_all(observer, moving[:5])
@@ -165,7 +169,7 @@ def test_the_trace_holds_every_step_that_its_table_names(moving, parameters, own
 
 
 @pytest.mark.parametrize("parameters", [PLANAR, Parameters()])
-def test_a_trace_changes_nothing(moving, parameters) -> None:
+def test_a_trace_changes_nothing(moving: list[StereoFrame], parameters: Parameters) -> None:
     lines = []
     for trace in (True, False):
         observer = Observer(CALIBRATION, parameters, clock=fixed_clock)
@@ -175,7 +179,7 @@ def test_a_trace_changes_nothing(moving, parameters) -> None:
 
 
 @pytest.mark.parametrize("parameters", [PLANAR, Parameters()])
-def test_colour_images_give_the_same_as_grey_ones(parameters) -> None:
+def test_colour_images_give_the_same_as_grey_ones(parameters: Parameters) -> None:
     grey, color = (
         observe_all(Observer(CALIBRATION, parameters, clock=fixed_clock), frames(5, color=c))
         for c in (False, True)
@@ -184,7 +188,7 @@ def test_colour_images_give_the_same_as_grey_ones(parameters) -> None:
 
 
 @pytest.mark.parametrize("parameters", [PLANAR, Parameters()])
-def test_speed_follows_uneven_times_and_dropped_frames(parameters) -> None:
+def test_speed_follows_uneven_times_and_dropped_frames(parameters: Parameters) -> None:
     steps = np.array([0.05, 0.09, 0.05, 0.13, 0.06, 0.1, 0.05, 0.08])
     times = (0.0, *np.cumsum(steps).tolist())
     sequence = frames(9, times=times)
@@ -198,7 +202,7 @@ def test_speed_follows_uneven_times_and_dropped_frames(parameters) -> None:
 
 
 @pytest.mark.parametrize("parameters", [PLANAR, Parameters()])
-def test_a_short_loss_is_bridged_and_the_world_stays(parameters) -> None:
+def test_a_short_loss_is_bridged_and_the_world_stays(parameters: Parameters) -> None:
     sequence = frames(12, camera_velocity=(0.1, 0.0, 0.0))
     sequence[6], sequence[7] = black(sequence[6]), black(sequence[7])
     seen = observe_all(Observer(CALIBRATION, parameters), sequence)
@@ -236,7 +240,7 @@ def test_a_long_loss_begins_a_new_segment() -> None:
     assert not before & after
 
 
-def test_a_repeated_frame_is_left_out(moving) -> None:
+def test_a_repeated_frame_is_left_out(moving: list[StereoFrame]) -> None:
     plain = Observer(CALIBRATION, clock=fixed_clock)
     stuttering = Observer(CALIBRATION, clock=fixed_clock)
     expected = observe_all(plain, moving[:6])
@@ -250,7 +254,7 @@ def test_a_repeated_frame_is_left_out(moving) -> None:
     assert [observation_line(o) for o in seen] == [observation_line(o) for o in expected]
 
 
-def test_time_that_runs_back_begins_a_new_segment(moving) -> None:
+def test_time_that_runs_back_begins_a_new_segment(moving: list[StereoFrame]) -> None:
     observer = Observer(CALIBRATION, preset("default"))
     observe_all(observer, moving[:6])
     back = observe_all(observer, moving[:5])
@@ -260,7 +264,7 @@ def test_time_that_runs_back_begins_a_new_segment(moving) -> None:
     assert back[4].reported
 
 
-def test_a_new_segment_forgets_everything(moving) -> None:
+def test_a_new_segment_forgets_everything(moving: list[StereoFrame]) -> None:
     observer = Observer(CALIBRATION, preset("default"))
     first = observe_all(observer, moving)
     observer.begin_segment()
@@ -283,7 +287,9 @@ def test_images_of_another_size_are_refused_with_both_sizes() -> None:
 
 
 @pytest.mark.parametrize("parameters", [PLANAR, Parameters()])
-def test_new_parameters_act_from_the_next_frame_on(moving, parameters) -> None:
+def test_new_parameters_act_from_the_next_frame_on(
+    moving: list[StereoFrame], parameters: Parameters
+) -> None:
     observer = Observer(CALIBRATION, parameters)
     observe_all(observer, moving[:6])
     strict = observer.parameters.changed({"ego_motion.min_inliers": 500, "features.max_count": 50})
@@ -295,7 +301,9 @@ def test_new_parameters_act_from_the_next_frame_on(moving, parameters) -> None:
     assert observer.parameters is strict
 
 
-def test_another_kind_of_model_begins_a_new_segment_and_numbers_run_on(moving) -> None:
+def test_another_kind_of_model_begins_a_new_segment_and_numbers_run_on(
+    moving: list[StereoFrame],
+) -> None:
     observer = Observer(CALIBRATION)
     homography = PLANAR.changed({"ego_motion.model": "homography"})
     numbers, segments = [], []
@@ -311,7 +319,9 @@ def test_another_kind_of_model_begins_a_new_segment_and_numbers_run_on(moving) -
     assert all(not a & b for a, b in itertools.combinations(numbers, 2))
 
 
-def test_a_model_of_the_same_kind_goes_on_and_one_of_the_other_begins_anew(moving) -> None:
+def test_a_model_of_the_same_kind_goes_on_and_one_of_the_other_begins_anew(
+    moving: list[StereoFrame],
+) -> None:
     homography = PLANAR.changed({"ego_motion.model": "homography"})
     for before, after, segment in (
         (PLANAR, homography, 0),

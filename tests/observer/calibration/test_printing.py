@@ -1,5 +1,6 @@
 import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,7 +81,9 @@ def read_pdf(board: Board, paper: Paper) -> Printed:
 @pytest.mark.parametrize(
     ("board", "paper"), BOARDS, ids=lambda value: getattr(value, "words", value)
 )
-def test_the_printed_board_is_found_in_true_scale(read, board: Board, paper: Paper) -> None:
+def test_the_printed_board_is_found_in_true_scale(
+    read: Callable[[Board, Paper], Printed], board: Board, paper: Paper
+) -> None:
     sheet = read(board, paper)
     assert sorted(sheet.size) == pytest.approx(PAPERS_MM[paper])
     found = detect_board(sheet.image, board)
@@ -96,7 +99,9 @@ def test_the_printed_board_is_found_in_true_scale(read, board: Board, paper: Pap
 @pytest.mark.parametrize(
     ("board", "paper"), BOARDS, ids=lambda value: getattr(value, "words", value)
 )
-def test_squares_are_exact_and_have_white_around_them(read, board: Board, paper: Paper) -> None:
+def test_squares_are_exact_and_have_white_around_them(
+    read: Callable[[Board, Paper], Printed], board: Board, paper: Paper
+) -> None:
     sheet = read(board, paper)
     side = 1e3 * board.square_m
     squares = [
@@ -115,7 +120,9 @@ def test_squares_are_exact_and_have_white_around_them(read, board: Board, paper:
 
 
 @pytest.mark.parametrize("read", [read_svg, read_pdf])
-def test_the_sheet_says_what_to_measure_and_what_it_is(read) -> None:
+def test_the_sheet_says_what_to_measure_and_what_it_is(
+    read: Callable[[Board, Paper], Printed],
+) -> None:
     words = read(Board("charuco", 9, 6, 0.02), "A4").words
     assert (
         "This bar must measure 100 mm. If it does not, print at 100 % "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -76,7 +77,9 @@ def test_brings_its_calibration(stereo_folder: Path) -> None:
     assert np.array_equal(calibration.K1, CALIBRATION.K1)
 
 
-def test_names_that_are_numbers_play_in_their_order(tmp_path: Path, make_image) -> None:
+def test_names_that_are_numbers_play_in_their_order(
+    tmp_path: Path, make_image: Callable[..., np.ndarray]
+) -> None:
     for number in range(12):
         for side in ("left", "right"):
             (tmp_path / side).mkdir(exist_ok=True)
@@ -87,7 +90,7 @@ def test_names_that_are_numbers_play_in_their_order(tmp_path: Path, make_image) 
 
 
 def test_missing_cut_and_resized_images_are_skipped_with_the_reason(
-    stereo_folder: Path, make_image
+    stereo_folder: Path, make_image: Callable[..., np.ndarray]
 ) -> None:
     (stereo_folder / "right" / "000001.png").unlink()
     cut = stereo_folder / "left" / "000002.png"
@@ -189,7 +192,7 @@ def remove(path: Path) -> None:
     ],
 )  # fmt: skip
 def test_an_unusable_stereo_folder_is_refused_in_one_sentence(
-    spoil, expected: str, stereo_folder: Path
+    spoil: Callable[[Path], object], expected: str, stereo_folder: Path
 ) -> None:
     spoil(stereo_folder)
     with pytest.raises(SourceError, match=expected) as caught:
@@ -334,7 +337,9 @@ def test_kitti_raw_refuses_a_malformed_stamp(raw_drive: Path) -> None:
         open_folder(raw_drive)
 
 
-def test_kitti_raw_sync_is_rectified_already(tmp_path: Path, make_image) -> None:
+def test_kitti_raw_sync_is_rectified_already(
+    tmp_path: Path, make_image: Callable[..., np.ndarray]
+) -> None:
     for camera, side in (("image_02", "left"), ("image_03", "right")):
         (tmp_path / camera / "data").mkdir(parents=True)
         stamps = [f"2011-09-26 13:02:2{k}.{k}00000000\n" for k in range(3)]
@@ -378,7 +383,7 @@ RIGHT_T_BS = "0, -1, 0, -0.02, 1, 0, 0, 0.05, 0, 0, 1, 0.01, 0, 0, 0, 1"
 
 
 @pytest.fixture
-def euroc(tmp_path: Path, make_image) -> Path:
+def euroc(tmp_path: Path, make_image: Callable[..., np.ndarray]) -> Path:
     for camera, side, T_BS in (("cam0", "left", LEFT_T_BS), ("cam1", "right", RIGHT_T_BS)):
         folder = tmp_path / "mav0" / camera
         (folder / "data").mkdir(parents=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import cv2
@@ -194,7 +194,7 @@ def test_a_video_whose_frames_are_not_rising_in_time_is_counted_by_its_rate(
         (lambda p: str(write_video(p / "one.avi", [image(0, "left")])), "fewer than two frames"),
     ],
 )  # fmt: skip
-def test_refuses(make, expected: str, tmp_path: Path) -> None:
+def test_refuses(make: Callable[[Path], str], expected: str, tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=expected) as caught:
         open_video(make(tmp_path))
     assert "\n" not in str(caught.value)

@@ -12,7 +12,9 @@ from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
 
 @pytest.mark.parametrize("speed", [0.0, 0.05, 0.2, 1.0, 5.0])
 @pytest.mark.parametrize("sigmas", [(0.02, 0.02, 0.02), (0.03, 0.02, 0.4)])
-def test_the_speeds_deviation_is_that_of_noisy_velocities(speed: float, sigmas) -> None:
+def test_the_speeds_deviation_is_that_of_noisy_velocities(
+    speed: float, sigmas: tuple[float, float, float]
+) -> None:
     """Noise across the motion only lengthens the vector: no less error, but never more."""
     rng = np.random.default_rng(0)
     truth = np.array([speed, 0.0, 0.0])

@@ -23,7 +23,9 @@ def described(make_track: MakeTrack, state: TrackState) -> Obstacle:
     return describe_body(track, Pose.identity(), np.zeros(3), 2.0)
 
 
-def test_without_a_pose_all_of_the_world_is_unknown_and_the_rest_stays(make_track) -> None:
+def test_without_a_pose_all_of_the_world_is_unknown_and_the_rest_stays(
+    make_track: MakeTrack,
+) -> None:
     known = described(make_track, TrackState.CONFIRMED)
     lost = without_pose(known)
     assert all(getattr(lost, name) is None for name in WORLD)
@@ -40,7 +42,9 @@ def test_without_a_pose_all_of_the_world_is_unknown_and_the_rest_stays(make_trac
         (TrackState.TENTATIVE, TrackState.TENTATIVE),
     ],
 )
-def test_who_was_confirmed_coasts(make_track, state: TrackState, reported: TrackState) -> None:
+def test_who_was_confirmed_coasts(
+    make_track: MakeTrack, state: TrackState, reported: TrackState
+) -> None:
     known = described(make_track, state)
     (lost,) = while_lost([(known, 0.1)], 0.4, 1.5)
     assert lost.state is reported
@@ -50,7 +54,7 @@ def test_who_was_confirmed_coasts(make_track, state: TrackState, reported: Track
     assert lost.reason.count("not seen for") == 1
 
 
-def test_who_was_not_seen_for_too_long_is_left_out(make_track) -> None:
+def test_who_was_not_seen_for_too_long_is_left_out(make_track: MakeTrack) -> None:
     known = described(make_track, TrackState.COASTING)
     assert len(while_lost([(known, 1.0), (known, 1.2)], 0.4, 1.5)) == 1
     assert while_lost([], 0.4, 1.5) == ()

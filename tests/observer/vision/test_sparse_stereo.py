@@ -22,7 +22,9 @@ POINTS = pixel_grid(WIDTH, HEIGHT, 11, 10)
 FREE = POINTS[POINTS[:, 0] > 106]
 
 
-def pair(disparity: float, noise: float = 1.5, gain: float = 1.0, offset: float = 0.0):
+def pair(
+    disparity: float, noise: float = 1.5, gain: float = 1.0, offset: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     left, right = WALL.moved(), WALL.moved(-disparity)
     return (
         as_image(left, noise, seed=1),

@@ -61,7 +61,9 @@ def test_only_the_strongest_are_kept() -> None:
     assert [p.response for p in some] == sorted((p.response for p in every), reverse=True)[:50]
 
 
-def test_descriptors_have_64_values_of_length_one_and_stay_with_their_points(blobs) -> None:
+def test_descriptors_have_64_values_of_length_one_and_stay_with_their_points(
+    blobs: np.ndarray,
+) -> None:
     points = surf_points(blobs, 1000)
     px, values = surf_descriptors(blobs, points)
     assert 2 <= len(px) == len(values)

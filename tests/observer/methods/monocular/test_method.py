@@ -74,7 +74,9 @@ def way_share(seen: Sequence[Observation], frames: Sequence[StereoFrame]) -> flo
     return float(way / np.linalg.norm(true[1].translation - true[0].translation))
 
 
-def test_a_crossing_robot_is_confirmed_with_its_place_and_velocity(seen, lateral) -> None:
+def test_a_crossing_robot_is_confirmed_with_its_place_and_velocity(
+    seen: list[Observation], lateral: list[StereoFrame]
+) -> None:
     for observation, frame in list(zip(seen, lateral, strict=True))[25:]:
         (true,) = [b for b in TRUTH.bodies(frame.time) if b.id == 1]
         (o,) = observation.reported
@@ -89,7 +91,9 @@ def test_a_crossing_robot_is_confirmed_with_its_place_and_velocity(seen, lateral
     assert "foot on the floor" in seen[-1].reported[0].reason
 
 
-def test_odometry_and_mount_tell_the_pose_in_metres(seen, lateral) -> None:
+def test_odometry_and_mount_tell_the_pose_in_metres(
+    seen: list[Observation], lateral: list[StereoFrame]
+) -> None:
     assert [s.status for s in seen[30:]] == [Status.OK] * (COUNT - 30)
     for observation, frame in zip(seen, lateral, strict=True):
         assert observation.T_world_camera is not None
@@ -98,7 +102,7 @@ def test_odometry_and_mount_tell_the_pose_in_metres(seen, lateral) -> None:
         assert np.linalg.norm(gap) < 0.03
 
 
-def test_the_height_above_the_floor_alone_tells_metres(lateral) -> None:
+def test_the_height_above_the_floor_alone_tells_metres(lateral: list[StereoFrame]) -> None:
     seen = observe(without_odometry(lateral))
     assert seen[5].T_world_camera is None
     assert seen[5].status is Status.DEGRADED
@@ -107,14 +111,14 @@ def test_the_height_above_the_floor_alone_tells_metres(lateral) -> None:
     assert way_share(seen, lateral) == pytest.approx(1, abs=0.05)
 
 
-def test_odometry_alone_tells_metres(lateral) -> None:
+def test_odometry_alone_tells_metres(lateral: list[StereoFrame]) -> None:
     seen = observe(lateral, mount=None)
     assert way_share(seen, lateral) == pytest.approx(1, abs=0.05)
     # Nothing tells where the ground is, on which obstacles stand.
     assert not any(s.obstacles for s in seen)
 
 
-def test_a_given_height_counts_rather_than_the_rig(lateral) -> None:
+def test_a_given_height_counts_rather_than_the_rig(lateral: list[StereoFrame]) -> None:
     assert MOUNT is not None
     tilt = float(np.degrees(MOUNT.tilt_rad))
     given = {"one_camera.height_m": 2 * MOUNT.height_m, "one_camera.tilt_deg": tilt}
@@ -122,7 +126,7 @@ def test_a_given_height_counts_rather_than_the_rig(lateral) -> None:
     assert way_share(seen, lateral) == pytest.approx(2, abs=0.1)
 
 
-def test_without_scale_it_refuses_and_says_what_it_needs(lateral) -> None:
+def test_without_scale_it_refuses_and_says_what_it_needs(lateral: list[StereoFrame]) -> None:
     for observation in observe(without_odometry(lateral[:12]), mount=None)[1:]:
         assert observation.status is Status.LOST
         assert observation.T_world_camera is None
@@ -142,17 +146,21 @@ def test_a_camera_that_only_turns_is_told_so() -> None:
         assert observation.obstacles == ()
 
 
-def test_the_right_image_changes_nothing_to_the_last_digit(seen, lateral) -> None:
+def test_the_right_image_changes_nothing_to_the_last_digit(
+    seen: list[Observation], lateral: list[StereoFrame]
+) -> None:
     rng = np.random.default_rng(1)
     noisy = [replace(f, right=rng.integers(0, 255, f.left.shape).astype(np.uint8)) for f in lateral]
     assert as_text(observe(noisy)) == as_text(seen)
 
 
-def test_equal_input_gives_equal_results_to_the_last_digit(seen, lateral) -> None:
+def test_equal_input_gives_equal_results_to_the_last_digit(
+    seen: list[Observation], lateral: list[StereoFrame]
+) -> None:
     assert as_text(observe(lateral)) == as_text(seen)
 
 
-def test_it_states_a_larger_uncertainty_than_two_cameras(seen) -> None:
+def test_it_states_a_larger_uncertainty_than_two_cameras(seen: list[Observation]) -> None:
     source = SimulatedSource(LATERAL)
     frames = [source.read() for _ in range(COUNT)]
     observer = Observer(source.calibration, Parameters().changed({"ego_motion.model": "rigid"}))
@@ -163,7 +171,7 @@ def test_it_states_a_larger_uncertainty_than_two_cameras(seen) -> None:
         assert np.trace(wide) > np.trace(narrow)
 
 
-def test_it_recovers_from_black_images(lateral) -> None:
+def test_it_recovers_from_black_images(lateral: list[StereoFrame]) -> None:
     dark = [
         replace(f, left=np.zeros_like(f.left), right=np.zeros_like(f.left)) for f in lateral[20:30]
     ]
@@ -175,7 +183,7 @@ def test_it_recovers_from_black_images(lateral) -> None:
     assert seen[-1].T_world_camera is not None
 
 
-def test_only_who_is_confirmed_has_a_number_that_lasts(seen) -> None:
+def test_only_who_is_confirmed_has_a_number_that_lasts(seen: list[Observation]) -> None:
     told = {(o.id, o.state is TrackState.TENTATIVE) for each in seen for o in each.obstacles}
     assert {number for number, tentative in told if not tentative} == {1}
     provisional = {number for number, tentative in told if tentative}
@@ -183,7 +191,9 @@ def test_only_who_is_confirmed_has_a_number_that_lasts(seen) -> None:
     assert max(provisional) < -1
 
 
-def test_who_was_there_coasts_through_black_images_and_keeps_its_number(lateral) -> None:
+def test_who_was_there_coasts_through_black_images_and_keeps_its_number(
+    lateral: list[StereoFrame],
+) -> None:
     dark = [
         replace(f, left=np.zeros_like(f.left), right=np.zeros_like(f.left)) for f in lateral[34:36]
     ]
@@ -203,7 +213,7 @@ def test_who_was_there_coasts_through_black_images_and_keeps_its_number(lateral)
     assert after.position is not None
 
 
-def test_any_pixel_can_be_asked(lateral) -> None:
+def test_any_pixel_can_be_asked(lateral: list[StereoFrame]) -> None:
     observer = Observer(SOURCE.calibration, ONE_CAMERA, mount=MOUNT)
     early = Observer(SOURCE.calibration, ONE_CAMERA, mount=None)
     for f in lateral[:40]:

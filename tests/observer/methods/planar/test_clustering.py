@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from observer.methods.planar.clustering import detect_obstacles, group_points
 from observer.parameters import ClusteringParameters, MotionParameters
-from observer.types import PointMotions
+from observer.types import Detection, PointMotions
 
 
 def blob(centre: tuple[float, float, float], count: int, seed: int = 0) -> np.ndarray:
@@ -75,7 +75,7 @@ def motions(
     )
 
 
-def detect(measured: PointMotions, **motion: float):
+def detect(measured: PointMotions, **motion: float) -> tuple[Detection, ...]:
     plain = {"min_significance": 0.0, "turn_sigma_radps": 0.0}
     parameters = MotionParameters(**{**plain, **motion})
     return detect_obstacles(measured, 1.5, ClusteringParameters(), parameters)

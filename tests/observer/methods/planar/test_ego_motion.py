@@ -199,7 +199,9 @@ def test_the_decomposition_gives_back_what_was_composed(
         ([[1, 0], [0, -1]], (0.0, 0.0, (1, -1))),
     ],
 )
-def test_the_decomposition_follows_table_one(row, expected) -> None:
+def test_the_decomposition_follows_table_one(
+    row: list[list[float]], expected: tuple[float, float, tuple[float, float]]
+) -> None:
     found = decompose_affine(np.column_stack([row, [0.0, 0.0]]))
     assert found.rotation_rad == pytest.approx(expected[0])
     assert found.shear == pytest.approx(expected[1])

@@ -34,7 +34,7 @@ def right(matches: Matches) -> np.ndarray:
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_descriptors_find_the_shift(pair, detector: str) -> None:
+def test_descriptors_find_the_shift(pair: tuple[np.ndarray, np.ndarray], detector: str) -> None:
     parameters = FeaturesParameters(detector=detector, max_count=400)
     first, second = (detect_features(image, parameters) for image in pair)
     matches = match_descriptors(*pair, first, second, MatchingParameters())
@@ -43,14 +43,16 @@ def test_descriptors_find_the_shift(pair, detector: str) -> None:
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_tracking_finds_the_shift(pair, detector: str) -> None:
+def test_tracking_finds_the_shift(pair: tuple[np.ndarray, np.ndarray], detector: str) -> None:
     first = detect_features(pair[0], FeaturesParameters(detector=detector, max_count=400))
     matches = track_features(*pair, first, MatchingParameters(), FlowParameters())
     assert len(matches) >= 30
     assert right(matches).mean() >= 0.95
 
 
-def test_ratio_and_cross_check_refuse_what_is_ambiguous(pair) -> None:
+def test_ratio_and_cross_check_refuse_what_is_ambiguous(
+    pair: tuple[np.ndarray, np.ndarray],
+) -> None:
     first, second = (detect_features(image, FeaturesParameters()) for image in pair)
     strict = match_descriptors(*pair, first, second, MatchingParameters(ratio=0.6))
     loose = match_descriptors(
@@ -73,7 +75,9 @@ def test_a_repeated_pattern_has_no_match_by_ratio() -> None:
 
 
 @pytest.mark.parametrize("method", ["descriptor", "klt"])
-def test_matches_that_move_too_far_are_refused(pair, method: str) -> None:
+def test_matches_that_move_too_far_are_refused(
+    pair: tuple[np.ndarray, np.ndarray], method: str
+) -> None:
     parameters = MatchingParameters(max_shift=0.01)
     first, second = (detect_features(image, FeaturesParameters()) for image in pair)
     if method == "klt":
@@ -84,7 +88,9 @@ def test_matches_that_move_too_far_are_refused(pair, method: str) -> None:
     assert not right(matches).any()
 
 
-def test_the_back_check_refuses_points_whose_place_is_covered(pair) -> None:
+def test_the_back_check_refuses_points_whose_place_is_covered(
+    pair: tuple[np.ndarray, np.ndarray],
+) -> None:
     first, second = pair
     covered = second.copy()
     covered[:, 200:300] = np.random.default_rng(1).integers(0, 256, (256, 100))
@@ -99,7 +105,9 @@ def test_the_back_check_refuses_points_whose_place_is_covered(pair) -> None:
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_nothing_to_match_gives_no_matches(pair, detector: str) -> None:
+def test_nothing_to_match_gives_no_matches(
+    pair: tuple[np.ndarray, np.ndarray], detector: str
+) -> None:
     nothing = Features(np.empty((0, 2), np.float32), None, detector)
     some = detect_features(pair[0], FeaturesParameters(detector=detector))
     for a, b in ((nothing, some), (some, nothing), (nothing, nothing)):

@@ -18,7 +18,9 @@ PLANAR = Parameters().changed({"ego_motion.model": "affine"})
 
 @pytest.mark.parametrize("parameters", [preset("paper"), PLANAR], ids=["paper", "affine"])
 @pytest.mark.parametrize("camera", [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.0, 0.15)])
-def test_a_moving_board_is_confirmed_as_the_model_sees_it(parameters, camera) -> None:
+def test_a_moving_board_is_confirmed_as_the_model_sees_it(
+    parameters: Parameters, camera: tuple[float, float, float]
+) -> None:
     observer = Observer(CALIBRATION, parameters)
     seen = observe_all(observer, frames(8, camera_velocity=camera))
     assert all(o.status is Status.OK for o in seen[1:])

@@ -36,7 +36,9 @@ def all_dynamic(before: np.ndarray, after: np.ndarray) -> ResidualFlow:
     return ResidualFlow(before.astype(np.float32), after.astype(np.float32), flags)
 
 
-def displaced(points: np.ndarray, velocity: np.ndarray, dt: float):
+def displaced(
+    points: np.ndarray, velocity: np.ndarray, dt: float
+) -> tuple[ResidualFlow, np.ndarray, np.ndarray]:
     """The flow and disparities of points that move, before a camera that stands still."""
     px, d = CAMERA.project(points)
     px_after, d_after = CAMERA.project(points + velocity * dt)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ POSE = Pose.from_rotvec((0.0, np.pi / 2, 0.0), (1.0, 0.0, 2.0))
 TIME = 3.0
 
 
-def track(**changes) -> Track:
+def track(**changes: Any) -> Track:
     """An obstacle 2 m ahead of the camera that moves to the camera's right at 0.5 m/s."""
     detection = Detection(
         position=np.array([0.0, 0.0, 2.0]),
@@ -42,7 +43,9 @@ def track(**changes) -> Track:
     )
 
 
-def described(of: Track, *, known: bool = True, camera_velocity=(0.0, 0.0, 0.0)) -> Obstacle:
+def described(
+    of: Track, *, known: bool = True, camera_velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Obstacle:
     velocity = np.array(camera_velocity) if known else None
     return describe_obstacle(of, POSE, POSE if known else None, velocity, TIME)
 
@@ -79,7 +82,9 @@ def test_without_a_pose_the_world_is_unknown_and_the_camera_is_not() -> None:
         ((0, 0, -0.2), (0, 0, 0.1), -0.3),
     ],
 )
-def test_closing_speed_is_how_fast_the_range_shrinks(camera, obstacle, closing: float) -> None:
+def test_closing_speed_is_how_fast_the_range_shrinks(
+    camera: tuple[float, float, float], obstacle: tuple[float, float, float], closing: float
+) -> None:
     moving = track(velocity=POSE.rotate(np.array(obstacle, float)))
     assert described(moving, camera_velocity=camera).closing_speed == pytest.approx(closing)
 

@@ -10,7 +10,7 @@ import pytest
 from observer.geometry import Pose
 from observer.methods.planar.tracking import Tracker
 from observer.parameters import TrackingParameters
-from observer.types import Detection, TrackState
+from observer.types import Detection, Track, TrackState
 
 DT = 1 / 15
 HERE = Pose.identity()
@@ -41,7 +41,7 @@ class Run:
         self.parameters = TrackingParameters(**parameters)
         self.time = 0.0
 
-    def see(self, *detections: Detection, pose: Pose = HERE, dt: float = DT):
+    def see(self, *detections: Detection, pose: Pose = HERE, dt: float = DT) -> tuple[Track, ...]:
         self.time += dt
         return self.tracker.update(detections, pose, self.time, self.parameters)
 

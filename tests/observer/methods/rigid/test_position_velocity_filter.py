@@ -53,7 +53,9 @@ def velocity_of(sums: PositionVelocityFilter) -> tuple[np.ndarray, np.ndarray]:
     return np.einsum("nij,nj->ni", cov, vector), cov
 
 
-def sightings(seed: int, count: int = 3, frames: int = 9):
+def sightings(
+    seed: int, count: int = 3, frames: int = 9
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.uniform(0.03, 0.2, frames))
     weights = np.stack([informations(rng, count) for _ in times])
