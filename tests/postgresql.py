@@ -160,11 +160,11 @@ def _initialise(bin: Path, folder: Path, user: dict[str, Any]) -> None:
     command = [str(bin / "initdb"), "-D", str(data), "-U", "observer", "-A", "trust"]
     command += ["-E", "UTF8", "--no-sync", "--no-instructions"]
     said = ""
+    as_user = {**user, "extra_groups": []} if user else {}
     for locale in _LOCALES:
         done = subprocess.run(
             [*command, *locale], cwd=folder, env=_ENVIRONMENT, capture_output=True, text=True,
-            stdin=subprocess.DEVNULL, check=False, timeout=60, **user,
-            **({"extra_groups": []} if user else {}),
+            stdin=subprocess.DEVNULL, check=False, timeout=60, **as_user,
         )  # fmt: skip
         if done.returncode == 0:
             return

@@ -73,7 +73,8 @@ def record_source(name: str, seed: int, limit: int, folder: Path, models: list[s
     cv2.setNumThreads(1)
     source = open_source(f"simulated:{name}?seed={seed}").source
     try:
-        observers, lines = {}, {}
+        observers: dict[str, Observer] = {}
+        lines: dict[str, list[str]] = {}
         for model in models:
             base, changes = MODELS[model]
             try:

@@ -12,7 +12,8 @@ import sys
 import psutil
 
 from app.messages import OpenSource
-from app.supervisor import Supervisor, SupervisorLimits
+from app.processes.supervisor import SupervisorLimits
+from app.supervisor import Supervisor
 
 
 async def main(command: list[str]) -> None:

@@ -33,7 +33,8 @@ from app.messages import (
     StopRun,
     WatchViews,
 )
-from app.supervisor import EngineRefused, EngineUnavailable, Supervisor, SupervisorLimits
+from app.processes.supervisor import SupervisorLimits
+from app.supervisor import EngineRefused, EngineUnavailable, Supervisor
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.parameters import preset
@@ -57,7 +58,7 @@ class Watched:
         self, command: tuple[str, ...] | None = WORKS, *, limits: SupervisorLimits = LIMITS
     ) -> None:
         given = {} if command is None else {"command": command}
-        self.supervisor = Supervisor(limits=limits, **given)  # type: ignore[arg-type]
+        self.supervisor = Supervisor(limits=limits, **given)
         self.events: list[tuple[float, Any]] = []
         self.supervisor.subscribe(lambda event: self.events.append((time.monotonic(), event)))
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import FilePayload, Page, expect
 
 from .conftest import Eventually, Json, KeepPicture, OpenPanel, Server
 
@@ -23,13 +23,11 @@ def _as_before(server: Server) -> Iterator[None]:
 
 
 def _choose(page: Page, **files: str) -> None:
-    page.set_input_files(
-        "#calibration-file",
-        files=[
-            {"name": f"{name}.yaml", "mimeType": "application/yaml", "buffer": text.encode()}
-            for name, text in files.items()
-        ],
-    )
+    payloads: list[FilePayload] = [
+        {"name": f"{name}.yaml", "mimeType": "application/yaml", "buffer": text.encode()}
+        for name, text in files.items()
+    ]
+    page.set_input_files("#calibration-file", files=payloads)
 
 
 def _camchain(camera: Json, baseline: str) -> str:

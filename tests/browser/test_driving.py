@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -133,7 +134,7 @@ def test_the_pad_drives_while_it_is_held(
     took = []
     with Witness(room) as witness:
         for right in (0.5, 0.7):
-            _drive(page, witness, lambda at=right: _press_pad(page, at), page.mouse.up)
+            _drive(page, witness, partial(_press_pad, page, right), page.mouse.up)
             start = time.monotonic()
             page.mouse.up()
             took.append(witness.zero_after(start))
@@ -163,8 +164,8 @@ def test_keys_drive_only_where_nobody_types(room: Server, seat: Callable[..., Pa
             _drive(
                 page,
                 witness,
-                lambda key=key: page.keyboard.down(key),
-                lambda key=key: page.keyboard.up(key),
+                partial(page.keyboard.down, key),
+                partial(page.keyboard.up, key),
             )
             start = time.monotonic()
             page.keyboard.up(key)

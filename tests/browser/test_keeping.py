@@ -6,7 +6,7 @@ import re
 
 import cv2
 import numpy as np
-from playwright.sync_api import Page, expect
+from playwright.sync_api import FilePayload, Page, expect
 
 from .conftest import Eventually, Json, KeepPicture, OpenPanel, Pixels, Server
 
@@ -79,7 +79,7 @@ def _calibration_of(camera: Json) -> bytes:
 
 
 def _choose(page: Page, name: str, content: bytes) -> None:
-    file = {"name": name, "mimeType": "application/yaml", "buffer": content}
+    file: FilePayload = {"name": name, "mimeType": "application/yaml", "buffer": content}
     page.set_input_files("#calibration-file", files=[file])
 
 

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -78,8 +79,7 @@ def test_the_database_is_locked(tmp_path: Path) -> None:
             with ThreadPoolExecutor(4) as people:
                 while time.monotonic() < until:
                     writes = [
-                        people.submit(timed, lambda i=i: save_preset(server, f"{i}"))
-                        for i in range(4)
+                        people.submit(timed, partial(save_preset, server, f"{i}")) for i in range(4)
                     ]
                     while not all(each.done() for each in writes):
                         seconds, answer = timed(lambda: server.request("GET", "/runs"))

@@ -75,7 +75,10 @@ def _frames(
         ]
         left, right = (image.astype(np.uint8) for image in images)
         if color:
-            left, right = (cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) for image in (left, right))
+            left, right = (
+                np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
+                for image in (left, right)
+            )
         out.append(StereoFrame(k, float(t), left, right, received=100.0 + t))
     return tuple(out)
 

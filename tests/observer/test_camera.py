@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,7 +88,9 @@ def test_any_difference_between_the_cameras_is_not_rectified() -> None:
         ({"T": [-1e-5, 0, 0]}, "outside 0.001 to 2 m"),
     ],
 )
-def test_an_impossible_calibration_is_refused_by_name(change: dict, sentence: str) -> None:
+def test_an_impossible_calibration_is_refused_by_name(
+    change: dict[str, Any], sentence: str
+) -> None:
     with pytest.raises(CalibrationError, match=sentence):
         dataclasses.replace(GOOD, **change)
 

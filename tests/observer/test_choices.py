@@ -30,7 +30,8 @@ FRAMES = 3
 def drive() -> tuple[StereoCalibration, list[StereoFrame], Pose]:
     """The first frames of a slow drive past a moving robot, and where it really led."""
     opened = open_source("simulated:lateral")
-    frames = [opened.source.read() for _ in range(FRAMES)]
+    read = [opened.source.read() for _ in range(FRAMES)]
+    frames = [frame for frame in read if isinstance(frame, StereoFrame)]
     assert opened.truth is not None
     assert opened.source.calibration is not None
     pose = opened.truth.camera_pose(frames[-1].time)

@@ -96,9 +96,9 @@ def test_what_is_no_rotation(matrix: np.ndarray) -> None:
 
 def test_maps_of_pixels() -> None:
     px = np.array([[10.0, 20.0], [0.0, 0.0]])
-    affine = [[1, 0.5, 3], [0, 2, -1], [0, 0, 1]]
+    affine = np.array([[1, 0.5, 3], [0, 2, -1], [0, 0, 1]])
     np.testing.assert_allclose(map_pixels(affine, px), [[23, 39], [3, -1]])
-    perspective = [[1, 0, 0], [0, 1, 0], [0.1, 0, 1]]
+    perspective = np.array([[1, 0, 0], [0, 1, 0], [0.1, 0, 1]])
     np.testing.assert_allclose(map_pixels(perspective, px), [[5, 10], [0, 0]])
     np.testing.assert_allclose(map_pixels(np.linalg.inv(affine), map_pixels(affine, px)), px)
     assert map_pixels(affine, np.empty((0, 2))).shape == (0, 2)

@@ -306,7 +306,8 @@ def test_another_kind_of_model_begins_a_new_segment_and_numbers_run_on(
 ) -> None:
     observer = Observer(CALIBRATION)
     homography = PLANAR.changed({"ego_motion.model": "homography"})
-    numbers, segments = [], []
+    numbers: list[set[int]] = []
+    segments: list[set[int]] = []
     for parameters in (Parameters(), PLANAR, homography, Parameters()):
         observer.use(parameters, len(segments))
         seen = observe_all(observer, moving)
@@ -344,10 +345,10 @@ def test_bad_pictures_are_answered_with_a_status_and_never_an_error(picture: str
     observer = Observer(CALIBRATION, preset("default"))
     for frame in frames(6):
         if picture == "noise":
-            images = rng.integers(0, 256, (2, HEIGHT, WIDTH)).astype(np.uint8)
+            left, right = rng.integers(0, 256, (2, HEIGHT, WIDTH)).astype(np.uint8)
         else:
-            images = [np.full((HEIGHT, WIDTH), 255 * (picture == "white"), np.uint8)] * 2
-        bad = StereoFrame(frame.index, frame.time, *images, frame.received)
+            left = right = np.full((HEIGHT, WIDTH), 255 * (picture == "white"), np.uint8)
+        bad = StereoFrame(frame.index, frame.time, left, right, frame.received)
         observation = observer.observe(bad)
         assert observation.status is not Status.OK
         assert observation.reasons

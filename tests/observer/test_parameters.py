@@ -105,7 +105,7 @@ def test_difference_is_what_has_to_be_changed(data: st.DataObject) -> None:
 
 def test_parameters_are_frozen() -> None:
     with pytest.raises(ValueError, match="frozen"):
-        Parameters().flow.window_px = 3
+        Parameters().flow.window_px = 3  # type: ignore[misc]
 
 
 def test_it_is_said_with_which_model_a_parameter_acts() -> None:

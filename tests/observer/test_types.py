@@ -83,7 +83,9 @@ def test_only_confirmed_and_coasting_obstacles_are_reported() -> None:
 
 
 def test_the_residual_is_observed_minus_predicted() -> None:
-    flow = ResidualFlow(np.float32([[1, 2]]), np.float32([[4, 1]]), np.array([True]))
+    flow = ResidualFlow(
+        np.array([[1, 2]], np.float32), np.array([[4, 1]], np.float32), np.array([True])
+    )
     np.testing.assert_array_equal(flow.residual_px, [[3, -1]])
     assert len(flow) == 1
 

@@ -105,8 +105,8 @@ class ScriptedServer:
                 for role in programme.roles:
                     wanted = velocity_at(programme, role, elapsed, repeat=repeat, reverse=reverse)
                     velocity[role] = wanted[0] if wanted else 0.0
-        for role, speed in velocity.items():
-            self.way[role] += speed * (now - self.updated)
+        for each, speed in velocity.items():
+            self.way[each] += speed * (now - self.updated)
         self.updated = now
         robots = {
             role: {

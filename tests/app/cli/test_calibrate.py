@@ -27,10 +27,10 @@ def calibrate(*arguments: str) -> None:
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Nine pairs of a 9x6 board of 25 mm squares, by two ideal cameras 10 cm apart."""
     folder = tmp_path_factory.mktemp("pictures")
-    squares = np.where(np.add.outer(np.arange(9), np.arange(12)) % 2 == 0, 20, 235)
+    squares = np.where(np.add.outer(np.arange(9), np.arange(12)) % 2 == 0, 20, 235).astype(np.uint8)
     squares[[0, -1]] = 235
     squares[:, [0, -1]] = 235
-    board = np.kron(squares.astype(np.uint8), np.ones((40, 40), np.uint8))
+    board = np.asarray(np.kron(squares, np.ones((40, 40), np.uint8)), np.uint8)
     step = 0.025 / 40
     middle = np.array([board.shape[1], board.shape[0]]) / 2 - 0.5
     to_board = np.array([[step, 0, -step * middle[0]], [0, step, -step * middle[1]], [0, 0, 1]])

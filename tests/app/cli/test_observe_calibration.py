@@ -27,13 +27,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             cv2.imwrite(str(file), image[:, shift : shift + 160])
     (folder / "images" / "times.txt").write_text("0\n0.1\n")
     K = np.array([[150.0, 0, 80], [0, 150, 60], [0, 0, 1]])
-    R = cv2.Rodrigues(np.array([0.0, 0.01, 0.0]))[0]
+    R = np.asarray(cv2.Rodrigues(np.array([0.0, 0.01, 0.0]))[0], np.float64)
     D = np.array([-0.1, 0.01, 0, 0])
     calibration = StereoCalibration(160, 120, K, D, K, D, R, np.array([-0.1, 0.001, 0]))
     kinds: tuple[ExportKind, ...] = ("opencv", "ros", "kalibr")
     for kind in kinds:
-        for file in export_calibration(calibration, kind, kind):
-            (folder / file.name).write_bytes(file.content)
+        for exported in export_calibration(calibration, kind, kind):
+            (folder / exported.name).write_bytes(exported.content)
     (folder / "of,mine.yaml").write_bytes((folder / "opencv.yaml").read_bytes())
     (folder / "wrong.yaml").write_bytes(
         (folder / "opencv.yaml").read_bytes().replace(b"image_width: 160", b"image_width: 320")

@@ -74,7 +74,7 @@ class Turning:
     def ready(self, role: Any) -> str:
         port = self.bench.robots[role].port
         assert self.ask(ConnectRobot(role, port, None, "real", "robot")).value == {}
-        lease = self.ask(TakeLease(role, "Ann")).value["lease"]  # type: ignore[index]
+        lease = self.ask(TakeLease(role, "Ann")).value["lease"]
         answer = self.ask(ArmRobot(role, lease)).value
         assert answer is not None
         assert answer["robot"]["state"] == "armed"
@@ -102,7 +102,7 @@ def test_a_commands_answer_is_what_was_really_sent_in_the_same_turn(turning: Tur
     }
     turning.bench.robots["obstacle"].most = 0.2
     answer = turning.ask(DriveCommand("obstacle", lease, 99, turning.bench.now, 0.9, 0.0))
-    assert (answer.value["speed_mps"], answer.value["limited_by"]) == (  # type: ignore[index]
+    assert (answer.value["speed_mps"], answer.value["limited_by"]) == (
         0.2,
         "the obstacle's robot takes no more",
     )
@@ -189,7 +189,7 @@ def test_an_unknown_port_is_refused_as_input(turning: Turning) -> None:
 
 def test_a_failure_within_stops_everything_and_is_told(turning: Turning) -> None:
     turning.ready("obstacle")
-    turning.loop._newest_sight = None  # type: ignore[assignment]
+    turning.loop._newest_sight = None
     turning.turn()
     assert turning.bench.robots["obstacle"].calls[-1] == ("stop",)
     assert turning.bench.roles.stopped is not None

@@ -20,6 +20,7 @@ from app.drive.messages import (
 )
 from app.runtime.errors import ProcessRefused
 from observer.errors import InputError
+from observer.rig.rig import ROLES
 from observer.robots.contract import RobotPhase
 from observer.types import Status
 
@@ -185,19 +186,19 @@ def test_what_the_robot_takes_is_what_counts_as_sent(bench: Any) -> None:
 
 
 def test_stop_reaches_all_robots_in_the_same_tick_and_latches(bench: Any) -> None:
-    for role in ("observer", "obstacle"):
+    for role in ROLES:
         bench.ready(role)
     for _ in range(10):
-        for role in ("observer", "obstacle"):
+        for role in ROLES:
             bench.drive(role, 0.3)
         bench.tick(5)
     bench.take(StopRobots("somebody at 10.0.0.7"))
-    for role, robot in bench.robots.items():
+    for name, robot in bench.robots.items():
         assert robot.calls[-1] == ("stop",)
-        assert bench.state(role) == "disarmed"
+        assert bench.state(name) == "disarmed"
     bench.tick()
     assert bench.kinds() == ["stop"]
-    for role in ("observer", "obstacle"):
+    for role in ROLES:
         bench.drive(role, 0.0)
         bench.hold(role, 0.3, 0.3)
         refused(bench, ArmRobot(role, bench.leases[role]), "stopped by somebody at 10.0.0.7")

@@ -57,8 +57,8 @@ def picture(corner: tuple[float, float] | None, side: int) -> np.ndarray:
     # An inner corner lies between four pixels.
     at = np.array(corner) - (SHIFT_PX * side, 0) - 2 * SQUARE_PX + 0.5
     put = np.array([[1.0, 0, at[0]], [0, 1.0, at[1]]])
-    drawn = cv2.warpAffine(drawn, put, SIZE, dst=image, borderMode=cv2.BORDER_TRANSPARENT)
-    return np.asarray(cv2.GaussianBlur(drawn, (0, 0), 0.7), np.uint8)
+    shown = cv2.warpAffine(drawn, put, SIZE, dst=image, borderMode=cv2.BORDER_TRANSPARENT)
+    return np.asarray(cv2.GaussianBlur(shown, (0, 0), 0.7), np.uint8)
 
 
 @dataclass
@@ -295,7 +295,7 @@ def test_what_needs_an_observer_is_refused_or_waits(bench: Bench) -> None:
 def test_an_image_that_breaks_the_search_ends_nothing(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plain = calibrating.detect_board
+    plain = detect_board
     fails = itertools.chain([False, True], itertools.repeat(False))
 
     def moody(*given: Any, **more: Any) -> Any:

@@ -31,8 +31,8 @@ def textured(disparity: np.ndarray, seed: int = 0) -> StereoFrame:
     left = cv2.remap(
         texture, u - disparity.astype(np.float32), v, cv2.INTER_LINEAR, None, cv2.BORDER_REFLECT
     )
-    pair = (np.clip(each, 0, 255).astype(np.uint8) for each in (left, right))
-    return StereoFrame(0, 0.0, *pair, received=0.0)
+    pair = [np.clip(each, 0, 255).astype(np.uint8) for each in (left, right)]
+    return StereoFrame(0, 0.0, pair[0], pair[1], received=0.0)
 
 
 def at(frame: StereoFrame, u: float, v: float, text: str = TEXT) -> dict[str, float]:
@@ -90,7 +90,7 @@ def test_a_floor_below_a_low_camera_is_no_edge() -> None:
 def slab(first: int, end: int, near: float = 30.0, far: float = 10.0) -> StereoFrame:
     """Something flat before a wall: columns ``first`` to ``end`` of the left image."""
     things = textured(np.full((HEIGHT, WIDTH), near), 1), textured(np.full((HEIGHT, WIDTH), far), 2)
-    columns = np.arange(WIDTH)
+    columns = np.arange(WIDTH, dtype=float)
     left = np.where((columns >= first) & (columns < end), things[0].left, things[1].left)
     columns = columns + near
     right = np.where((columns >= first) & (columns < end), things[0].right, things[1].right)

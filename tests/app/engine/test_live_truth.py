@@ -240,16 +240,16 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
     again = Lab(truth, lambda: listeners[-1])
     again.samples = lab.samples
     again._heard = lab._heard
-    entries = []
+    told_again: list[list[dict[str, Any]]] = []
     for index in range(340, len(lab.room.lines)):
-        entries.append(again.frame(index))
+        told_again.append(again.frame(index))
         # As fast as frames come, the thread looks at them ten times a second.
         time.sleep(0.12 if index > 358 else 0.0)
-        if entries[-1]:
+        if told_again[-1]:
             break
-    assert entries[-1], "the observer is seen, so nothing must be waited for"
+    assert told_again[-1], "the observer is seen, so nothing must be waited for"
     assert "as before the source was opened anew" in facts(truth)["sentence"]
-    place = next(e for e in entries[-1] if e["name"] == "P3DX")
+    place = next(e for e in told_again[-1] if e["name"] == "P3DX")
     assert np.linalg.norm(place["position"] - lab.room.centre(place["time"])) < 0.4
 
     # What was recorded once is not what motion capture tells of now.

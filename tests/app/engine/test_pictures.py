@@ -24,6 +24,7 @@ from observer.simulation.scenarios import load_scenario
 from observer.simulation.source import SimulatedSource
 from observer.simulation.world import World
 from observer.types import (
+    Image,
     Matches,
     MotionState,
     Observation,
@@ -81,10 +82,10 @@ def observed(
     height: int = HEIGHT,
 ) -> Observed:
     # Plain grey with a light stripe below, so that every colour found in it was drawn.
-    left = np.full((height, width), 90, np.uint8)
+    left: Image = np.full((height, width), 90, np.uint8)
     left[-30:] = 180
     if not gray:
-        left = cv2.cvtColor(left, cv2.COLOR_GRAY2BGR)
+        left = np.asarray(cv2.cvtColor(left, cv2.COLOR_GRAY2BGR), np.uint8)
     trace: dict[str, Any] = {"left": left}
     if full:
         previous = np.array([[40, 40], [80, 120], [220, 100]], np.float32)
@@ -93,7 +94,7 @@ def observed(
         trace |= {
             "previous_time": (index - 1) / 10,
             "previous_left": left if gray else left[..., 0],
-            "matches": Matches(previous, previous + np.float32([6, 0])),
+            "matches": Matches(previous, previous + np.array([6, 0], np.float32)),
             "ego_motion": Ego(),
             "warped_left": scene(width, height, seed=1),
             "disparity": disparity,

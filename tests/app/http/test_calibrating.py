@@ -8,6 +8,7 @@ import io
 import json
 import time
 import zipfile
+from collections.abc import Callable
 from typing import Any
 from xml.etree import ElementTree
 
@@ -286,7 +287,7 @@ def encrypted() -> bytes:
     return bytes(content)
 
 
-HARMFUL = {
+HARMFUL: dict[str, Callable[[], bytes]] = {
     "bomb": lambda: archive({"left/1.png": bytes(200_000_000), "right/1.png": b"x"}),
     "nested": nested,
     "link": link,

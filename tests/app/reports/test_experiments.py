@@ -16,12 +16,12 @@ from app.reports import report as report_module
 from app.reports.experiments import (
     Experiment,
     beside_published,
-    during,
     judged,
 )
 from app.reports.page import report_html
 from app.reports.report import Report, write_figures
 from app.reports.reproduction import Played
+from app.reports.stretches import during
 from observer.motion_profiles.profile import Programme
 from observer.recording.reader import Recording
 

@@ -85,7 +85,7 @@ def test_what_is_written_is_read(values: list[tuple[dict[str, object], list[byte
 def test_arrays_are_joined_as_their_bytes(slot: int) -> None:
     points = np.arange(12, dtype=np.float32).reshape(4, 3)
     colors = np.arange(12, dtype=np.uint8).reshape(4, 3)
-    LatestWriter(slot).write({"count": 4}, points, colors)
+    LatestWriter(slot).write({"count": 4}, points.data, colors.data)
     latest = LatestReader(slot).read()
     assert latest is not None
     assert latest.payload == points.tobytes() + colors.tobytes()

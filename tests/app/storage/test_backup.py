@@ -285,7 +285,10 @@ def listed(name: str, content: bytes) -> Callable[[dict[str, bytes]], None]:
 
 
 def without(name: str) -> Callable[[dict[str, bytes]], None]:
-    return lambda files: files.pop(name) and None
+    def change(files: dict[str, bytes]) -> None:
+        files.pop(name)
+
+    return change
 
 
 def of_version(number: int) -> Callable[[dict[str, bytes]], None]:

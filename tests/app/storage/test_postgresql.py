@@ -137,7 +137,7 @@ def test_a_server_that_goes_and_comes_again(tmp_path: Path, server: PrivateServe
 
 
 def stop(server: PrivateServer) -> None:
-    command = [server.bin / "pg_ctl", "-D", server.folder / "data", "-m", "fast", "stop"]
+    command = [str(server.bin / "pg_ctl"), "-D", str(server.folder / "data"), "-m", "fast", "stop"]
     subprocess.run(command, check=True, capture_output=True, **server.user, extra_groups=[])
     assert server.process is not None
     server.process.wait(10)

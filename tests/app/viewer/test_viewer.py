@@ -63,7 +63,7 @@ def test_the_rig_stands_on_the_floor_below_a_tilted_camera_wherever_it_drives() 
     # Straight ahead by a metre, in display axes.
     shift = Pose(np.eye(3), display.rotation.T @ np.array([1.0, 0, 0]))
     lines = display.apply(rig_edges(mount, shift).reshape(-1, 3)).reshape(-1, 2, 3)
-    np.testing.assert_allclose(lines[0], [[1, 0, 0.4], [1, 0, 0]], atol=1e-9)
+    np.testing.assert_allclose(lines[0], [[1.0, 0.0, 0.4], [1.0, 0.0, 0.0]], atol=1e-9)
     # The middle of the axle is behind the camera and to its right.
     np.testing.assert_allclose(lines[1][1], [0.9, -0.06, 0], atol=1e-9)
     assert rig_edges(CameraMount(0.4, 0.3), shift).shape == (1, 2, 3)
@@ -254,7 +254,7 @@ def test_zones_and_outline_lie_on_the_floor_around_the_robot_wherever_it_is() ->
     outline = _in_base(marks.outline, T)
     np.testing.assert_allclose(np.abs(outline[:4, 0, :2]), [[0.3, 0.2]] * 4, atol=1e-9)
     # What points ahead begins in the middle of the axle.
-    np.testing.assert_allclose(outline[4, :, :2], [[0, 0], [0.5, 0]], atol=1e-9)
+    np.testing.assert_allclose(outline[4, :, :2], [[0.0, 0.0], [0.5, 0.0]], atol=1e-9)
     assert (marks.level, marks.text) == ("slow", "slowed: obstacle 3 is 1.2 m ahead")
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from observer.calibration.board import Board
@@ -89,7 +90,7 @@ def views_of(
     return found
 
 
-def sighting(px: Float64Array, chosen: Float64Array | None = None) -> BoardSighting:
+def sighting(px: Float64Array, chosen: NDArray[np.bool_] | None = None) -> BoardSighting:
     """The corners in their order, or the chosen ones of them."""
     ids = np.arange(len(px), dtype=np.int32)
     if chosen is None:

@@ -64,7 +64,7 @@ def draw(
         [_brightness(board, drawing, to_board, u + du, v + dv) for dv in steps for du in steps],
         axis=0,
     )
-    image = cv2.GaussianBlur(total, (0, 0), blur)
+    image = np.asarray(cv2.GaussianBlur(total, (0, 0), blur), np.float64)
     image += np.random.default_rng(seed).normal(0, sigma, image.shape)
     squares = board.object_points / board.square_m + (0, 0, 1)
     there = squares @ homography.T
@@ -114,7 +114,7 @@ def seen_by(
     if board.kind == "chessboard":
         inside = np.full(len(px), ((outline >= 0) & (outline < size)).all())
     else:
-        inside = ((px > 6) & (px < np.array(size) - 6)).all(axis=1)
+        inside = np.all((px > 6) & (px < np.array(size) - 6), axis=1)
     if inside.sum() < 8:
         return None
     ids = np.flatnonzero(inside).astype(np.int32)

@@ -83,7 +83,7 @@ def test_unusable_images_are_refused_by_name_and_the_rest_is_used() -> None:
     told: list[float] = []
     good = [pictures(BOARD, seed) for seed in (1, 2, 3)]
     png = encoded(good[0][0])
-    small = cv2.resize(good[1][0], (320, 240))
+    small = np.asarray(cv2.resize(good[1][0], (320, 240)), np.uint8)
     blank = np.full((480, 640, 3), 128, np.uint8)
     found = find_boards(
         [
@@ -114,9 +114,11 @@ def test_unusable_images_are_refused_by_name_and_the_rest_is_used() -> None:
 
 
 def test_another_size_of_board_is_named() -> None:
-    small = [cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
-             for image in pictures(BOARD, 1)]  # fmt: skip
-    pairs = [pair_of("1", *small)]
+    left, right = (
+        np.asarray(cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA), np.uint8)
+        for image in pictures(BOARD, 1)
+    )
+    pairs = [pair_of("1", left, right)]
     with pytest.raises(CalibrationError, match=r"none of 1 pairs .* shows one of 9x6: give this"):
         find_boards(pairs, Board(columns=7, rows=4))
     with pytest.raises(CalibrationError, match="can be read: x x left is empty"):

@@ -12,6 +12,7 @@ from observer.calibration.detection import (
     turns_alike,
 )
 from observer.calibration.views import BoardSighting
+from observer.types import Image
 
 from .drawn_boards import SIZE, board_to_image, draw
 
@@ -76,7 +77,8 @@ def test_the_upper_left_pixel_s_centre_is_the_origin() -> None:
 def test_a_color_image_gives_the_same_corners_as_its_grey_one() -> None:
     image, _ = draw(CHESSBOARD, board_to_image(CHESSBOARD, 250))
     grey = detect_board(image, CHESSBOARD)
-    color = detect_board(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), CHESSBOARD)
+    colored = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
+    color = detect_board(colored, CHESSBOARD)
     assert grey is not None
     assert color is not None
     np.testing.assert_allclose(color.px, grey.px, atol=0.02)
@@ -172,20 +174,26 @@ def test_a_highlight_over_a_corner_misplaces_none() -> None:
         assert np.linalg.norm(found.px - truth, axis=1).max() < 2
 
 
+def read_image(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
+    image = cv2.imread(str(path), flags)
+    assert image is not None
+    return np.asarray(image, np.uint8)
+
+
 @pytest.mark.skipif(not RECORDED.is_dir(), reason=f"needs {RECORDED}")
 @pytest.mark.parametrize("quick", [False, True])
 def test_all_recorded_chessboards_are_found(quick: bool) -> None:
     missed = [
         path.name
         for path in sorted(RECORDED.glob("*.jpg"))
-        if detect_board(cv2.imread(str(path)), CHESSBOARD, quick=quick) is None
+        if detect_board(read_image(path), CHESSBOARD, quick=quick) is None
     ]
     assert not missed
 
 
 @pytest.mark.skipif(not RECORDED.is_dir(), reason=f"needs {RECORDED}")
 def test_a_part_of_a_recorded_board_is_not_taken_for_the_board() -> None:
-    image = cv2.imread(str(RECORDED / "left02.jpg"), cv2.IMREAD_GRAYSCALE)
+    image = read_image(RECORDED / "left02.jpg", cv2.IMREAD_GRAYSCALE)
     assert cv2.findChessboardCorners(image, (8, 6))[0], "OpenCV no longer finds a part of it"
     for quick in (False, True):
         assert detect_board(image, Board("chessboard", 8, 6), quick=quick) is None

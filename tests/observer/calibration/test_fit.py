@@ -72,7 +72,7 @@ def projected_errors(found: StereoCalibration, seed: int) -> np.ndarray:
 
 def test_says_how_sure_it_is_and_is_right_about_that() -> None:
     """Over seeds, errors are as large as the fit says: neither a tenth nor ten times."""
-    shares = {"focal": [], "baseline": [], "vergence": [], "depth": []}
+    shares: dict[str, list[float]] = {"focal": [], "baseline": [], "vergence": [], "depth": []}
     per_disparity = 3 / (TRUE.K1[0, 0] * TRUE.baseline)
     for seed in range(4):
         fit = fitted(views_of(TRUE, 8, 20 + seed))
@@ -210,7 +210,7 @@ def facing_views(count: int) -> list[BoardView]:
     found = []
     for k in range(count):
         place = np.array([rng.uniform(-0.2, 0.05), rng.uniform(-0.15, 0), rng.uniform(0.6, 1.1)])
-        turn = cv2.Rodrigues(rng.uniform(-0.04, 0.04, 3))[0]
+        turn = np.asarray(cv2.Rodrigues(rng.uniform(-0.04, 0.04, 3))[0], np.float64)
         pair = projected(TRUE, turn, place)
         noisy = [px + rng.normal(0, 0.15, px.shape) for px in pair]
         found.append(BoardView(str(k), *map(sighting, noisy)))

@@ -73,7 +73,9 @@ def test_the_side_that_is_said_to_be_away_is_away() -> None:
 
 def test_the_outline_has_the_perspective_of_its_pose() -> None:
     # Every pose wanted in turn, as if each were taken exactly.
-    kept, poses, told = [], [], 0
+    kept: list[PairMeasures] = []
+    poses: list[SeenPose] = []
+    told = 0
     for _ in range(8):
         pose = GUIDE.next_pose(kept, poses)
         assert pose is not None

@@ -156,7 +156,9 @@ class Server:
         if name == "zmqRemoteApi.require":
             return []
         if name == "zmqRemoteApi.info":
-            functions = {f: {"func": {}} for f in [*self._functions.names(), *_OF_THE_SERVER]}
+            functions: dict[str, Any] = {
+                f: {"func": {}} for f in [*self._functions.names(), *_OF_THE_SERVER]
+            }
             return [functions | {c: {"const": value} for c, value in CONSTANTS.items()}]
         space, _, function = name.partition(".")
         if function == "setStepping":

@@ -64,7 +64,7 @@ class Functions:
         t = math.radians(TILT_DEG)
         down = Pose.from_rotvec([0, t, 0], np.zeros(3)).rotation
         ahead = down @ np.array([[0, 0, 1.0], [1.0, 0, 0], [0, 1.0, 0]])
-        above_axle = Pose(ahead, [FORWARD_M, side * BASELINE_M, HEIGHT_M])
+        above_axle = Pose(ahead, np.array([FORWARD_M, side * BASELINE_M, HEIGHT_M]))
         return self.scene.room_pose(observer).inverse() @ above_axle
 
     # ------------------------------------------------------------------ time

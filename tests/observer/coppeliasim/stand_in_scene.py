@@ -142,7 +142,7 @@ class Scene:
             half = rate * dt / 2
             chord = speed * dt * (math.sin(half) / half if half else 1.0)
             # About the middle of the axle, which is not where the model has its origin.
-            T_robot_axle = Pose(np.eye(3), [thing.own["axle_x"], 0.0, 0.0])
+            T_robot_axle = Pose(np.eye(3), np.array([thing.own["axle_x"], 0.0, 0.0]))
             turned = Pose.from_rotvec(
                 [0, 0, rate * dt], [chord * math.cos(half), chord * math.sin(half), 0.0]
             )
@@ -174,7 +174,7 @@ class Scene:
         # A joint turns about its own z axis, which points to the left.
         across = Pose.from_rotvec([-math.pi / 2, 0, 0], np.zeros(3)).rotation
         for alias, side in (("leftMotor", 0.5), ("rightMotor", -0.5)):
-            at = [axle_x, side * track, radius - up]
+            at = np.array([axle_x, side * track, radius - up])
             joint = self.add(
                 JOINT, alias, robot, Pose(across, at), angle=0.0, velocity=0.0, target=0.0
             )
@@ -190,7 +190,7 @@ class Scene:
             )
             self.add(
                 PROXIMITY, "ultrasonicSensor", robot,
-                Pose(ahead, [0.15 * math.cos(a), 0.15 * math.sin(a), 0.07]),
+                Pose(ahead, np.array([0.15 * math.cos(a), 0.15 * math.sin(a), 0.07])),
             )  # fmt: skip
         if script:
             self.add(SCRIPT, "Script", robot, Pose.identity())

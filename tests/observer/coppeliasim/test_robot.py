@@ -20,6 +20,8 @@ from observer.errors import InputError
 from observer.opening import open_source
 from observer.robots.contract import SETPOINT_FRESH_S, Robot, RobotPhase
 
+from .reading import frame_of
+
 pytestmark = pytest.mark.usefixtures("extra")
 
 RADIUS, TRACK = 0.0975, 0.331
@@ -77,13 +79,13 @@ def test_driven_by_its_wheels_it_moves_the_camera(shared: Any) -> None:
     try:
         ports = {port.role: port.port for port in opened.robots.serve()}
         with _robot(shared, ports["observer"].removeprefix(shared.spec)) as robot:
-            assert isinstance(opened.source.read().time, float)
+            assert isinstance(frame_of(opened).time, float)
             robot.enable()
             before = robot.report().odometry
             assert before is not None
             with _held(robot, 0.3, 0.5):
-                assert _eventually(lambda: (s := robot.report().sent) and s.speed_mps == 0.3)
-                frames = [opened.source.read() for _ in range(21)]
+                assert _eventually(lambda: bool((s := robot.report().sent) and s.speed_mps == 0.3))
+                frames = [frame_of(opened) for _ in range(21)]
                 seen = robot.report
                 assert _eventually(lambda: abs((seen().speed_mps or 0.0) - 0.3) < 1e-6)
             assert robot.report().turn_rate_radps == pytest.approx(0.5)

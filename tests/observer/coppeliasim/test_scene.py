@@ -61,7 +61,8 @@ def test_built_twice_it_is_one_scene_in_which_the_crossing_robot_is_found(
     def drive() -> None:
         while not ended.wait(0.03):
             if robot.report().phase is RobotPhase.CONNECTED:
-                robot.report().motors_enabled or robot.enable()
+                if not robot.report().motors_enabled:
+                    robot.enable()
                 robot.drive(0.4, 0.0)
 
     thread = threading.Thread(target=drive, daemon=True)

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -21,6 +21,8 @@ from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
 from observer.parameters import Parameters
 from observer.types import Image
+
+from .reading import frame_of
 
 pytestmark = pytest.mark.usefixtures("extra")
 
@@ -110,7 +112,7 @@ def test_the_robots_are_told_with_their_roles(shared: Any) -> None:
 def test_truth_images_and_calibration_agree(shared: Any) -> None:
     """The red robot is where truth and calibration put it: in both images, upright, in BGR."""
     with _opened(shared) as opened:
-        frame = opened.source.read()
+        frame = frame_of(opened)
         c, truth = opened.source.calibration, opened.truth
         assert c is not None
         assert truth is not None
@@ -136,7 +138,7 @@ def test_everything_of_a_frame_is_of_one_instant(shared: Any) -> None:
         _roll(other, "/PioneerP3DX", 1.0, 1.0)
         positions, times, cameras = [], [], []
         for k in range(8):
-            frame = opened.source.read()
+            frame = frame_of(opened)
             assert frame.index == k
             times.append(frame.time)
             observer, obstacle = opened.truth.bodies(frame.time)
@@ -164,18 +166,18 @@ def test_everything_of_a_frame_is_of_one_instant(shared: Any) -> None:
 def test_time_stands_still_until_the_next_frame_however_long_that_is(shared: Any) -> None:
     """Longer than the simulator remembers a client that says nothing."""
     with _opened(shared) as opened:
-        before = opened.source.read().time
+        before = frame_of(opened).time
         time.sleep(1.5)
-        assert opened.source.read().time == pytest.approx(before + DT)
+        assert frame_of(opened).time == pytest.approx(before + DT)
 
 
 def test_a_simulator_that_forgot_us_is_held_again(shared: Any) -> None:
     with _opened(shared) as opened:
         opened.source.read()
-        before = opened.source.read().time
-        opened.source._connection.call("setStepping", False)
+        before = frame_of(opened).time
+        cast(Any, opened.source)._connection.call("setStepping", False)
         time.sleep(0.2)
-        times = [opened.source.read().time for _ in range(4)]
+        times = [frame_of(opened).time for _ in range(4)]
         assert times[0] > before + 2 * DT
         assert np.diff(times) == pytest.approx([DT] * 3)
 
@@ -183,11 +185,11 @@ def test_a_simulator_that_forgot_us_is_held_again(shared: Any) -> None:
 def test_a_scene_at_rest_does_not_look_like_a_frozen_camera(shared: Any) -> None:
     """Drawn images of it are the same to the last pixel, so a camera's noise is added."""
     with _opened(shared) as opened:
-        first = opened.source.read()
+        first = frame_of(opened)
         observer = Observer(opened.source.calibration, Parameters())
-        seen = [observer.observe(f) for f in (first, *(opened.source.read() for _ in range(6)))]
+        seen = [observer.observe(f) for f in (first, *(frame_of(opened) for _ in range(6)))]
         assert [o.status for o in seen[2:]] == ["ok"] * 5, seen[-1].reasons
-        last = opened.source.read()
+        last = frame_of(opened)
     change = np.abs(last.left.astype(int) - first.left)
     assert 0.5 < change.mean() < 2
     assert change.max() < 12
@@ -195,12 +197,12 @@ def test_a_scene_at_rest_does_not_look_like_a_frozen_camera(shared: Any) -> None
 
 def test_rewound_it_begins_anew(shared: Any) -> None:
     with shared.connected() as other, _opened(shared) as opened:
-        first = opened.source.read()
+        first = frame_of(opened)
         _roll(other, "/PioneerP3DX[1]", 5.0, 5.0)
         for _ in range(5):
-            last = opened.source.read()
+            last = frame_of(opened)
         opened.source.rewind()
-        again = opened.source.read()
+        again = frame_of(opened)
         assert (again.index, again.time) == (0, first.time)
         assert again.odometry == first.odometry
         assert np.array_equal(again.left, first.left)
@@ -229,7 +231,7 @@ def test_one_that_died_while_stepping_holds_nobody_up_for_long(shared: Any) -> N
     dead.call("setStepping", True)
     dead._abandon()
     with _opened(shared) as opened:
-        times = [opened.source.read().time for _ in range(3)]
+        times = [frame_of(opened).time for _ in range(3)]
     assert np.diff(times) == pytest.approx([DT] * 2)
 
 
@@ -279,7 +281,7 @@ def test_without_sensors_a_pair_is_put_onto_the_robot_and_found_again(bare: Any)
                 assert info.mount_left_m == pytest.approx(0.06, abs=1e-9)
                 assert info.mount_tilt_rad == pytest.approx(math.radians(6), abs=1e-9)
                 assert opened.source.calibration.is_rectified
-                assert opened.source.read().left.std() > 20
+                assert frame_of(opened).left.std() > 20
             _wait_until_stopped(other)
         kind = other.constant("object_visionsensor_type")
         scene = other.constant("handle_scene")

@@ -279,7 +279,7 @@ def test_a_changed_identity_is_a_switch_also_after_a_gap() -> None:
 
 
 def test_two_that_pass_each_other_are_paired_one_to_one() -> None:
-    paths = {1: ((-0.5, 0, 3.0), (0.4, 0, 0)), 2: ((0.6, 0, 3.2), (-0.4, 0, 0))}
+    paths = {1: ((-0.5, 0.0, 3.0), (0.4, 0.0, 0.0)), 2: ((0.6, 0.0, 3.2), (-0.4, 0.0, 0.0))}
     truth = StraightTruth(paths)
     lines = perfect(truth, 28)
     for each in lines:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import cv2
 import numpy as np
@@ -57,7 +57,7 @@ def test_functions_and_methods_are_counted_by_name() -> None:
 
 
 def test_results_are_those_of_opencv() -> None:
-    def work() -> tuple[np.ndarray, list[tuple[float, float]], np.ndarray]:
+    def work() -> tuple[np.ndarray, list[Sequence[float]], np.ndarray]:
         points = cv2.FastFeatureDetector.create(20).detect(IMAGE)
         disparity = cv2.StereoSGBM.create(numDisparities=16, blockSize=5).compute(IMAGE, IMAGE)
         return cv2.resize(IMAGE, (80, 60)), [p.pt for p in points], disparity

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def test_the_first_frame_can_be_compared_with_nothing() -> None:
     assert "no earlier frame" in answer.sentence
 
 
-def _lost(count: int, parameters: Parameters, *, follow: bool) -> dict[str, object]:
+def _lost(count: int, parameters: Parameters, *, follow: bool) -> dict[str, Any]:
     """A trace whose camera motion is estimated from ``count`` matches."""
     rng = np.random.default_rng(3)
     before = rng.uniform(20, 200, (count, 2)).astype(np.float32)

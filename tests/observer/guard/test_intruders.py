@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -120,7 +120,9 @@ def test_turning_on_the_spot_makes_nothing_come() -> None:
     assert drive_past(Surroundings((-1.0, 1.5, -0.8, 0.9)), 0.0, 0.5, 4.0) == 0
 
 
-def verdicts(wanted: tuple[float, float], range_at: Callable[[float], float | None]) -> list[str]:
+def verdicts(
+    wanted: tuple[float, float], range_at: Callable[[float], float | None]
+) -> Sequence[str]:
     """Levels while something comes from the left and the camera sees free floor."""
     guard, sonars, levels = Guard(P), {}, []
     bearings = tuple(np.radians(np.arange(-30.0, 31.0, 10.0)).tolist())

@@ -123,7 +123,7 @@ def test_the_way_back_of_a_robot_that_was_done_sooner_begins_later() -> None:
     played = programme(Step(1, 0.3), observer=(Step(4, 0.1),))
     assert velocity_at(played, "obstacle", 0.5, reverse=True) == (0.0, 0.0)
     assert velocity_at(played, "obstacle", 3.5, reverse=True) == (-0.3, 0.0)
-    assert math.copysign(1, velocity_at(played, "obstacle", 0.5, reverse=True)[0]) == 1  # type: ignore[index]
+    assert math.copysign(1, velocity_at(played, "obstacle", 0.5, reverse=True)[0]) == 1
 
 
 # --- the gesture -----------------------------------------------------------------------------

@@ -34,7 +34,7 @@ def lab() -> Iterator[OpenedSource]:
 def frames(lab: OpenedSource) -> tuple[StereoFrame, ...]:
     """Its first frames, received 1/15 s apart."""
     begin = time.monotonic()
-    found = []
+    found: list[StereoFrame] = []
     while len(found) < FRAMES:
         frame = lab.source.read()
         assert isinstance(frame, StereoFrame)

@@ -231,9 +231,9 @@ def test_a_run_goes_on_in_the_same_file_after_its_writer_was_killed(
     writer.finish()
     source = RecordingSource(path)
     read = []
-    while (frame := source.read()) is not None:
-        assert isinstance(frame, StereoFrame)
-        read.append((frame, source.begins))
+    while (item := source.read()) is not None:
+        assert isinstance(item, StereoFrame)
+        read.append((item, source.begins))
     source.close()
     assert len(read) == kept + 3
     for (frame, begins), old in zip(read[-3:], frames[:3], strict=True):
@@ -299,8 +299,8 @@ def test_a_run_goes_on_wherever_its_file_was_cut(
         np.testing.assert_array_equal(recording.pair(count - 1)[0].shape, frames[2].left.shape)
         assert [i.kind for i in recording.incidents()] == ["new topic"]
     for reader_of in (make_reader, lambda file: NonSeekingReader(file, validate_crcs=True)):
-        with path.open("rb") as file:
-            topics_read = [channel.topic for _, channel, _ in reader_of(file).iter_messages()]
+        with path.open("rb") as whole:
+            topics_read = [channel.topic for _, channel, _ in reader_of(whole).iter_messages()]
         assert topics_read.count(topics.FRAME.name) == count
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -46,7 +46,11 @@ def test_a_point_in_the_camera_frame_lies_in_both_images_as_taken_where_the_mess
     frames = poses(decoded(topics.TRANSFORMS, cameras.transforms(Pose.identity(), 7)))
     points = np.array([[0.3, -0.1, 3.0], [-0.8, 0.2, 4.0], [0.1, 0.3, 2.0]])
     taken = []
-    for side, topic in (("left", topics.LEFT_CALIBRATION), ("right", topics.RIGHT_CALIBRATION)):
+    sides: list[tuple[Literal["left", "right"], Any]] = [
+        ("left", topics.LEFT_CALIBRATION),
+        ("right", topics.RIGHT_CALIBRATION),
+    ]
+    for side, topic in sides:
         told = decoded(topic, cameras.calibration(side, 7))
         assert told.frame_id == f"camera_{side}"
         assert told.distortion_model == "plumb_bob"

@@ -13,5 +13,5 @@ from observer.simulation import rendering
 @pytest.fixture(scope="module", autouse=True)
 def painted_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rendering, "paint", lru_cache(maxsize=300)(rendering.paint))
+        patch.setattr(rendering, "paint", lru_cache(maxsize=300)(vars(rendering)["paint"]))
         yield

@@ -55,7 +55,7 @@ def test_the_covered_side_is_told(side: str, cover: object) -> None:
 def test_colour_images_are_judged_alike() -> None:
     check = CoverCheck()
     for _ in range(3):
-        check.look(cv2.cvtColor(seen(), cv2.COLOR_GRAY2BGR), seen())
+        check.look(np.asarray(cv2.cvtColor(seen(), cv2.COLOR_GRAY2BGR), np.uint8), seen())
     check.ask()
     for _ in range(5):
         check.look(np.zeros((240, 320, 3), np.uint8), seen())

@@ -13,7 +13,7 @@ import pytest
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, SourceError
-from observer.sources.contract import SkippedFrame, Source
+from observer.sources.contract import NoFrame, SkippedFrame, Source
 from observer.sources.folders import open_folder
 from observer.types import StereoFrame
 
@@ -23,6 +23,7 @@ CALIBRATION = StereoCalibration.rectified(64, 48, 60.0, 60.0, 31.5, 23.5, 0.12)
 def played(source: Source) -> list[StereoFrame | SkippedFrame]:
     result: list[StereoFrame | SkippedFrame] = []
     while (item := source.read()) is not None:
+        assert not isinstance(item, NoFrame)
         result.append(item)
         assert len(result) < 1000
     return result
@@ -168,8 +169,12 @@ def test_times_that_do_not_rise_cost_their_own_frames(
     assert rising == sorted(set(rising))
 
 
-def remove(path: Path) -> None:
-    shutil.rmtree(path) if path.is_dir() else path.unlink()
+def remove(*paths: Path) -> None:
+    for path in paths:
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
 
 
 @pytest.mark.parametrize(
@@ -177,7 +182,7 @@ def remove(path: Path) -> None:
     [
         (lambda p: remove(p / "times.txt"), r"times\.txt is missing; without the time"),
         (lambda p: remove(p / "right"), r"the folder .*right is missing"),
-        (lambda p: [remove(f) for f in (p / "left").iterdir()], r"left holds no images"),
+        (lambda p: remove(*(p / "left").iterdir()), r"left holds no images"),
         (lambda p: (p / "times.txt").write_text("0\n0.1\nsoon\n"), r"times\.txt line 3 must be"),
         (lambda p: (p / "times.txt").write_text("0\nnan\n"), r"times\.txt line 2 must be a time"),
         (lambda p: (p / "times.txt").write_bytes(b"\xff\xfe0\n"), r"times\.txt must be a text"),
@@ -187,7 +192,7 @@ def remove(path: Path) -> None:
          "no file name is in both left and right"),
         (lambda p: [f.write_text("x") for f in (p / "left").iterdir()],
          r"no pair of images that can be used: left/000000\.png is damaged or no image"),
-        (lambda p: [remove(f) for f in (p / "left").iterdir() if f.stem != "000001"],
+        (lambda p: remove(*(f for f in (p / "left").iterdir() if f.stem != "000001")),
          r"only one stereo pair .*at least two are needed"),
     ],
 )  # fmt: skip

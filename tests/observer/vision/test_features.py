@@ -50,8 +50,8 @@ def test_corners_are_found_where_they_are(detector: str) -> None:
     image = np.full((128, 256), 40, np.uint8)
     corners = np.array([[60, 40], [119, 40], [60, 89], [119, 89]])
     image[40:90, 60:120] = 220
-    image = cv2.GaussianBlur(image, (0, 0), 1.0)
-    found = detect_features(image, FeaturesParameters(detector=detector)).px
+    blurred = np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.uint8)
+    found = detect_features(blurred, FeaturesParameters(detector=detector)).px
     nearest = np.linalg.norm(found[:, None] - corners[None], axis=2).min(axis=0)
     assert (nearest <= 2).all()
 

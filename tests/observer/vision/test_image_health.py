@@ -131,11 +131,15 @@ def test_the_road_raises_no_alarm_and_is_seen_swapped(shared_data: Path, name: s
 # --- exposure ------------------------------------------------------------------------------
 
 
+def scaled(image: np.ndarray, gain: float) -> np.ndarray:
+    return np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)
+
+
 @pytest.mark.parametrize(
     ("fault", "told"),
     [
-        (lambda image: cv2.convertScaleAbs(image, alpha=1.5), "right image is 1.6 times"),
-        (lambda image: cv2.convertScaleAbs(image, alpha=0.6), "left image is 1.6 times"),
+        (lambda image: scaled(image, 1.5), "right image is 1.6 times"),
+        (lambda image: scaled(image, 0.6), "left image is 1.6 times"),
         (lambda image: with_gamma(image, 0.45), "right image is 1"),
         (lambda image: with_gamma(image, 1.8), "left image is"),
         (lambda image: noisy(np.zeros_like(image)), "right image is black"),
@@ -149,7 +153,7 @@ def test_what_is_wrong_with_one_image_is_told(
     pair: Pair, fault: Callable[[np.ndarray], np.ndarray], told: str
 ) -> None:
     # Dark enough that nothing is cut off where it gets brighter.
-    left, right = (cv2.convertScaleAbs(image, alpha=0.6) for image in pair)
+    left, right = (scaled(image, 0.6) for image in pair)
     assert told in (exposure_reason(left, fault(right)) or "")
     other_way = told.replace("right", "?").replace("left", "right").replace("?", "left")
     if "times" not in told:
@@ -173,7 +177,7 @@ def test_both_images_black_are_one_sentence(pair: Pair) -> None:
 
 @pytest.mark.parametrize("gain", [0.6, 1.4])
 def test_light_that_changes_for_both_is_no_fault_of_a_camera(pair: Pair, gain: float) -> None:
-    assert exposure_reason(*(cv2.convertScaleAbs(image, alpha=gain) for image in pair)) is None
+    assert exposure_reason(scaled(pair[0], gain), scaled(pair[1], gain)) is None
 
 
 def test_pictures_of_any_size_can_be_judged() -> None:

@@ -262,10 +262,10 @@ def test_the_first_in_every_empty_square_is_taken() -> None:
     square = grid_cells(px, marked, P)
     taken = np.unique(square[:50])
     chosen = first_in_empty(px, (WIDTH, HEIGHT), taken, marked, P)
-    expected = {}
-    for index in np.flatnonzero(inside):
+    expected: dict[int, int] = {}
+    for index in np.flatnonzero(inside).tolist():
         if square[index] not in taken:
-            expected.setdefault(square[index], index)
+            expected.setdefault(int(square[index]), index)
     assert len(chosen) > 50
     assert sorted(chosen) == sorted(expected.values())
 

@@ -111,7 +111,7 @@ def test_no_built_in_scene_jumps(name: str) -> None:
         assert all(poses)
         for noise in (FINE, COARSE):
             for share in (0.0, 0.5):
-                assert jumps(*dropped(poses, times, share), noise) == []  # type: ignore[arg-type]
+                assert jumps(*dropped(poses, times, share), noise) == []
 
 
 @pytest.mark.parametrize("name", ["kitti_static", "kitti_oncoming"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -31,7 +32,7 @@ def crooked(rotvec: tuple[float, float, float] = (0.01, -0.02, 0.015)) -> Stereo
         D1=np.array([-0.28, 0.09, 0.001, -0.0005, 0.0]),
         K2=np.array([[264.0, 0, 163], [0, 263, 117], [0, 0, 1]]),
         D2=np.array([-0.25, 0.07, -0.001, 0.0008, 0.0]),
-        R=cv2.Rodrigues(np.array(rotvec))[0],
+        R=np.asarray(cv2.Rodrigues(np.array(rotvec))[0], np.float64),
         T=np.array([-0.12, 0.003, 0.002]),
     )
 
@@ -43,7 +44,7 @@ def points_in_view(seed: int = 0, count: int = 40) -> NDArray[np.float64]:
     return np.stack([z * rng.uniform(-0.4, 0.4, count), z * rng.uniform(-0.3, 0.3, count), z], 1)
 
 
-def projected(calibration: StereoCalibration, points: NDArray[np.float64]) -> list[NDArray]:
+def projected(calibration: StereoCalibration, points: NDArray[np.float64]) -> list[np.ndarray]:
     """Distorted pixels (N, 2) in the left and the right image."""
     zero = np.zeros(3)
     rotvec = cv2.Rodrigues(calibration.R)[0]
@@ -172,16 +173,14 @@ def test_refuses_images_of_another_size(calibration: StereoCalibration, side: in
         ({"D2": np.array([3e5, -9e6, 0, 0, 1e9])}, "cannot be rectified"),
     ],
 )
-def test_refuses_what_cannot_be_rectified(
-    changes: dict[str, NDArray[np.float64]], expected: str
-) -> None:
+def test_refuses_what_cannot_be_rectified(changes: dict[str, Any], expected: str) -> None:
     with pytest.raises(CalibrationError, match=expected):
         Rectification(replace(crooked(), **changes))
 
 
 def vertical_errors(left: Image, right: Image) -> NDArray[np.float64]:
     """(N,) pixels: sub-pixel v_right - v_left of SIFT features that match without doubt."""
-    sift = cv2.SIFT_create(1000)
+    sift = cv2.SIFT.create(1000)
     left_points, left_values = sift.detectAndCompute(left, None)
     right_points, right_values = sift.detectAndCompute(right, None)
     pairs = cv2.BFMatcher().knnMatch(left_values, right_values, 2)
@@ -238,7 +237,7 @@ def fisheye(
         D1=np.array([0.02, -0.006, 0.002, -0.0004]),
         K2=np.array([[focal - 2, 0, 163], [0, focal - 1, 117], [0, 0, 1]]),
         D2=np.array([-0.01, 0.004, -0.001, 0.0002]),
-        R=cv2.Rodrigues(np.array(rotvec))[0],
+        R=np.asarray(cv2.Rodrigues(np.array(rotvec))[0], np.float64),
         T=np.array([-0.12, 0.003, 0.002]),
         distortion_model="equidistant",
     )
@@ -351,7 +350,7 @@ def test_a_lens_of_a_half_sphere_gives_a_plane_image_of_120_degrees() -> None:
     ],
 )
 def test_refuses_fisheye_pairs_that_cannot_be_rectified(
-    changes: dict[str, NDArray[np.float64]], expected: str
+    changes: dict[str, Any], expected: str
 ) -> None:
     with pytest.raises(CalibrationError, match=expected):
         Rectification(replace(fisheye(focal=400.0), **changes))

@@ -19,7 +19,7 @@ def pair(gain: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(0)
     noise = rng.integers(0, 256, (200, 320)).astype(np.uint8)
     first = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 2), None, 20, 160, cv2.NORM_MINMAX)
-    move = np.float32([[1, 0, SHIFT[0]], [0, 1, SHIFT[1]]])
+    move = np.array([[1, 0, SHIFT[0]], [0, 1, SHIFT[1]]], np.float32)
     second = cv2.warpAffine(first, move, (320, 200), borderMode=cv2.BORDER_REFLECT)
     return first, cv2.convertScaleAbs(second, alpha=gain)
 

@@ -157,7 +157,7 @@ TAKE_JSON = [
     ("PUT", "/api/rig"),
     ("PUT", "/api/rig/file"),
 ]
-KNOWN_KEYS = [
+KNOWN_KEYS: list[str] = [
     *("name", "source", "rate", "step", "preset", "parameters", THRESHOLD),
     *("square_mm", "columns", "capture", "remove", "automatic", "activate", "u", "v"),
     *("measured_m", "mount", "height_m", "value", "sigma", "models", "text"),

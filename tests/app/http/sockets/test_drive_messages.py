@@ -37,7 +37,9 @@ def test_what_a_page_sends_is_understood() -> None:
     assert read() == Command("observer", 3, 1.5005, (0.2, -1.0))
     assert read(type="present") == Command("observer", 3, 1.5005, None)
     assert read_message('{"type": "take", "role": "obstacle"}') == Take("obstacle", False)
-    assert read_message('{"type": "take", "role": "obstacle", "takeover": true}').takeover
+    assert read_message('{"type": "take", "role": "obstacle", "takeover": true}') == Take(
+        "obstacle", True
+    )
     assert read_message('{"type": "release", "role": "obstacle"}') == Release("obstacle")
     assert read_message('{"type": "stop"}') == Stop()
     assert read_message('{"type": "pong", "id": 4, "time": 250}') == Pong(4, 0.25)

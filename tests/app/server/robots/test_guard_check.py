@@ -34,7 +34,7 @@ STOP = StoppedEvent(
 )
 BLIND = replace(STOP, kind="sight", sentence="vision is none", separation_m=None)
 GONE = replace(STOP, kind="lease", sentence="its operator gave the lease back", separation_m=None)
-ROBOT = {
+ROBOT: dict[str, Any] = {
     "name": "amigo",
     "port": "external:127.0.0.1:7700",
     "operator": "Anna",
@@ -123,7 +123,7 @@ def test_what_is_not_as_promised_fails(changes: dict[str, Any], words: str) -> N
 
 def test_driving_is_shown_and_skipping_and_giving_up_name_who() -> None:
     check = begun()
-    moving = {**ROBOT, "report": {**ROBOT["report"], "speed_mps": -0.2}}  # type: ignore[dict-item]
+    moving = {**ROBOT, "report": {**ROBOT["report"], "speed_mps": -0.2}}
     check.robot_said(moving)
     assert states(check)[0] == "driving"
     check.robot_said(None)
@@ -221,7 +221,7 @@ def test_it_is_said_when_to_check_again(tmp_path: Path) -> None:
         ({"guard": {"guard.margin_m": 0.2}}, "the guard's parameters changed"),
     ):
         assert words in str(advice(newest, circumstances(**changes), today))
-    own = {**newest, "calibration": None}  # type: ignore[dict-item]
+    own = {**newest, "calibration": None}
     assert advice(own, circumstances(calibration=None), today) is None
     other = circumstances(calibration=None, source="camera:2,3")
     assert "the calibration changed" in str(advice(own, other, today))

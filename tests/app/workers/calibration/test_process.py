@@ -63,9 +63,9 @@ def views() -> tuple[BoardView, ...]:
 
 
 def picture(R: np.ndarray, t: np.ndarray, px_per_square: int = 40) -> bytes:
-    squares = np.where(np.add.outer(np.arange(9), np.arange(12)) % 2 == 0, 20, 235)
+    squares = np.where(np.add.outer(np.arange(9), np.arange(12)) % 2 == 0, 20, 235).astype(np.uint8)
     squares[[0, -1]] = squares[:, [0, -1]] = 235
-    drawn = np.kron(squares.astype(np.uint8), np.ones((px_per_square,) * 2, np.uint8))
+    drawn = np.asarray(np.kron(squares, np.ones((px_per_square,) * 2, np.uint8)), np.uint8)
     step = BOARD.square_m / px_per_square
     first = -step * (2 * px_per_square - 0.5)
     to_board = np.array([[step, 0, first], [0, step, first], [0, 0, 1]])
@@ -142,7 +142,7 @@ async def test_what_cannot_be_done_is_one_sentence(tmp_path: Path) -> None:
         tmp_path / "a.zip",
         {"left1.png": picture(R, t), "right1.png": picture(R, t - [BASELINE, 0, 0])},
     )
-    jobs = {
+    jobs: dict[str, Job] = {
         "there are no images to refine by yet": RefineRows(
             calibration_text(StereoCalibration.rectified(*SIZE, 500, 500, 320, 240, 0.1)), "x", ()
         ),

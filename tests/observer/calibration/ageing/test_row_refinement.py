@@ -144,7 +144,7 @@ def through_fisheye(image: Image, K: np.ndarray, D: np.ndarray) -> Image:
     px = np.stack([u, v], axis=-1).reshape(1, -1, 2)
     at = cv2.fisheye.undistortPoints(px, K, D, P=TRUE.K1).reshape(HEIGHT, WIDTH, 2)
     x, y = at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)
-    return cv2.remap(image, x, y, cv2.INTER_CUBIC)
+    return np.asarray(cv2.remap(image, x, y, cv2.INTER_CUBIC), np.uint8)
 
 
 def test_fisheye_lenses_are_refined_too() -> None:
@@ -152,9 +152,10 @@ def test_fisheye_lenses_are_refined_too() -> None:
     D = np.array([0.02, -0.005, 0.001, 0.0])
     lens = replace(TRUE, K1=K, K2=K, D1=D, D2=D, distortion_model="equidistant")
     real = turned(0.1, 0, -0.1)
-    pairs = [
-        tuple(through_fisheye(image, K, D) for image in pair_seen_by(real, seed)) for seed in (0, 1)
-    ]
+    pairs = []
+    for seed in (0, 1):
+        pair = pair_seen_by(real, seed)
+        pairs.append((through_fisheye(pair[0], K, D), through_fisheye(pair[1], K, D)))
     found = refined(lens, pairs)
     assert found.calibration.distortion_model == "equidistant"
     assert np.array_equal(found.calibration.D2, D)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -14,7 +15,7 @@ from observer.errors import CalibrationError
 SIZE = (1392, 512)
 
 
-def line(key: str, values: object) -> str:
+def line(key: str, values: npt.ArrayLike) -> str:
     return f"{key}: {' '.join(repr(float(v)) for v in np.ravel(values))}\n"
 
 

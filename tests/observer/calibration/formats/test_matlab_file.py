@@ -56,11 +56,12 @@ def parameters(**changes: object) -> dict[str, object]:
 
 
 def saved(value: object, *, compressed: bool = True, **further: object) -> bytes:
-    file = io.BytesIO()
+    # The stubs of scipy know paths only.
+    file: Any = io.BytesIO()
     scipy.io.savemat(
         file, {"stereoParams": value, **further}, do_compression=compressed, oned_as="row"
     )
-    return file.getvalue()
+    return bytes(file.getvalue())
 
 
 def saved_object(
@@ -268,7 +269,7 @@ def test_any_bytes_behind_a_header_are_refused(content: bytes) -> None:
 def test_damaged_objects_are_refused_and_end_no_process_but_their_own(tmp_path: Path) -> None:
     whole = saved_object(tmp_path, parameters(), "stereoParameters", "v7", compressed=False)
     at = whole.index(b"FileWrapper__")
-    refusals = []
+    refusals: list[int] = []
     # Single bytes that make mat-io 1.0.2 end its process by a signal.
     for offset, byte in ((1065, 255), (2785, 127)):
         damaged = bytearray(whole)

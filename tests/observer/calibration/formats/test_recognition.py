@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,17 +21,18 @@ from observer.errors import CalibrationError
 
 RIG = StereoCalibration(
     640, 480,
-    K1=[[500, 0, 320], [0, 501, 240], [0, 0, 1]], D1=[-0.1, 0.02, 0, 0],
-    K2=[[499, 0, 318], [0, 500, 241], [0, 0, 1]], D2=[-0.2, 0.1, 0, 0],
-    R=cv2.Rodrigues(np.array([0.01, 0.02, -0.03]))[0], T=[-0.12, 0.001, 0.002],
-)  # type: ignore[arg-type]  # fmt: skip
+    K1=np.array([[500.0, 0, 320], [0, 501, 240], [0, 0, 1]]), D1=np.array([-0.1, 0.02, 0, 0]),
+    K2=np.array([[499.0, 0, 318], [0, 500, 241], [0, 0, 1]]), D2=np.array([-0.2, 0.1, 0, 0]),
+    R=np.asarray(cv2.Rodrigues(np.array([0.01, 0.02, -0.03]))[0], np.float64),
+    T=np.array([-0.12, 0.001, 0.002]),
+)  # fmt: skip
 
 
 def exported(kind: str) -> tuple[NamedFile, ...]:
     return export_calibration(RIG, kind, "a")  # type: ignore[arg-type]
 
 
-def row(key: str, values: object) -> str:
+def row(key: str, values: npt.ArrayLike) -> str:
     return f"{key}: {' '.join(repr(float(v)) for v in np.ravel(values))}\n"
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from observer.calibration.formats.recognition import read_any
@@ -18,7 +21,7 @@ R = cv2.Rodrigues(np.array([0.02, -0.03, 0.01]))[0]
 T = np.array([-0.12, 0.003, -0.002])
 
 
-def matrix(key: str, values: object, rows: int) -> str:
+def matrix(key: str, values: Any, rows: int) -> str:
     numbers = np.ravel(values)
     return (
         f"{key}:\n  rows: {rows}\n  cols: {len(numbers) // rows}\n"
@@ -26,12 +29,17 @@ def matrix(key: str, values: object, rows: int) -> str:
     )
 
 
-def camera_info(side: str, model: str = "plumb_bob", D: object = None, **changes: object) -> str:
+def camera_info(
+    side: str, model: str = "plumb_bob", D: npt.ArrayLike | None = None, **changes: object
+) -> str:
     """As camera_calibration writes it, with OpenCV's own rectification of the pair."""
     both = cv2.stereoRectify(
         K["left"], np.zeros(5), K["right"], np.zeros(5), SIZE, R, T.reshape(3, 1)
     )
-    values = {"R": both[0 if side == "left" else 1], "P": both[2 if side == "left" else 3]}
+    values: dict[str, Any] = {
+        "R": both[0 if side == "left" else 1],
+        "P": both[2 if side == "left" else 3],
+    }
     values |= {"K": K[side], "width": SIZE[0], "name": f"narrow_stereo/{side}"} | changes
     D = globals()["D"][side] if D is None else D
     return (
@@ -45,7 +53,9 @@ def camera_info(side: str, model: str = "plumb_bob", D: object = None, **changes
     )
 
 
-def files(left: str, right: str, names: tuple[str, str] = ("left.yaml", "right.yaml")) -> list:
+def files(
+    left: str, right: str, names: tuple[str, str] = ("left.yaml", "right.yaml")
+) -> list[NamedFile]:
     texts = zip(names, (left, right), strict=True)
     return [NamedFile(name, text.encode()) for name, text in texts]
 
@@ -85,8 +95,9 @@ def test_the_projection_tells_left_from_right_whatever_the_names_say() -> None:
         ("plumb_bob", [0.1, 0.2, 0, 0], "radtan"),
     ],
 )
-def test_lens_models(model: str, coefficients: object, understood: str) -> None:
-    pair = files(*(camera_info(side, model, coefficients) for side in ("left", "right")))
+def test_lens_models(model: str, coefficients: npt.ArrayLike, understood: str) -> None:
+    left, right = (camera_info(side, model, coefficients) for side in ("left", "right"))
+    pair = files(left, right)
     made = read_any(pair).calibration
     assert made.distortion_model == understood
     assert np.allclose(made.D1, np.array(coefficients), rtol=0, atol=1e-12)

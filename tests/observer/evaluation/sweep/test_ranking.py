@@ -7,6 +7,7 @@ import io
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet
 import pytest
 
@@ -142,10 +143,10 @@ def test_the_figure_shows_points_and_front(sweep: Sweep, tmp_path: Path) -> None
     figure = sweep_figure(sweep, ranking(sweep), "mota")
     (axes,) = figure.axes
     points, front, default = axes.lines
-    assert sorted(points.get_xdata()) == pytest.approx([1.1, 1.5, 3.1])
-    assert list(front.get_xdata()) == pytest.approx([1.1, 3.1])
-    assert list(front.get_ydata()) == pytest.approx([0.6, 0.9])
-    assert list(default.get_xdata()) == [1.0, 1.0]
+    assert sorted(np.asarray(points.get_xdata())) == pytest.approx([1.1, 1.5, 3.1])
+    assert list(np.asarray(front.get_xdata())) == pytest.approx([1.1, 3.1])
+    assert list(np.asarray(front.get_ydata())) == pytest.approx([0.6, 0.9])
+    assert list(np.asarray(default.get_xdata())) == [1.0, 1.0]
     save_figure(figure, tmp_path / "sweep.png")
     assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
 

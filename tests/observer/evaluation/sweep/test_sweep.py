@@ -21,6 +21,7 @@ from observer.evaluation.sweep.sources import sweep_source
 from observer.evaluation.sweep.store import TaskStore
 from observer.evaluation.sweep.sweep import CoreUse, Plan, SweepRun
 from observer.evaluation.sweep.task import Outcome, Task, method_version, run_task
+from observer.opening import open_source
 from observer.parameters import preset
 from observer.types import StereoFrame
 
@@ -143,7 +144,7 @@ def test_a_source_is_read_once_unless_it_is_too_large(
     sources: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened: list[str] = []
-    real = frames.open_source
+    real = open_source
 
     def counted(spec: str) -> object:
         opened.append(spec)
@@ -155,7 +156,7 @@ def test_a_source_is_read_once_unless_it_is_too_large(
     def times(cache: FrameCache, source: object) -> list[float]:
         assert source in (one, two)
         with_truth = cache.opened(one if source is one else two)
-        found = []
+        found: list[float] = []
         while isinstance(frame := with_truth.source.read(), StereoFrame) and len(found) < 6:
             found.append(frame.time)
         with_truth.source.close()

@@ -31,7 +31,7 @@ def test_two_views_tell_the_way_and_the_depths_but_for_their_scale() -> None:
     told = two_views(first, second, 0.1 / 443, CAMERA)
     assert told is not None
     way = float(np.linalg.norm(T.translation))
-    direction = told.T_second_first.translation @ T.translation / way
+    direction = float(told.T_second_first.translation @ T.translation) / way
     assert np.degrees(np.arccos(min(direction, 1.0))) < 3
     assert not told.inliers[:20].all()
     sharp = told.inliers & (told.sigma * distance / way < 0.05)

@@ -67,7 +67,7 @@ def test_ratio_and_cross_check_refuse_what_is_ambiguous(
 
 def test_a_repeated_pattern_has_no_match_by_ratio() -> None:
     tile = np.random.default_rng(0).integers(0, 256, (32, 32)).astype(np.uint8)
-    image = np.tile(cv2.GaussianBlur(tile, (0, 0), 1.5), (8, 16))
+    image = np.tile(cv2.GaussianBlur(tile, (0, 0), 1.5), (8, 16)).astype(np.uint8)
     features = detect_features(image, FeaturesParameters(fast_threshold=5))
     assert len(features) > 50
     none = match_descriptors(image, image, features, features, MatchingParameters(ratio=0.9))

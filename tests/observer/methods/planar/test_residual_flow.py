@@ -19,10 +19,10 @@ def scene(move: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     )
     images = []
     for u, v in ((0, 0), move):
-        shift = np.float32([[1, 0, u], [0, 1, v]])
-        mask = np.zeros((256, 512), np.float32)
-        mask[100:160, 200:280] = 1
-        mask = cv2.warpAffine(mask, shift, (512, 256))
+        shift = np.array([[1, 0, u], [0, 1, v]], np.float32)
+        patch_here = np.zeros((256, 512), np.float32)
+        patch_here[100:160, 200:280] = 1
+        mask = cv2.warpAffine(patch_here, shift, (512, 256))
         moved = cv2.warpAffine(patch, shift, (512, 256), borderMode=cv2.BORDER_REFLECT)
         image = mask * moved + (1 - mask) * background + rng.normal(0, 1.5, mask.shape)
         images.append(np.clip(image, 0, 255).astype(np.uint8))
@@ -36,7 +36,7 @@ ALL = np.ones((256, 512), bool)
 
 def inside(px: np.ndarray, margin: float) -> np.ndarray:
     low, high = np.array([200, 100]) - margin, np.array([280, 160]) + margin
-    return ((px >= low) & (px <= high)).all(axis=1)
+    return np.all((px >= low) & (px <= high), axis=1)
 
 
 @pytest.mark.parametrize("move", [(4.0, 0.0), (-3.0, 2.5), (2.2, -0.4)])
@@ -84,7 +84,9 @@ def test_what_is_covered_at_t_dt_is_left_out() -> None:
     assert kept.sum() <= 0.1 * hidden.sum()
 
 
-@pytest.mark.parametrize("points", [np.empty((0, 2), np.float32), np.float32([[1, 1], [511, 255]])])
+@pytest.mark.parametrize(
+    "points", [np.empty((0, 2), np.float32), np.array([[1, 1], [511, 255]], np.float32)]
+)
 def test_no_usable_point_gives_an_empty_flow(points: np.ndarray) -> None:
     flow = residual_flow(*scene((4.0, 0.0)), ALL, points, FlowParameters())
     assert len(flow) == 0

@@ -307,7 +307,7 @@ def nees(draws: int, count: int, parameters: EgoMotionParameters) -> Float64Arra
 
 DRAWS = 200
 # Bounds of the mean over the draws, each one's with six degrees of freedom, at 99.9 %.
-NEES_BOUNDS = chi2.ppf([0.0005, 0.9995], 6 * DRAWS) / DRAWS
+NEES_BOUNDS = np.asarray(chi2.ppf([0.0005, 0.9995], 6 * DRAWS)) / DRAWS
 
 
 @pytest.mark.parametrize("count", [40, 120])

@@ -160,7 +160,7 @@ def test_swapped_cameras_are_told_and_nothing_is_invented(lateral: Clip) -> None
 
 def test_rows_that_do_not_match_are_told(lateral: Clip) -> None:
     def lowered(image: np.ndarray, rows: int) -> np.ndarray:
-        moved = np.float32([[1, 0, 0], [0, 1, rows]])
+        moved = np.array([[1, 0, 0], [0, 1, rows]], np.float32)
         size = image.shape[1], image.shape[0]
         return cv2.warpAffine(image, moved, size, borderMode=cv2.BORDER_REFLECT)
 

@@ -96,7 +96,7 @@ def alarm_rate(
 
 def likely(rate: float, draws: int) -> tuple[float, float]:
     """Between these is the share of alarms in so many frames, but for one case in a thousand."""
-    low, high = binom.ppf([0.0005, 0.9995], draws, rate) / draws
+    low, high = np.asarray(binom.ppf([0.0005, 0.9995], draws, rate)) / draws
     return float(low), float(high)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,5 +41,6 @@ def test_every_part_must_be_of_the_same_features(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["px", "velocity", "depth"])
 def test_every_part_must_have_its_shape(name: str) -> None:
+    changes: dict[str, Any] = {name: np.zeros((3, 4))}
     with pytest.raises(ValueError, match=f"{name} must have shape"):
-        replace(evidence(3), **{name: np.zeros((3, 4))})
+        replace(evidence(3), **changes)

@@ -75,9 +75,9 @@ def status(packet: bytes) -> dict[str, int]:
     values["sonars"] = packet[19]
     at = 20 + 3 * packet[19]
     if len(packet) > at + 5:
-        names = ("battery_x10", "charge", "turn_rate", "faults", "lateral", "celsius", "percent")
+        further = ("battery_x10", "charge", "turn_rate", "faults", "lateral", "celsius", "percent")
         rest = struct.unpack_from("<HBhHhbB", packet, at + 5)
-        values |= dict(zip(names, rest, strict=True))
+        values |= dict(zip(further, rest, strict=True))
         assert len(packet) == at + 16
     else:
         assert len(packet) == at + 5

@@ -8,11 +8,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 import pytest
 
 from observer.opening import OpenedSource, open_source
+from observer.rig.rig import Role
 from observer.robots.arcos import Command, PacketParser, command
 from observer.simulation.motion import Parked, PlanarState
 from observer.simulation.robots.driven import Driven
@@ -41,6 +43,10 @@ faults: {skew_s: 0.02}
 """
 
 
+def _begins_with(number: int, packet: bytes) -> bool:
+    return packet[0] == number
+
+
 class Link:
     """A client of one robot."""
 
@@ -51,7 +57,7 @@ class Link:
         self._parser = PacketParser()
         for k in (0, 1, 2):
             self.say(k)
-            self.hear(lambda each, k=k: each[0] == k)
+            self.hear(partial(_begins_with, k))
         self.say(Command.OPEN)
 
     def say(self, number: int, argument: int | None = None) -> None:
@@ -91,12 +97,12 @@ class Lab:
         self.links = {role: Link(port.port) for role, port in self.ports.items()}
         self.time = -1.0
 
-    def enable(self, role: str) -> None:
+    def enable(self, role: Role) -> None:
         """Motors on, as far as the world has heard of it."""
         self.tell(role, Command.ENABLE, 1)
 
-    def tell(self, role: str, number: int, argument: int | None = None) -> None:
-        log = self.robots.servings[role].robot.log  # type: ignore[index]
+    def tell(self, role: Role, number: int, argument: int | None = None) -> None:
+        log = self.robots.servings[role].robot.log
         before = log.count
         self.links[role].say(number, argument)
         deadline = time.monotonic() + 5
@@ -130,7 +136,7 @@ def lab() -> Iterator[Lab]:
     made.close()
 
 
-def holding(lab: Lab, role: str, speed: int, turn_rate: int = 0) -> Callable[[], None]:
+def holding(lab: Lab, role: Role, speed: int, turn_rate: int = 0) -> Callable[[], None]:
     def say() -> None:
         lab.tell(role, Command.VEL, speed)
         lab.tell(role, Command.RVEL, turn_rate)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import cv2
 import numpy as np
@@ -101,7 +101,7 @@ def test_what_is_no_image_is_none(device: Path) -> None:
     assert image is not None
     assert image.shape == (4, 6)
     for useless in (None, np.zeros((4, 6), np.uint16), np.zeros((0, 6, 3), np.uint8)):
-        opened(capture).image = useless
+        opened(capture).image = cast("Image | None", useless)
         assert capture.retrieve() is None
 
 

@@ -7,7 +7,7 @@ import struct
 import sys
 import warnings
 
-import c3d  # type: ignore[import-untyped]
+import c3d
 import numpy as np
 import pytest
 from hypothesis import given, settings

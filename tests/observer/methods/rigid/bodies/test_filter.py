@@ -67,7 +67,7 @@ def squared_error(motion: BodyFilter, state: np.ndarray, rows: slice | list[int]
 
 
 def inside(mean: float, draws: int, freedom: int, share: float = 0.9999) -> bool:
-    low, high = chi2.interval(share, draws * freedom) / np.float64(draws)
+    low, high = np.array(chi2.interval(share, draws * freedom)) / draws
     return bool(low <= mean <= high)
 
 
@@ -111,7 +111,7 @@ def test_errors_are_as_large_as_stated_where_the_noise_is_as_declared(
 @pytest.mark.parametrize("rate", [0.0, 0.5])
 def test_what_is_stated_of_steady_motion_is_never_too_little(rate: float) -> None:
     draws, rng = 100, np.random.default_rng(1)
-    errors = {"place": [], "velocity": [], "turn": []}
+    errors: dict[str, list[float]] = {"place": [], "velocity": [], "turn": []}
     for _ in range(draws):
         state = truth(rate=rate)
         motion = begun(state + rng.normal(0, FIRST_SIGMA))
@@ -139,7 +139,9 @@ def test_two_modes_are_patient_with_steady_motion_and_quick_with_a_brake() -> No
         "steady": (ACCELERATION[0],) * 2,
         "agile": (ACCELERATION[1],) * 2,
     }
-    errors = {name: {"steady": [], "braking": []} for name in modes}
+    errors: dict[str, dict[str, list[float]]] = {
+        name: {"steady": [], "braking": []} for name in modes
+    }
     for _ in range(30):
         states = [truth(speed=0.6)]
         for k in range(60):

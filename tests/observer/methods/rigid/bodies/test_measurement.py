@@ -49,7 +49,7 @@ def seen(
     away *= rng.uniform(0.3, 1.0, (strangers, 1)) / np.linalg.norm(away, axis=1, keepdims=True)
     world[:strangers] += away
     J = np.linalg.inv(CAMERA.projection_jacobian(world)) * SIGMA_PX
-    noise = J @ np.swapaxes(J, 1, 2)
+    noise = np.asarray(J @ np.swapaxes(J, 1, 2), np.float64)
     drawn = np.einsum("nij,nj->ni", J, rng.normal(0, 1, world.shape))
     place_cov = np.broadcast_to(np.eye(3) * place_sigma**2, (len(world), 3, 3)).copy()
     return Members(
@@ -215,7 +215,8 @@ def test_members_are_made_of_the_followed_points() -> None:
     points = points.but(shape_information=information, shape_vector=vector)
     which = np.array([1, 3, 5])
     noise = np.broadcast_to(np.eye(3) * 1e-4, (count, 3, 3))
-    members = Members.of(points, which, places + 1.0, np.linalg.inv(noise), np.eye(3))
+    precision = np.asarray(np.linalg.inv(noise), np.float64)
+    members = Members.of(points, which, places + 1.0, precision, np.eye(3))
     assert members.known.tolist() == [True, False, True]
     np.testing.assert_allclose(members.place[[0, 2]], places[[1, 5]], atol=1e-12)
     np.testing.assert_allclose(members.sighting, places[which] + 1.0)

@@ -90,7 +90,9 @@ def test_points_at_rest_do_not_join(track: BodyTrack) -> None:
 
 
 @pytest.mark.parametrize("other", [(-0.3, 0, 0), (0.3, 0, 0.5), (0.3, 0.4, 0), (0.9, 0, 0)])
-def test_points_that_move_otherwise_do_not_join(track: BodyTrack, other: tuple) -> None:
+def test_points_that_move_otherwise_do_not_join(
+    track: BodyTrack, other: tuple[float, float, float]
+) -> None:
     seen = motion(on(track, np.zeros(3)), np.array(other))
     assert not joining(track, every(seen), seen, P).any()
 
@@ -270,7 +272,7 @@ def test_too_few_are_no_group() -> None:
     assert group_of(every(seen), seen, ObstacleParameters(min_points=4)) is None
 
 
-def grouped(centre: tuple, velocity: tuple) -> Group:
+def grouped(centre: tuple[float, float, float], velocity: tuple[float, float, float]) -> Group:
     rng = np.random.default_rng(3)
     places = np.array(centre) + rng.uniform(-0.1, 0.1, (15, 3))
     group = group_of(np.arange(15), motion(places, np.array(velocity)), P)

@@ -326,7 +326,7 @@ def test_a_body_found_in_two_parts_becomes_one(watched: Any, planted: Any) -> No
     ends = np.abs(local[:, 0]) > 0.4
     middle_from = 1.2
 
-    class Revealed(planted):  # type: ignore[misc, valid-type]
+    class Revealed(planted):  # type: ignore[misc]
         def shown(self, time: float) -> np.ndarray:
             return ends | (time >= middle_from)
 

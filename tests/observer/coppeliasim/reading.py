@@ -1,0 +1,13 @@
+"""Frames of a source that is opened."""
+
+from __future__ import annotations
+
+from observer.opening import OpenedSource
+from observer.types import StereoFrame
+
+
+def frame_of(opened: OpenedSource) -> StereoFrame:
+    """Read the next frame; anything else fails the test."""
+    frame = opened.source.read()
+    assert isinstance(frame, StereoFrame)
+    return frame
