@@ -7,7 +7,7 @@
 #   make faults  what must happen when something fails while a robot drives: the worst of
 #                TRIALS=100 times each, which takes hours
 #   make lint    ruff, mypy, import-linter, the page's JavaScript
-#   make coverage  all tests but those in real time, with a report of what they run
+#   make coverage  as make test but for promises in real time, with a report of what is not run
 #   make bench   set up, then time the method and the server
 #   make wheel   dist/*.whl, the page's files inside
 #   make setup   only set up; a second time it has nothing to do
@@ -78,11 +78,17 @@ lint: setup-dev
 	$(BIN)/lint-imports
 	$(BIN)/python tools/packaging/frontend.py check
 
-# Not in tests/faults, whose promises in real time do not hold while every line is counted.
+# Not of tests/faults, whose promises in real time do not hold while every line is counted. Figures,
+# not a check: tests that fail under it are told and do not hold the report up.
 coverage: setup-dev
 	@$(find_missing); $(call tell_left_out,make system) >&2
-	$(BIN)/pytest --cov --cov-report= --ignore tests/faults $(ARGS); status=$$?; \
-	$(BIN)/coverage report && exit $$status
+ifeq ($(strip $(ARGS)),)
+	-$(BIN)/pytest -n 3 --dist loadfile --ignore tests/browser --ignore tests/faults $(counted)
+	-$(BIN)/pytest tests/browser $(counted) --cov-append
+else
+	-$(BIN)/pytest $(ARGS) $(counted)
+endif
+	$(BIN)/coverage report
 
 bench: setup-dev
 	$(BIN)/dynamic-observer benchmark $(ARGS)
@@ -149,6 +155,8 @@ ifneq ($(CI),)
 once_more = || { echo "Once more, with nothing beside it:"; \
   $(BIN)/pytest --last-failed --last-failed-no-failures none; }
 endif
+
+counted := --cov --cov-report=
 
 # Sets $python, or says in one sentence what to do.
 define find_python
