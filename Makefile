@@ -1,17 +1,17 @@
 # Everything a clone needs: Python 3.11 or newer and make.
 #
-#   make run     set up, then serve the panel on the simulated lab   (ARGS="--port 9000")
-#   make test    set up, then all tests                              (ARGS="tests/app -k speeds")
-#   make system  install through apt-get what some tests need: Chromium, ffmpeg, PostgreSQL;
-#                without them make test leaves these tests out, and says so
-#   make faults  what must happen when something fails while a robot drives: the worst of
-#                TRIALS=100 times each, which takes hours
-#   make lint    ruff, mypy, import-linter, the page's JavaScript
-#   make coverage  as make test but for promises in real time, with a report of what is not run
-#   make bench   set up, then time the method and the server
-#   make wheel   dist/*.whl, the page's files inside
-#   make setup   only set up; a second time it has nothing to do
-#   make clean   remove all that the above made, .venv too; runs and settings stay
+#   make run      set up, then serve the panel on the simulated lab   (ARGS="--port 9000")
+#   make test     set up, then all tests                              (ARGS="tests/app -k speeds")
+#   make system   install through apt-get what some tests need: Chromium, ffmpeg, PostgreSQL;
+#                 without them make test leaves these tests out, and says so
+#   make faults   what must happen when something fails while a robot drives: the worst of
+#                 TRIALS=100 times each, which takes hours
+#   make lint     ruff, mypy, import-linter, the page's JavaScript
+#   make coverage as make test but for promises in real time, with a report of what is not run
+#   make bench    set up, then time the method and the server
+#   make wheel    dist/*.whl, the page's files inside
+#   make setup    only set up; a second time it has nothing to do
+#   make clean    remove all that the above made, .venv too; runs and settings stay
 #
 # Another Python: make PYTHON=/path/to/python3.12
 
