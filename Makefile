@@ -60,7 +60,7 @@ test: export PYTHONDONTWRITEBYTECODE :=
 test: setup-dev
 	@$(find_missing); $(call tell_left_out,make system) >&2
 ifeq ($(strip $(ARGS)),)
-	$(BIN)/python app/packaging/frontend.py test
+	$(BIN)/python tools/packaging/frontend.py test
 	$(BIN)/pytest -n 3 --dist loadfile --ignore tests/browser --ignore tests/faults $(once_more)
 	$(BIN)/pytest -s tests/faults
 	$(BIN)/pytest tests/browser $(once_more)
