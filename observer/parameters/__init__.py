@@ -8,7 +8,7 @@ from observer.parameters.common import EgoMotionParameters, FeaturesParameters, 
 from observer.parameters.fields import MODELS, ParameterValue
 from observer.parameters.groups import Parameters, describe_range, parameter_schema
 from observer.parameters.guard import GuardParameters
-from observer.parameters.monocular import OneCameraParameters
+from observer.parameters.monocular import MonocularParameters
 from observer.parameters.planar import (
     ClusteringParameters,
     FlowParameters,
@@ -18,7 +18,7 @@ from observer.parameters.planar import (
     TrackingParameters,
 )
 from observer.parameters.presets import PRESET_HELP, preset, preset_names
-from observer.parameters.rigid import EvidenceParameters, FollowingParameters, ObstacleParameters
+from observer.parameters.rigid import EvidenceParameters, KltTrackingParameters, ObstacleParameters
 
 __all__ = [
     "MODELS",
@@ -28,13 +28,13 @@ __all__ = [
     "EvidenceParameters",
     "FeaturesParameters",
     "FlowParameters",
-    "FollowingParameters",
+    "KltTrackingParameters",
     "FramesParameters",
     "GuardParameters",
     "MatchingParameters",
     "MotionParameters",
     "ObstacleParameters",
-    "OneCameraParameters",
+    "MonocularParameters",
     "ParameterValue",
     "Parameters",
     "StereoParameters",

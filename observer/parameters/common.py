@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from observer.parameters.fields import (
-    FOLLOWING,
+    KLT,
     PLANAR,
     SAMPLING,
     Real,
@@ -19,7 +19,7 @@ from observer.parameters.fields import (
 class EgoMotionParameters(Stage):
     """The camera's own motion, by RANSAC; the model decides how moving obstacles are found."""
 
-    model: Literal["rigid", "homography", "affine", "one_camera"] = choice(
+    model: Literal["rigid", "homography", "affine", "monocular"] = choice(
         "rigid",
         title="Model",
         help="rigid is the motion in space, by stereo, and tells motion from parallax. The planar "
@@ -56,7 +56,7 @@ class EgoMotionParameters(Stage):
         title="Fewest inliers",
         help="With fewer background matches the camera's motion counts as lost.",
     )
-    shared_error: Real = number(
+    noise_correlation: Real = number(
         0.02,
         ge=0.0,
         le=1.0,
@@ -64,7 +64,7 @@ class EgoMotionParameters(Stage):
         step=0.01,
         title="Shared error",
         help="Share of the noise that points have in common.",
-        models=FOLLOWING,
+        models=KLT,
     )
     recover_frames: Whole = number(
         5,
@@ -80,7 +80,7 @@ class EgoMotionParameters(Stage):
 
 class FeaturesParameters(Stage):
     """Feature points: of the planar models on the image at t, of rigid and one_camera in every
-    square (following.spacing_px) in which no point is followed."""
+    square (klt_tracking.spacing_px) in which no point is followed."""
 
     detector: Literal["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"] = (
         choice(

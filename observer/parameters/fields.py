@@ -9,9 +9,9 @@ from pydantic import BaseModel, ConfigDict, Field
 ParameterValue = float | int | bool | str
 
 # Of the camera's own motion; by which of them a parameter is used is said where it is declared.
-MODELS = ("rigid", "homography", "affine", "one_camera")
+MODELS = ("rigid", "homography", "affine", "monocular")
 # Those that follow points over time, and those that draw samples of matches.
-FOLLOWING: tuple[str, ...] = ("rigid", "one_camera")
+KLT: tuple[str, ...] = ("rigid", "monocular")
 SAMPLING: tuple[str, ...] = ("rigid", "homography", "affine")
 PLANAR: tuple[str, ...] = ("homography", "affine")
 

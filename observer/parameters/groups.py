@@ -13,7 +13,7 @@ from observer.errors import InputError, ParameterError
 from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters
 from observer.parameters.fields import ParameterValue, Stage
 from observer.parameters.guard import GuardParameters
-from observer.parameters.monocular import OneCameraParameters
+from observer.parameters.monocular import MonocularParameters
 from observer.parameters.planar import (
     ClusteringParameters,
     FlowParameters,
@@ -24,7 +24,7 @@ from observer.parameters.planar import (
 )
 from observer.parameters.rigid import (
     EvidenceParameters,
-    FollowingParameters,
+    KltTrackingParameters,
     ObstacleParameters,
 )
 from observer.parameters.surf_extra import surf_missing
@@ -34,10 +34,10 @@ class Parameters(Stage):
     """All parameters of the method, one group per stage."""
 
     ego_motion: EgoMotionParameters = EgoMotionParameters()
-    following: FollowingParameters = FollowingParameters()
+    klt_tracking: KltTrackingParameters = KltTrackingParameters()
     evidence: EvidenceParameters = EvidenceParameters()
     obstacles: ObstacleParameters = ObstacleParameters()
-    one_camera: OneCameraParameters = OneCameraParameters()
+    monocular: MonocularParameters = MonocularParameters()
     stereo: StereoParameters = StereoParameters()
     frames: FramesParameters = FramesParameters()
     features: FeaturesParameters = FeaturesParameters()

@@ -5,13 +5,13 @@ from __future__ import annotations
 from observer.parameters.fields import Real, Stage, number
 
 
-class OneCameraParameters(Stage):
+class MonocularParameters(Stage):
     """Depth from the left image alone, by travel and by where things touch the floor (one_camera).
 
-    ``following.*`` and ``evidence.false_alarms_per_frame`` act here, too.
+    ``klt_tracking.*`` and ``evidence.false_alarms_per_frame`` act here, too.
     """
 
-    models = ("one_camera",)
+    models = ("monocular",)
 
     height_m: Real = number(
         0.0,
@@ -30,7 +30,7 @@ class OneCameraParameters(Stage):
         unit="deg",
         step=0.5,
         title="Tilt",
-        help="How far the camera looks down; counts where one_camera.height_m is given.",
+        help="How far the camera looks down; counts where monocular.height_m is given.",
     )
     height_sigma: Real = number(
         0.02,

@@ -161,7 +161,7 @@ class MotionParameters(Stage):
         title="Flow noise",
         help="One standard deviation of a tracked position; sets the stated uncertainty.",
     )
-    shared_error: Real = number(
+    noise_correlation: Real = number(
         0.15,
         ge=0.0,
         le=1.0,

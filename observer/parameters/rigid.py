@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from observer.parameters.fields import FOLLOWING, Real, Stage, Whole, number
+from observer.parameters.fields import KLT, Real, Stage, Whole, number
 
 
-class FollowingParameters(Stage):
+class KltTrackingParameters(Stage):
     """Following points from frame to frame, in both cameras or in one."""
 
-    models = FOLLOWING
+    models = KLT
 
     spacing_px: Whole = number(
         18,
@@ -91,7 +91,7 @@ class FollowingParameters(Stage):
         title="Noise floor",
         help="Noise of a followed position that does not depend on texture.",
     )
-    growth_noise: Real = number(
+    scale_change_noise: Real = number(
         0.3,
         ge=0.0,
         le=2.0,
@@ -115,7 +115,7 @@ class FollowingParameters(Stage):
 class EvidenceParameters(Stage):
     """Which followed points move."""
 
-    models = FOLLOWING
+    models = KLT
 
     memory_s: Real = number(
         0.5,
@@ -144,7 +144,7 @@ class EvidenceParameters(Stage):
         title="False alarms",
         help="Declared rate of false alarms per frame over all points.",
     )
-    shared_error: Real = number(
+    noise_correlation: Real = number(
         0.1,
         ge=0.0,
         le=1.0,
@@ -165,7 +165,7 @@ class EvidenceParameters(Stage):
         "seem to move.",
         models=("rigid",),
     )
-    stretch: Real = number(
+    distortion_sigma: Real = number(
         0.05,
         ge=0.0,
         le=1.0,
@@ -210,7 +210,7 @@ class EvidenceParameters(Stage):
 class ObstacleParameters(Stage):
     """Obstacles as bodies over time."""
 
-    models = FOLLOWING
+    models = KLT
 
     acceleration_px: Real = number(
         200.0,
@@ -221,7 +221,7 @@ class ObstacleParameters(Stage):
         title="Acceleration",
         help="One standard deviation of how strongly a manoeuvring obstacle accelerates.",
     )
-    shared_error: Real = number(
+    noise_correlation: Real = number(
         0.1,
         ge=0.0,
         le=1.0,

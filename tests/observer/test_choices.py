@@ -20,7 +20,7 @@ COMBINATIONS = list(
         CHOICES["features.detector"],
         CHOICES["matching.method"],
         # One camera knows no metres from frames alone; tests/observer/test_one_camera_method.py.
-        [model for model in CHOICES["ego_motion.model"] if model != "one_camera"],
+        [model for model in CHOICES["ego_motion.model"] if model != "monocular"],
     )
 )
 FRAMES = 3

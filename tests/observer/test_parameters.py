@@ -112,8 +112,8 @@ def test_it_is_said_with_which_model_a_parameter_acts() -> None:
     assert SCHEMA["ego_motion.model"]["models"] == list(MODELS)
     assert SCHEMA["ego_motion.model"]["choices"] == list(MODELS)
     assert SCHEMA["ego_motion.ransac_iterations"]["models"] == ["rigid", "homography", "affine"]
-    assert SCHEMA["evidence.radius_px"]["models"] == ["rigid", "one_camera"]
-    assert SCHEMA["one_camera.height_m"]["models"] == ["one_camera"]
+    assert SCHEMA["evidence.radius_px"]["models"] == ["rigid", "monocular"]
+    assert SCHEMA["monocular.height_m"]["models"] == ["monocular"]
     assert SCHEMA["flow.residual_threshold_px"]["models"] == ["homography", "affine"]
 
 
