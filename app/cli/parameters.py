@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from observer.parameters import MODELS, parameter_schema
+from observer.guard.parameters import AllParameters
+from observer.parameters import MODELS
 
 
 def parameters(
@@ -18,7 +19,7 @@ def parameters(
     if as_markdown:
         typer.echo(parameter_table())
         return
-    for entry in parameter_schema():
+    for entry in AllParameters.declared():
         typer.echo(f"{entry['name']} = {_shown(entry['default'])}   ({_range(entry)})")
         which = "" if entry["models"] == list(MODELS) else f" Acts with {_models(entry)}."
         typer.echo(f"    {entry['help']}{which}")
@@ -32,7 +33,7 @@ def parameter_table() -> str:
     ]
     rows += [
         f"| `{e['name']}` | {_shown(e['default'])} | {_range(e)} | {_models(e)} | {e['help']} |"
-        for e in parameter_schema()
+        for e in AllParameters.declared()
     ]
     return "\n".join(rows)
 

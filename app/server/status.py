@@ -43,6 +43,7 @@ def status(station: Station) -> dict[str, Any]:
         if calibration is None
         else {"id": calibration.id, "name": calibration.name},
         "parameters_revision": station.parameters.current.revision,
+        "guard_revision": station.parameters.current.guard_revision,
         "rates": {"unique_frames_per_s": round(telemetry.rate(station.clock()), 2)},
         "dense_stereo": asdict(dense) | {"per_s": round(dense.per_s, 2)},
         "frames_observed": telemetry.frames_observed,

@@ -92,25 +92,25 @@ def _nothing_there(
 
 def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple[str, str]:
     """Why no feature is followed where the texture is so much, and what would change it."""
-    following, detector = parameters.klt_tracking, parameters.features.detector
-    if texture < klt_tracking.min_texture:
+    tracking, detector = parameters.klt_tracking, parameters.features.detector
+    if texture < tracking.min_texture:
         least, _ = limits("klt_tracking.min_texture")
         why = (
             f": the texture, {texture:.2f} grey levels/px, is below the "
-            f"{klt_tracking.min_texture:g} that are needed"
+            f"{tracking.min_texture:g} that are needed"
         )
         if texture < max(least, 0.05):
             return why, "No setting can help: there is nothing to follow without texture or light."
         return why, (
             f"With klt_tracking.min_texture at {below(texture, 1)} or below (now "
-            f"{klt_tracking.min_texture:g}) one may be followed here, though it may slide along edges."
+            f"{tracking.min_texture:g}) one may be followed here, though it may slide along edges."
         )
     # Wherever in its square a feature lies, it is then around this place.
     closer = int(around_px / math.sqrt(2))
     why = f", although there is texture ({texture:.1f} grey levels/px)"
-    if closer < klt_tracking.spacing_px:
+    if closer < tracking.spacing_px:
         return why, (
-            f"With klt_tracking.spacing_px at {closer} or below (now {klt_tracking.spacing_px}) one "
+            f"With klt_tracking.spacing_px at {closer} or below (now {tracking.spacing_px}) one "
             f"would be looked for at this very place."
         )
     if detector != "shi_tomasi":

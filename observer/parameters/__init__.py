@@ -5,10 +5,11 @@ documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px
 """
 
 from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters
+from observer.parameters.effect import effective, without_effect
 from observer.parameters.fields import MODELS, ParameterValue
-from observer.parameters.groups import Parameters, describe_range, parameter_schema
-from observer.parameters.guard import GuardParameters
+from observer.parameters.groups import Parameters
 from observer.parameters.monocular import MonocularParameters
+from observer.parameters.parameter_set import ParameterSet
 from observer.parameters.planar import (
     ClusteringParameters,
     FlowParameters,
@@ -18,6 +19,7 @@ from observer.parameters.planar import (
     TrackingParameters,
 )
 from observer.parameters.presets import PRESET_HELP, preset, preset_names
+from observer.parameters.renamed import translated
 from observer.parameters.rigid import EvidenceParameters, KltTrackingParameters, ObstacleParameters
 
 __all__ = [
@@ -28,19 +30,20 @@ __all__ = [
     "EvidenceParameters",
     "FeaturesParameters",
     "FlowParameters",
-    "KltTrackingParameters",
     "FramesParameters",
-    "GuardParameters",
+    "KltTrackingParameters",
     "MatchingParameters",
+    "MonocularParameters",
     "MotionParameters",
     "ObstacleParameters",
-    "MonocularParameters",
+    "ParameterSet",
     "ParameterValue",
     "Parameters",
     "StereoParameters",
     "TrackingParameters",
-    "describe_range",
-    "parameter_schema",
+    "effective",
     "preset",
     "preset_names",
+    "translated",
+    "without_effect",
 ]

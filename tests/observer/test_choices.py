@@ -11,10 +11,10 @@ from observer.camera import StereoCalibration
 from observer.geometry import Pose
 from observer.observer import Observer
 from observer.opening import open_source
-from observer.parameters import Parameters, parameter_schema
+from observer.parameters import Parameters
 from observer.types import Status, StereoFrame
 
-CHOICES = {e["name"]: e["choices"] for e in parameter_schema() if e["type"] == "choice"}
+CHOICES = {e["name"]: e["choices"] for e in Parameters.declared() if e["type"] == "choice"}
 COMBINATIONS = list(
     itertools.product(
         CHOICES["features.detector"],

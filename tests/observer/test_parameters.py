@@ -9,24 +9,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.errors import InputError, ParameterError
+from observer.guard.parameters import AllParameters
 from observer.parameters import (
     MODELS,
     PRESET_HELP,
     Parameters,
-    describe_range,
-    parameter_schema,
     preset,
     preset_names,
 )
 
-SCHEMA = {entry["name"]: entry for entry in parameter_schema()}
+SCHEMA = {entry["name"]: entry for entry in AllParameters.declared()}
 NUMBERS = [n for n, e in SCHEMA.items() if e["type"] in ("number", "integer")]
 REALS = [n for n, e in SCHEMA.items() if e["type"] == "number"]
 
 
 def test_the_schema_names_every_parameter_in_order_with_its_default() -> None:
-    assert {name: entry["default"] for name, entry in SCHEMA.items()} == Parameters().flat()
-    assert list(SCHEMA) == list(Parameters().flat())
+    assert {name: entry["default"] for name, entry in SCHEMA.items()} == AllParameters().flat()
+    assert list(SCHEMA) == list(AllParameters().flat())
 
 
 @pytest.mark.parametrize("name", SCHEMA)
@@ -49,16 +48,16 @@ def test_both_ends_of_a_range_are_taken_and_beyond_is_refused(name: str) -> None
     low, high = SCHEMA[name]["minimum"], SCHEMA[name]["maximum"]
     step = 1 if SCHEMA[name]["type"] == "integer" else 1e-6
     for value in (low, high):
-        assert Parameters().changed({name: value}).flat()[name] == value
+        assert AllParameters().changed({name: value}).flat()[name] == value
     for value in (low - step, high + step):
         with pytest.raises(ParameterError) as refused:
-            Parameters().changed({name: value})
-        assert refused.value.problems == {name: describe_range(name)}
+            AllParameters().changed({name: value})
+        assert refused.value.problems == {name: AllParameters.describe_range(name)}
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True, "1", None, [1], 10**400])
 def test_what_is_no_finite_number_is_refused(value: object) -> None:
-    before = Parameters()
+    before = AllParameters()
     for name in REALS:
         with pytest.raises(ParameterError) as refused:
             before.changed({name: value})
@@ -78,18 +77,18 @@ def test_what_is_no_finite_number_is_refused(value: object) -> None:
 )
 def test_a_refusal_says_what_would_be_right(name: str, value: object, sentence: str) -> None:
     with pytest.raises(ParameterError) as refused:
-        Parameters().changed({name: value})
+        AllParameters().changed({name: value})
     assert sentence in refused.value.problems[name]
 
 
 def test_changes_are_all_or_nothing_and_name_every_problem() -> None:
-    before = Parameters()
+    before = AllParameters()
     with pytest.raises(ParameterError) as refused:
         before.changed(
             {"flow.window_px": 21, "stereo.block_px": 1000, "x": 1, "tracking.gate": math.nan}
         )
     assert set(refused.value.problems) == {"stereo.block_px", "x", "tracking.gate"}
-    assert before.flat() == Parameters().flat()
+    assert before.flat() == AllParameters().flat()
 
 
 @settings(deadline=None, max_examples=30)
@@ -97,7 +96,7 @@ def test_changes_are_all_or_nothing_and_name_every_problem() -> None:
 def test_difference_is_what_has_to_be_changed(data: st.DataObject) -> None:
     names = data.draw(st.lists(st.sampled_from(NUMBERS), unique=True))
     changes = {n: SCHEMA[n][data.draw(st.sampled_from(["minimum", "maximum"]))] for n in names}
-    before = Parameters()
+    before = AllParameters()
     after = before.changed(changes)
     assert before.changed(before.difference(after)) == after
     assert set(before.difference(after)) <= set(changes)
@@ -105,7 +104,7 @@ def test_difference_is_what_has_to_be_changed(data: st.DataObject) -> None:
 
 def test_parameters_are_frozen() -> None:
     with pytest.raises(ValueError, match="frozen"):
-        Parameters().flow.window_px = 3  # type: ignore[misc]
+        AllParameters().flow.window_px = 3  # type: ignore[misc]
 
 
 def test_it_is_said_with_which_model_a_parameter_acts() -> None:
@@ -136,4 +135,4 @@ def test_the_presets() -> None:
     with pytest.raises(InputError, match="there are: paper, default"):
         preset("papre")
     with pytest.raises(InputError, match="no parameter named"):
-        describe_range("nothing")
+        Parameters.describe_range("nothing")

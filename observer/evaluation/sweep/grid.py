@@ -18,7 +18,7 @@ from pathlib import Path
 
 from observer.calibration.formats.plain_data import PlainData, parse_plain_data, read_text
 from observer.errors import CalibrationError, InputError, ParameterError
-from observer.parameters import Parameters, ParameterValue, parameter_schema, preset, preset_names
+from observer.parameters import Parameters, ParameterValue, preset, preset_names
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _WHOLE = re.compile(r"[-+]?\d{1,15}", re.ASCII)
@@ -172,7 +172,7 @@ def _value(key: str, value: PlainData, name: str) -> ParameterValue:
     """The value as its parameter's type has it; what fits none stays text, and is refused."""
     if not isinstance(value, str):
         raise InputError(f"{name}: each value of {_shown(key)} must be a plain number or word")
-    declared = next((e for e in parameter_schema() if e["name"] == key), None)
+    declared = next((e for e in Parameters.declared() if e["name"] == key), None)
     kind = "choice" if declared is None else declared["type"]
     if kind == "integer" and _WHOLE.fullmatch(value):
         return int(value)

@@ -9,7 +9,7 @@ import pytest
 
 from observer.errors import ParameterError
 from observer.observer import Observer
-from observer.parameters import KltTrackingParameters, Parameters, parameter_schema
+from observer.parameters import KltTrackingParameters, Parameters
 from observer.types import FullTrace, Status
 from observer.vision.features import strongest_first
 from observer.vision.keypoints import grid_cells, new_keypoints, strongest_corners
@@ -17,7 +17,7 @@ from observer.vision.keypoints import grid_cells, new_keypoints, strongest_corne
 from ..builders import Texture, as_image
 from ..conftest import OpenClip
 
-DETECTORS = next(e["choices"] for e in parameter_schema() if e["name"] == "features.detector")
+DETECTORS = next(e["choices"] for e in Parameters.declared() if e["name"] == "features.detector")
 SPEC = "simulated:lateral"
 FRAMES = 22
 IMAGE = as_image(Texture(3).moved(), noise=1.0)
