@@ -17,7 +17,7 @@ The public face is ``open`` and ``load`` for notebooks and scripts, and for fram
 
     import observer
 
-    with observer.open("simulated:lab", {"obstacles.coast_s": 1.0}) as source:
+    with observer.open("simulated:lab", {"klt_tracking.spacing_px": 14}) as source:
         for step in source.steps(50):
             print(step.frame.time, [o.speed for o in step.obstacles])
 

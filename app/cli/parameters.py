@@ -21,12 +21,11 @@ def parameters(
         return
     for entry in AllParameters.declared():
         typer.echo(f"{entry['name']} = {_shown(entry['default'])}   ({_range(entry)})")
-        which = "" if entry["models"] == list(MODELS) else f" Acts with {_models(entry)}."
-        typer.echo(f"    {entry['help']}{which}")
+        typer.echo(f"    {entry['help']} Acts with {_models(entry)}.")
 
 
 def parameter_table() -> str:
-    """All parameters as one Markdown table, from their only declaration."""
+    """Return all parameters as one Markdown table, from their only declaration."""
     rows = [
         "| parameter | default | range | acts with | what it does |",
         "| --- | --- | --- | --- | --- |",
@@ -43,7 +42,8 @@ def _shown(value: Any) -> str:
 
 
 def _models(entry: dict[str, Any]) -> str:
-    return "all" if entry["models"] == list(MODELS) else ", ".join(entry["models"])
+    models = "all" if entry["models"] == list(MODELS) else ", ".join(entry["models"])
+    return f"{models}; on the cloud with all" if entry.get("cloud") else models
 
 
 def _range(entry: dict[str, Any]) -> str:
