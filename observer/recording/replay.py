@@ -7,7 +7,7 @@ from typing import Any
 
 from observer.mount import CameraMount
 from observer.observer import Observer
-from observer.parameters import Parameters, effective
+from observer.parameters import Parameters
 from observer.recording.payloads import ParameterRevision
 from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
@@ -28,16 +28,15 @@ def replay_revisions(
         changes: parameters that are to be others all the time, by dotted name.
 
     Raises:
-        ParameterError: a parameter is unknown here or out of range, or a change has no effect
-            with the method in force.
+        ParameterError: a parameter is unknown here or out of range.
     """
     found = {}
     revision: ParameterRevision
     for position, revision in recording.positioned_revisions:
-        parameters = Parameters().changed(Parameters.own(revision.values))
-        found[position] = effective(parameters, changes or {}), revision.revision
+        parameters = Parameters().changed({**Parameters.own(revision.values), **(changes or {})})
+        found[position] = parameters, revision.revision
     if 0 not in found:
-        found[0] = effective(Parameters(), changes or {}), 0
+        found[0] = Parameters().changed(dict(changes or {})), 0
     return found
 
 

@@ -14,8 +14,11 @@ from observer.parameters import (
     MODELS,
     PRESET_HELP,
     Parameters,
+    effective,
     preset,
     preset_names,
+    translated,
+    without_effect,
 )
 
 SCHEMA = {entry["name"]: entry for entry in AllParameters.declared()}
@@ -136,3 +139,49 @@ def test_the_presets() -> None:
         preset("papre")
     with pytest.raises(InputError, match="no parameter named"):
         Parameters.describe_range("nothing")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ({"following.spacing_px": 9}, {"klt_tracking.spacing_px": 9}),
+        ({"following.scale_change_noise": 0.1}, {"klt_tracking.scale_change_noise": 0.1}),
+        ({"one_camera.tilt_deg": 5.0}, {"monocular.tilt_deg": 5.0}),
+        ({"evidence.distortion_sigma": 0.2}, {"evidence.distortion_sigma": 0.2}),
+        ({"motion.noise_correlation": 0.2}, {"motion.noise_correlation": 0.2}),
+        ({"ego_motion.model": "one_camera"}, {"ego_motion.model": "monocular"}),
+    ],
+)
+def test_old_names_are_translated_from_storage_and_refused_otherwise(
+    old: dict[str, object], new: dict[str, object]
+) -> None:
+    assert translated(old) == new
+    assert translated(new) == new
+    Parameters().changed(new)
+    (name,) = old
+    with pytest.raises(ParameterError) as refused:
+        Parameters().changed(old)
+    assert "is named" in refused.value.problems[name]
+
+
+def test_a_change_of_the_guard_leaves_the_methods_parameters_equal() -> None:
+    before = AllParameters()
+    after = before.changed({"guard.margin_m": 0.3})
+    assert after != before
+    assert after.vision == before.vision == Parameters()
+    assert type(after.vision) is Parameters
+    assert not any(name.startswith("guard.") for name in Parameters().flat())
+    assert Parameters.own(after.flat()) == Parameters().flat()
+
+
+def test_a_change_without_effect_is_refused_by_name() -> None:
+    rigid = Parameters()
+    for changes in ({"tracking.gate": 4.0}, {"stereo.max_depth_m": 5.0}):
+        (name,) = changes
+        with pytest.raises(ParameterError, match=f"{name}: has no effect .* acts with homography"):
+            effective(rigid, {**changes, "evidence.radius_px": 30.0})
+    # The method that counts is the one after the change.
+    assert effective(rigid, {"ego_motion.model": "affine", "tracking.gate": 4.0}) == rigid.changed(
+        {"ego_motion.model": "affine", "tracking.gate": 4.0}
+    )
+    assert without_effect(["tracking.gate", "guard.margin_m", "unknown"], "affine") == {}
