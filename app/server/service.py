@@ -176,12 +176,8 @@ class Station(StationCore):
         original = await self.runs.find(run_id)
         recording = await self.runs.images(run_id)
         if preset is None:
-            known = self.parameters.current.values.flat()
-            own = {
-                key: value
-                for key, value in original.parameters.items()
-                if key in known and not key.startswith("guard.")
-            }
+            known = self.parameters.current.values.vision.flat()
+            own = {key: value for key, value in original.parameters.items() if key in known}
             parameters = {**own, **parameters}
         return await self.start_run(
             name=name or f"{original.name}, observed again"[:100],

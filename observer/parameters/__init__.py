@@ -1,7 +1,8 @@
 """Every tuning parameter, declared once: bounds, unit, label and help.
 
 This declaration feeds the REST interface, the panel's form, the command line (``--set``) and the
-documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px``.
+documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px``. Those of the
+guard stand in ``observer.guard.parameters``.
 """
 
 from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters
