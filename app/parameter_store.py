@@ -41,7 +41,7 @@ class Revision:
 
 def first_parameters() -> ParametersInForce:
     """Those of a new installation."""
-    return ParametersInForce(AllParameters(), 0, "default")
+    return ParametersInForce(built_in("default"), 0, "default")
 
 
 def restored_parameters(
