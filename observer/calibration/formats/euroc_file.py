@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
-from observer.calibration.formats.numbers import image_size, shaped_numbers, transformation
-from observer.calibration.formats.plain_data import PlainData, parse_plain_data, read_text
+from observer.calibration.formats.numbers import ImageSize, Transformation, array
+from observer.calibration.formats.plain_data import (
+    CALIBRATION,
+    calibration_errors,
+    parse_plain_data,
+)
 from observer.calibration.formats.understanding import Draft, FileCamera, check_alike
 from observer.camera import DistortionModel, StereoCalibration
-from observer.errors import CalibrationError
-from observer.geometry import Pose
+from observer.geometry import Float64Array, Pose
+from observer.text_files import FileModel, PlainData, one_of, read_text, validated
 
 _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
     "radial-tangential": "radtan",
@@ -22,6 +27,7 @@ _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
 }
 
 
+@calibration_errors()
 def read_euroc(left: Path, right: Path) -> StereoCalibration:
     """The calibration of two cameras from their ``sensor.yaml`` files.
 
@@ -90,29 +96,35 @@ def _draft(left: _Camera, right: _Camera, *notes: str) -> Draft:
 
 def _read_file(path: Path) -> _Camera:
     name = f"{path.parent.name}/{path.name}"
-    return _read_camera(name, parse_plain_data(read_text(path), name=name))
+    return _read_camera(name, parse_plain_data(read_text(path, CALIBRATION), name=name))
+
+
+class _Sensor(FileModel):
+    camera_model: Annotated[
+        str,
+        one_of({"pinhole": "pinhole"}, "must be pinhole, not {given}, which is not understood yet"),
+    ] = "pinhole"
+    distortion_model: Annotated[
+        DistortionModel,
+        one_of(
+            _DISTORTION_MODELS,
+            "must be radial-tangential or equidistant, not {given}, which is not understood yet",
+        ),
+    ] = "radtan"
+    resolution: ImageSize
+    intrinsics: Annotated[Float64Array, array(4)]
+    distortion_coefficients: Annotated[Float64Array, array(4)]
+    T_BS: Transformation
 
 
 def _read_camera(name: str, data: dict[str, PlainData]) -> _Camera:
-    camera_model = data.get("camera_model", "pinhole")
-    if camera_model != "pinhole":
-        raise CalibrationError(
-            f"{name}: camera_model must be pinhole, not {str(camera_model)[:40]!r}, "
-            f"which is not understood yet"
-        )
-    distortion_model = data.get("distortion_model", "radial-tangential")
-    if not isinstance(distortion_model, str) or distortion_model not in _DISTORTION_MODELS:
-        raise CalibrationError(
-            f"{name}: distortion_model must be radial-tangential or equidistant, "
-            f"not {str(distortion_model)[:40]!r}, which is not understood yet"
-        )
-    size = image_size(data, "resolution", name=name)
-    fx, fy, cx, cy = shaped_numbers(data, "intrinsics", (4,), name=name)
+    read = validated(_Sensor, data, name)
+    fx, fy, cx, cy = read.intrinsics
     return _Camera(
         name=name,
-        size=size,
+        size=read.resolution,
         K=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]),
-        D=shaped_numbers(data, "distortion_coefficients", (4,), name=name),
-        model=_DISTORTION_MODELS[distortion_model],
-        T_body_camera=transformation(data, "T_BS", name=name),
+        D=read.distortion_coefficients,
+        model=read.distortion_model,
+        T_body_camera=read.T_BS,
     )

@@ -8,19 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import AfterValidator
 
-from observer.calibration.formats.numbers import (
-    distortion_numbers,
-    shaped_numbers,
-    whole_number,
-)
-from observer.calibration.formats.plain_data import PlainData
+from observer.calibration.formats.numbers import RowOrColumn, WholeNumber, array
 from observer.calibration.formats.understanding import Draft, FileCamera, check_alike
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, is_rotation
+from observer.text_files import FileModel, PlainData, one_of, validated
 
 _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
     "plumb_bob": "radtan",
@@ -104,43 +102,51 @@ def ros_draft(
     )
 
 
-def _read_camera(name: str, data: dict[str, PlainData]) -> _Camera:
-    for key in ("image_width", "image_height"):
-        if key not in data:
-            raise CalibrationError(f"{name}: {key} is missing")
-    size = (
-        whole_number(data["image_width"], key="image_width", name=name),
-        whole_number(data["image_height"], key="image_height", name=name),
-    )
-    model = data.get("distortion_model", "plumb_bob")
-    if not isinstance(model, str) or model not in _DISTORTION_MODELS:
-        raise CalibrationError(
-            f"{name}: distortion_model must be plumb_bob, rational_polynomial or equidistant, "
-            f"not {str(model)[:40]!r}"
-        )
-    K = shaped_numbers(data, "camera_matrix", (3, 3), name=name)
+def _calibrated(K: Float64Array) -> Float64Array:
     if not K[0, 0]:
-        raise CalibrationError(
-            f"{name}: camera_matrix is zero, which says that the camera is not calibrated"
-        )
-    R_rectified = shaped_numbers(data, "rectification_matrix", (3, 3), name=name)
-    if not is_rotation(R_rectified):
-        raise CalibrationError(
-            f"{name}: rectification_matrix must be a rotation matrix (R^T R = I, det R = +1)"
-        )
-    P = shaped_numbers(data, "projection_matrix", (3, 4), name=name)
+        raise ValueError("is zero, which says that the camera is not calibrated")
+    return K
+
+
+def _rotation(R: Float64Array) -> Float64Array:
+    if not is_rotation(R):
+        raise ValueError("must be a rotation matrix (R^T R = I, det R = +1)")
+    return R
+
+
+def _projection(P: Float64Array) -> Float64Array:
     if P[0, 0] <= 0:
-        raise CalibrationError(
-            f"{name}: projection_matrix must have a positive focal length at its upper left"
-        )
-    camera_name = data.get("camera_name", "")
+        raise ValueError("must have a positive focal length at its upper left")
+    return P
+
+
+class _CameraInfo(FileModel):
+    image_width: WholeNumber
+    image_height: WholeNumber
+    distortion_model: Annotated[
+        DistortionModel,
+        one_of(
+            _DISTORTION_MODELS,
+            "must be plumb_bob, rational_polynomial or equidistant, not {given}",
+        ),
+    ] = "radtan"
+    camera_matrix: Annotated[Float64Array, array(3, 3), AfterValidator(_calibrated)]
+    rectification_matrix: Annotated[Float64Array, array(3, 3), AfterValidator(_rotation)]
+    projection_matrix: Annotated[Float64Array, array(3, 4), AfterValidator(_projection)]
+    distortion_coefficients: RowOrColumn
+    camera_name: Any = ""
+
+
+def _read_camera(name: str, data: dict[str, PlainData]) -> _Camera:
+    read = validated(_CameraInfo, data, name)
+    P = read.projection_matrix
     return _Camera(
         name=name,
-        camera_name=camera_name if isinstance(camera_name, str) else "",
-        size=size,
-        K=K,
-        D=distortion_numbers(data, "distortion_coefficients", name=name),
-        model=_DISTORTION_MODELS[model],
-        R_rectified=R_rectified,
+        camera_name=str(read.camera_name),
+        size=(read.image_width, read.image_height),
+        K=read.camera_matrix,
+        D=read.distortion_coefficients,
+        model=read.distortion_model,
+        R_rectified=read.rectification_matrix,
         offset=float(P[0, 3] / P[0, 0]),
     )
