@@ -8,7 +8,6 @@ is built of it.
 from __future__ import annotations
 
 import difflib
-import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -65,11 +64,7 @@ def read_text(path: Path, what: str) -> str:
 
 
 def check_length(content: bytes, name: str, what: str) -> None:
-    """Refuse more than ``MAX_BYTES``.
-
-    Raises:
-        InputError: naming the file.
-    """
+    """Raise ``InputError`` for more than ``MAX_BYTES``."""
     if len(content) > MAX_BYTES:
         raise InputError(
             f"{name}: the file is larger than the {MAX_BYTES} bytes {what} has at most"
@@ -77,11 +72,7 @@ def check_length(content: bytes, name: str, what: str) -> None:
 
 
 def decoded(content: bytes, *, name: str) -> str:
-    """Return the text that these bytes are.
-
-    Raises:
-        InputError: they are no UTF-8 text.
-    """
+    """Return the text that these bytes are; raise ``InputError`` where they are no UTF-8."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -103,18 +94,32 @@ def parse_text(
             YAML aliases, repeats a key, or holds no mapping.
     """
     text = checked_text(text, name=name, what=what, form=form, most=most)
-    data = _parse_json(text, name) if text.lstrip().startswith("{") else _parse_yaml(text, name)
+    # OpenCV writes "%YAML:1.0", which is no directive of YAML. Blanked, so that lines still count.
+    text = re.sub(r"\A(\s*)%YAML[^\n]*", r"\1", text)
+    try:
+        _check_events(text)
+        data = yaml.load(text, Loader=_TextLoader)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        # For libyaml a text that is cut off ends in the line behind its last.
+        last = text.count("\n")
+        where = f" in line {min(mark.line, last) + 1}" if mark is not None else ""
+        problem = getattr(error, "problem", None) or "it cannot be read"
+        # JSON is YAML, but who wrote JSON need not know.
+        notation = "JSON" if text.lstrip().startswith("{") else "YAML"
+        raise InputError(
+            f"{name}: the file is cut off or not valid {notation}{where}: {problem}"
+        ) from None
     if not isinstance(data, dict):
         raise InputError(f"{name}: the file holds no keys with values; it must be {form}")
     return data
 
 
 def checked_text(text: str, *, name: str, what: str, form: str, most: int) -> str:
-    """Return a text without byte order mark, checked to be text that is neither empty nor too long.
-
-    Raises:
-        InputError: it is not.
-    """
+    """Return a text without byte order mark; raise ``InputError`` for one that is none, empty or
+    too long."""
     if len(text) > most:
         raise InputError(f"{name}: {what} has at most {most} characters, not {len(text)}")
     if re.search(r"[\ud800-\udfff]", text):
@@ -126,25 +131,6 @@ def checked_text(text: str, *, name: str, what: str, form: str, most: int) -> st
         raise InputError(f"{name}: the file is empty; it must be {form}")
     # OpenCV escapes the apostrophe in strings, which neither YAML nor JSON knows.
     return re.sub(r"(\\\\)|\\'", lambda found: found.group(1) or "'", text)
-
-
-def _parse_yaml(text: str, name: str) -> PlainData:
-    # OpenCV writes "%YAML:1.0", which is no directive of YAML. Blanked, so that lines still count.
-    text = re.sub(r"\A(\s*)%YAML[^\n]*", r"\1", text)
-    try:
-        _check_events(text)
-        data: PlainData = yaml.load(text, Loader=_TextLoader)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" in line {mark.line + 1}" if mark is not None else ""
-        problem = getattr(error, "problem", None) or "it cannot be read"
-        raise InputError(
-            f"{name}: the file is cut off or not valid YAML{where}: {problem}"
-        ) from None
-    # A text of comments alone holds no document.
-    return {} if data is None else data
 
 
 def _check_events(text: str) -> None:
@@ -180,44 +166,6 @@ class _TextLoader(getattr(yaml, "CBaseLoader", yaml.BaseLoader)):  # type: ignor
                 )
             seen.add(key.value)
         return super().construct_mapping(node, deep)
-
-
-def _parse_json(text: str, name: str) -> PlainData:
-    def mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        result: dict[str, PlainData] = {}
-        for key, value in pairs:
-            put_once(result, key, _as_text(value), name)
-        return result
-
-    try:
-        data: PlainData = json.loads(
-            text, object_pairs_hook=mapping, parse_int=str, parse_float=str, parse_constant=str
-        )
-    except json.JSONDecodeError as error:
-        raise InputError(
-            f"{name}: the file is cut off or not valid JSON in line {error.lineno}: {error.msg}"
-        ) from None
-    except RecursionError:
-        raise InputError(f"{name}: the file is nested too deeply") from None
-    return data
-
-
-def put_once(mapping: dict[str, PlainData], key: str, value: PlainData, name: str) -> None:
-    """Put a value into a mapping of the file ``name``.
-
-    Raises:
-        InputError: the key is there already.
-    """
-    if key in mapping:
-        raise InputError(f"{name}: {key[:60]} is given twice; keep one of them")
-    mapping[key] = value
-
-
-def _as_text(value: Any) -> PlainData:
-    """Return a value of JSON with true, false and null as the text they are."""
-    if isinstance(value, list):
-        return [_as_text(item) for item in value]
-    return value if isinstance(value, str | dict) else json.dumps(value)
 
 
 class FileModel(BaseModel):

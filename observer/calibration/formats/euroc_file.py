@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
-
-from observer.calibration.formats.numbers import ImageSize, Transformation, array
+from observer.calibration.formats.numbers import PinholeCamera, Transformation, array
 from observer.calibration.formats.plain_data import (
     CALIBRATION,
     calibration_errors,
     parse_plain_data,
 )
-from observer.calibration.formats.understanding import Draft, FileCamera, check_alike
+from observer.calibration.formats.understanding import Draft, check_alike
 from observer.camera import DistortionModel, StereoCalibration
-from observer.geometry import Float64Array, Pose
-from observer.text_files import FileModel, PlainData, one_of, read_text, validated
+from observer.geometry import Float64Array
+from observer.text_files import PlainData, one_of, read_text, validated
 
 _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
     "radial-tangential": "radtan",
@@ -50,15 +47,30 @@ def euroc_draft(
     """
     a, b = _read_camera(*first), _read_camera(*second)
     # The second camera's place as the first one sees it.
-    beside = (a.T_body_camera.inverse() @ b.T_body_camera).translation[0]
+    beside = (a.T_BS.inverse() @ b.T_BS).translation[0]
     left, right = (a, b) if beside >= 0 else (b, a)
     return _draft(left, right, f"T_BS tells that {left.name} is the left camera")
 
 
-@dataclass(frozen=True, eq=False)
-class _Camera(FileCamera):
+class _Camera(PinholeCamera):
     name: str
-    T_body_camera: Pose
+    camera_model: Annotated[
+        str,
+        one_of({"pinhole": "pinhole"}, "must be pinhole, not {given}, which is not understood yet"),
+    ] = "pinhole"
+    distortion_model: Annotated[
+        DistortionModel,
+        one_of(
+            _DISTORTION_MODELS,
+            "must be radial-tangential or equidistant, not {given}, which is not understood yet",
+        ),
+    ] = "radtan"
+    distortion_coefficients: Annotated[Float64Array, array(4)]
+    T_BS: Transformation
+
+    @property
+    def model(self) -> DistortionModel:
+        return self.distortion_model
 
 
 def _draft(left: _Camera, right: _Camera, *notes: str) -> Draft:
@@ -71,15 +83,15 @@ def _draft(left: _Camera, right: _Camera, *notes: str) -> Draft:
         other="the left camera's",
     )
     # T_BS maps a camera's coordinates into the body's.
-    T_right_left = right.T_body_camera.inverse() @ left.T_body_camera
+    T_right_left = right.T_BS.inverse() @ left.T_BS
     return Draft(
         source=right.name,
         format="EuRoC sensor.yaml of two cameras",
         size=left.size,
         K1=left.K,
-        D1=left.D,
+        D1=left.distortion_coefficients,
         K2=right.K,
-        D2=right.D,
+        D2=right.distortion_coefficients,
         R=T_right_left.rotation,
         T=T_right_left.translation,
         distortion_model=left.model,
@@ -99,32 +111,5 @@ def _read_file(path: Path) -> _Camera:
     return _read_camera(name, parse_plain_data(read_text(path, CALIBRATION), name=name))
 
 
-class _Sensor(FileModel):
-    camera_model: Annotated[
-        str,
-        one_of({"pinhole": "pinhole"}, "must be pinhole, not {given}, which is not understood yet"),
-    ] = "pinhole"
-    distortion_model: Annotated[
-        DistortionModel,
-        one_of(
-            _DISTORTION_MODELS,
-            "must be radial-tangential or equidistant, not {given}, which is not understood yet",
-        ),
-    ] = "radtan"
-    resolution: ImageSize
-    intrinsics: Annotated[Float64Array, array(4)]
-    distortion_coefficients: Annotated[Float64Array, array(4)]
-    T_BS: Transformation
-
-
 def _read_camera(name: str, data: dict[str, PlainData]) -> _Camera:
-    read = validated(_Sensor, data, name)
-    fx, fy, cx, cy = read.intrinsics
-    return _Camera(
-        name=name,
-        size=read.resolution,
-        K=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]),
-        D=read.distortion_coefficients,
-        model=read.distortion_model,
-        T_body_camera=read.T_BS,
-    )
+    return validated(_Camera, data | {"name": name}, name)

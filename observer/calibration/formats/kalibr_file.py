@@ -12,8 +12,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationInfo
 
-from observer.calibration.formats.numbers import ImageSize, Transformation, array, shaped
-from observer.calibration.formats.understanding import Draft, FileCamera, check_alike
+from observer.calibration.formats.numbers import PinholeCamera, Transformation, shaped
+from observer.calibration.formats.understanding import Draft, check_alike
 from observer.camera import DistortionModel
 from observer.geometry import Float64Array
 from observer.text_files import FileModel, PlainData, one_of, validated
@@ -29,7 +29,7 @@ def _coefficients(value: PlainData, info: ValidationInfo) -> Float64Array:
     return np.zeros(4) if info.data.get("distortion_model") == "none" else shaped(value, 4)
 
 
-class _Camera(FileModel):
+class _Camera(PinholeCamera):
     form = (
         "hold the keys camera_model, intrinsics, distortion_model, distortion_coeffs and resolution"
     )
@@ -49,18 +49,13 @@ class _Camera(FileModel):
             "is {given}, which is not supported; it must be radtan or equidistant",
         ),
     ]
-    intrinsics: Annotated[Float64Array, array(4)]
     distortion_coeffs: Annotated[Float64Array, PlainValidator(_coefficients)] = Field(
         default=[], validate_default=True
     )
-    resolution: ImageSize
 
     @property
-    def file_camera(self) -> FileCamera:
-        fx, fy, cx, cy = self.intrinsics
-        K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-        model = _DISTORTION_MODELS[self.distortion_model]
-        return FileCamera(self.resolution, K, self.distortion_coeffs, model)
+    def model(self) -> DistortionModel:
+        return _DISTORTION_MODELS[self.distortion_model]
 
 
 class _SecondCamera(_Camera):
@@ -83,32 +78,34 @@ def kalibr_draft(name: str, data: dict[str, PlainData]) -> Draft:
         InputError: one sentence naming the file, the key and the reason.
     """
     chain = validated(_Chain, data, name)
-    cameras = {"cam0": chain.cam0.file_camera, "cam1": chain.cam1.file_camera}
+    cam0, cam1 = chain.cam0, chain.cam1
     check_alike(
-        *cameras.values(),
+        cam0,
+        cam1,
         name=name,
         size="cam1.resolution",
         model="cam1.distortion_model",
         other="cam0's",
     )
     notes = []
-    (left_key, left), (right_key, right) = cameras.items()
-    T_right_left = chain.cam1.T_cn_cnm1
+    left: _Camera = cam0
+    right: _Camera = cam1
+    T_right_left = cam1.T_cn_cnm1
     if T_right_left.inverse().translation[0] < 0:
-        left_key, left, right_key, right = right_key, right, left_key, left
-        T_right_left = T_right_left.inverse()
+        left, right, T_right_left = cam1, cam0, T_right_left.inverse()
         notes.append("cam1 stands to the left of cam0 (T_cn_cnm1): cam1 is taken as left")
-    further = [key for key in data if key.startswith("cam") and key not in cameras]
+    further = [key for key in data if key.startswith("cam") and key not in ("cam0", "cam1")]
     if further:
         notes.append(f"of the cameras of this file cam0 and cam1 are used, not {further[0][:20]}")
+    left_key, right_key = ("cam0", "cam1") if left is cam0 else ("cam1", "cam0")
     return Draft(
         source=name,
         format="Kalibr camchain",
         size=left.size,
         K1=left.K,
-        D1=left.D,
+        D1=left.distortion_coeffs,
         K2=right.K,
-        D2=right.D,
+        D2=right.distortion_coeffs,
         R=T_right_left.rotation,
         T=T_right_left.translation,
         distortion_model=left.model,

@@ -1,6 +1,6 @@
 """Numbers out of plain text data, strictly; as fields of models, and by the key of a mapping.
 
-A message goes on with its key, as ``FileModel`` tells.
+What is refused raises ``ValueError`` with a message as ``FileModel`` tells.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pydantic import PlainValidator
 
 from observer.errors import InputError
 from observer.geometry import Float64Array, Pose
-from observer.text_files import NUMBER, PlainData, sentence
+from observer.text_files import NUMBER, FileModel, PlainData, sentence
 
 # How OpenCV, YAML and C write what is not finite; refused, but for the right reason.
 _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
@@ -30,9 +30,6 @@ def finite_numbers(value: PlainData) -> Float64Array:
 
     Accepted are OpenCV's matrices (``rows``, ``cols``, ``data``: the result has that shape),
     plain lists, lists of equally long lists (2-D) and text of numbers between blanks (XML).
-
-    Raises:
-        ValueError: why there are none.
     """
     if not isinstance(value, dict):
         return _plain_array(value)
@@ -53,9 +50,6 @@ def shaped(value: PlainData, *shape: int) -> Float64Array:
     """Return the finite numbers of one key, float64, in this shape.
 
     A list of as many numbers is taken row by row; a matrix of another shape is refused.
-
-    Raises:
-        ValueError: the numbers are not as many.
     """
     array = finite_numbers(value)
     wanted = " x ".join(map(str, shape))
@@ -66,24 +60,16 @@ def shaped(value: PlainData, *shape: int) -> Float64Array:
     return array.reshape(shape)
 
 
-def row_or_column(value: PlainData) -> Float64Array:
-    """Return the (N,) finite numbers of a key that holds one row or one column.
-
-    Raises:
-        ValueError: it holds something else.
-    """
+def _row_or_column(value: PlainData) -> Float64Array:
+    """Return the (N,) finite numbers of a key that holds one row or one column."""
     array = finite_numbers(value)
     if array.ndim == 2 and array.size and 1 not in array.shape:
         raise ValueError(f"must be one row or one column, not {_shape(array)}")
     return array.reshape(-1)
 
 
-def transformation(value: PlainData) -> Pose:
-    """Return the rigid motion of a key that holds a 4 x 4 matrix.
-
-    Raises:
-        ValueError: it holds something else.
-    """
+def _transformation(value: PlainData) -> Pose:
+    """Return the rigid motion of a key that holds a 4 x 4 matrix."""
     matrix = shaped(value, 4, 4)
     try:
         if not np.array_equal(matrix[3], [0, 0, 0, 1]):
@@ -96,38 +82,46 @@ def transformation(value: PlainData) -> Pose:
 
 
 def image_size(value: PlainData) -> tuple[int, int]:
-    """Return width and height in pixels of a key that holds these two.
-
-    Raises:
-        ValueError: it holds something else.
-    """
+    """Return width and height in pixels of a key that holds these two."""
     size = shaped(value, 2)
     if (size != np.floor(size)).any() or (size < 0).any() or (size > 1e6).any():
         raise ValueError("must hold two whole numbers, [width, height] in pixels")
     return int(size[0]), int(size[1])
 
 
-def whole_number(value: PlainData) -> int:
-    """Return one whole number from 0 to 1,000,000.
-
-    Raises:
-        ValueError: it is something else.
-    """
+def _whole_number(value: PlainData) -> int:
+    """Return one whole number from 0 to 1,000,000."""
     number = _number(value)
     if number != int(number) or not 0 <= number <= 1e6:
         raise ValueError(f"must be a whole number from 0 to 1000000, not {str(value)[:40]}")
     return int(number)
 
 
-WholeNumber: TypeAlias = Annotated[int, PlainValidator(whole_number)]
+WholeNumber: TypeAlias = Annotated[int, PlainValidator(_whole_number)]
 ImageSize: TypeAlias = Annotated[tuple[int, int], PlainValidator(image_size)]
-RowOrColumn: TypeAlias = Annotated[Float64Array, PlainValidator(row_or_column)]
-Transformation: TypeAlias = Annotated[Pose, PlainValidator(transformation)]
+RowOrColumn: TypeAlias = Annotated[Float64Array, PlainValidator(_row_or_column)]
+Transformation: TypeAlias = Annotated[Pose, PlainValidator(_transformation)]
 
 
 def array(*shape: int) -> PlainValidator:
     """Return the validator of a field that is an array of this shape."""
     return PlainValidator(lambda value: shaped(value, *shape))
+
+
+class PinholeCamera(FileModel):
+    """A camera whose file tells ``intrinsics`` (fx, fy, cx, cy) and ``resolution``."""
+
+    intrinsics: Annotated[Float64Array, array(4)]
+    resolution: ImageSize
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.resolution
+
+    @property
+    def K(self) -> Float64Array:
+        fx, fy, cx, cy = self.intrinsics
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
 
 
 def at_key(
@@ -160,7 +154,7 @@ def _shape(array: Float64Array) -> str:
 
 def _side(matrix: Mapping[str, PlainData], part: str) -> int:
     try:
-        return whole_number(matrix[part])
+        return _whole_number(matrix[part])
     except ValueError as error:
         raise ValueError(f"{{at}}.{part} {error}") from None
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from observer.errors import CalibrationError, InputError
-from observer.text_files import MAX_BYTES, MAX_DEPTH, PlainData, checked_text, parse_text, put_once
+from observer.text_files import MAX_BYTES, MAX_DEPTH, PlainData, checked_text, parse_text
 
 CALIBRATION = "a calibration"
 _FORM = "YAML, XML or JSON as OpenCV's FileStorage writes it"
@@ -68,5 +68,7 @@ def _xml_value(element: ElementTree.Element, name: str, depth: int) -> PlainData
         return [_xml_value(child, name, depth + 1) for child in children]
     result: dict[str, PlainData] = {}
     for child in children:
-        put_once(result, str(child.tag), _xml_value(child, name, depth + 1), name)
+        if child.tag in result:
+            raise InputError(f"{name}: {child.tag[:60]} is given twice; keep one of them")
+        result[child.tag] = _xml_value(child, name, depth + 1)
     return result
