@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
 
@@ -97,8 +98,7 @@ def parse_text(
     # OpenCV writes "%YAML:1.0", which is no directive of YAML. Blanked, so that lines still count.
     text = re.sub(r"\A(\s*)%YAML[^\n]*", r"\1", text)
     try:
-        _check_events(text)
-        data = yaml.load(text, Loader=_TextLoader)
+        data = _document(yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
     except yaml.YAMLError as error:
@@ -133,39 +133,38 @@ def checked_text(text: str, *, name: str, what: str, form: str, most: int) -> st
     return re.sub(r"(\\\\)|\\'", lambda found: found.group(1) or "'", text)
 
 
-def _check_events(text: str) -> None:
-    depth = documents = 0
-    event: Any
-    for event in yaml.parse(text, Loader=_TextLoader):
-        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-            raise InputError(
-                f"line {event.start_mark.line + 1} uses a YAML alias or anchor (*name, &name); "
-                f"write every value out"
-            )
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > MAX_DEPTH:
-            raise InputError("the file is nested too deeply")
-        documents += isinstance(event, yaml.DocumentStartEvent)
-        if documents > 1:
+def _document(events: Iterator[Any]) -> PlainData:
+    """Return what the parser's events tell; comments alone are an empty mapping."""
+    data: PlainData = {}
+    for number, _ in enumerate(e for e in events if isinstance(e, yaml.DocumentStartEvent)):
+        if number:
             raise InputError("the file holds more than one YAML document; all keys must be in one")
+        data = _value(events, next(events), 0)
+    return data
 
 
-class _TextLoader(getattr(yaml, "CBaseLoader", yaml.BaseLoader)):  # type: ignore[misc]
-    """Scalars as text, whatever their tags; each key of a mapping once."""
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        seen = set()
-        for key, _ in node.value:
-            line = key.start_mark.line + 1
-            if not isinstance(key, yaml.ScalarNode):
-                raise InputError(f"a key in line {line} is not a plain word")
-            if key.value in seen:
-                raise InputError(
-                    f"{key.value[:60]} is given twice, again in line {line}; keep one of them"
-                )
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
+def _value(events: Iterator[Any], event: Any, depth: int) -> PlainData:
+    line = event.start_mark.line + 1
+    if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
+        raise InputError(
+            f"line {line} uses a YAML alias or anchor (*name, &name); write every value out"
+        )
+    if depth > MAX_DEPTH:
+        raise InputError("the file is nested too deeply")
+    if isinstance(event, yaml.ScalarEvent):
+        return str(event.value)
+    if isinstance(event, yaml.SequenceStartEvent):
+        items = takewhile(lambda item: not isinstance(item, yaml.SequenceEndEvent), events)
+        return [_value(events, item, depth + 1) for item in items]
+    result: dict[str, PlainData] = {}
+    while not isinstance(event := next(events), yaml.MappingEndEvent):
+        key = _value(events, event, depth + 1)
+        if not isinstance(key, str):
+            raise InputError(f"a key of the mapping in line {line} is not a plain word")
+        if key in result:
+            raise InputError(f"{key[:60]} is given twice; keep one of them")
+        result[key] = _value(events, next(events), depth + 1)
+    return result
 
 
 class FileModel(BaseModel):
