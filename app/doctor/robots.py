@@ -9,7 +9,7 @@ from app.doctor.finding import Finding
 from app.doctor.machine import Machine
 from app.doctor.serial_ports import port_trouble
 from app.drive.priority import permitted_priority
-from app.server.rig.rig_desk import FILE_NAME
+from app.server.rig.store import FILE_NAME
 from app.settings import Settings
 from observer.errors import InputError
 from observer.rig.rig import ROLES, Rig, Role

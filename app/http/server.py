@@ -45,11 +45,10 @@ from app.http.sockets.live import LiveHub
 from app.http.sockets.view_feed import ViewFeed
 from app.http.sockets.viewer_proxy import ViewerDoor
 from app.messages import VIEW_NAMES
-from app.server import Engine, Station
+from app.server import Engine, Server
 from app.server.contracts import Drive
-from app.server.rig.rig_desk import FILE_NAME
-from app.server.robots import check_records
-from app.server.robots import profile_library as shelf
+from app.server.rig.store import FILE_NAME
+from app.server.robots import check_records, profile_library
 from app.settings import Settings
 from app.storage import Storage
 from app.versions import app_version
@@ -91,7 +90,7 @@ _TAGS = [
     {"name": "pixels", "description": "Why a place in the image counts as moving or standing."},
 ]
 
-ViewerStarter = Callable[[Station], Viewer]
+ViewerStarter = Callable[[Server], Viewer]
 
 
 def create_app(
@@ -112,15 +111,15 @@ def create_app(
     """
     if engine is None:
         engine, drive = _real_processes(drive)
-    station = Station(
+    server = Server(
         engine,
         storage or Storage(settings.database_location, folder=settings.data),
         source=settings.source,
         rig_file=settings.data / FILE_NAME,
-        programme_folder=settings.data / shelf.FOLDER_NAME,
+        programme_folder=settings.data / profile_library.FOLDER_NAME,
         check_folder=settings.data / check_records.FOLDER_NAME,
         drive=drive,
-        ring_at_guard_stops=settings.ring_at_guard_stops,
+        clips_at_guard_stops=settings.ring_at_guard_stops,
         live_truth=settings.truth,
     )
     folder = static_folder()
@@ -137,21 +136,21 @@ def create_app(
         sign_in_page=sign_in_page(folder),
     )
     door = ViewerDoor()
-    live = LiveHub(station)
+    live = LiveHub(server)
 
-    def real_viewer(station: Station) -> Viewer:
-        return start_viewer(station, points=settings.viewer_points, rate_hz=settings.viewer_rate_hz)
+    def real_viewer(server: Server) -> Viewer:
+        return start_viewer(server, points=settings.viewer_points, rate_hz=settings.viewer_rate_hz)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         async with AsyncExitStack() as stack:
-            stack.push_async_callback(station.stop)
+            stack.push_async_callback(server.stop)
             stack.push_async_callback(_stop_viewer, door)
-            await station.start()
+            await server.start()
             hub = asyncio.create_task(live.run(), name="live hub")
             stack.push_async_callback(_cancel, hub)
             # The page is served at once; the viewer takes a second and may fail.
-            starting = asyncio.create_task(_start_viewer(door, viewer or real_viewer, station))
+            starting = asyncio.create_task(_start_viewer(door, viewer or real_viewer, server))
             stack.push_async_callback(_finish, starting)
             yield
 
@@ -167,15 +166,15 @@ def create_app(
         redirect_slashes=False,
         separate_input_output_schemas=False,
     )
-    app.state.station = station
+    app.state.server = server
     app.state.viewer = door
-    app.state.feeds = {name: ViewFeed(station, name) for name in VIEW_NAMES}
+    app.state.feeds = {name: ViewFeed(server, name) for name in VIEW_NAMES}
     app.state.live = live
     install_error_handlers(app)
     _add_rest(app, live)
     app.include_router(viewer_proxy.router)
     app.include_router(metrics.router)
-    add_pages(app, station, policy, folder)
+    add_pages(app, server, policy, folder)
     _complete_description(app)
     app.add_middleware(Gate, policy=policy)
     return app
@@ -242,8 +241,8 @@ def _complete_description(app: FastAPI) -> None:
     app.openapi = described  # type: ignore[method-assign]
 
 
-async def _start_viewer(door: ViewerDoor, start: ViewerStarter, station: Station) -> None:
-    await asyncio.to_thread(lambda: door.open(start(station)))
+async def _start_viewer(door: ViewerDoor, start: ViewerStarter, server: Server) -> None:
+    await asyncio.to_thread(lambda: door.open(start(server)))
 
 
 async def _stop_viewer(door: ViewerDoor) -> None:

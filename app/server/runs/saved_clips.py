@@ -14,7 +14,7 @@ from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import Conflict, NotThere
 from app.storage import DataFolder, RunRecord
-from app.storage.saved_clips import SavedRing, list_rings, new_ring, remove_ring
+from app.storage.saved_clips import SavedClip, list_clips, new_clip, remove_clip
 from observer.errors import DynamicObserverError
 
 log = structlog.get_logger(__name__)
@@ -26,7 +26,7 @@ _BETWEEN_RINGS_S = 30.0
 _SAVE_TIMEOUT_S = 30.0
 
 
-class RingDesk:
+class SavedClips:
     """Saves the last half minute: when a person wants it, and when the guard stopped a robot.
 
     Args:
@@ -62,15 +62,15 @@ class RingDesk:
             NotAvailable: it failed, or there is no engine at the moment.
         """
         run = self._run()
-        file = new_ring(self._folder, None if run is None else run.id)
+        file = new_clip(self._folder, None if run is None else run.id)
         saved = await ask(self._engine, SaveRing(str(file)), timeout_s=_SAVE_TIMEOUT_S)
         return {"file": str(file.relative_to(self._folder.path.absolute())), **saved}
 
-    async def all(self) -> list[SavedRing]:
+    async def all(self) -> list[SavedClip]:
         """Those that were saved, newest first."""
-        return await asyncio.to_thread(list_rings, self._folder)
+        return await asyncio.to_thread(list_clips, self._folder)
 
-    async def find(self, name: str) -> SavedRing:
+    async def find(self, name: str) -> SavedClip:
         """One of them.
 
         Raises:
@@ -89,7 +89,7 @@ class RingDesk:
         Raises:
             NotThere: there is none of that name. StorageError: it cannot be deleted.
         """
-        await asyncio.to_thread(remove_ring, await self.find(name))
+        await asyncio.to_thread(remove_clip, await self.find(name))
 
     def drive_said(self, event: object) -> None:
         """Save it soon behind a stop of the guard, so that the stop is in it."""

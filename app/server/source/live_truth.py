@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from app.messages import LiveTruthOrder, SetTruth
+from app.server.activity import Activity
 from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import FieldError, NotAvailable
@@ -20,7 +21,7 @@ _KEY = "live_truth"
 _LONGEST_SPEC = 300
 
 
-class TruthDesk:
+class LiveTruthManager:
     """Used in the event loop.
 
     Attributes:
@@ -28,7 +29,12 @@ class TruthDesk:
     """
 
     def __init__(
-        self, engine: Engine, storage: Storage, changed: Callable[[], None], spec: str | None = None
+        self,
+        engine: Engine,
+        storage: Storage,
+        activity: Activity,
+        changed: Callable[[], None],
+        spec: str | None = None,
     ) -> None:
         """
         Args:
@@ -37,6 +43,7 @@ class TruthDesk:
         self.order: LiveTruthOrder | None = None
         self._engine = engine
         self._storage = storage
+        self._activity = activity
         self._changed = changed
         self._spec = spec
 
@@ -59,17 +66,18 @@ class TruthDesk:
             FieldError: it names no live motion capture; nothing is changed then.
             StorageError: it could not be kept; nothing is changed.
         """
-        if order is not None:
-            order = checked(order)
-        await asyncio.to_thread(self._storage.set_setting, _KEY, _plain(order))
-        self.order = order
-        facts: dict[str, Any] | None = None
-        with contextlib.suppress(NotAvailable):
-            # An engine that is being started anew opens its source with it.
-            reply = await ask(self._engine, SetTruth(order), field=("body", "spec"))
-            facts = reply["truth"]
-        self._changed()
-        return facts
+        async with self._activity.lock:
+            if order is not None:
+                order = checked(order)
+            await asyncio.to_thread(self._storage.set_setting, _KEY, _plain(order))
+            self.order = order
+            facts: dict[str, Any] | None = None
+            with contextlib.suppress(NotAvailable):
+                # An engine that is being started anew opens its source with it.
+                reply = await ask(self._engine, SetTruth(order), field=("body", "spec"))
+                facts = reply["truth"]
+            self._changed()
+            return facts
 
 
 def checked(order: LiveTruthOrder) -> LiveTruthOrder:

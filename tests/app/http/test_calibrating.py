@@ -18,7 +18,7 @@ import pytest
 
 from app.calibration_worker.messages import Fitted, FitViews, Progress
 from app.messages import BeginCalibration
-from app.server.calibrating import session as calibration_desk
+from app.server.calibrating import computation
 from observer.calibration.formats.opencv_file import calibration_id
 
 from .scenarios import JSON, run
@@ -41,7 +41,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, calibration_yaml: Any) -> str:
         await asyncio.sleep(0.4)
         return Fitted(text, {"stereo_rms_px": 0.2, "views": len(job.views)})
 
-    monkeypatch.setattr(calibration_desk, "work", work)
+    monkeypatch.setattr(computation, "work", work)
     return text
 
 

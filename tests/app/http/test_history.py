@@ -64,7 +64,7 @@ def test_runs_are_found_described_and_deleted_with_undo(serve: Any) -> None:
         assert await found() == ["second", "First ride"]
 
         assert (await http.delete(f"/api/runs/{second}")).status_code == 204
-        served.station.storage.purge(timedelta(0))
+        served.server.storage.purge(timedelta(0))
         assert (await http.post(f"/api/runs/{second}/recover")).status_code == 404
 
     run(serve, scenario)

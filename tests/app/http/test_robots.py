@@ -113,8 +113,8 @@ def test_a_stop_waits_for_nobody_and_outlives_the_process(
 ) -> None:
     async def scenario(served: Any) -> None:
         http = served.http
-        # While something else holds the station, and wrong tokens are counted.
-        async with served.station._lock:
+        # While something else holds the server, and wrong tokens are counted.
+        async with served.server.activity.lock:
             async with served.anonymous(Authorization="Bearer wrong") as client:
                 for _ in range(8):
                     await client.post("/api/robots/stop")
@@ -246,7 +246,7 @@ def test_a_port_and_a_mount_that_are_changed_at_once_are_both_kept(
 ) -> None:
     async def scenario(served: Any) -> None:
         http = served.http
-        async with served.station._lock:
+        async with served.server.activity.lock:
             # Both wait, as for a source that is being opened.
             port = asyncio.create_task(
                 http.put("/api/robots/observer/port", json={"port": "/dev/ttyUSB0"})
@@ -330,13 +330,13 @@ def test_a_run_begins_and_ends_with_its_programme(serve: Any, drive: Any, eventu
             "the observer is not armed; arm it first",
         )
         assert (await http.get("/api/runs")).json() == []
-        assert served.station.state.state.value == "preview"
+        assert served.server.source.state.state.value == "preview"
         drive.leases["observer"] = ("lease", "Anna")
         await http.post("/api/robots/observer/arm", json={"lease": "lease"})
         begun = await http.post("/api/runs", json=wanted)
         assert begun.status_code == 201, begun.text
         assert drive.programme is not None
-        assert served.station.state.state.value == "running"
+        assert served.server.source.state.state.value == "running"
         drive.come_to_rest("observer", "fault", "the observer's left wheel stalled")
         await http.post(f"/api/runs/{begun.json()['id']}/stop")
         assert drive.programme is None
@@ -390,7 +390,7 @@ def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_armed_aga
         answer = await http.post("/api/runs", json={"programme": wanted})
         assert answer.status_code == 409
         assert "stopped" in answer.json()["detail"]
-        assert served.station.run is None
+        assert served.server.runs.current is None
 
     run(serve, scenario)
 

@@ -1,4 +1,4 @@
-"""A station over the peer engine, in an event loop of the test's own."""
+"""A server over the peer engine, in an event loop of the test's own."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from app.messages import EngineState, OpenSource
-from app.server import Station
+from app.server import Server
 from app.storage import Storage
 
 
 @asynccontextmanager
 async def started(
     peer: Any, storage: Storage, source: str = "simulated:lab", drive: Any = None
-) -> AsyncIterator[Station]:
-    """A station whose first source is open, or refused."""
-    station = Station(peer, storage, source=source, drive=drive)
+) -> AsyncIterator[Server]:
+    """A server whose first source is open, or refused."""
+    server = Server(peer, storage, source=source, drive=drive)
     try:
-        await station.start()
-        await until(lambda: station.state.state is not EngineState.IDLE)
-        yield station
+        await server.start()
+        await until(lambda: server.source.state.state is not EngineState.IDLE)
+        yield server
     finally:
-        await station.stop()
+        await server.stop()
 
 
 def run(scenario: Coroutine[Any, Any, None], within_s: float = 60) -> None:

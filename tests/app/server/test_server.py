@@ -1,4 +1,4 @@
-"""The station over a peer engine: restarts, runs that go on, a database that does not answer."""
+"""The server over a peer engine: restarts, runs that go on, a database that does not answer."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from typing import Any
 import pytest
 
 from app.messages import DenseStereoEvent, EngineState, OpenSource, SkippedFrameEvent
-from app.server import Conflict, FieldError, NotAvailable, Station
+from app.server import Conflict, FieldError, NotAvailable, Server
 from app.server.runs.current_run import speed_rows
-from app.server.runs.writer import Writer
 from app.server.status import status
 from app.server.telemetry import DenseStereo, Telemetry
+from app.server.writer import Writer
 from app.storage import RunState, Storage, StorageBusy, StorageError
 from observer.errors import ParameterError
 
 from .servers import opens, run, started, until
 
 
-async def begin(station: Station, **more: Any) -> Any:
+async def begin(server: Server, **more: Any) -> Any:
     given = {"name": None, "source": None, "calibration_id": None, "preset": None}
-    return await station.start_run(**{**given, "parameters": {}, **more})
+    return await server.runs.start(**{**given, "parameters": {}, **more})
 
 
 # --- engines that are lost ------------------------------------------------------------------
@@ -32,15 +32,15 @@ async def begin(station: Station, **more: Any) -> Any:
 
 def test_a_lost_engine_is_given_the_source_again(peer: Any, storage: Storage) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            await station.open_source("a/folder", None)
+        async with started(peer, storage) as server:
+            await server.source.open("a/folder", None)
             peer.lose("the engine gave no sign of life for 1.5 s")
-            assert station.state.state is EngineState.FAILED
-            assert "being restarted" in str(station.state.reason)
+            assert server.source.state.state is EngineState.FAILED
+            assert "being restarted" in str(server.source.state.reason)
             peer.start_process()
             # Not idle: what is missing is told until it is back.
-            assert station.state.state is EngineState.FAILED
-            await until(lambda: station.state.state is EngineState.PREVIEW)
+            assert server.source.state.state is EngineState.FAILED
+            await until(lambda: server.source.state.state is EngineState.PREVIEW)
             assert [o.source for o in opens(peer)] == ["simulated:lab", "a/folder", "a/folder"]
 
     run(scenario())
@@ -48,8 +48,8 @@ def test_a_lost_engine_is_given_the_source_again(peer: Any, storage: Storage) ->
 
 def test_a_run_goes_on_as_a_new_segment(peer: Any, storage: Storage) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            record = await begin(station)
+        async with started(peer, storage) as server:
+            record = await begin(server)
             for _ in range(5):
                 peer.observe()
             peer.lose()
@@ -62,9 +62,9 @@ def test_a_run_goes_on_as_a_new_segment(peer: Any, storage: Storage) -> None:
             peer.lose()
             peer.start_process()
             await until(lambda: peer.opened is not None and peer.opened.segment == 2)
-            ended = await station.stop_run(record.id)
+            ended = await server.runs.stop(record.id)
             assert (ended.state, ended.frames, ended.segments) == (RunState.FINISHED, 10, 3)
-            rows = await station.runs.speeds(record.id)
+            rows = await server.runs.archive.speeds(record.id)
             assert {row.segment for row in rows} == {0, 1}
 
     run(scenario())
@@ -72,30 +72,30 @@ def test_a_run_goes_on_as_a_new_segment(peer: Any, storage: Storage) -> None:
 
 def test_a_run_that_kills_every_engine_is_given_up(peer: Any, storage: Storage) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            record = await begin(station)
+        async with started(peer, storage) as server:
+            record = await begin(server)
             for _ in range(2):
                 peer.lose()
                 peer.start_process()
                 await until(lambda: peer.opened is not None)
             peer.lose()
             peer.start_process()
-            await until(lambda: station.run is None)
-            found = await station.runs.find(record.id)
+            await until(lambda: server.runs.current is None)
+            found = await server.runs.archive.find(record.id)
             assert found.state is RunState.FAILED
             assert "3 times in a row over simulated:lab" in str(found.reason)
             assert peer.opened is None
-            assert station.state.state is EngineState.FAILED
-            await station.open_source("simulated:lab", None)
-            assert station.state.state is EngineState.PREVIEW
+            assert server.source.state.state is EngineState.FAILED
+            await server.source.open("simulated:lab", None)
+            assert server.source.state.state is EngineState.PREVIEW
 
     run(scenario())
 
 
 def test_parameters_in_force_go_with_the_source(peer: Any, storage: Storage) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            await station.change_parameters({"flow.window_px": 21})
+        async with started(peer, storage) as server:
+            await server.parameters.change({"flow.window_px": 21})
             peer.lose()
             peer.start_process()
             await until(lambda: peer.opened is not None)
@@ -107,14 +107,14 @@ def test_parameters_in_force_go_with_the_source(peer: Any, storage: Storage) -> 
 
 def test_without_an_engine_requests_are_refused_for_the_moment(peer: Any, storage: Storage) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
+        async with started(peer, storage) as server:
             peer.lose()
             with pytest.raises(NotAvailable):
-                await station.open_source("x", None)
+                await server.source.open("x", None)
             with pytest.raises(NotAvailable):
-                await begin(station)
-            assert station.run is None
-            assert await station.runs.newest() == []
+                await begin(server)
+            assert server.runs.current is None
+            assert await server.runs.archive.newest() == []
 
     run(scenario())
 
@@ -123,11 +123,11 @@ def test_a_first_source_that_cannot_be_opened_leaves_the_server_up(
     peer: Any, storage: Storage
 ) -> None:
     async def scenario() -> None:
-        async with started(peer, storage, "missing") as station:
-            assert station.state.state is EngineState.FAILED
-            assert "name one that exists" in str(station.state.reason)
-            await station.open_source("simulated:lab", None)
-            assert station.state.state is EngineState.PREVIEW
+        async with started(peer, storage, "missing") as server:
+            assert server.source.state.state is EngineState.FAILED
+            assert "name one that exists" in str(server.source.state.reason)
+            await server.source.open("simulated:lab", None)
+            assert server.source.state.state is EngineState.PREVIEW
 
     run(scenario())
 
@@ -137,18 +137,18 @@ def test_a_first_source_that_cannot_be_opened_leaves_the_server_up(
 
 def test_a_recordings_run_ends_with_the_recording(peer: Any, storage: Storage) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            record = await begin(station, source="a/folder", name="Whole")
+        async with started(peer, storage) as server:
+            record = await begin(server, source="a/folder", name="Whole")
             assert peer.opened.loop is False
             peer.observe()
             peer.playback["ended"] = True
             peer.publish(peer.state())
-            await until(lambda: station.run is None)
-            found = await station.runs.find(record.id)
+            await until(lambda: server.runs.current is None)
+            found = await server.runs.archive.find(record.id)
             assert (found.state, found.frames) == (RunState.FINISHED, 1)
             assert peer.playback["loop"] is True
             # The simulated lab goes on until somebody ends it.
-            await begin(station, source="simulated:lab")
+            await begin(server, source="simulated:lab")
             assert peer.opened.loop is True
 
     run(scenario())
@@ -156,26 +156,26 @@ def test_a_recordings_run_ends_with_the_recording(peer: Any, storage: Storage) -
 
 def test_one_run_at_a_time_also_when_asked_at_once(peer: Any, storage: Storage) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
+        async with started(peer, storage) as server:
             results = await asyncio.gather(
-                *(begin(station) for _ in range(4)), return_exceptions=True
+                *(begin(server) for _ in range(4)), return_exceptions=True
             )
             assert sum(isinstance(result, Conflict) for result in results) == 3
-            assert len(await station.runs.newest()) == 1
+            assert len(await server.runs.archive.newest()) == 1
 
     run(scenario())
 
 
 def test_a_run_snapshots_what_it_was_made_with(peer: Any, storage: Storage) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            record = await begin(station, preset="paper", parameters={"flow.window_px": 9})
+        async with started(peer, storage) as server:
+            record = await begin(server, preset="paper", parameters={"flow.window_px": 9})
             assert record.preset is None
             assert record.parameters["flow.window_px"] == 9
             assert record.parameters["matching.method"] == "descriptor"
             assert {"dynamic-observer", "python", "numpy"} <= set(record.versions)
-            await station.change_parameters({"flow.window_px": 11})
-            await station.stop_run(record.id)
+            await server.parameters.change({"flow.window_px": 11})
+            await server.runs.stop(record.id)
             changes = await asyncio.to_thread(storage.parameter_revisions, record.id)
             assert [change.difference for change in changes][-1] == {"flow.window_px": 11}
 
@@ -184,12 +184,12 @@ def test_a_run_snapshots_what_it_was_made_with(peer: Any, storage: Storage) -> N
 
 def test_bad_parameters_start_no_run_and_stay_out(peer: Any, storage: Storage) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
+        async with started(peer, storage) as server:
             with pytest.raises(ParameterError):
-                await begin(station, parameters={"flow.window_px": 1000})
+                await begin(server, parameters={"flow.window_px": 1000})
             with pytest.raises(FieldError):
-                await begin(station, preset="none")
-            assert station.parameters.current.revision == 0
+                await begin(server, preset="none")
+            assert server.parameters.current.revision == 0
             assert len(opens(peer)) == 1
 
     run(scenario())
@@ -197,8 +197,8 @@ def test_bad_parameters_start_no_run_and_stay_out(peer: Any, storage: Storage) -
 
 def test_stopping_the_server_marks_the_run(peer: Any, storage: Storage, tmp_path: Path) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            await begin(station)
+        async with started(peer, storage) as server:
+            await begin(server)
             peer.observe()
 
     run(scenario())
@@ -213,8 +213,8 @@ def test_runs_of_a_killed_server_are_interrupted(peer: Any, storage: Storage) ->
         storage.create_run(name="x", source="s", parameters={}, versions={})
 
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            (record,) = await station.runs.newest()
+        async with started(peer, storage) as server:
+            (record,) = await server.runs.archive.newest()
             assert record.state is RunState.INTERRUPTED
 
     run(scenario())
@@ -228,10 +228,10 @@ def test_what_was_left_is_found_again(peer: Any, storage: Storage, calibration_y
         storage.activate_calibration(record.id)
 
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            assert station.parameters.current.values.flow.window_px == 31
-            assert station.parameters.current.revision == 6
-            assert "gone.parameter" in station.warnings[0]
+        async with started(peer, storage) as server:
+            assert server.parameters.current.values.flow.window_px == 31
+            assert server.parameters.current.revision == 6
+            assert "gone.parameter" in server.warnings[0]
             assert peer.opened.calibration_yaml == calibration_yaml()
 
     run(scenario())
@@ -255,10 +255,10 @@ def test_a_calibration_that_no_longer_fits_is_left_out_and_said(
     monkeypatch.setattr(peer, "_open", choosy)
 
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            assert station.state.state is EngineState.PREVIEW
-            assert "mine" in station.warnings[0]
-            assert station.wanted.calibration is None
+        async with started(peer, storage) as server:
+            assert server.source.state.state is EngineState.PREVIEW
+            assert "mine" in server.warnings[0]
+            assert server.source.wanted.calibration is None
 
     run(scenario())
 
@@ -268,8 +268,8 @@ def test_a_calibration_that_no_longer_fits_is_left_out_and_said(
 
 def test_a_locked_database_holds_nothing_up(peer: Any, storage: Storage, tmp_path: Path) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
-            record = await begin(station)
+        async with started(peer, storage) as server:
+            record = await begin(server)
             with_lock = sqlite3.connect(tmp_path / "observer.sqlite", isolation_level=None)
             with_lock.execute("BEGIN IMMEDIATE")
             try:
@@ -281,20 +281,20 @@ def test_a_locked_database_holds_nothing_up(peer: Any, storage: Storage, tmp_pat
                     longest = max(longest, time.monotonic() - before)
                 # The loop never waited for the lock (its timeout is half a second).
                 assert longest < 0.4
-                await until(lambda: status(station)["warnings"])
+                await until(lambda: status(server)["warnings"])
                 with pytest.raises(StorageBusy):
-                    await station.parameters.save_preset("x", "")
+                    await server.parameters.save_preset("x", "")
                 # Stopping works, whatever the database does.
-                ended = await station.stop_run(record.id)
+                ended = await server.runs.stop(record.id)
                 assert ended.state is RunState.FINISHED
             finally:
                 with_lock.execute("ROLLBACK")
                 with_lock.close()
-            await until(lambda: not status(station)["warnings"])
+            await until(lambda: not status(server)["warnings"])
             await until(lambda: storage.get_run(record.id).state is RunState.FINISHED)
             assert storage.get_run(record.id).frames == 60
             assert len(storage.speeds(record.id)) == 180
-            assert station.writer.dropped == 0
+            assert server.writer.dropped == 0
 
     run(scenario())
 
@@ -384,13 +384,13 @@ def test_what_fails_in_dense_stereo_is_a_warning_until_it_works_again(
     peer: Any, storage: Storage
 ) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
+        async with started(peer, storage) as server:
             peer.publish(dense(1, 0.1, "dense stereo failed: error: no sense"))
-            shown = status(station)
+            shown = status(server)
             assert "dense stereo failed: error: no sense" in shown["warnings"]
             assert shown["dense_stereo"]["age_s"] is None
             peer.publish(dense(2, 0.2))
-            assert status(station)["warnings"] == []
+            assert status(server)["warnings"] == []
 
     run(scenario())
 
@@ -405,10 +405,10 @@ def test_percentiles_are_of_the_last_samples() -> None:
 
 def test_skipped_frames_are_told(peer: Any, storage: Storage) -> None:
     async def scenario() -> None:
-        async with started(peer, storage) as station:
+        async with started(peer, storage) as server:
             for index in range(8):
                 peer.publish(SkippedFrameEvent(index, "left/0.png is cut off"))
-            shown = status(station)["skipped"]
+            shown = status(server)["skipped"]
             assert [entry["index"] for entry in shown] == [3, 4, 5, 6, 7]
 
     run(scenario())

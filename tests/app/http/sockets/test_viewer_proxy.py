@@ -33,8 +33,8 @@ CAMERA = {
 }
 
 
-def real_viewer(station: Any) -> ViserViewer:
-    return ViserViewer(station, points=500, rate_hz=20)
+def real_viewer(server: Any) -> ViserViewer:
+    return ViserViewer(server, points=500, rate_hz=20)
 
 
 async def started(served: Any) -> Any:
