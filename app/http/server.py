@@ -33,14 +33,15 @@ from app.http.api import (
     truths,
     views,
 )
+from app.http.api.common import TheServer
 from app.http.api.refusals import GATE_RESPONSES, refusal_schemas
 from app.http.errors import install_error_handlers
 from app.http.gate.origins import names_of
 from app.http.gate.security import Gate, Policy
 from app.http.gate.token import COOKIE_NAME, TokenGuard
 from app.http.pages import add_pages, sign_in_page, static_folder
-from app.http.sockets import drive as drive_socket
 from app.http.sockets import viewer_proxy
+from app.http.sockets.drive import DriveSocket
 from app.http.sockets.live import LiveHub
 from app.http.sockets.view_feed import ViewFeed
 from app.http.sockets.viewer_proxy import ViewerDoor
@@ -211,9 +212,13 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
         recordings,
         views,
         pixels,
-        drive_socket,
     ):
         api.include_router(part.router)
+
+    @api.websocket("/drive")
+    async def drive_socket(socket: WebSocket, server: TheServer, name: str | None = None) -> None:
+        await socket.accept()
+        await DriveSocket(socket, server, name).serve()
 
     @api.websocket("/live")
     async def live_socket(socket: WebSocket) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 
 import structlog
 
@@ -17,17 +17,14 @@ from app.messages import (
     SkippedFrameEvent,
     StateEvent,
 )
-from app.server.activity import Activity
 from app.server.calibrating.session import CalibrationSession
-from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
-from app.server.followers import Followers
 from app.server.rig.drive_survey import DriveSurvey
 from app.server.robots import RobotManager
 from app.server.runs.manager import RunManager
+from app.server.shared import Shared
 from app.server.source.manager import SourceManager
 from app.server.source.watched_views import Watching
-from app.server.telemetry import Telemetry
 from app.storage import RunState
 from observer.opening import shown_spec
 
@@ -42,41 +39,28 @@ class EngineEvents:
 
     def __init__(
         self,
-        engine: Engine,
-        activity: Activity,
-        *,
+        shared: Shared,
         source: SourceManager,
         runs: RunManager,
         session: CalibrationSession,
         robots: RobotManager,
         survey: DriveSurvey,
         watching: Watching,
-        telemetry: Telemetry,
-        followers: Followers,
-        soon: Callable[[Awaitable[None]], None],
-        clock: Callable[[], float],
     ) -> None:
-        """
-        Args:
-            soon: has work done that nobody waits for. clock: monotonic seconds.
-        """
-        self._engine = engine
-        self._activity = activity
+        self._shared = shared
+        self._followers = shared.followers
+        self._telemetry = shared.telemetry
         self._source = source
         self._runs = runs
         self._session = session
         self._robots = robots
         self._survey = survey
         self._watching = watching
-        self._telemetry = telemetry
-        self._followers = followers
-        self._soon = soon
-        self._clock = clock
         self._unsubscribe: Callable[[], None] = lambda: None
 
     def follow(self) -> None:
         """Hear the engine from now on."""
-        self._unsubscribe = self._engine.subscribe(self._heard)
+        self._unsubscribe = self._shared.engine.subscribe(self._heard)
 
     def unfollow(self) -> None:
         """Hear nothing any more; safe to call twice."""
@@ -87,7 +71,7 @@ class EngineEvents:
         if self._source.engine_started(generation):
             self._telemetry.new_engine()
             self._watching.engine_started()
-            self._soon(self._restore())
+            self._shared.background.start(self._restore())
 
     def _heard(self, event: Event) -> None:
         match event:
@@ -104,7 +88,7 @@ class EngineEvents:
             case SkippedFrameEvent():
                 self._telemetry.frame_skipped(event)
             case DenseStereoEvent():
-                if self._telemetry.dense_made(event, self._clock()):
+                if self._telemetry.dense_made(event, self._shared.clock()):
                     self._followers.status_changed()
             case EngineStartedEvent():
                 self.engine_started(event.generation)
@@ -116,7 +100,7 @@ class EngineEvents:
 
     def _observed(self, event: ObservationEvent) -> None:
         self._source.observed(event)
-        self._telemetry.observed(event, self._clock())
+        self._telemetry.observed(event, self._shared.clock())
         self._runs.observed(event)
         self._survey.observed(event)
         self._followers.observed(event)
@@ -129,7 +113,7 @@ class EngineEvents:
 
     async def _restore(self) -> None:
         """Have a new engine do what the lost one did; a run goes on as a new segment."""
-        async with self._activity.lock:
+        async with self._shared.lock:
             source = self._source
             try:
                 self._refuse_fruitless()

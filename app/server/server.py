@@ -1,7 +1,7 @@
 """The server, apart from how it is asked: puts its parts together, starts and ends them.
 
 It owns the engine, the drive process and the database. One change at a time: whatever changes
-source, run, calibration, parameters or rig holds the lock of ``Activity``.
+source, run, calibration, parameters or rig holds the shared lock.
 """
 
 from __future__ import annotations
@@ -12,13 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from app.messages import EngineState
-from app.server.activity import Activity
-from app.server.background import Background
 from app.server.calibrating.manager import CalibrationManager
-from app.server.calibrating.session import CalibrationSession
 from app.server.contracts import Drive, Engine
 from app.server.engine_events import EngineEvents
-from app.server.followers import Followers
 from app.server.parameters.manager import ParameterManager
 from app.server.rig.drive_survey import DriveSurvey
 from app.server.rig.store import RigStore
@@ -26,11 +22,10 @@ from app.server.robots import AbsentDrive, RobotManager
 from app.server.robots.circumstances import Circumstances
 from app.server.robots.profile_library import ProfileLibrary
 from app.server.runs.manager import RunManager
+from app.server.shared import Shared
 from app.server.source.live_truth import LiveTruthManager
 from app.server.source.manager import SourceManager
 from app.server.source.watched_views import Watching
-from app.server.telemetry import Telemetry
-from app.server.writer import Writer
 from app.storage import RunState, Storage
 from app.versions import versions
 from observer.opening import shown_spec
@@ -46,10 +41,9 @@ class Server:
         parameters: parameters and presets. rig: how the cameras stand on their robot.
         driving: the robots. programmes: what they can be told to drive.
         survey: notes a drive, by which the rig is estimated. live_truth: motion capture.
-        followers: who is told of everything. watching: which views are looked at.
-        telemetry: figures of the running loop. writer: the way into the database.
-        activity: excludes one change from another.
-        viewers: open live pages. warnings: sentences for the person at the page.
+        watching: which views are looked at. viewers: open live pages.
+        shared: what all of them stand on; engine, storage, clock, followers and telemetry are
+            of it.
     """
 
     def __init__(
@@ -66,39 +60,17 @@ class Server:
         live_truth: str | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.engine = engine
-        self.storage = storage
-        self.clock = clock
+        self.shared = shared = Shared(engine, storage, clock)
+        self.engine, self.storage, self.clock = engine, storage, clock
+        self.followers, self.telemetry = shared.followers, shared.telemetry
         self.viewers = 0
-        self.warnings: list[str] = []
-        self.writer = Writer()
-        self.telemetry = Telemetry()
-        self.followers = Followers()
         self.watching = Watching(engine)
         self.survey = DriveSurvey()
         self.rig = RigStore(rig_file)
         self.programmes = ProfileLibrary(programme_folder)
-        self._background = Background()
-        changed = self.followers.status_changed
-        session = CalibrationSession(engine, changed)
-        self.activity = Activity(
-            run=lambda: self.runs.current, calibrating=lambda: session.source is not None
-        )
-        self.parameters = ParameterManager(engine, storage, self.writer, self.activity, changed)
-        self.live_truth = LiveTruthManager(engine, storage, self.activity, changed, live_truth)
-        self.source = SourceManager(
-            engine,
-            storage,
-            self.writer,
-            self.activity,
-            source=source,
-            parameters=self.parameters,
-            rig=self.rig,
-            live_truth=self.live_truth,
-            telemetry=self.telemetry,
-            warn=self.warnings.append,
-            changed=changed,
-        )
+        self.parameters = ParameterManager(shared)
+        self.live_truth = LiveTruthManager(shared, live_truth)
+        self.source = SourceManager(shared, source, self.parameters, self.rig, self.live_truth)
         self._drive = drive or AbsentDrive()
         self.driving = RobotManager(
             self._drive,
@@ -113,34 +85,20 @@ class Server:
         )
         self.parameters.followed = self.driving.guard_changed
         self.runs = RunManager(
-            engine,
-            storage,
-            self.writer,
-            self.activity,
+            shared,
             self.source,
-            parameters=self.parameters,
-            rig=self.rig,
-            robots=self.driving,
-            live_truth=self.live_truth,
+            self.parameters,
+            self.rig,
+            self.driving,
+            self.live_truth,
             clips_at_guard_stops=clips_at_guard_stops,
-            soon=self._background.start,
-            changed=changed,
-            clock=clock,
         )
-        self.calibrating = CalibrationManager(storage, self.activity, session, self.source, changed)
+        self.calibrating = CalibrationManager(shared, self.source)
+        session = self.calibrating.session
+        shared.run = lambda: self.runs.current
+        shared.calibrates = lambda: session.source is not None
         self._events = EngineEvents(
-            engine,
-            self.activity,
-            source=self.source,
-            runs=self.runs,
-            session=session,
-            robots=self.driving,
-            survey=self.survey,
-            watching=self.watching,
-            telemetry=self.telemetry,
-            followers=self.followers,
-            soon=self._background.start,
-            clock=clock,
+            shared, self.source, self.runs, session, self.driving, self.survey, self.watching
         )
         self._unsubscribe_drive: Callable[[], None] = lambda: None
         self._started = False
@@ -152,10 +110,10 @@ class Server:
             StorageError: the database cannot be used; nothing was started.
         """
         await asyncio.to_thread(self._load)
-        self.writer.start()
+        self.shared.writer.start()
         self._started = True
         self._events.follow()
-        self._background.start(self.watching.run())
+        self.shared.background.start(self.watching.run())
         self.runs.begin()
         self.driving.start()
         self._unsubscribe_drive = self._drive.subscribe(self.runs.clips.drive_said)
@@ -170,22 +128,22 @@ class Server:
         await self.driving.stop()
         self._events.unfollow()
         self._unsubscribe_drive()
-        await self._background.cancel()
+        await self.shared.background.cancel()
         await self.calibrating.session.computation.cancel()
         if self.runs.running is not None:
             reason = "the server was stopped during the run"
             await self.runs.close(RunState.INTERRUPTED, reason)
         await self.engine.stop()
         if self._started:
-            await asyncio.to_thread(self.writer.stop)
+            await asyncio.to_thread(self.shared.writer.stop)
         await asyncio.to_thread(self.storage.close)
 
     def _load(self) -> None:
         self.storage.open()
-        self.warnings.extend(self.storage.warnings)
+        self.shared.warnings.extend(self.storage.warnings)
         self.runs.load()
         loaded = (self.parameters.load(), self.rig.load())
-        self.warnings.extend(warning for warning in loaded if warning is not None)
+        self.shared.warnings.extend(warning for warning in loaded if warning is not None)
         self.live_truth.load()
         self.source.load()
 
@@ -201,12 +159,12 @@ class Server:
             Conflict: a run or a calibration is going, and it would be observed otherwise.
             FieldError: as ``changed`` raises, or it cannot be written.
         """
-        async with self.activity.lock:
+        async with self.shared.lock:
             rig = changed()
             alike = self.rig.observes_alike(rig)
             if not alike:
-                self.activity.refuse_in_run("stop it before you change the rig")
-                self.activity.refuse_calibrating()
+                self.shared.refuse_in_run("stop it before you change the rig")
+                self.shared.refuse_calibrating()
             await asyncio.to_thread(self.rig.keep, rig)
             self.driving.rig_changed(self.source.state)
             if not alike and self.source.state.state is EngineState.PREVIEW:

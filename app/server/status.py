@@ -53,12 +53,12 @@ def status(server: Server) -> dict[str, Any]:
             "frames_skipped": telemetry.frame_skips,
             "observations_lost": health.observations_lost,
             "live_messages_dropped": telemetry.live_messages_dropped,
-            "writes_dropped": server.writer.dropped,
+            "writes_dropped": server.shared.writer.dropped,
         },
         "skipped": telemetry.skipped,
         "viewers": server.viewers,
         "has_truth": state.has_truth,
-        "warnings": [*server.warnings, *server.driving.warnings, *_trouble(server)],
+        "warnings": [*server.shared.warnings, *server.driving.warnings, *_trouble(server)],
         "version": app_version(),
     }
 
@@ -73,7 +73,7 @@ def _trouble(server: Server) -> list[str]:
     ageing = server.source.state.ageing or {}
     drift, vergence = ageing.get("rows") or {}, ageing.get("vergence") or {}
     troubles = (
-        server.writer.trouble,
+        server.shared.writer.trouble,
         server.telemetry.dense_trouble,
         drift.get("warning"),
         (server.source.state.recording or {}).get("trouble"),

@@ -11,10 +11,9 @@ import contextlib
 import json
 from typing import Any
 
-from fastapi import APIRouter, WebSocket
+from fastapi import WebSocket
 
 from app.drive.messages import COMMAND_FRESH_S, DriveCommand, Presence
-from app.http.api.common import TheServer
 from app.http.sockets.command_age import TOO_SLOW, Link
 from app.http.sockets.connections import GOING_AWAY, TRY_LATER, close, receive_text, until_one_ends
 from app.http.sockets.drive_messages import (
@@ -30,8 +29,6 @@ from app.server import Conflict, FieldError, NotAvailable, Server
 from app.server.background import Background
 from observer.rig.rig import Role
 
-router = APIRouter()
-
 _PING_S = 0.2
 # Who answers nothing for so long is gone, whatever the kernel says of the connection.
 _SILENT_S = 10.0
@@ -40,13 +37,6 @@ _MOST_WAITING = 64
 # Commands that the drive process has not answered yet.
 _MOST_UNANSWERED = 8
 _REFUSALS = (Conflict, FieldError, NotAvailable)
-
-
-@router.websocket("/drive")
-async def drive_socket(socket: WebSocket, server: TheServer, name: str | None = None) -> None:
-    """``name``: what the operator is called."""
-    await socket.accept()
-    await DriveSocket(socket, server, name).serve()
 
 
 class DriveSocket:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,13 +10,13 @@ from pathlib import Path
 from app.calibration_worker.image_archive import check_archive
 from app.calibration_worker.messages import FindBoards
 from app.messages import ChangeCalibration, EngineState
-from app.server.activity import Activity
 from app.server.calibrating.session import CalibrationSession
 from app.server.calibrations.library import calibration_facts, find_calibration
 from app.server.errors import Conflict, FieldError, NotAvailable
+from app.server.shared import Shared
 from app.server.source.manager import SourceManager
 from app.server.source.opening import Opening, check_spec
-from app.storage import CalibrationRecord, Storage
+from app.storage import CalibrationRecord
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import read_calibration
 
@@ -29,23 +28,11 @@ class CalibrationManager:
         session: what is being calibrated.
     """
 
-    def __init__(
-        self,
-        storage: Storage,
-        activity: Activity,
-        session: CalibrationSession,
-        source: SourceManager,
-        changed: Callable[[], None],
-    ) -> None:
-        """
-        Args:
-            changed: called when the calibration in use has another name.
-        """
-        self.session = session
-        self._storage = storage
-        self._activity = activity
+    def __init__(self, shared: Shared, source: SourceManager) -> None:
+        self.session = CalibrationSession(shared.engine, shared.followers.status_changed)
+        self._shared = shared
+        self._storage = shared.storage
         self._source = source
-        self._changed = changed
 
     # --- making one ------------------------------------------------------------------------
 
@@ -56,8 +43,8 @@ class CalibrationManager:
             Conflict: a run is going. FieldError: the source cannot be opened; what was open
                 stays open. NotAvailable: there is no engine at the moment.
         """
-        async with self._activity.lock:
-            self._activity.refuse_in_run("stop it before you calibrate")
+        async with self._shared.lock:
+            self._shared.refuse_in_run("stop it before you calibrate")
             source = source or self.session.source or self._source.wanted.source
             check_spec(source)
             await self.session.begin(source, board)
@@ -65,7 +52,7 @@ class CalibrationManager:
 
     async def end(self) -> None:
         """Forget what was captured and observe again what was open before."""
-        async with self._activity.lock:
+        async with self._shared.lock:
             live = self.session.source is not None
             await self.session.end()
             if live:
@@ -77,12 +64,12 @@ class CalibrationManager:
         Raises:
             Conflict: no cameras are calibrated. FieldError: they cannot be opened again.
         """
-        async with self._activity.lock:
+        async with self._shared.lock:
             await self.session.swap()
 
     async def change(self, command: ChangeCalibration) -> None:
         """Capture, undo, remove; see ``CalibrationSession.change``."""
-        async with self._activity.lock:
+        async with self._shared.lock:
             await self.session.change(command)
 
     async def take_images(self, archive: Path, board: Board) -> None:
@@ -97,7 +84,7 @@ class CalibrationManager:
         """
         await asyncio.to_thread(check_archive, archive)
         found = await self.session.computation.find_boards(FindBoards(archive, board))
-        async with self._activity.lock:
+        async with self._shared.lock:
             live = self.session.source is not None
             await self.session.take_images(found, board)
             if live:
@@ -111,7 +98,7 @@ class CalibrationManager:
             FieldError, NotAvailable: it is kept, but cannot be used now. Whatever is raised, what
                 was captured and computed stays.
         """
-        async with self._activity.lock:
+        async with self._shared.lock:
             record = await asyncio.to_thread(self._keep, name)
             if not activate:
                 return record
@@ -153,9 +140,9 @@ class CalibrationManager:
         Raises:
             Conflict: a run is going. FieldError: it does not fit the source's images.
         """
-        async with self._activity.lock:
-            self._activity.refuse_in_run("stop it before you change the calibration")
-            self._activity.refuse_calibrating()
+        async with self._shared.lock:
+            self._shared.refuse_in_run("stop it before you change the calibration")
+            self._shared.refuse_calibrating()
             record = None
             if id is not None:
                 record = await asyncio.to_thread(find_calibration, self._storage, id)
@@ -166,19 +153,19 @@ class CalibrationManager:
 
     async def rename(self, id: str, name: str) -> CalibrationRecord:
         """Call a listed calibration by another name."""
-        async with self._activity.lock:
+        async with self._shared.lock:
             await asyncio.to_thread(find_calibration, self._storage, id)
             rename = partial(self._storage.change_calibration, id, name=name)
             record = await asyncio.to_thread(rename)
             wanted = self._source.wanted
             if wanted.calibration is not None and wanted.calibration.id == id:
                 self._source.wanted = replace(wanted, calibration=record)
-        self._changed()
+        self._shared.followers.status_changed()
         return record
 
     async def delete(self, id: str) -> None:
         """Take a calibration off the list."""
-        async with self._activity.lock:
+        async with self._shared.lock:
             active = self._source.wanted.calibration
             if active is not None and active.id == id:
                 raise Conflict(f"the calibration {active.name} is in use; deactivate it first")

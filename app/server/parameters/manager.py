@@ -10,9 +10,7 @@ from typing import Any
 
 from app.messages import SetParameters
 from app.processes.errors import ProcessUnavailable
-from app.server.activity import Activity
 from app.server.asking import ask
-from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable, NotThere
 from app.server.parameters.in_force import (
     BUILT_IN,
@@ -24,8 +22,8 @@ from app.server.parameters.in_force import (
     preset_values,
     restored_parameters,
 )
-from app.server.writer import Writer
-from app.storage import PresetRecord, Storage, StorageExists
+from app.server.shared import Shared
+from app.storage import PresetRecord, StorageExists
 from observer.errors import InputError
 from observer.parameters import PRESET_HELP, Parameters, ParameterValue, preset
 
@@ -41,29 +39,16 @@ class PresetEntry:
 
 
 class ParameterManager:
-    """Used in the event loop; but for ``change``, changes need the lock of ``Activity``.
+    """Used in the event loop; but for ``change``, changes need the shared lock.
 
     Attributes:
         current: in force. followed: called when they are others.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        storage: Storage,
-        writer: Writer,
-        activity: Activity,
-        changed: Callable[[], None],
-    ) -> None:
-        """
-        Args:
-            changed: called when somebody has changed parameters.
-        """
-        self._engine = engine
-        self._storage = storage
-        self._writer = writer
-        self._activity = activity
-        self._changed = changed
+    def __init__(self, shared: Shared) -> None:
+        self._shared = shared
+        self._storage = shared.storage
+        self._writer = shared.writer
         self._saved: dict[str, PresetRecord] = {}
         self.current = first_parameters()
         self.followed: Callable[[], None] = lambda: None
@@ -110,24 +95,26 @@ class ParameterManager:
         Raises:
             ParameterError: naming every refused field and its range.
         """
-        async with self._activity.lock:
+        async with self._shared.lock:
             result = await self._apply(self.plan(None, changes))
-        self._changed()
+        self._shared.followers.status_changed()
         return result
 
     async def _apply(self, revision: Revision) -> ParametersInForce:
         """Put a planned change into force, in the engine first."""
         if not revision.difference:
             return self.current
-        after, run_id = revision.after, self._activity.run_id
+        after, run = revision.after, self._shared.run()
         try:
-            reply = await ask(self._engine, SetParameters(after.values.flat(), after.revision))
+            reply = await ask(
+                self._shared.engine, SetParameters(after.values.flat(), after.revision)
+            )
         except NotAvailable as error:
             if not isinstance(error.__cause__, ProcessUnavailable):
                 raise
             # The next engine gets them together with its source.
             reply = {}
-        return self.adopt(revision, reply.get("frame"), run_id)
+        return self.adopt(revision, reply.get("frame"), None if run is None else run.id)
 
     def adopt(self, revision: Revision, frame: int | None, run_id: str | None) -> ParametersInForce:
         """Note that a change is in force from ``frame`` on."""

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
 from app.drive.messages import StartProgramme
 from app.messages import MAX_PLAYBACK_RATE, ObservationEvent, StateEvent
-from app.server.activity import Activity
 from app.server.calibrations.library import keep_own_calibration
-from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.in_force import ParametersInForce
 from app.server.parameters.manager import ParameterManager
@@ -32,11 +29,11 @@ from app.server.runs.recording import (
 )
 from app.server.runs.saved_clips import SavedClips
 from app.server.runs.truths import TruthFiles
+from app.server.shared import Shared
 from app.server.source.live_truth import LiveTruthManager
 from app.server.source.manager import SourceManager
 from app.server.source.opening import Opening, make_opening
-from app.server.writer import Writer
-from app.storage import RunRecord, RunState, Storage, StorageError
+from app.storage import RunRecord, RunState, StorageError
 from app.versions import versions
 from observer.opening import shown_spec
 from observer.rig.rig import ROLES
@@ -53,52 +50,36 @@ class RunManager:
 
     def __init__(
         self,
-        engine: Engine,
-        storage: Storage,
-        writer: Writer,
-        activity: Activity,
+        shared: Shared,
         source: SourceManager,
-        *,
         parameters: ParameterManager,
         rig: RigStore,
         robots: RobotManager,
         live_truth: LiveTruthManager,
+        *,
         clips_at_guard_stops: bool,
-        soon: Callable[[Awaitable[None]], None],
-        changed: Callable[[], None],
-        clock: Callable[[], float],
     ) -> None:
         """
         Args:
             clips_at_guard_stops: whether the last half minute is saved at a stop of the guard.
-            soon: has work done that nobody waits for. changed: called when a run begins or ends.
-            clock: monotonic seconds.
         """
+        storage = shared.storage
         self.running: CurrentRun | None = None
         self.archive = RunArchive(storage, lambda: self.current)
-        self.history = RunHistory(storage, lambda: self.running, clock)
+        self.history = RunHistory(storage, lambda: self.running, shared.clock)
         self.files = RunFiles(storage, self.archive)
         self.truths = TruthFiles(storage, self.archive, self.files.quick)
-        self.clips = SavedClips(
-            engine,
-            storage.folder,
-            run=lambda: self.current,
-            soon=soon,
-            automatic=clips_at_guard_stops,
-            clock=clock,
-        )
-        self._engine = engine
+        self.clips = SavedClips(shared, automatic=clips_at_guard_stops)
+        self._shared = shared
+        self._engine = shared.engine
         self._storage = storage
-        self._writer = writer
-        self._activity = activity
+        self._writer = shared.writer
+        self._soon = shared.background.start
         self._source = source
         self._parameters = parameters
         self._rig = rig
         self._robots = robots
         self._live_truth = live_truth
-        self._soon = soon
-        self._changed = changed
-        self._clock = clock
         # Runs that the end of the server before cut short.
         self._interrupted: list[str] = []
 
@@ -151,9 +132,9 @@ class RunManager:
             NotAvailable, StorageError: nothing was changed; ``StorageFull`` also where the disk
                 has no room for a recording.
         """
-        async with self._activity.lock:
-            self._activity.refuse_in_run("stop it first")
-            self._activity.refuse_calibrating()
+        async with self._shared.lock:
+            self._shared.refuse_in_run("stop it first")
+            self._shared.refuse_calibrating()
             if programme is not None:
                 self._robots.check_programme(programme)
             revision = self._parameters.plan(preset, parameters)
@@ -164,7 +145,9 @@ class RunManager:
                 )
             opening = replace(opening, run_rate=None if rerun_of is None else MAX_PLAYBACK_RATE)
             created = await self._create(name, opening, revision.after, record, rerun_of)
-            run = self.running = CurrentRun(created, self._storage, self._writer, self._clock)
+            run = self.running = CurrentRun(
+                created, self._storage, self._writer, self._shared.clock
+            )
             try:
                 text = await self._observe(opening, run, parameters=revision.after)
                 if opening.calibration is None:
@@ -179,7 +162,7 @@ class RunManager:
             self._parameters.adopt(revision, 0, run.id)
             if programme is not None:
                 await self._start_programme(run, programme)
-            self._changed()
+            self._shared.followers.status_changed()
             return run.snapshot()
 
     async def _create(
@@ -300,7 +283,7 @@ class RunManager:
         Raises:
             NotThere: there is no such run. Conflict: it has ended already.
         """
-        async with self._activity.lock:
+        async with self._shared.lock:
             if self.running is None or self.running.id != run_id:
                 record = await self.archive.find(run_id)
                 raise Conflict(f"the run {record.name} has ended already ({record.state.value})")
@@ -308,18 +291,18 @@ class RunManager:
 
     async def delete(self, run_id: str) -> None:
         """Hide a run that has ended; ``history.recover`` has it back."""
-        async with self._activity.lock:
+        async with self._shared.lock:
             if self.running is not None and self.running.id == run_id:
-                self._activity.refuse_in_run("stop it before you delete it")
+                self._shared.refuse_in_run("stop it before you delete it")
             await self.history.discard(run_id)
 
     async def _finish_played(self, run: CurrentRun) -> None:
-        async with self._activity.lock:
+        async with self._shared.lock:
             if self.running is run:
                 await self.close(RunState.FINISHED, None)
 
     async def close(self, state: RunState, reason: str | None) -> RunRecord:
-        """End the run that is kept; the lock of ``Activity`` is held, or everything ends.
+        """End the run that is kept; the shared lock is held, or everything ends.
 
         Args:
             reason: why it ended, in a sentence; None where somebody ended it.
@@ -341,5 +324,5 @@ class RunManager:
             self.running = None
         if state is RunState.FINISHED:
             self._soon(self.truths.run_ended(run.record, self._live_truth.order))
-        self._changed()
+        self._shared.followers.status_changed()
         return written or ended

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 import structlog
@@ -11,9 +10,8 @@ import structlog
 from app.drive.messages import IncidentEvent
 from app.messages import SaveRing
 from app.server.asking import ask
-from app.server.contracts import Engine
 from app.server.errors import Conflict, NotThere
-from app.storage import DataFolder, RunRecord
+from app.server.shared import Shared
 from app.storage.saved_clips import SavedClip, list_clips, new_clip, remove_clip
 from observer.errors import DynamicObserverError
 
@@ -30,25 +28,13 @@ class SavedClips:
     """Saves the last half minute: when a person wants it, and when the guard stopped a robot.
 
     Args:
-        folder: the data folder. run: the one that is kept. automatic: whether guard stops save it.
+        automatic: whether guard stops save it.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        folder: DataFolder,
-        *,
-        run: Callable[[], RunRecord | None],
-        soon: Callable[[Awaitable[None]], None],
-        automatic: bool,
-        clock: Callable[[], float],
-    ) -> None:
-        self._engine = engine
-        self._folder = folder
-        self._run = run
-        self._soon = soon
+    def __init__(self, shared: Shared, *, automatic: bool) -> None:
+        self._shared = shared
+        self._folder = shared.storage.folder
         self._automatic = automatic
-        self._clock = clock
         self._saved_at: float | None = None
 
     async def save(self) -> dict[str, Any]:
@@ -61,9 +47,9 @@ class SavedClips:
             Conflict: none is kept of what is open. StorageFull: there is no room for it.
             NotAvailable: it failed, or there is no engine at the moment.
         """
-        run = self._run()
+        run = self._shared.run()
         file = new_clip(self._folder, None if run is None else run.id)
-        saved = await ask(self._engine, SaveRing(str(file)), timeout_s=_SAVE_TIMEOUT_S)
+        saved = await ask(self._shared.engine, SaveRing(str(file)), timeout_s=_SAVE_TIMEOUT_S)
         return {"file": str(file.relative_to(self._folder.path.absolute())), **saved}
 
     async def all(self) -> list[SavedClip]:
@@ -95,11 +81,11 @@ class SavedClips:
         """Save it soon behind a stop of the guard, so that the stop is in it."""
         if not (self._automatic and isinstance(event, IncidentEvent) and event.kind == "guard"):
             return
-        now = self._clock()
+        now = self._shared.clock()
         if self._saved_at is not None and now - self._saved_at < _BETWEEN_RINGS_S:
             return
         self._saved_at = now
-        self._soon(self._save_later())
+        self._shared.background.start(self._save_later())
 
     async def _save_later(self) -> None:
         await asyncio.sleep(_BEHIND_STOP_S)

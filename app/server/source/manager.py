@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -17,19 +16,15 @@ from app.messages import (
     SetPlayback,
     StateEvent,
 )
-from app.server.activity import Activity
 from app.server.asking import ask
-from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.in_force import ParametersInForce
 from app.server.parameters.manager import ParameterManager
 from app.server.rig.store import RigStore
+from app.server.shared import Shared
 from app.server.source.camera_match import calibration_of_cameras
 from app.server.source.live_truth import LiveTruthManager
 from app.server.source.opening import Opening, make_opening
-from app.server.telemetry import Telemetry
-from app.server.writer import Writer
-from app.storage import Storage
 from observer.opening import shown_spec
 
 # Building an index of a large data set takes a while.
@@ -37,7 +32,7 @@ _OPEN_TIMEOUT_S = 60.0
 
 
 class SourceManager:
-    """Used in the event loop; but for ``open``, changes need the lock of ``Activity``.
+    """Used in the event loop; but for ``open``, changes need the shared lock.
 
     Attributes:
         wanted: what is open, or was meant to be.
@@ -49,23 +44,15 @@ class SourceManager:
 
     def __init__(
         self,
-        engine: Engine,
-        storage: Storage,
-        writer: Writer,
-        activity: Activity,
-        *,
+        shared: Shared,
         source: str,
         parameters: ParameterManager,
         rig: RigStore,
         live_truth: LiveTruthManager,
-        telemetry: Telemetry,
-        warn: Callable[[str], None],
-        changed: Callable[[], None],
     ) -> None:
         """
         Args:
-            source: opened first. warn: told sentences for the person at the page.
-            changed: called when something else is open, or what is open is otherwise.
+            source: opened first.
         """
         self.wanted = Opening(source, None)
         self.state = StateEvent(EngineState.IDLE, None)
@@ -73,16 +60,12 @@ class SourceManager:
         self.generation = 0
         self.restoring = False
         self.fruitless_losses = 0
-        self._engine = engine
-        self._storage = storage
-        self._writer = writer
-        self._activity = activity
+        self._shared = shared
+        self._engine = shared.engine
+        self._storage = shared.storage
         self._parameters = parameters
         self._rig = rig
         self._live_truth = live_truth
-        self._telemetry = telemetry
-        self._warn = warn
-        self._changed = changed
 
     def load(self) -> None:
         """Find the calibration of the first source; the server's start is another thread."""
@@ -100,9 +83,9 @@ class SourceManager:
             Conflict: a run is going. FieldError: the source or calibration cannot be used;
                 what was open stays open. NotAvailable: there is no engine at the moment.
         """
-        async with self._activity.lock:
-            self._activity.refuse_in_run("stop it before you open another source")
-            self._activity.refuse_calibrating()
+        async with self._shared.lock:
+            self._shared.refuse_in_run("stop it before you open another source")
+            self._shared.refuse_calibrating()
             await self.use(
                 await asyncio.to_thread(make_opening, self._storage, source, calibration_id)
             )
@@ -122,8 +105,8 @@ class SourceManager:
         self.wanted = opening
         self.fruitless_losses = 0
         id = None if opening.calibration is None else opening.calibration.id
-        self._writer.post(partial(self._storage.activate_calibration, id))
-        self._changed()
+        self._shared.writer.post(partial(self._storage.activate_calibration, id))
+        self._shared.followers.status_changed()
 
     async def observe(
         self,
@@ -156,7 +139,7 @@ class SourceManager:
         reply = await ask(
             self._engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S
         )
-        self._telemetry.new_source()
+        self._shared.telemetry.new_source()
         self.latest = None
         return str(reply["calibration_yaml"])
 
@@ -171,7 +154,7 @@ class SourceManager:
         except FieldError as error:
             if self.wanted.calibration is None:
                 raise
-            self._warn(
+            self._shared.warnings.append(
                 f"the calibration {self.wanted.calibration.name} is not used any more: {error}"
             )
             await self.use(replace(self.wanted, calibration=None))
@@ -184,7 +167,7 @@ class SourceManager:
             # Nothing of what was calibrated stays open behind it.
             await ask(self._engine, CloseSource())
             self.failed(str(error))
-        self._changed()
+        self._shared.followers.status_changed()
 
     # --- what the engine tells -------------------------------------------------------------
 

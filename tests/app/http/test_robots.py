@@ -114,7 +114,7 @@ def test_a_stop_waits_for_nobody_and_outlives_the_process(
     async def scenario(served: Any) -> None:
         http = served.http
         # While something else holds the server, and wrong tokens are counted.
-        async with served.server.activity.lock:
+        async with served.server.shared.lock:
             async with served.anonymous(Authorization="Bearer wrong") as client:
                 for _ in range(8):
                     await client.post("/api/robots/stop")
@@ -246,7 +246,7 @@ def test_a_port_and_a_mount_that_are_changed_at_once_are_both_kept(
 ) -> None:
     async def scenario(served: Any) -> None:
         http = served.http
-        async with served.server.activity.lock:
+        async with served.server.shared.lock:
             # Both wait, as for a source that is being opened.
             port = asyncio.create_task(
                 http.put("/api/robots/observer/port", json={"port": "/dev/ttyUSB0"})

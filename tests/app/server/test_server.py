@@ -231,7 +231,7 @@ def test_what_was_left_is_found_again(peer: Any, storage: Storage, calibration_y
         async with started(peer, storage) as server:
             assert server.parameters.current.values.flow.window_px == 31
             assert server.parameters.current.revision == 6
-            assert "gone.parameter" in server.warnings[0]
+            assert "gone.parameter" in server.shared.warnings[0]
             assert peer.opened.calibration_yaml == calibration_yaml()
 
     run(scenario())
@@ -257,7 +257,7 @@ def test_a_calibration_that_no_longer_fits_is_left_out_and_said(
     async def scenario() -> None:
         async with started(peer, storage) as server:
             assert server.source.state.state is EngineState.PREVIEW
-            assert "mine" in server.warnings[0]
+            assert "mine" in server.shared.warnings[0]
             assert server.source.wanted.calibration is None
 
     run(scenario())
@@ -294,7 +294,7 @@ def test_a_locked_database_holds_nothing_up(peer: Any, storage: Storage, tmp_pat
             await until(lambda: storage.get_run(record.id).state is RunState.FINISHED)
             assert storage.get_run(record.id).frames == 60
             assert len(storage.speeds(record.id)) == 180
-            assert server.writer.dropped == 0
+            assert server.shared.writer.dropped == 0
 
     run(scenario())
 

@@ -65,7 +65,7 @@ def test_the_scene_comes_through_and_follows(
             assert isinstance(first, bytes)
             await eventually(lambda: set(peer.watched) == {"cloud", "plain"})
             await socket.send(msgspec.msgpack.encode(CAMERA))
-            await eventually(lambda: len(viewer._server.get_clients()) == 1)
+            await eventually(lambda: len(viewer._viser.get_clients()) == 1)
             received = 0
             for _ in range(10):
                 peer.observe()
@@ -74,7 +74,7 @@ def test_the_scene_comes_through_and_follows(
             # The cloud of 500 points alone takes 4.5 KB.
             assert received > 4500
         await eventually(lambda: peer.watched == ())
-        await eventually(lambda: not viewer._server.get_clients())
+        await eventually(lambda: not viewer._viser.get_clients())
 
     run(serve, scenario, viewer=real_viewer)
     assert "viser" not in capsys.readouterr().out
@@ -88,7 +88,7 @@ def test_nobody_reaches_viser_or_the_world_through_it(
 
     async def scenario(served: Any) -> None:
         viewer = await started(served)
-        assert viewer._server.get_host() == "127.0.0.1"
+        assert viewer._viser.get_host() == "127.0.0.1"
         async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
             await socket.recv()
             await socket.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
@@ -96,7 +96,7 @@ def test_nobody_reaches_viser_or_the_world_through_it(
             async with asyncio.timeout(5):
                 assert await socket.recv()
         # Also past the proxy, should a message ever get there.
-        assert await asyncio.to_thread(viewer._server.request_share_url) is None
+        assert await asyncio.to_thread(viewer._viser.request_share_url) is None
         assert tunnels == []
 
     run(serve, scenario, viewer=real_viewer)

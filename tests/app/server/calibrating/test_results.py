@@ -279,7 +279,7 @@ def test_a_full_disk_or_a_busy_database_loses_nothing(
     async def scenario() -> None:
         async with started(peer, storage) as server:
             await computed(peer, server, computing)
-            await until(lambda: server.writer.trouble is None)
+            await until(lambda: server.shared.writer.trouble is None)
             before = server.calibrating.session.facts()
             with locked(tmp_path / "observer.sqlite"), pytest.raises(StorageBusy):
                 await server.calibrating.save("Bench", activate=True)
