@@ -12,7 +12,7 @@ import sys
 import psutil
 
 from app.messages import OpenSource
-from app.processes.supervisor import SupervisorLimits
+from app.runtime.supervisor import SupervisorLimits
 from app.supervisor import Supervisor
 
 

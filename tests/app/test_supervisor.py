@@ -33,7 +33,7 @@ from app.messages import (
     StopRun,
     WatchViews,
 )
-from app.processes.supervisor import SupervisorLimits
+from app.runtime.supervisor import SupervisorLimits
 from app.supervisor import EngineRefused, EngineUnavailable, Supervisor
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration

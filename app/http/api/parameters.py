@@ -6,12 +6,12 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Path
 
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.models import ParameterEntry, ParametersNow, Preset, PresetName
 from app.http.api.refusals import refusals
 from app.http.api.values import Changes
-from app.parameter_store import ParametersInForce
-from app.server.parameters.desk import PresetEntry
+from app.server.parameters.in_force import ParametersInForce
+from app.server.parameters.manager import PresetEntry
 from observer.parameters import parameter_schema
 
 router = APIRouter(tags=["parameters"])
@@ -27,8 +27,8 @@ def _now(parameters: ParametersInForce) -> ParametersNow:
 
 
 @router.get("/parameters", response_model=ParametersNow, summary="All parameters in force")
-async def get_parameters(station: TheStation) -> ParametersNow:
-    return _now(station.parameters.current)
+async def get_parameters(server: TheServer) -> ParametersNow:
+    return _now(server.parameters.current)
 
 
 @router.patch(
@@ -41,10 +41,10 @@ async def patch_parameters(
     changes: Annotated[
         Changes, Body(examples=[{"ego_motion.ransac_threshold_px": 2.0, "stereo.matcher": "bm"}])
     ],
-    station: TheStation,
+    server: TheServer,
 ) -> ParametersNow:
     """Dotted names and new values, all or nothing; they act from the next frame on."""
-    return _now(await station.change_parameters(dict(changes)))
+    return _now(await server.parameters.change(dict(changes)))
 
 
 @router.get(
@@ -58,9 +58,9 @@ def get_schema() -> list[dict[str, Any]]:
 
 
 @router.get("/presets", response_model=list[Preset], summary="All presets")
-async def get_presets(station: TheStation) -> list[PresetEntry]:
+async def get_presets(server: TheServer) -> list[PresetEntry]:
     """To use one, PATCH its values."""
-    return station.parameters.presets()
+    return server.parameters.presets()
 
 
 @router.post(
@@ -70,8 +70,8 @@ async def get_presets(station: TheStation) -> list[PresetEntry]:
     summary="Save the values in force as a preset",
     responses=refusals(409, 415, 422, 503, 507),
 )
-async def post_preset(wanted: PresetName, station: TheStation) -> PresetEntry:
-    return await station.parameters.save_preset(wanted.name, wanted.help)
+async def post_preset(wanted: PresetName, server: TheServer) -> PresetEntry:
+    return await server.parameters.save_preset(wanted.name, wanted.help)
 
 
 @router.delete(
@@ -80,5 +80,5 @@ async def post_preset(wanted: PresetName, station: TheStation) -> PresetEntry:
     summary="Delete a saved preset",
     responses=refusals(404, 409, 503),
 )
-async def delete_preset(name: Annotated[str, Path(max_length=100)], station: TheStation) -> None:
-    await station.parameters.delete_preset(name)
+async def delete_preset(name: Annotated[str, Path(max_length=100)], server: TheServer) -> None:
+    await server.parameters.delete_preset(name)
