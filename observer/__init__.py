@@ -17,7 +17,7 @@ The public face is ``open`` and ``load`` for notebooks and scripts, and for fram
 
     import observer
 
-    with observer.open("simulated:lab", {"tracking.gate": 4.0}) as source:
+    with observer.open("simulated:lab", {"klt_tracking.spacing_px": 14}) as source:
         for step in source.steps(50):
             print(step.frame.time, [o.speed for o in step.obstacles])
 
@@ -84,7 +84,8 @@ def open(
     Args:
         source: whatever ``dynamic-observer observe`` takes: ``simulated:lab``, a folder, videos,
             ``camera:0,1``, a recording.
-        parameters: values by dotted name that differ from the preset's.
+        parameters: values by dotted name in place of the preset's; each must act with the
+            method in force.
         preset: ``default`` or ``paper``.
         calibration: a file to use in place of the source's own.
 
@@ -102,9 +103,10 @@ def open(
     from observer.calibration.formats.recognition import named_file, read_any
     from observer.notebook.live import ObservedSource
     from observer.opening import open_source
-    from observer.parameters.presets import preset as find_preset
+    from observer.parameters import effective
+    from observer.parameters import preset as find_preset
 
-    chosen = find_preset(preset).changed(dict(parameters or {}))
+    chosen = effective(find_preset(preset), parameters or {})
     opened = open_source(source)
     try:
         info = opened.source.info

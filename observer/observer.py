@@ -191,7 +191,7 @@ class Observer:
         trace.keep("left", left)
         trace.keep("right", right)
         gray = as_gray(left)
-        if _method_name(self.parameters) == "one_camera":
+        if _method_name(self.parameters) == "monocular":
             # What the right camera sees must not matter.
             return View.of(frame, gray, gray)
         return View.of(frame, gray, as_gray(right))
@@ -225,7 +225,7 @@ class Observer:
         match _method_name(self.parameters):
             case "rigid":
                 return RigidMethod(self.camera, view, self.parameters, self._numbers)
-            case "one_camera":
+            case "monocular":
                 return MonocularMethod(
                     self.camera, view, self.parameters, self._numbers, self._mount
                 )
@@ -255,6 +255,6 @@ class Observer:
         )
 
 
-def _method_name(parameters: Parameters) -> Literal["planar", "rigid", "one_camera"]:
+def _method_name(parameters: Parameters) -> Literal["planar", "rigid", "monocular"]:
     model = parameters.ego_motion.model
     return "planar" if model == "affine" or model == "homography" else model

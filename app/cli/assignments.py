@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 
 from observer.errors import InputError
-from observer.parameters import Parameters, ParameterValue, preset
+from observer.parameters import Parameters, ParameterValue, effective, preset
 
 
 def chosen_parameters(preset_name: str, assignments: Sequence[str]) -> Parameters:
@@ -14,7 +14,8 @@ def chosen_parameters(preset_name: str, assignments: Sequence[str]) -> Parameter
 
     Raises:
         InputError: an assignment has no ``=`` or the preset is unknown.
-        ParameterError: naming every refused parameter and its range.
+        ParameterError: naming every refused parameter and its range, or what does not act with
+            the method in force.
     """
     changes: dict[str, ParameterValue] = {}
     for text in assignments:
@@ -24,7 +25,7 @@ def chosen_parameters(preset_name: str, assignments: Sequence[str]) -> Parameter
                 f"--set takes NAME=VALUE, as in --set ego_motion.model=affine, not {text!r}"
             )
         changes[name.strip()] = _typed(value.strip())
-    return preset(preset_name).changed(changes)
+    return effective(preset(preset_name), changes)
 
 
 def _typed(text: str) -> ParameterValue:

@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from observer.parameters import MODELS, parameter_schema
+from observer.guard.parameters import AllParameters
+from observer.parameters import MODELS
 
 
 def parameters(
@@ -18,21 +19,20 @@ def parameters(
     if as_markdown:
         typer.echo(parameter_table())
         return
-    for entry in parameter_schema():
+    for entry in AllParameters.declared():
         typer.echo(f"{entry['name']} = {_shown(entry['default'])}   ({_range(entry)})")
-        which = "" if entry["models"] == list(MODELS) else f" Acts with {_models(entry)}."
-        typer.echo(f"    {entry['help']}{which}")
+        typer.echo(f"    {entry['help']} Acts with {_models(entry)}.")
 
 
 def parameter_table() -> str:
-    """All parameters as one Markdown table, from their only declaration."""
+    """Return all parameters as one Markdown table, from their only declaration."""
     rows = [
         "| parameter | default | range | acts with | what it does |",
         "| --- | --- | --- | --- | --- |",
     ]
     rows += [
         f"| `{e['name']}` | {_shown(e['default'])} | {_range(e)} | {_models(e)} | {e['help']} |"
-        for e in parameter_schema()
+        for e in AllParameters.declared()
     ]
     return "\n".join(rows)
 
@@ -42,7 +42,8 @@ def _shown(value: Any) -> str:
 
 
 def _models(entry: dict[str, Any]) -> str:
-    return "all" if entry["models"] == list(MODELS) else ", ".join(entry["models"])
+    models = "all" if entry["models"] == list(MODELS) else ", ".join(entry["models"])
+    return f"{models}; on the cloud with all" if entry.get("cloud") else models
 
 
 def _range(entry: dict[str, Any]) -> str:

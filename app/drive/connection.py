@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
-from observer.parameters import GuardParameters
 from observer.robots.contract import Robot
 
 

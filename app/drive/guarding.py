@@ -6,8 +6,8 @@ from typing import Protocol
 
 from app.drive.consent import Velocity
 from observer.guard.guard import Verdict
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
-from observer.parameters import GuardParameters
 from observer.rig.rig import Role
 from observer.robots.contract import SonarReading
 

@@ -27,7 +27,7 @@ from app.runtime.latest import LatestReader, LatestWriter
 from app.runtime.lifeline import receive_until_parent_ends
 from app.runtime.pipe import MessageSender
 from observer.guard.guard import Guard
-from observer.parameters import GuardParameters
+from observer.guard.parameters import GuardParameters
 from observer.rig.rig import ROLES
 
 # Longer than a loop that works takes to let all robots go.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from app.drive.connection import Connection, Tick
 from app.drive.consent import Velocity
 from observer.guard.guard import sight_trouble
-from observer.parameters import GuardParameters
+from observer.guard.parameters import GuardParameters
 from observer.rig.rig import Role
 from observer.robots.contract import RobotPhase, RobotReport
 

@@ -35,9 +35,9 @@ from app.drive.messages import (
 )
 from app.drive.playing import Playing
 from app.runtime.errors import ProcessRefused
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
 from observer.motion_profiles.playing import duration_s
-from observer.parameters import GuardParameters
 from observer.rig.rig import ROLES, Role
 from observer.robot_opening import check_port
 from observer.robots.contract import Robot

@@ -242,7 +242,7 @@ class Engine:
         observed = Observed(frame, observation, trace, observer.camera, observer.parameters)
         if self._sight is not None:
             # Before all else: a robot drives by it.
-            self._sight.tell(observed, session.mount, session.world)
+            self._sight.tell(observed, session.mount, session.world, session.parameters.guard)
         published = self._clock()
         line = observation_line(observation)
         session.segment = session.first_segment + observation.segment

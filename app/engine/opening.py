@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from app.engine.played_source import OpeningCommand, PlayedSource
 from app.runtime.requests import Request
-from observer.parameters import Parameters
+from observer.guard.parameters import AllParameters
 
 
 class Opening:
@@ -30,7 +30,7 @@ class Opening:
         self.abandoned = False
         self.lender: PlayedSource | None = None
         self.before: OpeningCommand | None = None
-        self.parameters: tuple[Parameters, int] | None = None
+        self.parameters: tuple[AllParameters, int] | None = None
 
     def start(self, work: Callable[[], PlayedSource], done: Callable[[Opening], None]) -> None:
         """Begin; ``done`` is called in the other thread when there is a result."""

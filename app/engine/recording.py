@@ -18,7 +18,7 @@ from typing import Any
 
 from app.engine.errors import NotNow
 from app.messages import RecordOrder
-from observer.parameters import Parameters
+from observer.guard.parameters import AllParameters
 from observer.recording.errors import RecordingError
 from observer.recording.payloads import Begins, Incident, ParameterRevision, RobotRow
 from observer.recording.ring import Ring
@@ -135,10 +135,10 @@ class RunRecorder:
 
     def parameters(
         self,
-        parameters: Parameters,
+        parameters: AllParameters,
         revision: int,
         *,
-        before: Parameters | None = None,
+        before: AllParameters | None = None,
         frame: int | None = None,
     ) -> None:
         """Parameters that act from the next frame on.

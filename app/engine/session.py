@@ -13,6 +13,7 @@ from app.engine.recording import RunRecorder
 from app.messages import EngineState, OpenSource
 from observer.camera import StereoCamera
 from observer.geometry import Pose
+from observer.guard.parameters import AllParameters
 from observer.guard.sight import REAL_WORLD
 from observer.mount import CameraMount
 from observer.opening import OpenedSource
@@ -47,6 +48,7 @@ class Session(PlayedSource):
         command: OpenSource,
         opened: OpenedSource,
         observer: FrameObserver,
+        parameters: AllParameters,
         player: Player,
         skipped: tuple[SkippedFrame, ...],
         calibration_yaml: str,
@@ -58,6 +60,7 @@ class Session(PlayedSource):
     ) -> None:
         """
         Args:
+            parameters: the observer's and the guard's.
             calibration_yaml, mount: what the observer was made with.
             T_body_base: by body of motion capture, as the rig tells.
             ports: where the robots of the source's world are reached.
@@ -72,6 +75,7 @@ class Session(PlayedSource):
         self._ports = ports
         self.ageing = CalibrationAgeing(observer.camera, mount)
         self.observer = observer
+        self.parameters = parameters
         self.run_id = command.run_id
         self.first_segment = command.segment
         self.parameters_revision = command.parameters_revision
@@ -81,7 +85,7 @@ class Session(PlayedSource):
         self.recorder = recorder
         self._record_again = record_again
         if recorder is not None:
-            recorder.parameters(observer.parameters, command.parameters_revision)
+            recorder.parameters(parameters, command.parameters_revision)
             for frame in skipped:
                 recorder.skipped(frame)
 
@@ -93,17 +97,18 @@ class Session(PlayedSource):
         """What would open it anew as it is now, with nothing kept."""
         return replace(
             self._command,
-            parameters=dict(self.observer.parameters.flat()),
+            parameters=dict(self.parameters.flat()),
             parameters_revision=self.parameters_revision,
             run_id=None,
             segment=0,
             record=None,
         )
 
-    def use(self, parameters: Parameters, revision: int) -> None:
-        """Observe with these parameters from the next frame on."""
-        before = self.observer.parameters
-        self.observer.use(parameters, revision)
+    def use(self, parameters: AllParameters, revision: int) -> None:
+        """Use these parameters from the next frame on; the guard's never reach the observer."""
+        before, self.parameters = self.parameters, parameters
+        if revision != self.parameters_revision:
+            self.observer.use(parameters.vision, revision)
         if self.recorder is not None:
             next_index = self.player.next_index
             self.recorder.parameters(parameters, revision, before=before, frame=next_index)
@@ -125,7 +130,7 @@ class Session(PlayedSource):
         recorder = self.stop_recording()
         self.recorder = self._record_again()
         if self.recorder is not None:
-            self.recorder.parameters(self.observer.parameters, self.parameters_revision)
+            self.recorder.parameters(self.parameters, self.parameters_revision)
         return recorder
 
     def stop_recording(self) -> RunRecorder | None:

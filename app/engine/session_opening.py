@@ -26,6 +26,7 @@ from observer.calibration.formats.opencv_file import (
 )
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
+from observer.guard.parameters import AllParameters
 from observer.mount import CameraMount
 from observer.parameters import Parameters
 from observer.rig.applied import mount_for
@@ -99,7 +100,7 @@ def open_session(
         mount = mount_for(opened.source.info, rig, calibration_id(text))
         observer = make_observer(
             calibration,
-            parameters,
+            parameters.vision,
             parameters_revision=command.parameters_revision,
             mount=mount,
             clock=clock,
@@ -113,20 +114,31 @@ def open_session(
         recorder = begin(command)
         again = partial(begin, replace(command, run_id=None, segment=0, record=None))
         return Session(
-            command, opened, observer, player, skipped, text, mount, bodies, ports, recorder, again
+            command,
+            opened,
+            observer,
+            parameters,
+            player,
+            skipped,
+            text,
+            mount,
+            bodies,
+            ports,
+            recorder,
+            again,
         )
     except BaseException:
         close_opened(opened)
         raise
 
 
-def parse_parameters(values: Mapping[str, Any]) -> Parameters:
+def parse_parameters(values: Mapping[str, Any]) -> AllParameters:
     """The declared defaults with these values, by dotted name.
 
     Raises:
         ParameterError: naming every refused field and its range.
     """
-    return Parameters().changed(values)
+    return AllParameters().changed(values)
 
 
 def _check_size(calibration: StereoCalibration, source: Source) -> None:

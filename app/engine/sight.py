@@ -10,6 +10,7 @@ from app.engine.watched import Observed
 from app.runtime.latest import LatestReader, LatestWriter
 from observer.camera import as_gray
 from observer.guard.free_path import FreePath
+from observer.guard.parameters import GuardParameters
 from observer.guard.seeing import sight_of_observation
 from observer.guard.sight import FreeScan
 from observer.mount import CameraMount
@@ -47,17 +48,23 @@ class SightTeller:
         self._free_path: FreePath | None = None
         self._failed = False
 
-    def tell(self, observed: Observed, mount: CameraMount | None, world: str | None) -> None:
+    def tell(
+        self,
+        observed: Observed,
+        mount: CameraMount | None,
+        world: str | None,
+        guard: GuardParameters,
+    ) -> None:
         """Write what a frame shows. The free floor is looked for where a robot may need it.
 
         Args:
-            mount: of the cameras. world: which one the frame shows.
+            mount: of the cameras. world: which one the frame shows. guard: as in force.
         """
         if self._sight is None:
             return
         scan = None
         if mount is not None and world is not None and self._robot_is_there():
-            scan = self._scan(observed, mount)
+            scan = self._scan(observed, mount, guard)
         sight = sight_of_observation(observed.observation, mount, world, scan, self._clock())
         self._sight.write(sight.facts())
 
@@ -78,13 +85,15 @@ class SightTeller:
             self._history = _rows(value.header)
         return self._history
 
-    def _scan(self, observed: Observed, mount: CameraMount) -> FreeScan | None:
+    def _scan(
+        self, observed: Observed, mount: CameraMount, guard: GuardParameters
+    ) -> FreeScan | None:
         """None where the frame has no second image, or where looking for floor fails."""
         left, right = observed.trace.get("left"), observed.trace.get("right")
         if left is None or right is None:
             return None
-        p = observed.parameters
-        made_of = (observed.camera, mount, p.stereo.max_disparity_px, p.guard)
+        search = observed.parameters.stereo.max_disparity_px
+        made_of = (observed.camera, mount, search, guard)
         try:
             if self._free_path is None or self._free_path.made_of != made_of:
                 self._free_path = FreePath(*made_of)

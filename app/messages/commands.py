@@ -149,8 +149,9 @@ class CloseSource:
 
 @dataclass(frozen=True)
 class SetParameters:
-    """Use these parameters from the next frame on. The reply's value is ``{"frame": int}``:
-    the first frame they act on (None without an open source)."""
+    """Use these parameters, the guard's among them, from the next frame on; the revision of before
+    leaves the observer alone. The reply's value is ``{"frame": int}``: the first frame they act on
+    (None without an open source)."""
 
     parameters: dict[str, Any]
     revision: int

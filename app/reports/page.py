@@ -11,7 +11,7 @@ from importlib.resources import files
 from app.reports.drawing import figure_bytes, themed_svg
 from app.reports.report import Report, ReportFigure
 from observer.evaluation.speed_errors import SpeedErrors
-from observer.parameters import Parameters
+from observer.guard.parameters import AllParameters
 
 _HEADER = ("", "samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % band", "seen")
 _GROUPS = {
@@ -165,7 +165,7 @@ def _parameters(report: Report) -> str:
     if not report.revisions:
         return "<p>None were recorded; the defaults are assumed.</p>"
     first, *later = report.revisions
-    default = Parameters().flat()
+    default = AllParameters().flat()
     rows = [(name, _word(v), _word(default.get(name))) for name, v in sorted(first.values.items())]
     changed = [row for row in rows if row[1] != row[2]]
     said = _table(("differs from its default", "value", "default"), changed) if changed else (

@@ -43,6 +43,7 @@ def status(server: Server) -> dict[str, Any]:
         if calibration is None
         else {"id": calibration.id, "name": calibration.name},
         "parameters_revision": server.parameters.current.revision,
+        "guard_revision": server.parameters.current.guard_revision,
         "rates": {"unique_frames_per_s": round(telemetry.rate(server.clock()), 2)},
         "dense_stereo": asdict(dense) | {"per_s": round(dense.per_s, 2)},
         "frames_observed": telemetry.frames_observed,

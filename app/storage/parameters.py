@@ -11,12 +11,13 @@ from app.storage.errors import StorageExists
 from app.storage.models import Preset, Revision
 from app.storage.records import ParameterRevision, PresetRecord, SavedParameters, utc_now
 from app.storage.settings import read_setting, write_setting
+from observer.parameters import translated
 
 _CURRENT = "parameters.current"
 
 
 class ParameterTables(Database):
-    """Values are flat maps, dotted name -> JSON value; what they mean is not known here."""
+    """Values are flat maps, dotted name -> JSON value, read under the names of today."""
 
     def save_parameters(self, revision: int, values: dict[str, Any], preset: str | None) -> None:
         """Keep the parameters now in force; the next start begins with them."""
@@ -28,7 +29,9 @@ class ParameterTables(Database):
         """The parameters as they were left; None in a new database."""
         with self._reading() as session:
             current = read_setting(session, _CURRENT)
-        return None if current is None else SavedParameters(**current)
+        if current is None:
+            return None
+        return SavedParameters(**{**current, "values": translated(current["values"])})
 
     def record_parameter_revision(
         self, run_id: str | None, frame: int | None, revision: int, difference: dict[str, Any]
@@ -57,7 +60,11 @@ class ParameterTables(Database):
         with self._reading() as session:
             return [
                 ParameterRevision(
-                    row.run_id, row.frame, row.revision, row.difference, row.created_at
+                    row.run_id,
+                    row.frame,
+                    row.revision,
+                    translated(row.difference),
+                    row.created_at,
                 )
                 for row in session.scalars(query)
             ]
@@ -104,4 +111,6 @@ class ParameterTables(Database):
 
 
 def _preset(row: Preset) -> PresetRecord:
-    return PresetRecord(name=row.name, values=row.values, created_at=row.created_at, help=row.help)
+    return PresetRecord(
+        name=row.name, values=translated(row.values), created_at=row.created_at, help=row.help
+    )

@@ -15,6 +15,7 @@ from app.storage.errors import StorageMissing
 from app.storage.models import Run, RunTag
 from app.storage.records import RunPage, RunRecord, RunState, utc_now
 from app.storage.searching import folded, matching
+from observer.parameters import translated
 
 # How long what was deleted can be had back.
 UNDO = timedelta(days=7)
@@ -268,7 +269,7 @@ def _run(row: Run) -> RunRecord:
         source=row.source,
         calibration_id=row.calibration_id,
         preset=row.preset,
-        parameters=row.parameters,
+        parameters=translated(row.parameters),
         started_at=row.started_at,
         updated_at=row.updated_at,
         ended_at=row.ended_at,

@@ -58,7 +58,7 @@ class Thing:
 
     Attributes:
         width_m, height_m: of a person, as far as it is in view.
-        followed_share: of the squares (``following.spacing_px``) that it covers, those with a
+        followed_share: of the squares (``klt_tracking.spacing_px``) that it covers, those with a
             point that can be followed. most_points: of these; near a camera clothes are plain.
         sigma_px, disparity_px: noise of one followed point and of its disparity, pixels, as the
             method finds it where there is texture.
@@ -106,7 +106,7 @@ def slowest_reported(
     Args:
         depth: metres. direction: unit vector, camera axes: (1, 0, 0) across, (0, 0, -1) towards.
     """
-    count = thing.points(camera, depth, parameters.following.spacing_px)
+    count = thing.points(camera, depth, parameters.klt_tracking.spacing_px)
     for speed in _SPEEDS:
         velocity = speed * np.array(direction)
         delay = report_delay(
@@ -138,7 +138,7 @@ def report_delay(
         return None
     deviations = _point_deviations(camera, depth, thing)
     # What all points share: the camera's own motion, by a background that fills the image.
-    step_cov = np.diag(deviations**2) * p.ego_motion.shared_error
+    step_cov = np.diag(deviations**2) * p.ego_motion.noise_correlation
     information = np.diag(1 / deviations**2)
     start = np.array([0.0, 0.0, depth])
     sums = PositionVelocityFilter.begin(start[None], information[None])
@@ -153,14 +153,14 @@ def report_delay(
         sums = sums.advanced(dt, p.evidence.memory_s).with_sightings(place[None], information[None])
         if not tracker.tracks:
             own, own_cov = _own_velocity(sums)
-            shared = (1 + p.evidence.shared_error * (neighbours - 1)) / neighbours
+            shared = (1 + p.evidence.noise_correlation * (neighbours - 1)) / neighbours
             window = max(dt, float(sums.window_s()[0]))
             cov = own_cov * shared + step_cov * _RANDOM_WALK / (dt * window)
             if own @ np.linalg.solve(cov, own) + 3 < threshold:
                 continue
             if np.linalg.norm(own) < 0.5 * p.obstacles.stopped_below_mps:
                 continue
-            cov = own_cov * (1 + p.obstacles.shared_error * count) / count
+            cov = own_cov * (1 + p.obstacles.noise_correlation * count) / count
             tracker.tracks.append(_begun(place, own, cov, count))
             continue
         tracker.predict(still, p.obstacles)
@@ -202,13 +202,13 @@ def _own_velocity(sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Ar
 
 def _neighbours(count: int, p: Parameters) -> float:
     """How many points of the thing are judged together, the point itself included."""
-    around = math.pi * (p.evidence.radius_px / p.following.spacing_px) ** 2
+    around = math.pi * (p.evidence.radius_px / p.klt_tracking.spacing_px) ** 2
     return max(1.0, min(float(count), Thing().followed_share * around, around))
 
 
 def _threshold(camera: StereoCamera, neighbours: float, p: Parameters) -> float:
     """Squared significance that evidence must exceed."""
-    squares = camera.width * camera.height / p.following.spacing_px**2
+    squares = camera.width * camera.height / p.klt_tracking.spacing_px**2
     tests = max(1.0, Thing().followed_share * squares / neighbours)
     return upper_quantile(p.evidence.false_alarms_per_frame / tests, df=3)
 
@@ -233,7 +233,7 @@ def _measured_noise(
     """(4, 4) of position and yaw of a body by ``count`` points spread over its width."""
     variance = np.diag(deviations**2)
     turn = deviations[2] ** 2 / (thing.width_m**2 / 12)
-    shared = (1 + p.obstacles.shared_error * count) / count
+    shared = (1 + p.obstacles.noise_correlation * count) / count
     out = np.zeros((4, 4))
     out[:3, :3], out[3, 3] = variance * shared, turn * shared
     return out

@@ -159,7 +159,7 @@ def _verdict(
                 bias_m=lasting,
                 depth_m=whole,
                 depth_share=whole / distance,
-                points=thing.points(camera, distance, parameters.following.spacing_px),
+                points=thing.points(camera, distance, parameters.klt_tracking.spacing_px),
                 across=across,
                 towards=towards,
             )

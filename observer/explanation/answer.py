@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
-from observer.parameters import parameter_schema
+from observer.parameters import Parameters
 
 # Around a pixel: about as far as features of one textured surface lie apart, 10 px of 512.
 _RADIUS_SHARE = 1 / 50
@@ -125,7 +125,7 @@ def known(value: float) -> float | None:
 @functools.cache
 def limits(parameter: str) -> tuple[float, float]:
     """Least and greatest value that a numeric parameter, by its dotted name, takes."""
-    entry = next(entry for entry in parameter_schema() if entry["name"] == parameter)
+    entry = next(entry for entry in Parameters.declared() if entry["name"] == parameter)
     return float(entry["minimum"]), float(entry["maximum"])
 
 

@@ -53,7 +53,7 @@ def explain_pixel(
     if "ray_evidence" in trace:
         rays, told = trace["rays"], trace["ray_evidence"]
         return explain_by_rays(rays, told, camera, parameters, px, counts)
-    if parameters.ego_motion.model == "one_camera":
+    if parameters.ego_motion.model == "monocular":
         return _not_begun(ego.reasons, px, counts)
     if "evidence" in trace:
         left = trace.get("left")

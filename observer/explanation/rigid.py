@@ -51,7 +51,7 @@ def explain_by_evidence(
         image: the rectified left image, to say why there is no feature; None says less.
         counts: figures of the camera's own motion, shown with the answer's.
     """
-    near = look_around(evidence.px, px, camera, parameters.following.spacing_px)
+    near = look_around(evidence.px, px, camera, parameters.klt_tracking.spacing_px)
     if len(near.members) == 0:
         around = radius_px(camera)
         return _nothing_there(near, around, px, counts, image, parameters)
@@ -80,7 +80,7 @@ def _nothing_there(
     if image is None:
         change = "More texture or light here would give features."
     else:
-        texture = texture_around(image, px, near.radius_px, parameters.following.window_px)
+        texture = texture_around(image, px, near.radius_px, parameters.klt_tracking.window_px)
         numbers["texture_grey_per_px"] = known(texture)
         why, change = _why_none(texture, around_px, parameters)
     where = "there is none in the image"
@@ -92,25 +92,25 @@ def _nothing_there(
 
 def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple[str, str]:
     """Why no feature is followed where the texture is so much, and what would change it."""
-    following, detector = parameters.following, parameters.features.detector
-    if texture < following.min_texture:
-        least, _ = limits("following.min_texture")
+    tracking, detector = parameters.klt_tracking, parameters.features.detector
+    if texture < tracking.min_texture:
+        least, _ = limits("klt_tracking.min_texture")
         why = (
             f": the texture, {texture:.2f} grey levels/px, is below the "
-            f"{following.min_texture:g} that are needed"
+            f"{tracking.min_texture:g} that are needed"
         )
         if texture < max(least, 0.05):
             return why, "No setting can help: there is nothing to follow without texture or light."
         return why, (
-            f"With following.min_texture at {below(texture, 1)} or below (now "
-            f"{following.min_texture:g}) one may be followed here, though it may slide along edges."
+            f"With klt_tracking.min_texture at {below(texture, 1)} or below (now "
+            f"{tracking.min_texture:g}) one may be followed here, though it may slide along edges."
         )
     # Wherever in its square a feature lies, it is then around this place.
     closer = int(around_px / math.sqrt(2))
     why = f", although there is texture ({texture:.1f} grey levels/px)"
-    if closer < following.spacing_px:
+    if closer < tracking.spacing_px:
         return why, (
-            f"With following.spacing_px at {closer} or below (now {following.spacing_px}) one "
+            f"With klt_tracking.spacing_px at {closer} or below (now {tracking.spacing_px}) one "
             f"would be looked for at this very place."
         )
     if detector != "shi_tomasi":

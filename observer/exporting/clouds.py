@@ -131,7 +131,7 @@ def _stereo_parameters(recording: Recording, position: int) -> StereoParameters:
     for begin, revision in recording.positioned_revisions:
         if begin <= position:
             values = revision.values
-    return Parameters().changed(values).stereo
+    return Parameters().changed(Parameters.own(values)).stereo
 
 
 def recorded_rectification(recording: Recording) -> Rectification:

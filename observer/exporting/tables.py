@@ -262,7 +262,7 @@ def _robot_rows(recording: Recording) -> Iterator[Row]:
 
 
 _PARAMETER_COLUMNS = (
-    Column("revision", "int", "counted up with every change"),
+    Column("revision", "int", "counted up with every change, but those of the guard"),
     Column("from_position", "int", "of the first recorded frame that they act on, from 0"),
     Column("name", "text", "of the parameter"),
     Column("value", "text", "as JSON"),

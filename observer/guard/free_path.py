@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
+from observer.guard.parameters import GuardParameters
 from observer.guard.seen_ground import ScanView
 from observer.guard.sight import FreeScan
 from observer.mount import CameraMount
-from observer.parameters import GuardParameters
 from observer.types import Image
 
 # About so many columns are matched, whatever the image's size.

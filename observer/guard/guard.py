@@ -14,10 +14,10 @@ from typing import Literal
 
 from observer.guard.limiting import limit_of
 from observer.guard.outline import Outline
+from observer.guard.parameters import GuardParameters
 from observer.guard.side import WHOLE, Side
 from observer.guard.sight import SIGHT_FRESH_S, Sight
 from observer.guard.zones import Polygon
-from observer.parameters import GuardParameters
 from observer.rig.rig import Role
 from observer.robots.contract import SonarReading
 from observer.types import Status

@@ -22,8 +22,8 @@ import numpy as np
 
 from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import DeadReckoning
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import SeenObstacle
-from observer.parameters import GuardParameters
 from observer.robots.contract import SonarReading
 
 # How long ground counts as clear because it was: what stands still does not come into it.

@@ -23,11 +23,11 @@ from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import inverse, moved
 from observer.guard.limit import Limit
 from observer.guard.outline import Outline, is_spot_turn
+from observer.guard.parameters import GuardParameters
 from observer.guard.separation import Approach, Stopping, approach
 from observer.guard.side import WHOLE, Side
 from observer.guard.sight import Sight
 from observer.guard.sonar_clear import SonarView, clear_by_sonar, echo_at, fresh_sonar
-from observer.parameters import GuardParameters
 from observer.robots.contract import SonarReading
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import DeadReckoning, moved
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import FreeScan
-from observer.parameters import GuardParameters
 
 # A surface is taken to begin this much nearer than told, beside its uncertainty.
 _SURFACE_ERROR_M = 0.03

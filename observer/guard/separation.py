@@ -30,8 +30,8 @@ import numpy as np
 
 from observer.geometry import Float64Array
 from observer.guard.outline import Outline, poses_along
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import SeenObstacle
-from observer.parameters import GuardParameters
 
 # One standard deviation of the robot's own way, as a share of it: wheels slip, floors differ.
 WAY_SIGMA = 0.05

@@ -13,10 +13,10 @@ from observer.guard.dead_reckoning import DeadReckoning
 from observer.guard.intruders import SonarWatch
 from observer.guard.limit import Limit
 from observer.guard.outline import Outline, is_spot_turn, swept
+from observer.guard.parameters import GuardParameters
 from observer.guard.seen_ground import RememberedGround, ScanView
 from observer.guard.sight import Sight
 from observer.guard.zones import Polygon, slow_zone, stop_zone
-from observer.parameters import GuardParameters
 
 # A share that differs by less is not worth a word.
 WHOLE = 0.999

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import DeadReckoning
-from observer.parameters import GuardParameters
+from observer.guard.parameters import GuardParameters
 from observer.robots.contract import SonarReading
 
 # An echo's range may be wrong by so much.

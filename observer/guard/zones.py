@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from observer.guard.outline import Outline, is_spot_turn, placed, poses_along
+from observer.guard.parameters import GuardParameters
 from observer.guard.separation import Stopping
-from observer.parameters import GuardParameters
 
 Polygon = tuple[tuple[float, float], ...]
 

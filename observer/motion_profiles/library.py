@@ -11,7 +11,8 @@ from pathlib import Path
 
 from observer.errors import InputError
 from observer.motion_profiles.profile import Programme
-from observer.motion_profiles.profile_file import MAX_BYTES, programme_from_text
+from observer.motion_profiles.profile_file import programme_from_text
+from observer.text_files import read_text
 
 
 def programme_names() -> tuple[str, ...]:
@@ -52,16 +53,9 @@ def read_programme(path: Path) -> Programme:
     Raises:
         InputError: the file cannot be read, or one sentence on what is wrong in it.
     """
-    try:
-        with path.open("rb") as file:
-            text = file.read(MAX_BYTES + 1).decode("utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"there is no programme file {path}") from None
-    except OSError as error:
-        raise InputError(f"the programme file {path} cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"the programme file {path} must be UTF-8 text") from None
-    return programme_from_text(text, path.stem)
+    if not path.exists():
+        raise InputError(f"there is no programme file {path}")
+    return programme_from_text(read_text(path, "a programme"), path.stem)
 
 
 def _folder() -> Traversable:

@@ -14,22 +14,97 @@ steps:
 
 from __future__ import annotations
 
-import difflib
 import json
 import math
-import re
-from collections.abc import Iterable
+from typing import Annotated, TypeAlias
 
-from observer.calibration.formats.plain_data import PlainData, parse_plain_data
-from observer.errors import CalibrationError, InputError
+from pydantic import AfterValidator, BeforeValidator
+
+from observer.errors import InputError
 from observer.motion_profiles.profile import Programme, Step
-from observer.rig.rig import ROLES, Role
+from observer.rig.rig import ROLES
+from observer.text_files import (
+    FileModel,
+    Flag,
+    Location,
+    Number,
+    PlainData,
+    parse_text,
+    validated,
+    word,
+)
 
 # A thousand steps for each of two robots have 130 kB.
 MAX_BYTES = 200_000
-_KEYS = ("name", "title", "help", "gesture", "steps")
-_STEP_KEYS = ("seconds", "speed_mps", "turn_rate_deg", "ramp")
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+
+_Line: TypeAlias = Annotated[
+    str, word("must be text"), AfterValidator(lambda text: " ".join(text.split()))
+]
+
+
+class _Step(FileModel):
+    noun = "a step"
+    form = "be written as {seconds: 2, speed_mps: 0.3, turn_rate_deg: 0}"
+
+    seconds: Number | None = None
+    speed_mps: Number = 0.0
+    turn_rate_deg: Number = 0.0
+    ramp: Flag = False
+
+
+def _step(read: _Step) -> Step:
+    if read.seconds is None:
+        raise ValueError("has no seconds; say how long it lasts")
+    try:
+        return Step(read.seconds, read.speed_mps, math.radians(read.turn_rate_deg), read.ramp)
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
+def _listed(value: PlainData) -> PlainData:
+    # The same as a role that is not there.
+    if value in ("", "null", "~"):
+        return []
+    if not isinstance(value, list):
+        raise ValueError("must be a list of steps, each beginning with -")
+    return value
+
+
+_Steps: TypeAlias = Annotated[
+    tuple[Annotated[_Step, AfterValidator(_step)], ...], BeforeValidator(_listed)
+]
+
+
+class _Roles(FileModel):
+    noun = "a role"
+    form = f"hold a list of steps for {' or '.join(ROLES)}"
+
+    observer: _Steps | None = None
+    obstacle: _Steps | None = None
+
+
+class _Programme(FileModel):
+    noun = "a programme"
+
+    name: _Line = ""
+    title: _Line = ""
+    help: _Line = ""
+    gesture: Flag = False
+    steps: _Roles
+
+
+_KEYS = {*_Programme.model_fields, *_Roles.model_fields, *_Step.model_fields}
+
+
+def _place(location: Location) -> str:
+    """Return a place in a programme as ``obstacle step 2: ramp``; misspelt keys are quoted."""
+    match location:
+        case (*_, role, int(index)):
+            return f"{role} step {index + 1}"
+        case (*step, str(key)):
+            word = key if key in _KEYS else repr(key[:40])
+            return f"{_place(tuple(step))}: {word}" if len(step) > 2 else word
+    return ""
 
 
 def programme_from_text(text: str, name: str | None = None) -> Programme:
@@ -48,27 +123,18 @@ def programme_from_text(text: str, name: str | None = None) -> Programme:
     size = len(text.encode("utf-8", "replace"))
     if size > MAX_BYTES:
         raise InputError(f"{label} has {size} bytes; at most {MAX_BYTES} are taken")
-    # The reader knows other notations too, and speaks of calibrations where it finds no keys.
-    if text.lstrip()[:1] in ("", "<") or re.search(r"\bsteps\b", text) is None:
-        raise InputError(f"{label} must be YAML with name, title, help and steps")
-    try:
-        data = parse_plain_data(text, name=label)
-    except CalibrationError as error:
-        raise InputError(str(error)) from None
-    _check_keys(data, _KEYS, "a programme", label)
-    given = _text(data, "name", label) or name
+    form = "YAML with name, title, help and steps"
+    data = parse_text(text, name=label, what="a programme", form=form)
+    read = validated(_Programme, data, label, _place)
+    given = read.name or name
     if given is None:
         raise InputError(f"{label} has no name; give one, such as name: to_and_fro")
-    steps = data.get("steps")
-    if not isinstance(steps, dict):
-        raise InputError(f"{label}: steps must hold a list of steps for {' or '.join(ROLES)}")
-    _check_keys(steps, ROLES, "a role", label)
     return Programme(
         name=given,
-        title=_text(data, "title", label),
-        help=_text(data, "help", label),
-        steps={role: _steps(steps[role], role, label) for role in ROLES if role in steps},
-        gesture=_yes(data, "gesture", label),
+        title=read.title,
+        help=read.help,
+        steps={role: steps for role in ROLES if (steps := getattr(read.steps, role)) is not None},
+        gesture=read.gesture,
     )
 
 
@@ -116,69 +182,3 @@ def _digits(value: float) -> str:
 def _quoted(text: str) -> str:
     # A JSON string of printable characters is a YAML one; in quotes, "no" and "12" stay words.
     return json.dumps(text, ensure_ascii=False)
-
-
-def _steps(value: PlainData, role: Role, label: str) -> tuple[Step, ...]:
-    # The same as a role that is not there.
-    if value in ("", "null", "~"):
-        return ()
-    if not isinstance(value, list):
-        raise InputError(f"{label}: steps.{role} must be a list of steps, each beginning with -")
-    return tuple(_step(item, f"{role} step {i}", label) for i, item in enumerate(value, 1))
-
-
-def _step(value: PlainData, where: str, label: str) -> Step:
-    if not isinstance(value, dict):
-        raise InputError(
-            f"{label}: {where} must be written as {{seconds: 2, speed_mps: 0.3, turn_rate_deg: 0}}"
-        )
-    _check_keys(value, _STEP_KEYS, "a step", f"{label}: {where}")
-    if "seconds" not in value:
-        raise InputError(f"{label}: {where} has no seconds; say how long it lasts")
-    try:
-        return Step(
-            seconds=_number(value, "seconds"),
-            speed_mps=_number(value, "speed_mps"),
-            turn_rate_radps=math.radians(_number(value, "turn_rate_deg")),
-            ramp=_yes(value, "ramp", f"{label}: {where}"),
-        )
-    except InputError as error:
-        sentence = str(error)
-        if sentence.startswith(label):
-            raise
-        raise InputError(f"{label}: {where}: {sentence}") from None
-
-
-def _number(data: dict[str, PlainData], key: str) -> float:
-    text = data.get(key, "0")
-    if not isinstance(text, str) or _NUMBER.fullmatch(text) is None:
-        raise InputError(f"{key} must be a plain number, not {_shown(text)}")
-    # Digits enough give infinity, which the step refuses.
-    return float(text)
-
-
-def _yes(data: dict[str, PlainData], key: str, label: str) -> bool:
-    text = data.get(key, "false")
-    if text not in ("true", "false"):
-        raise InputError(f"{label}: {key} must be true or false, not {_shown(text)}")
-    return text == "true"
-
-
-def _text(data: dict[str, PlainData], key: str, label: str) -> str:
-    """One line, empty where the key is not there."""
-    text = data.get(key, "")
-    if not isinstance(text, str):
-        raise InputError(f"{label}: {key} must be text")
-    return " ".join(text.split())
-
-
-def _check_keys(data: Iterable[str], known: tuple[str, ...], what: str, label: str) -> None:
-    for key in data:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}"
-            raise InputError(f"{label}: {_shown(key)} is no key of {what}; {hint}")
-
-
-def _shown(value: PlainData) -> str:
-    return repr(value[:40]) if isinstance(value, str) else "several values"

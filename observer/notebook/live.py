@@ -15,7 +15,7 @@ from observer.exporting.overlay import draw_overlay
 from observer.jsonl import observation_line
 from observer.observer import Observer
 from observer.opening import OpenedSource
-from observer.parameters import Parameters
+from observer.parameters import Parameters, effective
 from observer.sources.contract import NoFrame, SkippedFrame, SourceInfo
 from observer.truth.contract import TrueBody, Truth
 from observer.types import FullTrace, Image, NoTrace, Observation, Obstacle, StereoFrame
@@ -119,9 +119,10 @@ class ObservedSource:
             changes: values by dotted name; the others stay.
 
         Raises:
-            ParameterError: a name or a value is refused; nothing was changed.
+            ParameterError: a name or a value is refused, or does not act with the method in
+                force; nothing was changed.
         """
-        parameters = self._observer.parameters.changed(changes)
+        parameters = effective(self._observer.parameters, changes)
         self._revision += 1
         self._observer.use(parameters, self._revision)
 

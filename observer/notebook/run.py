@@ -19,6 +19,7 @@ from observer.exporting.overlay import draw_overlay
 from observer.exporting.tables import TABLES, find_table
 from observer.geometry import Float64Array
 from observer.jsonl import observation_line
+from observer.parameters import effective
 from observer.recording.reader import Recording
 from observer.recording.replay import replay, replay_revisions
 from observer.recording.source import RecordingSource
@@ -257,8 +258,10 @@ class LoadedRun:
             changes: parameters that are to be others all the time, by dotted name.
 
         Raises:
-            SourceError: the images were not recorded. ParameterError: a parameter is refused.
+            SourceError: the images were not recorded. ParameterError: a parameter is refused, or
+                does not act with the method that the run began with.
         """
+        effective(replay_revisions(self.recording)[0][0], changes or {})
         source = RecordingSource(self.recording.path)
         try:
             revisions = replay_revisions(self.recording, changes)

@@ -1,14 +1,16 @@
 """Every tuning parameter, declared once: bounds, unit, label and help.
 
 This declaration feeds the REST interface, the panel's form, the command line (``--set``) and the
-documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px``.
+documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px``. Those of the
+guard stand in ``observer.guard.parameters``.
 """
 
 from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters
+from observer.parameters.effect import effective, without_effect
 from observer.parameters.fields import MODELS, ParameterValue
-from observer.parameters.groups import Parameters, describe_range, parameter_schema
-from observer.parameters.guard import GuardParameters
-from observer.parameters.monocular import OneCameraParameters
+from observer.parameters.groups import Parameters
+from observer.parameters.monocular import MonocularParameters
+from observer.parameters.parameter_set import ParameterSet
 from observer.parameters.planar import (
     ClusteringParameters,
     FlowParameters,
@@ -18,7 +20,8 @@ from observer.parameters.planar import (
     TrackingParameters,
 )
 from observer.parameters.presets import PRESET_HELP, preset, preset_names
-from observer.parameters.rigid import EvidenceParameters, FollowingParameters, ObstacleParameters
+from observer.parameters.renamed import translated
+from observer.parameters.rigid import EvidenceParameters, KltTrackingParameters, ObstacleParameters
 
 __all__ = [
     "MODELS",
@@ -28,19 +31,20 @@ __all__ = [
     "EvidenceParameters",
     "FeaturesParameters",
     "FlowParameters",
-    "FollowingParameters",
     "FramesParameters",
-    "GuardParameters",
+    "KltTrackingParameters",
     "MatchingParameters",
+    "MonocularParameters",
     "MotionParameters",
     "ObstacleParameters",
-    "OneCameraParameters",
+    "ParameterSet",
     "ParameterValue",
     "Parameters",
     "StereoParameters",
     "TrackingParameters",
-    "describe_range",
-    "parameter_schema",
+    "effective",
     "preset",
     "preset_names",
+    "translated",
+    "without_effect",
 ]

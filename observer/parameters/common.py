@@ -1,13 +1,13 @@
-"""The camera's own motion, features and stereo: what more than one method goes by."""
+"""Ego-motion, features and stereo: parameters of more than one method."""
 
 from __future__ import annotations
 
 from typing import Literal
 
 from observer.parameters.fields import (
-    FOLLOWING,
+    KLT,
     PLANAR,
-    SAMPLING,
+    STEREO,
     Real,
     Stage,
     Whole,
@@ -17,15 +17,15 @@ from observer.parameters.fields import (
 
 
 class EgoMotionParameters(Stage):
-    """The camera's own motion, by RANSAC; the model decides how moving obstacles are found."""
+    """The method and its estimate of the camera's motion."""
 
-    model: Literal["rigid", "homography", "affine", "one_camera"] = choice(
+    model: Literal["rigid", "homography", "affine", "monocular"] = choice(
         "rigid",
-        title="Model",
-        help="rigid is the motion in space, by stereo, and tells motion from parallax. The planar "
-        "ones map image to image: affine has six parameters and is the paper's, homography has "
-        "eight and also fits a plane seen in perspective. one_camera looks at the left image "
-        "alone. Between rigid, one_camera and a planar one the next frame begins a new segment.",
+        title="Method",
+        help="rigid estimates the motion in space by stereo and tells motion from parallax. The "
+        "planar methods map image to image: affine has six parameters and is the paper's, "
+        "homography has eight and also fits a plane in perspective. monocular uses the left image "
+        "only. Changing between rigid, monocular and the planar methods begins a new segment.",
     )
     ransac_threshold_px: Real = number(
         1.2,
@@ -34,8 +34,8 @@ class EgoMotionParameters(Stage):
         unit="px",
         step=0.1,
         title="RANSAC threshold",
-        help="A match counts as background if the model explains it within this distance.",
-        models=SAMPLING,
+        help="Maximum reprojection error of an inlier.",
+        models=STEREO,
     )
     ransac_iterations: Whole = number(
         500,
@@ -44,8 +44,8 @@ class EgoMotionParameters(Stage):
         unit="iterations",
         step=10,
         title="RANSAC iterations",
-        help="Most samples tried. Fewer are faster and may miss the background.",
-        models=SAMPLING,
+        help="Maximum number of samples. Fewer are faster and may miss the background.",
+        models=STEREO,
     )
     min_inliers: Whole = number(
         12,
@@ -53,18 +53,18 @@ class EgoMotionParameters(Stage):
         le=500,
         unit="matches",
         step=1,
-        title="Fewest inliers",
-        help="With fewer background matches the camera's motion counts as lost.",
+        title="Min. inliers",
+        help="With fewer inliers the ego-motion counts as lost.",
     )
-    shared_error: Real = number(
+    noise_correlation: Real = number(
         0.02,
         ge=0.0,
         le=1.0,
         unit="",
         step=0.01,
-        title="Shared error",
-        help="Share of the noise that points have in common.",
-        models=FOLLOWING,
+        title="Noise correlation",
+        help="Share of the measurement noise that all points have in common.",
+        models=KLT,
     )
     recover_frames: Whole = number(
         5,
@@ -72,23 +72,23 @@ class EgoMotionParameters(Stage):
         le=60,
         unit="frames",
         step=1,
-        title="Recover within",
-        help="While the camera's motion is lost, frames are compared with the last good one for "
-        "this long; then all tracks end and a new segment begins.",
+        title="Recovery time",
+        help="While the ego-motion is lost, frames are compared with the last good one; after this "
+        "many frames all tracks end and a new segment begins.",
     )
 
 
 class FeaturesParameters(Stage):
-    """Feature points: of the planar models on the image at t, of rigid and one_camera in every
-    square (following.spacing_px) in which no point is followed."""
+    """Features: with the planar methods in the image at t, with rigid and monocular in every
+    square (klt_tracking.spacing_px) in which no point is tracked."""
 
     detector: Literal["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"] = (
         choice(
             "shi_tomasi",
             title="Detector",
-            help="Which feature points are used. shi_tomasi is the minimum eigenvalue, by which "
-            "points can be followed best, harris is Harris-Stephens; the paper uses FAST. "
-            "surf is installed by: pip install 'dynamic-observer[surf]'.",
+            help="shi_tomasi is the minimum eigenvalue, whose points can be tracked best, harris "
+            "is Harris-Stephens; the paper uses FAST. surf is installed by: "
+            "pip install 'dynamic-observer[surf]'.",
         )
     )
     max_count: Whole = number(
@@ -97,8 +97,8 @@ class FeaturesParameters(Stage):
         le=4000,
         unit="points",
         step=50,
-        title="Most features",
-        help="The strongest points kept, spread over the image by the grid.",
+        title="Max. features",
+        help="Number of the strongest features that are kept, spread over the grid.",
         models=PLANAR,
     )
     grid_cells: Whole = number(
@@ -108,8 +108,8 @@ class FeaturesParameters(Stage):
         unit="cells",
         step=1,
         title="Grid columns",
-        help="The image is divided into this many columns of square cells, each with an equal "
-        "share of the features; 1 keeps the strongest wherever they are.",
+        help="Columns of square cells that get an equal share of the features; 1 keeps the "
+        "strongest anywhere in the image.",
         models=PLANAR,
     )
     fast_threshold: Whole = number(
@@ -119,7 +119,7 @@ class FeaturesParameters(Stage):
         unit="grey levels",
         step=1,
         title="FAST threshold",
-        help="Least difference between a corner and the circle around it, for fast, brisk and orb.",
+        help="Min. contrast between a corner and the circle around it, for fast, brisk and orb.",
     )
     quality: Real = number(
         0.01,
@@ -128,14 +128,17 @@ class FeaturesParameters(Stage):
         unit="",
         step=0.0005,
         title="Corner quality",
-        help="Least corner measure of shi_tomasi and harris, relative to the strongest corner.",
+        help="Min. corner measure of shi_tomasi and harris, relative to the strongest corner.",
         models=PLANAR,
     )
 
 
 class StereoParameters(Stage):
-    """Disparity and depth: of the planar models and, with every model, of the cloud that is
-    shown. Rigid measures the disparity of its points alone, up to the largest one."""
+    """Dense disparity and depth: of the planar methods and, with every method, of the cloud that
+    is shown. rigid measures the disparity of its points only, up to stereo.max_disparity_px."""
+
+    models = PLANAR
+    cloud = True
 
     matcher: Literal["bm", "sgbm"] = choice(
         "sgbm",
@@ -148,8 +151,9 @@ class StereoParameters(Stage):
         le=256,
         unit="px",
         step=16,
-        title="Largest disparity",
-        help="Sets the nearest depth that can be measured; rounded up to a multiple of 16.",
+        title="Max. disparity",
+        help="Limits the nearest depth that can be measured; rounded up to a multiple of 16.",
+        models=STEREO,
     )
     block_px: Whole = number(
         7,
@@ -158,7 +162,7 @@ class StereoParameters(Stage):
         unit="px",
         step=2,
         title="Block size",
-        help="Side of the compared block; even values are rounded up.",
+        help="Side of the matched block; even values are rounded up.",
     )
     uniqueness_percent: Whole = number(
         8,
@@ -167,7 +171,7 @@ class StereoParameters(Stage):
         unit="%",
         step=1,
         title="Uniqueness",
-        help="How much better than the second best the best disparity must be.",
+        help="Margin by which the best disparity must beat the second best.",
     )
     min_depth_m: Real = number(
         0.2,
@@ -175,8 +179,8 @@ class StereoParameters(Stage):
         le=10.0,
         unit="m",
         step=0.05,
-        title="Nearest depth",
-        help="Points nearer than this are left out.",
+        title="Min. depth",
+        help="Nearer points are ignored.",
     )
     max_depth_m: Real = number(
         30.0,
@@ -184,6 +188,6 @@ class StereoParameters(Stage):
         le=200.0,
         unit="m",
         step=0.5,
-        title="Farthest depth",
-        help="Points farther than this are left out.",
+        title="Max. depth",
+        help="Farther points are ignored.",
     )

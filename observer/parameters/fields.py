@@ -8,11 +8,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 ParameterValue = float | int | bool | str
 
-# Of the camera's own motion; by which of them a parameter is used is said where it is declared.
-MODELS = ("rigid", "homography", "affine", "one_camera")
-# Those that follow points over time, and those that draw samples of matches.
-FOLLOWING: tuple[str, ...] = ("rigid", "one_camera")
-SAMPLING: tuple[str, ...] = ("rigid", "homography", "affine")
+# Of ego_motion.model, which chooses the method.
+MODELS = ("rigid", "homography", "affine", "monocular")
+# Those that track points by KLT over time, and those that use both images.
+KLT: tuple[str, ...] = ("rigid", "monocular")
+STEREO: tuple[str, ...] = ("rigid", "homography", "affine")
+RIGID: tuple[str, ...] = ("rigid",)
 PLANAR: tuple[str, ...] = ("homography", "affine")
 
 # bool is no number here, and neither are NaN and the infinities.
@@ -26,8 +27,10 @@ class Stage(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    # With which ego_motion.model the group acts.
+    # With which ego_motion.model the group acts on what is observed, and whether it acts with
+    # every model on the dense cloud and the disparity that are shown.
     models: ClassVar[tuple[str, ...]] = MODELS
+    cloud: ClassVar[bool] = False
 
 
 def number(
@@ -55,6 +58,9 @@ def number(
     )
 
 
-def choice(default: Any, *, title: str, help: str) -> Any:
-    """One of several values, or a switch."""
-    return Field(default=default, title=title, description=help, json_schema_extra={"unit": ""})
+def choice(default: Any, *, title: str, help: str, models: tuple[str, ...] | None = None) -> Any:
+    """One of several values, or a switch; ``models`` as of ``number``."""
+    extra: dict[str, Any] = {"unit": ""}
+    if models is not None:
+        extra["models"] = list(models)
+    return Field(default=default, title=title, description=help, json_schema_extra=extra)

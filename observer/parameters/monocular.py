@@ -1,17 +1,14 @@
-"""Depth from one camera, by travel and by the floor."""
+"""Parameters of the method that uses one camera."""
 
 from __future__ import annotations
 
 from observer.parameters.fields import Real, Stage, number
 
 
-class OneCameraParameters(Stage):
-    """Depth from the left image alone, by travel and by where things touch the floor (one_camera).
+class MonocularParameters(Stage):
+    """Depth from the left image only: by parallax and by where obstacles touch the ground."""
 
-    ``following.*`` and ``evidence.false_alarms_per_frame`` act here, too.
-    """
-
-    models = ("one_camera",)
+    models = ("monocular",)
 
     height_m: Real = number(
         0.0,
@@ -19,9 +16,9 @@ class OneCameraParameters(Stage):
         le=100.0,
         unit="m",
         step=0.01,
-        title="Height",
-        help="Of the camera above the floor; 0 takes height and tilt as the source's rig tells "
-        "them.",
+        title="Camera height",
+        help="Height of the camera above the ground; 0 takes height and tilt from the rig of the "
+        "source.",
     )
     tilt_deg: Real = number(
         0.0,
@@ -29,8 +26,8 @@ class OneCameraParameters(Stage):
         le=60.0,
         unit="deg",
         step=0.5,
-        title="Tilt",
-        help="How far the camera looks down; counts where one_camera.height_m is given.",
+        title="Camera tilt",
+        help="Downward tilt of the camera; used if monocular.height_m is set.",
     )
     height_sigma: Real = number(
         0.02,
@@ -39,7 +36,7 @@ class OneCameraParameters(Stage):
         unit="",
         step=0.005,
         title="Height uncertainty",
-        help="One standard deviation of the height, as a share of it; sets the stated uncertainty.",
+        help="Standard deviation of the camera height, relative to it.",
     )
     tilt_sigma_deg: Real = number(
         0.2,
@@ -48,7 +45,7 @@ class OneCameraParameters(Stage):
         unit="deg",
         step=0.05,
         title="Tilt uncertainty",
-        help="One standard deviation of the tilt; sets the stated uncertainty.",
+        help="Standard deviation of the camera tilt.",
     )
     odometry_sigma: Real = number(
         0.02,
@@ -57,7 +54,7 @@ class OneCameraParameters(Stage):
         unit="",
         step=0.005,
         title="Odometry uncertainty",
-        help="One standard deviation of driven ways, as a share of them.",
+        help="Standard deviation of the distance travelled, relative to it.",
     )
     parallax_deg: Real = number(
         0.6,
@@ -65,9 +62,8 @@ class OneCameraParameters(Stage):
         le=10.0,
         unit="deg",
         step=0.1,
-        title="Parallax to start",
-        help="Without odometry, depth is first told once points have shifted this far by travel "
-        "alone.",
+        title="Initial parallax",
+        help="Without odometry, depth is initialized once the median parallax exceeds this.",
     )
     memory_s: Real = number(
         1.0,
@@ -76,7 +72,7 @@ class OneCameraParameters(Stage):
         unit="s",
         step=0.1,
         title="Memory",
-        help="Over how long a point must look as if it stood.",
+        help="Time over which a point must agree with a static one.",
     )
     farthest_m: Real = number(
         6.0,
@@ -84,8 +80,8 @@ class OneCameraParameters(Stage):
         le=100.0,
         unit="m",
         step=0.5,
-        title="Farthest floor",
-        help="Obstacles that touch the floor farther away than this are left out.",
+        title="Max. range",
+        help="Obstacles that touch the ground farther away are ignored.",
     )
     foot_sigma_px: Real = number(
         2.0,
@@ -93,8 +89,8 @@ class OneCameraParameters(Stage):
         le=20.0,
         unit="px",
         step=0.1,
-        title="Foot noise",
-        help="One standard deviation of where an obstacle is seen to touch the floor.",
+        title="Ground contact noise",
+        help="Standard deviation of the image row in which an obstacle touches the ground.",
     )
     acceleration: Real = number(
         0.4,
@@ -103,7 +99,7 @@ class OneCameraParameters(Stage):
         unit="m/s^2",
         step=0.05,
         title="Acceleration",
-        help="One standard deviation of how strongly an obstacle accelerates.",
+        help="Standard deviation of an obstacle's acceleration.",
     )
     confirm_sigmas: Real = number(
         4.0,
@@ -111,6 +107,6 @@ class OneCameraParameters(Stage):
         le=50.0,
         unit="standard deviations",
         step=0.5,
-        title="Confirm above",
-        help="How significant its velocity over the floor must be.",
+        title="Confirmation threshold",
+        help="Min. significance of an obstacle's velocity over the ground.",
     )

@@ -1,4 +1,4 @@
-"""The other stages of the method as published: frames, matching, flow, motion, tracks."""
+"""Parameters of the planar methods: frames, matching, flow, motion, tracks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from observer.parameters.fields import PLANAR, Flag, Real, Stage, Whole, choice,
 
 
 class FramesParameters(Stage):
-    """Planar models: which two frames are compared. Rigid follows from frame to frame."""
+    """Planar methods: which two frames are compared."""
 
     models = PLANAR
 
@@ -18,22 +18,22 @@ class FramesParameters(Stage):
         le=10,
         unit="frames",
         step=1,
-        title="Pair distance",
-        help="How many frames lie between t and t+dt. A longer distance makes slow obstacles "
-        "visible and parallax worse.",
+        title="Frame interval",
+        help="Frames between t and t+dt. A longer interval reveals slower obstacles and increases "
+        "parallax.",
     )
 
 
 class MatchingParameters(Stage):
-    """Planar models: matching features between t and t+dt."""
+    """Planar methods: matching features between t and t+dt."""
 
     models = PLANAR
 
     method: Literal["descriptor", "klt"] = choice(
         "klt",
         title="Matching",
-        help="descriptor compares feature values (ORB, or the detector's own); klt tracks each "
-        "feature by Lucas-Kanade.",
+        help="descriptor compares feature descriptors (ORB, or the detector's own); klt tracks "
+        "each feature by Lucas-Kanade.",
     )
     ratio: Real = number(
         0.85,
@@ -42,12 +42,12 @@ class MatchingParameters(Stage):
         unit="",
         step=0.01,
         title="Ratio test",
-        help="A match is kept if its distance is below this share of the second best one's.",
+        help="Max. distance of the best descriptor match, relative to the second best.",
     )
     cross_check: Flag = choice(
         True,
         title="Cross check",
-        help="Keep only matches that are the best in both directions; with klt, track back.",
+        help="Keep only mutual best matches; with klt, track back.",
     )
     max_shift: Real = number(
         0.25,
@@ -55,14 +55,13 @@ class MatchingParameters(Stage):
         le=1.0,
         unit="image widths",
         step=0.01,
-        title="Largest shift",
-        help="Matches that move further than this between the two images are refused.",
+        title="Max. shift",
+        help="Matches that move farther between the two images are rejected.",
     )
 
 
 class FlowParameters(Stage):
-    """Planar models: residual motion by Lucas-Kanade between the image at t and the transformed
-    one."""
+    """Planar methods: residual flow by Lucas-Kanade between the image at t and the warped one."""
 
     models = PLANAR
 
@@ -72,7 +71,7 @@ class FlowParameters(Stage):
         le=51,
         unit="px",
         step=2,
-        title="Window",
+        title="Window size",
         help="Side of the Lucas-Kanade window.",
     )
     pyramid_levels: Whole = number(
@@ -82,7 +81,7 @@ class FlowParameters(Stage):
         unit="levels",
         step=1,
         title="Pyramid levels",
-        help="Each level doubles the motion that can be followed.",
+        help="Each level doubles the motion that can be tracked.",
     )
     residual_threshold_px: Real = number(
         2.0,
@@ -91,7 +90,7 @@ class FlowParameters(Stage):
         unit="px",
         step=0.1,
         title="Flow threshold",
-        help="A feature whose residual motion exceeds this counts as dynamic.",
+        help="Features with a larger residual flow count as dynamic.",
     )
     min_texture: Real = number(
         1.6,
@@ -99,9 +98,9 @@ class FlowParameters(Stage):
         le=20.0,
         unit="grey levels/px",
         step=0.1,
-        title="Least texture",
-        help="Features whose surroundings vary less than this in any one direction are left out: "
-        "along a straight edge the flow slides.",
+        title="Min. texture",
+        help="Features whose neighbourhood varies less in any one direction are ignored: along a "
+        "straight edge the flow slides.",
     )
     max_error: Real = number(
         20.0,
@@ -109,14 +108,14 @@ class FlowParameters(Stage):
         le=100.0,
         unit="grey levels",
         step=1.0,
-        title="Largest match error",
-        help="Features whose surroundings differ more than this on average are left out.",
+        title="Max. match error",
+        help="Matches whose neighbourhoods differ more on average are rejected.",
     )
     match_brightness: Flag = choice(
         True,
         title="Match brightness",
-        help="Scale the second image to the brightness of the first, against flickering light "
-        "and automatic exposure.",
+        help="Scale the second image to the brightness of the first, against flickering light and "
+        "automatic exposure.",
     )
     back_check_px: Real = number(
         0.7,
@@ -124,13 +123,13 @@ class FlowParameters(Stage):
         le=10.0,
         unit="px",
         step=0.05,
-        title="Backward check",
-        help="A feature tracked forth and back must return within this distance.",
+        title="Forward-backward error",
+        help="Max. distance from its start at which a feature tracked forward and back may end.",
     )
 
 
 class MotionParameters(Stage):
-    """Planar models: from two positions of a dynamic feature to a velocity."""
+    """Planar methods: the velocity of a dynamic feature from two positions."""
 
     models = PLANAR
 
@@ -140,8 +139,8 @@ class MotionParameters(Stage):
         le=100.0,
         unit="m/s",
         step=0.1,
-        title="Highest speed",
-        help="Faster displacements are taken for stereo errors and left out.",
+        title="Max. speed",
+        help="Faster displacements are rejected as stereo errors.",
     )
     disparity_sigma_px: Real = number(
         0.2,
@@ -150,7 +149,7 @@ class MotionParameters(Stage):
         unit="px",
         step=0.05,
         title="Disparity noise",
-        help="One standard deviation of a measured disparity; sets the stated uncertainty.",
+        help="Standard deviation of a measured disparity.",
     )
     pixel_sigma_px: Real = number(
         0.3,
@@ -159,17 +158,17 @@ class MotionParameters(Stage):
         unit="px",
         step=0.05,
         title="Flow noise",
-        help="One standard deviation of a tracked position; sets the stated uncertainty.",
+        help="Standard deviation of a tracked position.",
     )
-    shared_error: Real = number(
+    noise_correlation: Real = number(
         0.15,
         ge=0.0,
         le=1.0,
         unit="",
         step=0.05,
-        title="Shared error",
-        help="Share of the noise that neighbouring points have in common and that averaging "
-        "cannot reduce; sets the stated uncertainty.",
+        title="Noise correlation",
+        help="Share of the measurement noise that neighbouring points have in common, so that "
+        "averaging does not reduce it.",
     )
     turn_sigma_radps: Real = number(
         0.4,
@@ -177,9 +176,9 @@ class MotionParameters(Stage):
         le=5.0,
         unit="rad/s",
         step=0.1,
-        title="Unseen turning",
-        help="One standard deviation of how fast an obstacle turns: the side that is seen then "
-        "moves otherwise than the centre; sets the stated uncertainty.",
+        title="Yaw rate noise",
+        help="Standard deviation of an obstacle's yaw rate, by which its visible side moves "
+        "differently from its centre.",
     )
     min_significance: Real = number(
         3.0,
@@ -187,14 +186,14 @@ class MotionParameters(Stage):
         le=20.0,
         unit="standard deviations",
         step=0.5,
-        title="Significance",
-        help="Obstacles whose velocity stands out less than this against all known errors, "
-        "parallax among them, are left out; 0 keeps all, as the paper does.",
+        title="Min. significance",
+        help="Obstacles whose velocity is less significant against all known errors, including "
+        "parallax, are ignored; 0 keeps all, as in the paper.",
     )
 
 
 class ClusteringParameters(Stage):
-    """Planar models: dynamic points that belong together."""
+    """Planar methods: grouping dynamic points."""
 
     models = PLANAR
 
@@ -205,7 +204,7 @@ class ClusteringParameters(Stage):
         unit="m",
         step=0.01,
         title="Neighbour radius",
-        help="Dynamic points nearer than this, after allowing for depth noise, are one obstacle.",
+        help="Dynamic points within this distance, plus depth noise, form one obstacle.",
     )
     min_points: Whole = number(
         4,
@@ -213,13 +212,13 @@ class ClusteringParameters(Stage):
         le=100,
         unit="points",
         step=1,
-        title="Fewest points",
-        help="Smaller groups are left out.",
+        title="Min. points",
+        help="Smaller clusters are ignored.",
     )
 
 
 class TrackingParameters(Stage):
-    """Planar models: identities over time."""
+    """Planar methods: identities over time."""
 
     models = PLANAR
 
@@ -230,7 +229,7 @@ class TrackingParameters(Stage):
         unit="m",
         step=0.05,
         title="Gate",
-        help="A cluster farther than this from where a track is expected starts a new track.",
+        help="A cluster farther from every predicted track starts a new track.",
     )
     confirm_hits: Whole = number(
         3,
@@ -238,8 +237,8 @@ class TrackingParameters(Stage):
         le=30,
         unit="frames",
         step=1,
-        title="Confirm after",
-        help="A track is reported after this many sightings.",
+        title="Confirmation frames",
+        help="Number of sightings after which a track is reported.",
     )
     coast_frames: Whole = number(
         5,
@@ -247,6 +246,6 @@ class TrackingParameters(Stage):
         le=60,
         unit="frames",
         step=1,
-        title="Coast for",
-        help="A track that is not seen any more is kept for this many frames.",
+        title="Coasting time",
+        help="Frames after which a track that is no longer seen is dropped.",
     )

@@ -1,14 +1,14 @@
-"""Motion in space: following points, judging which move, obstacles as bodies."""
+"""Motion in space: tracking points, testing which move, obstacles as bodies."""
 
 from __future__ import annotations
 
-from observer.parameters.fields import FOLLOWING, Real, Stage, Whole, number
+from observer.parameters.fields import KLT, RIGID, Real, Stage, Whole, number
 
 
-class FollowingParameters(Stage):
-    """Following points from frame to frame, in both cameras or in one."""
+class KltTrackingParameters(Stage):
+    """KLT tracking of points from frame to frame, in both cameras or in one."""
 
-    models = FOLLOWING
+    models = KLT
 
     spacing_px: Whole = number(
         18,
@@ -17,7 +17,7 @@ class FollowingParameters(Stage):
         unit="px",
         step=1,
         title="Spacing",
-        help="One point is followed in each square of this side.",
+        help="One point is tracked in each square of this side.",
     )
     window_px: Whole = number(
         13,
@@ -25,7 +25,7 @@ class FollowingParameters(Stage):
         le=51,
         unit="px",
         step=2,
-        title="Window",
+        title="Window size",
         help="Side of the Lucas-Kanade window.",
     )
     min_texture: Real = number(
@@ -34,8 +34,8 @@ class FollowingParameters(Stage):
         le=20.0,
         unit="grey levels/px",
         step=0.1,
-        title="Least texture",
-        help="Points whose surroundings vary less than this in any one direction are left out.",
+        title="Min. texture",
+        help="Points whose neighbourhood varies less in any one direction are not tracked.",
     )
     max_error: Real = number(
         20.0,
@@ -43,8 +43,8 @@ class FollowingParameters(Stage):
         le=100.0,
         unit="grey levels",
         step=1.0,
-        title="Largest match error",
-        help="Points whose surroundings differ more than this on average are left out.",
+        title="Max. match error",
+        help="Matches whose neighbourhoods differ more on average are rejected.",
     )
     back_check_px: Real = number(
         0.5,
@@ -52,8 +52,8 @@ class FollowingParameters(Stage):
         le=10.0,
         unit="px",
         step=0.05,
-        title="Backward check",
-        help="A point followed forth and back must return within this distance.",
+        title="Forward-backward error",
+        help="Max. distance from its start at which a point tracked forward and back may end.",
     )
     circle_px: Real = number(
         1.0,
@@ -62,7 +62,9 @@ class FollowingParameters(Stage):
         unit="px",
         step=0.05,
         title="Circle check",
-        help="The two ways from the left image at t to the right one at t+dt must meet.",
+        help="Max. distance between the two paths from the left image at t to the right image at "
+        "t+dt.",
+        models=RIGID,
     )
     row_px: Real = number(
         3.0,
@@ -70,8 +72,9 @@ class FollowingParameters(Stage):
         le=20.0,
         unit="px",
         step=0.5,
-        title="Row tolerance",
-        help="How far a match in the right image may lie off the row.",
+        title="Max. epipolar error",
+        help="Max. row offset of a match in the right image.",
+        models=RIGID,
     )
     noise_factor: Real = number(
         1.5,
@@ -80,7 +83,7 @@ class FollowingParameters(Stage):
         unit="",
         step=0.1,
         title="Noise factor",
-        help="The noise of a followed position, relative to what texture and grey levels promise.",
+        help="Noise of a tracked position, relative to what texture and grey levels predict.",
     )
     noise_floor_px: Real = number(
         0.06,
@@ -89,17 +92,18 @@ class FollowingParameters(Stage):
         unit="px",
         step=0.01,
         title="Noise floor",
-        help="Noise of a followed position that does not depend on texture.",
+        help="Noise of a tracked position that does not depend on texture.",
     )
-    growth_noise: Real = number(
+    scale_change_noise: Real = number(
         0.3,
         ge=0.0,
         le=2.0,
         unit="",
         step=0.05,
-        title="Growth noise",
-        help="Noise of a followed position by the growing or shrinking of its surroundings, as a "
-        "share of how far they grow.",
+        title="Scale change noise",
+        help="Noise of a tracked position due to the scale change of its neighbourhood, relative "
+        "to that change.",
+        models=RIGID,
     )
     skew_sigma_s: Real = number(
         0.001,
@@ -107,15 +111,16 @@ class FollowingParameters(Stage):
         le=0.1,
         unit="s",
         step=0.0005,
-        title="Skew noise",
-        help="One standard deviation of the time between the exposures of free-running cameras.",
+        title="Exposure skew noise",
+        help="Standard deviation of the time between the exposures of unsynchronized cameras.",
+        models=RIGID,
     )
 
 
 class EvidenceParameters(Stage):
-    """Which followed points move."""
+    """The test which of the tracked points move."""
 
-    models = FOLLOWING
+    models = KLT
 
     memory_s: Real = number(
         0.5,
@@ -124,7 +129,8 @@ class EvidenceParameters(Stage):
         unit="s",
         step=0.05,
         title="Memory",
-        help="How long sightings of a point count.",
+        help="Time constant with which earlier sightings of a point are forgotten.",
+        models=RIGID,
     )
     radius_px: Real = number(
         26.0,
@@ -133,7 +139,7 @@ class EvidenceParameters(Stage):
         unit="px",
         step=1.0,
         title="Neighbourhood",
-        help="Points nearer than this, in the image and alike in depth, are judged together.",
+        help="Points within this radius and at similar depth are tested together.",
     )
     false_alarms_per_frame: Real = number(
         0.001,
@@ -141,17 +147,17 @@ class EvidenceParameters(Stage):
         le=1.0,
         unit="",
         step=1e-9,
-        title="False alarms",
-        help="Declared rate of false alarms per frame over all points.",
+        title="False alarm rate",
+        help="Expected false alarms per frame over all points.",
     )
-    shared_error: Real = number(
+    noise_correlation: Real = number(
         0.1,
         ge=0.0,
         le=1.0,
         unit="",
         step=0.05,
-        title="Shared error",
-        help="Share of the noise that neighbouring points have in common.",
+        title="Noise correlation",
+        help="Share of the measurement noise that neighbouring points have in common.",
     )
     disparity_bias_px: Real = number(
         0.1,
@@ -160,22 +166,22 @@ class EvidenceParameters(Stage):
         unit="px",
         step=0.05,
         title="Disparity bias",
-        help="One standard deviation of the error of a disparity that lasts from frame to frame, "
-        "by calibration or by what is beside the point; it makes what is far from a fast camera "
-        "seem to move.",
-        models=("rigid",),
+        help="Standard deviation of the disparity error that persists from frame to frame, due to "
+        "calibration or the surroundings of a point; it makes distant background seem to move "
+        "when the camera is fast.",
+        models=RIGID,
     )
-    stretch: Real = number(
+    distortion_sigma: Real = number(
         0.05,
         ge=0.0,
         le=1.0,
         unit="",
         step=0.01,
-        title="Stretch",
-        help="One standard deviation of the share by which distortion that was not calibrated "
-        "stretches the image in its corners; it falls towards the centre. It makes what passes "
-        "by at the edge of the view seem to move.",
-        models=("rigid",),
+        title="Residual distortion",
+        help="Standard deviation of the relative stretch of the image corners by uncalibrated "
+        "distortion; it falls off towards the centre. It makes what passes the edge of the view "
+        "seem to move.",
+        models=RIGID,
     )
     least_noise: Real = number(
         1.0,
@@ -183,9 +189,10 @@ class EvidenceParameters(Stage):
         le=10.0,
         unit="",
         step=0.1,
-        title="Least noise",
-        help="The noise of the sightings is learnt from the background; it is taken for no less "
-        "than this share of what texture and grey levels promise.",
+        title="Min. noise",
+        help="Lower limit of the noise that is learnt from the background, relative to what "
+        "texture and grey levels predict.",
+        models=RIGID,
     )
     min_sightings: Whole = number(
         3,
@@ -193,8 +200,8 @@ class EvidenceParameters(Stage):
         le=30,
         unit="frames",
         step=1,
-        title="Fewest sightings",
-        help="Points seen in fewer frames are not judged.",
+        title="Min. sightings",
+        help="Points seen in fewer frames are not tested.",
     )
     min_points: Whole = number(
         3,
@@ -202,15 +209,15 @@ class EvidenceParameters(Stage):
         le=50,
         unit="points",
         step=1,
-        title="Fewest points",
-        help="Fewer neighbours that move alike are no evidence.",
+        title="Min. points",
+        help="Fewer neighbours that move alike are no evidence of motion.",
     )
 
 
 class ObstacleParameters(Stage):
     """Obstacles as bodies over time."""
 
-    models = FOLLOWING
+    models = KLT
 
     acceleration_px: Real = number(
         200.0,
@@ -219,16 +226,18 @@ class ObstacleParameters(Stage):
         unit="px/s^2",
         step=10.0,
         title="Acceleration",
-        help="One standard deviation of how strongly a manoeuvring obstacle accelerates.",
+        help="Standard deviation of a manoeuvring obstacle's acceleration, in the image.",
+        models=RIGID,
     )
-    shared_error: Real = number(
+    noise_correlation: Real = number(
         0.1,
         ge=0.0,
         le=1.0,
         unit="",
         step=0.05,
-        title="Shared error",
-        help="Share of the noise that the points of an obstacle have in common.",
+        title="Noise correlation",
+        help="Share of the measurement noise that the points of an obstacle have in common.",
+        models=RIGID,
     )
     min_points: Whole = number(
         3,
@@ -236,8 +245,8 @@ class ObstacleParameters(Stage):
         le=50,
         unit="points",
         step=1,
-        title="Fewest points",
-        help="An obstacle seen by fewer points is not seen.",
+        title="Min. points",
+        help="An obstacle with fewer visible points counts as not seen.",
     )
     margin: Real = number(
         0.15,
@@ -246,7 +255,9 @@ class ObstacleParameters(Stage):
         unit="",
         step=0.05,
         title="Margin",
-        help="Points join an obstacle up to this share of its size outside its box.",
+        help="Distance outside an obstacle's box within which points join it, relative to its "
+        "size.",
+        models=RIGID,
     )
     confirm_sigmas: Real = number(
         5.0,
@@ -254,8 +265,9 @@ class ObstacleParameters(Stage):
         le=50.0,
         unit="standard deviations",
         step=0.5,
-        title="Confirm above",
-        help="How significant its velocity must be.",
+        title="Confirmation threshold",
+        help="Min. significance of an obstacle's velocity.",
+        models=RIGID,
     )
     confirm_hits: Whole = number(
         3,
@@ -263,8 +275,8 @@ class ObstacleParameters(Stage):
         le=30,
         unit="frames",
         step=1,
-        title="Confirm after",
-        help="For how many frames.",
+        title="Confirmation frames",
+        help="Number of frames in which the obstacle must be significant.",
     )
     coast_s: Real = number(
         2.0,
@@ -272,8 +284,8 @@ class ObstacleParameters(Stage):
         le=10.0,
         unit="s",
         step=0.1,
-        title="Coast for",
-        help="An obstacle that is not seen any more is kept for this long.",
+        title="Coasting time",
+        help="Time after which an obstacle that is no longer seen is dropped.",
     )
     stopped_below_mps: Real = number(
         0.06,
@@ -282,5 +294,5 @@ class ObstacleParameters(Stage):
         unit="m/s",
         step=0.01,
         title="Stopped below",
-        help="An obstacle slower than this counts as stopped.",
+        help="Slower obstacles count as stopped.",
     )

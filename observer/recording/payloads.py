@@ -99,8 +99,9 @@ class ParameterRevision(msgspec.Struct, frozen=True, kw_only=True):
     """Parameters that are in force from the next recorded frame on.
 
     Attributes:
-        revision: counted up with every change. frame: index of the first frame they act on, or
-            None where nothing was observed yet. values: all, by dotted name.
+        revision: counted up with every change of what is observed with. frame: index of the first
+            frame they act on, or None where nothing was observed yet.
+        values: all, by dotted name, the guard's too where a server recorded it.
         difference: those that changed.
     """
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from observer.errors import SourceError, TruthError
 from observer.geometry import Pose
+from observer.parameters import translated
 from observer.recording import topics
 from observer.recording.contents import (
     ChunkPlace,
@@ -110,6 +111,11 @@ class Recording:
                 position += 1
             else:
                 revision = msgspec.json.decode(message.data, type=ParameterRevision)
+                revision = msgspec.structs.replace(
+                    revision,
+                    values=translated(revision.values),
+                    difference=translated(revision.difference),
+                )
                 found.append((position, revision))
         return tuple(found)
 

@@ -33,7 +33,7 @@ def replay_revisions(
     found = {}
     revision: ParameterRevision
     for position, revision in recording.positioned_revisions:
-        parameters = Parameters().changed({**revision.values, **(changes or {})})
+        parameters = Parameters().changed({**Parameters.own(revision.values), **(changes or {})})
         found[position] = parameters, revision.revision
     if 0 not in found:
         found[0] = Parameters().changed(dict(changes or {})), 0

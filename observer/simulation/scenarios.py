@@ -22,6 +22,7 @@ from observer.simulation.specs.boards import BoardSpec
 from observer.simulation.specs.cameras import CameraSpec, FaultSpec, ShakeSpec
 from observer.simulation.specs.places import ObjectSpec, RoomSpec, TextureSpec
 from observer.simulation.specs.vehicles import RobotSpec, VehicleSpec
+from observer.text_files import problem
 
 
 class VariationSpec(Spec):
@@ -128,11 +129,7 @@ def scenario_from_text(text: str, name: str) -> Scenario:
     try:
         return Scenario.model_validate({"name": name, **_mapping(text, name, depth=0)})
     except ValidationError as error:
-        problem = error.errors(include_url=False, include_context=False)[0]
-        key = ".".join(str(part) for part in problem["loc"])
-        message = problem["msg"].removeprefix("Value error, ")
-        message = message[:1].lower() + message[1:]
-        raise ScenarioError(f"scenario {name}: {f'{key}: ' if key else ''}{message}") from None
+        raise ScenarioError(f"scenario {name}: {problem(error)}") from None
 
 
 def _mapping(text: str, name: str, depth: int) -> dict[str, Any]:

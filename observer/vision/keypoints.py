@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.parameters import FollowingParameters, Parameters
+from observer.parameters import KltTrackingParameters, Parameters
 from observer.types import Image
 from observer.vision.features import strongest_first
 
@@ -34,7 +34,7 @@ def attention(
     size: tuple[int, int],
     boxes_px: NDArray[np.float64],
     px: NDArray[np.float32],
-    parameters: FollowingParameters,
+    parameters: KltTrackingParameters,
 ) -> NDArray[np.bool_]:
     """Return which cells of the image deserve more points, (rows, columns).
 
@@ -59,7 +59,7 @@ def attention(
 
 
 def grid_cells(
-    px: NDArray[np.float32], marked: NDArray[np.bool_], parameters: FollowingParameters
+    px: NDArray[np.float32], marked: NDArray[np.bool_], parameters: KltTrackingParameters
 ) -> NDArray[np.intp]:
     """Return the number (N,) of the cell of each point (N, 2) px; marked cells are divided."""
     rows, columns = marked.shape
@@ -71,7 +71,7 @@ def grid_cells(
 
 
 def density_weights(
-    px: NDArray[np.float32], parameters: FollowingParameters
+    px: NDArray[np.float32], parameters: KltTrackingParameters
 ) -> NDArray[np.float64]:
     """Return one over the number (N,) of points that share the cell of each point (N, 2) px."""
     column = (px[:, 0] // parameters.spacing_px).astype(np.intp)
@@ -111,17 +111,17 @@ def new_keypoints(
     """
     p = parameters
     if p.features.detector == "shi_tomasi":
-        return strongest_corners(image, taken, marked, p.following, turn)
+        return strongest_corners(image, taken, marked, p.klt_tracking, turn)
     px = strongest_first(image, p.features, marked.size * _CANDIDATES_PER_CELL)
     height, width = image.shape
-    return px[first_in_empty(px, (width, height), taken, marked, p.following, turn)]
+    return px[first_in_empty(px, (width, height), taken, marked, p.klt_tracking, turn)]
 
 
 def strongest_corners(
     image: Image,
     taken: NDArray[np.intp],
     marked: NDArray[np.bool_],
-    parameters: FollowingParameters,
+    parameters: KltTrackingParameters,
     turn: int | None = None,
 ) -> NDArray[np.float32]:
     """Return the strongest corner (N, 2) px of every cell in which no point is followed.
@@ -160,7 +160,7 @@ def first_in_empty(
     size: tuple[int, int],
     taken: NDArray[np.intp],
     marked: NDArray[np.bool_],
-    parameters: FollowingParameters,
+    parameters: KltTrackingParameters,
     turn: int | None = None,
 ) -> NDArray[np.intp]:
     """Return the indices of the first of points (N, 2) px in every cell without a tracked point.
@@ -180,7 +180,7 @@ def first_in_empty(
     return np.asarray(index[first], np.intp)
 
 
-def _least(parameters: FollowingParameters) -> float:
+def _least(parameters: KltTrackingParameters) -> float:
     """The least strength of a corner that can be followed."""
     return float((_SMOOTHED * parameters.min_texture / _GREY_PER_ROOT) ** 2)
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.parameters import FlowParameters, FollowingParameters
+from observer.parameters import FlowParameters, KltTrackingParameters
 from observer.types import Image
 
 # OpenCV gives the smaller eigenvalue of the mean gradient matrix in 1/1024 (grey levels/px)^2.
@@ -56,7 +56,7 @@ def track_stereo_points(
     expected_px: NDArray[np.float32],
     expected_disparity: NDArray[np.float32],
     levels: int,
-    parameters: FollowingParameters,
+    parameters: KltTrackingParameters,
 ) -> Sightings:
     """Track points by Lucas-Kanade, back again, and around the circle of the four images.
 
@@ -141,7 +141,7 @@ def match_right(
     pair: tuple[Image, Image],
     px: NDArray[np.float32],
     expected_disparity: NDArray[np.float32],
-    parameters: FollowingParameters,
+    parameters: KltTrackingParameters,
     levels: int = _COARSE_LEVELS,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Where points (N, 2) of the left image are in the right one, (N, 2) float32 pixels.
@@ -187,7 +187,7 @@ def _there_and_back(
     px: NDArray[np.float32],
     expected_px: NDArray[np.float32],
     levels: int,
-    parameters: FollowingParameters,
+    parameters: KltTrackingParameters,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32], NDArray[np.float32]]:
     """(N, 2) where points are, (N,) whether they return, (N,) difference, (N,) texture."""
     end, status, difference = _flow(first, second, px, expected_px, levels, parameters)
@@ -203,7 +203,7 @@ def _there_and_back(
 def _noise_px(
     difference: NDArray[np.float32],
     texture: NDArray[np.float32],
-    parameters: FollowingParameters,
+    parameters: KltTrackingParameters,
 ) -> NDArray[np.float32]:
     """Standard deviation, pixels, of a match by Lucas-Kanade.
 
@@ -233,7 +233,7 @@ def _flow(
     px: NDArray[np.float32],
     start: NDArray[np.float32],
     levels: int,
-    parameters: FollowingParameters,
+    parameters: KltTrackingParameters,
     *,
     want_texture: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:

@@ -64,9 +64,11 @@ export class ParameterField extends HTMLElement {
    * @param {string} model in force: with some a parameter does nothing
    */
   show(value, model) {
-    const idle = this.entry !== undefined && model !== "" && !this.entry.models.includes(model);
-    this.toggleAttribute("data-idle", idle);
-    setText(this.#idle, idle ? `Not used by ${model}.` : "");
+    const used = model === "" || this.entry?.models.includes(model) !== false;
+    const cloud = this.entry?.cloud === true;
+    this.toggleAttribute("data-idle", !used && !cloud);
+    const unused = cloud ? `With ${model} it acts on the cloud only.` : `Not used by ${model}.`;
+    setText(this.#idle, used ? "" : unused);
     const fallback = this.store?.defaults[this.entry?.name ?? ""];
     const changed = value !== fallback;
     this.toggleAttribute("data-changed", changed);

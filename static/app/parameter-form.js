@@ -80,7 +80,11 @@ class ParameterForm extends Part {
     store.addEventListener("refused", (event) =>
       this.#refuse(/** @type {CustomEvent} */ (event).detail),
     );
-    this.hear("status", () => void store.follow(this.hub.status?.parameters_revision ?? 0));
+    this.hear("status", () => {
+      const { parameters_revision: revision = 0, guard_revision: guard = 0 } =
+        this.hub.status ?? {};
+      void store.follow(revision, guard);
+    });
     this.hear("observation", () => this.#renderRevision());
     this.hear("reconnected", () => void this.#load());
     void this.#load();

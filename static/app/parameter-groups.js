@@ -116,7 +116,7 @@ export class ParameterGroups extends HTMLElement {
 
 /** @param {string} group as in "ego_motion" */
 function titleOf(group) {
-  const words = group.replaceAll("_", " ");
+  const words = group.replaceAll("_", " ").replace(/^klt\b/, "KLT");
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 

@@ -22,7 +22,7 @@ export class ParameterStore extends EventTarget {
   /** @type {Preset[]} */
   presets = [];
   /** @type {ParameterState} */
-  state = { revision: 0, values: {}, preset: null, frame: null };
+  state = { revision: 0, guard_revision: 0, values: {}, preset: null, frame: null };
 
   /** @type {{before: Values, after: Values}[]} */
   #undoable = [];
@@ -48,9 +48,16 @@ export class ParameterStore extends EventTarget {
     this.dispatchEvent(new Event("values"));
   }
 
-  /** Somebody else may have changed them. @param {number} revision that the server tells of */
-  async follow(revision) {
-    if (this.#busy || revision === this.state.revision || this.schema.length === 0) return;
+  /**
+   * Somebody else may have changed them.
+   *
+   * @param {number} revision that the server tells of
+   * @param {number} guardRevision
+   */
+  async follow(revision, guardRevision) {
+    const { revision: known, guard_revision: knownGuard } = this.state;
+    if (revision === known && guardRevision === knownGuard) return;
+    if (this.#busy || this.schema.length === 0) return;
     this.#busy = true;
     try {
       this.#take(await request("GET", "/parameters"));

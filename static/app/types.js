@@ -14,7 +14,8 @@
  * @property {ParameterType} type
  * @property {string} unit
  * @property {ParameterValue} default
- * @property {string[]} models with which ego_motion.model it acts
+ * @property {string[]} models with which ego_motion.model it acts on what is observed
+ * @property {boolean} [cloud] whether it acts on the cloud with every model
  * @property {number} [minimum]
  * @property {number} [maximum]
  * @property {number} [step]
@@ -22,6 +23,7 @@
  *
  * @typedef {object} ParameterState answer of GET and PATCH /api/parameters
  * @property {number} revision
+ * @property {number} guard_revision of `guard.*` alone
  * @property {Record<string, ParameterValue>} values
  * @property {string | null} preset
  * @property {number | null} frame the first frame these values act on
@@ -205,6 +207,7 @@
  * @property {Calibrating | null} calibrating
  * @property {{id: string, name: string} | null} calibration
  * @property {number} parameters_revision
+ * @property {number} guard_revision
  * @property {{unique_frames_per_s: number | null}} rates
  * @property {{per_s: number, age_s: number | null, median_ms: number | null,
  *   coarseness: number | null}} dense_stereo

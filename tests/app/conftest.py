@@ -14,7 +14,7 @@ from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.runtime.latest import create_slot
 from app.server import Server
 from app.storage import Storage
-from observer.parameters import Parameters
+from observer.guard.parameters import AllParameters
 
 from .fake_drive import FakeDrive
 from .peer_engine import PeerEngine, rectified_calibration
@@ -54,7 +54,7 @@ def calibration_yaml() -> Callable[..., str]:
 
 @pytest.fixture
 def default_values() -> dict[str, Any]:
-    return dict(Parameters().flat())
+    return dict(AllParameters().flat())
 
 
 @pytest.fixture(scope="session")

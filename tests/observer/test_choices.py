@@ -11,16 +11,16 @@ from observer.camera import StereoCalibration
 from observer.geometry import Pose
 from observer.observer import Observer
 from observer.opening import open_source
-from observer.parameters import Parameters, parameter_schema
+from observer.parameters import Parameters
 from observer.types import Status, StereoFrame
 
-CHOICES = {e["name"]: e["choices"] for e in parameter_schema() if e["type"] == "choice"}
+CHOICES = {e["name"]: e["choices"] for e in Parameters.declared() if e["type"] == "choice"}
 COMBINATIONS = list(
     itertools.product(
         CHOICES["features.detector"],
         CHOICES["matching.method"],
         # One camera knows no metres from frames alone; tests/observer/test_one_camera_method.py.
-        [model for model in CHOICES["ego_motion.model"] if model != "one_camera"],
+        [model for model in CHOICES["ego_motion.model"] if model != "monocular"],
     )
 )
 FRAMES = 3

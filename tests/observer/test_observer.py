@@ -125,7 +125,7 @@ def test_lines_have_no_nan_and_carry_what_was_observed(moving: list[StereoFrame]
     assert again["frame"] == 9
     assert again["parameters_revision"] == 7
     assert again["obstacles"][0]["state"] == "confirmed"
-    assert set(again["timings_ms"]) >= {"following", "ego_motion", "motion", "tracking", "total"}
+    assert set(again["timings_ms"]) >= {"klt_tracking", "ego_motion", "motion", "tracking", "total"}
 
 
 # What the trace receives whatever the method, as the module's table tells it.

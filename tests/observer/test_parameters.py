@@ -9,24 +9,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.errors import InputError, ParameterError
+from observer.guard.parameters import AllParameters
 from observer.parameters import (
     MODELS,
     PRESET_HELP,
     Parameters,
-    describe_range,
-    parameter_schema,
+    effective,
     preset,
     preset_names,
+    translated,
+    without_effect,
 )
 
-SCHEMA = {entry["name"]: entry for entry in parameter_schema()}
+SCHEMA = {entry["name"]: entry for entry in AllParameters.declared()}
 NUMBERS = [n for n, e in SCHEMA.items() if e["type"] in ("number", "integer")]
 REALS = [n for n, e in SCHEMA.items() if e["type"] == "number"]
 
 
 def test_the_schema_names_every_parameter_in_order_with_its_default() -> None:
-    assert {name: entry["default"] for name, entry in SCHEMA.items()} == Parameters().flat()
-    assert list(SCHEMA) == list(Parameters().flat())
+    assert {name: entry["default"] for name, entry in SCHEMA.items()} == AllParameters().flat()
+    assert list(SCHEMA) == list(AllParameters().flat())
 
 
 @pytest.mark.parametrize("name", SCHEMA)
@@ -49,16 +51,16 @@ def test_both_ends_of_a_range_are_taken_and_beyond_is_refused(name: str) -> None
     low, high = SCHEMA[name]["minimum"], SCHEMA[name]["maximum"]
     step = 1 if SCHEMA[name]["type"] == "integer" else 1e-6
     for value in (low, high):
-        assert Parameters().changed({name: value}).flat()[name] == value
+        assert AllParameters().changed({name: value}).flat()[name] == value
     for value in (low - step, high + step):
         with pytest.raises(ParameterError) as refused:
-            Parameters().changed({name: value})
-        assert refused.value.problems == {name: describe_range(name)}
+            AllParameters().changed({name: value})
+        assert refused.value.problems == {name: AllParameters.describe_range(name)}
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True, "1", None, [1], 10**400])
 def test_what_is_no_finite_number_is_refused(value: object) -> None:
-    before = Parameters()
+    before = AllParameters()
     for name in REALS:
         with pytest.raises(ParameterError) as refused:
             before.changed({name: value})
@@ -78,18 +80,18 @@ def test_what_is_no_finite_number_is_refused(value: object) -> None:
 )
 def test_a_refusal_says_what_would_be_right(name: str, value: object, sentence: str) -> None:
     with pytest.raises(ParameterError) as refused:
-        Parameters().changed({name: value})
+        AllParameters().changed({name: value})
     assert sentence in refused.value.problems[name]
 
 
 def test_changes_are_all_or_nothing_and_name_every_problem() -> None:
-    before = Parameters()
+    before = AllParameters()
     with pytest.raises(ParameterError) as refused:
         before.changed(
             {"flow.window_px": 21, "stereo.block_px": 1000, "x": 1, "tracking.gate": math.nan}
         )
     assert set(refused.value.problems) == {"stereo.block_px", "x", "tracking.gate"}
-    assert before.flat() == Parameters().flat()
+    assert before.flat() == AllParameters().flat()
 
 
 @settings(deadline=None, max_examples=30)
@@ -97,7 +99,7 @@ def test_changes_are_all_or_nothing_and_name_every_problem() -> None:
 def test_difference_is_what_has_to_be_changed(data: st.DataObject) -> None:
     names = data.draw(st.lists(st.sampled_from(NUMBERS), unique=True))
     changes = {n: SCHEMA[n][data.draw(st.sampled_from(["minimum", "maximum"]))] for n in names}
-    before = Parameters()
+    before = AllParameters()
     after = before.changed(changes)
     assert before.changed(before.difference(after)) == after
     assert set(before.difference(after)) <= set(changes)
@@ -105,15 +107,15 @@ def test_difference_is_what_has_to_be_changed(data: st.DataObject) -> None:
 
 def test_parameters_are_frozen() -> None:
     with pytest.raises(ValueError, match="frozen"):
-        Parameters().flow.window_px = 3  # type: ignore[misc]
+        AllParameters().flow.window_px = 3  # type: ignore[misc]
 
 
 def test_it_is_said_with_which_model_a_parameter_acts() -> None:
     assert SCHEMA["ego_motion.model"]["models"] == list(MODELS)
     assert SCHEMA["ego_motion.model"]["choices"] == list(MODELS)
     assert SCHEMA["ego_motion.ransac_iterations"]["models"] == ["rigid", "homography", "affine"]
-    assert SCHEMA["evidence.radius_px"]["models"] == ["rigid", "one_camera"]
-    assert SCHEMA["one_camera.height_m"]["models"] == ["one_camera"]
+    assert SCHEMA["evidence.radius_px"]["models"] == ["rigid", "monocular"]
+    assert SCHEMA["monocular.height_m"]["models"] == ["monocular"]
     assert SCHEMA["flow.residual_threshold_px"]["models"] == ["homography", "affine"]
 
 
@@ -136,4 +138,50 @@ def test_the_presets() -> None:
     with pytest.raises(InputError, match="there are: paper, default"):
         preset("papre")
     with pytest.raises(InputError, match="no parameter named"):
-        describe_range("nothing")
+        Parameters.describe_range("nothing")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ({"following.spacing_px": 9}, {"klt_tracking.spacing_px": 9}),
+        ({"following.scale_change_noise": 0.1}, {"klt_tracking.scale_change_noise": 0.1}),
+        ({"one_camera.tilt_deg": 5.0}, {"monocular.tilt_deg": 5.0}),
+        ({"evidence.distortion_sigma": 0.2}, {"evidence.distortion_sigma": 0.2}),
+        ({"motion.noise_correlation": 0.2}, {"motion.noise_correlation": 0.2}),
+        ({"ego_motion.model": "one_camera"}, {"ego_motion.model": "monocular"}),
+    ],
+)
+def test_old_names_are_translated_from_storage_and_refused_otherwise(
+    old: dict[str, object], new: dict[str, object]
+) -> None:
+    assert translated(old) == new
+    assert translated(new) == new
+    Parameters().changed(new)
+    (name,) = old
+    with pytest.raises(ParameterError) as refused:
+        Parameters().changed(old)
+    assert "is named" in refused.value.problems[name]
+
+
+def test_a_change_of_the_guard_leaves_the_methods_parameters_equal() -> None:
+    before = AllParameters()
+    after = before.changed({"guard.margin_m": 0.3})
+    assert after != before
+    assert after.vision == before.vision == Parameters()
+    assert type(after.vision) is Parameters
+    assert not any(name.startswith("guard.") for name in Parameters().flat())
+    assert Parameters.own(after.flat()) == Parameters().flat()
+
+
+def test_a_change_without_effect_is_refused_by_name() -> None:
+    rigid = Parameters()
+    for changes in ({"tracking.gate": 4.0}, {"stereo.max_depth_m": 5.0}):
+        (name,) = changes
+        with pytest.raises(ParameterError, match=f"{name}: has no effect .* acts with homography"):
+            effective(rigid, {**changes, "evidence.radius_px": 30.0})
+    # The method that counts is the one after the change.
+    assert effective(rigid, {"ego_motion.model": "affine", "tracking.gate": 4.0}) == rigid.changed(
+        {"ego_motion.model": "affine", "tracking.gate": 4.0}
+    )
+    assert without_effect(["tracking.gate", "guard.margin_m", "unknown"], "affine") == {}

@@ -214,6 +214,9 @@ class Status(BaseModel):
     calibrating: CalibratingFacts | None = Field(description="None: nothing is calibrated.")
     calibration: CalibrationReference | None = Field(description="None: the source's own.")
     parameters_revision: int
+    guard_revision: int = Field(
+        description="Grows with every change of a guard.* parameter since the server started."
+    )
     rates: Rates
     dense_stereo: DenseStereoStatus
     frames_observed: int
@@ -288,10 +291,19 @@ class Pixel(BaseModel):
 
 
 class ParametersNow(BaseModel):
-    revision: int
+    revision: int = Field(description="Grows with every change but those of guard.* parameters.")
+    guard_revision: int = Field(
+        description="Grows with every change of a guard.* parameter since the server started."
+    )
     values: dict[str, Any]
     preset: str | None = Field(description="The preset with exactly these values.")
     frame: int | None = Field(description="The first frame they act on, as far as known.")
+
+
+class ParametersChanged(ParametersNow):
+    notes: list[str] = Field(
+        description="One sentence on each given parameter that does not act with the method."
+    )
 
 
 class ParameterEntry(BaseModel):
@@ -305,7 +317,12 @@ class ParameterEntry(BaseModel):
     type: Literal["number", "integer", "boolean", "choice"]
     unit: str
     default: Any
-    models: list[str]
+    models: list[str] = Field(
+        description="With which ego_motion.model it acts on what is observed."
+    )
+    cloud: bool = Field(
+        False, description="Whether it acts with every model on the dense cloud that is shown."
+    )
     minimum: float | None = None
     maximum: float | None = None
     step: float | None = None

@@ -7,12 +7,18 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Body, Path
 
 from app.http.api.common import TheServer
-from app.http.api.models import ParameterEntry, ParametersNow, Preset, PresetName
+from app.http.api.models import (
+    ParameterEntry,
+    ParametersChanged,
+    ParametersNow,
+    Preset,
+    PresetName,
+)
 from app.http.api.refusals import refusals
-from app.http.api.values import Changes
+from app.http.api.values import Changes, notes_on
 from app.server.parameters.in_force import ParametersInForce
 from app.server.parameters.manager import PresetEntry
-from observer.parameters import parameter_schema
+from observer.guard.parameters import AllParameters
 
 router = APIRouter(tags=["parameters"])
 
@@ -20,6 +26,7 @@ router = APIRouter(tags=["parameters"])
 def _now(parameters: ParametersInForce) -> ParametersNow:
     return ParametersNow(
         revision=parameters.revision,
+        guard_revision=parameters.guard_revision,
         values=dict(parameters.values.flat()),
         preset=parameters.preset,
         frame=parameters.frame,
@@ -33,7 +40,7 @@ async def get_parameters(server: TheServer) -> ParametersNow:
 
 @router.patch(
     "/parameters",
-    response_model=ParametersNow,
+    response_model=ParametersChanged,
     summary="Change parameters",
     responses=refusals(415, 422, 503),
 )
@@ -42,9 +49,10 @@ async def patch_parameters(
         Changes, Body(examples=[{"ego_motion.ransac_threshold_px": 2.0, "stereo.matcher": "bm"}])
     ],
     server: TheServer,
-) -> ParametersNow:
+) -> ParametersChanged:
     """Dotted names and new values, all or nothing; they act from the next frame on."""
-    return _now(await server.parameters.change(dict(changes)))
+    now = _now(await server.parameters.change(dict(changes)))
+    return ParametersChanged(**now.model_dump(), notes=notes_on(changes, now.values))
 
 
 @router.get(
@@ -54,7 +62,7 @@ async def patch_parameters(
     summary="What a form needs to know of every parameter",
 )
 def get_schema() -> list[dict[str, Any]]:
-    return parameter_schema()
+    return AllParameters.declared()
 
 
 @router.get("/presets", response_model=list[Preset], summary="All presets")

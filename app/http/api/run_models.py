@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field
 
 from app.http.api.robot_models import ProgrammeStart
-from app.http.api.values import Changes, Finite, Identifier, In, Name, Spec, Tag, Text
+from app.http.api.values import Changes, Finite, Identifier, In, Name, Spec, Tag, Text, notes_on
+from app.storage import RunRecord
 from observer.truth.alignment.camera_on_body import FARTHEST_M, LARGEST_DEG
 
 Track = Annotated[str, Field(pattern=r"^\d{1,9}[/:]\d{1,9}$")]
@@ -55,6 +57,18 @@ class Run(BaseModel):
     aligned: bool = Field(description="Whether motion capture was laid over it.")
     rerun_of: str | None = Field(description="The run whose recording it observed again.")
     deleted_at: str | None = Field(description="Since when it is hidden.")
+
+
+class StartedRun(Run):
+    parameter_notes: list[str] = Field(
+        description="One sentence on each given parameter that does not act with the method."
+    )
+
+    @classmethod
+    def of(cls, run: RunRecord, given: Iterable[str]) -> StartedRun:
+        """Return a run that was just started with these parameters, by dotted name."""
+        facts = Run.model_validate(run, from_attributes=True).model_dump()
+        return cls(**facts, parameter_notes=notes_on(given, run.parameters))
 
 
 class RunChange(In):

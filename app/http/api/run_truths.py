@@ -8,10 +8,9 @@ from fastapi import APIRouter, Request
 
 from app.http.api.common import RunId, TheServer
 from app.http.api.refusals import refusals
-from app.http.api.run_models import AlignedRunEntry, AlignStart, RerunStart, Run
+from app.http.api.run_models import AlignedRunEntry, AlignStart, RerunStart, Run, StartedRun
 from app.http.cancel_on_disconnect import while_there
 from app.server.runs.truths import AlignChoices
-from app.storage import RunRecord
 from observer.truth.alignment.camera_on_body import CameraOnBody
 
 router = APIRouter(prefix="/runs", tags=["runs"])
@@ -46,15 +45,16 @@ async def align_run(
 @router.post(
     "/{id}/rerun",
     status_code=201,
-    response_model=Run,
+    response_model=StartedRun,
     summary="Observe a run's recording again",
     responses=refusals(404, 409, 415, 422, 503, 507),
 )
-async def rerun(id: RunId, wanted: RerunStart, server: TheServer) -> RunRecord:
+async def rerun(id: RunId, wanted: RerunStart, server: TheServer) -> StartedRun:
     """Once through, as fast as it goes, with the run's own parameters where none are given.
 
     Where truth was laid over the run, it is laid over the new one when it has ended.
     """
-    return await server.runs.rerun(
+    run = await server.runs.rerun(
         id, name=wanted.name, preset=wanted.preset, parameters=wanted.parameters
     )
+    return StartedRun.of(run, wanted.parameters)

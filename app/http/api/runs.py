@@ -16,7 +16,7 @@ from app.http.api.common import RunId, TheServer
 from app.http.api.programmes import programme_command
 from app.http.api.refusals import refusals
 from app.http.api.robot_models import RobotIncident
-from app.http.api.run_models import Run, RunChange, RunStart, SpeedEntry
+from app.http.api.run_models import Run, RunChange, RunStart, SpeedEntry, StartedRun
 from app.storage import IncidentRecord, RunRecord, SpeedRow
 
 router = APIRouter(prefix="/runs", tags=["runs"])
@@ -27,11 +27,11 @@ _COLUMNS = ("time", "role", "source", "track_id", "speed", "std", "segment")
 @router.post(
     "",
     status_code=201,
-    response_model=Run,
+    response_model=StartedRun,
     summary="Start a run",
     responses=refusals(409, 415, 422, 503, 507),
 )
-async def start_run(wanted: RunStart, server: TheServer) -> RunRecord:
+async def start_run(wanted: RunStart, server: TheServer) -> StartedRun:
     """Keep what is observed from now on, from the source's beginning, with all its settings.
 
     One run at a time. A recording's run ends with the recording.
@@ -39,7 +39,7 @@ async def start_run(wanted: RunStart, server: TheServer) -> RunRecord:
     programme = None
     if wanted.programme is not None:
         programme = await programme_command(server, wanted.programme)
-    return await server.runs.start(
+    run = await server.runs.start(
         name=wanted.name,
         source=wanted.source,
         calibration_id=wanted.calibration,
@@ -48,6 +48,7 @@ async def start_run(wanted: RunStart, server: TheServer) -> RunRecord:
         programme=programme,
         record=wanted.record,
     )
+    return StartedRun.of(run, wanted.parameters)
 
 
 @router.get("", response_model=list[Run], summary="All runs", responses=refusals(503))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr
+
+from observer.parameters import without_effect
 
 # JSON has no NaN, but Python's reader takes it; strict types refuse it, and true as a number.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -22,6 +25,16 @@ Text = Annotated[str, Field(strict=True, max_length=20_000, pattern=r"^[^\x00]*$
 Identifier = Annotated[str, Field(strict=True, min_length=1, max_length=100)]
 Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
 Changes = dict[Annotated[str, Field(max_length=100)], Value]
+
+
+def notes_on(changes: Iterable[str], values: Mapping[str, Any]) -> list[str]:
+    """Return a sentence on each changed parameter that does not act with the method in force.
+
+    Args:
+        changes: dotted names. values: all that are in force.
+    """
+    idle = without_effect(changes, values["ego_motion.model"])
+    return [f"{name} {sentence}" for name, sentence in idle.items()]
 
 
 class In(BaseModel):

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from observer.errors import InputError, ParameterError
-from observer.parameters import Parameters, ParameterValue, preset, preset_names
+from observer.guard.parameters import AllParameters
+from observer.parameters import ParameterValue, preset, preset_names
 
 BUILT_IN = preset_names()
 
@@ -17,15 +18,17 @@ class ParametersInForce:
     """One state of the parameters.
 
     Attributes:
-        values: all of them. revision: grows by one with every change, over restarts too.
-        preset: the preset that these values are, or None once one differs.
+        values: all of them. revision: grows by one with every change of what is observed with,
+            over restarts too. preset: the preset that these values are, or None once one differs.
         frame: the first frame they act on; None where no source was open or none is yet known.
+        guard_revision: grows by one with every change of the guard, from 0 at the start.
     """
 
-    values: Parameters
+    values: AllParameters
     revision: int
     preset: str | None
     frame: int | None = None
+    guard_revision: int = 0
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class Revision:
 
 def first_parameters() -> ParametersInForce:
     """Those of a new installation."""
-    return ParametersInForce(preset("default"), 0, "default")
+    return ParametersInForce(built_in("default"), 0, "default")
 
 
 def restored_parameters(
@@ -53,11 +56,11 @@ def restored_parameters(
         The parameters, and a warning of one sentence where some could not be restored.
     """
     try:
-        return ParametersInForce(Parameters().changed(values), revision, preset_name), None
+        return ParametersInForce(AllParameters().changed(values), revision, preset_name), None
     except ParameterError as error:
         refused = error.problems
     kept = {name: value for name, value in values.items() if name not in refused}
-    restored = ParametersInForce(Parameters().changed(kept), revision + 1, None)
+    restored = ParametersInForce(AllParameters().changed(kept), revision + 1, None)
     return restored, (
         f"saved parameters were refused and are at their defaults again: {', '.join(refused)}"
     )
@@ -67,7 +70,7 @@ def change(
     current: ParametersInForce,
     changes: Mapping[str, Any],
     presets: Mapping[str, Mapping[str, ParameterValue]],
-    start: Parameters | None = None,
+    start: AllParameters | None = None,
 ) -> Revision:
     """The parameters after a change, all or nothing.
 
@@ -83,22 +86,34 @@ def change(
     difference = current.values.difference(values)
     if not difference:
         return Revision(current, {})
-    after = ParametersInForce(values, current.revision + 1, matching_preset(values, presets))
+    observed, guard = current.values.vision != values.vision, current.values.guard != values.guard
+    after = ParametersInForce(
+        values,
+        current.revision + observed,
+        matching_preset(values, presets),
+        None if observed else current.frame,
+        current.guard_revision + guard,
+    )
     return Revision(after, difference)
 
 
 def matching_preset(
-    values: Parameters, presets: Mapping[str, Mapping[str, ParameterValue]]
+    values: AllParameters, presets: Mapping[str, Mapping[str, ParameterValue]]
 ) -> str | None:
     """The name of the preset with exactly these values; built-in ones come first."""
     flat = values.flat()
     for name in reversed(BUILT_IN):
-        if preset(name).flat() == flat:
+        if built_in(name).flat() == flat:
             return name
     return next((name for name, saved in presets.items() if dict(saved) == flat), None)
 
 
-def preset_values(name: str, presets: Mapping[str, Mapping[str, ParameterValue]]) -> Parameters:
+def built_in(name: str) -> AllParameters:
+    """Return a built-in preset; the guard's parameters are at their defaults."""
+    return AllParameters().changed(preset(name).flat())
+
+
+def preset_values(name: str, presets: Mapping[str, Mapping[str, ParameterValue]]) -> AllParameters:
     """The parameters of a built-in or saved preset.
 
     Raises:
@@ -106,8 +121,8 @@ def preset_values(name: str, presets: Mapping[str, Mapping[str, ParameterValue]]
         ParameterError: a saved one holds values that this version refuses.
     """
     if name in BUILT_IN:
-        return preset(name)
+        return built_in(name)
     if name not in presets:
         known = ", ".join((*BUILT_IN, *presets))
         raise InputError(f"there is no preset {name!r}; there are: {known}")
-    return Parameters().changed(presets[name])
+    return AllParameters().changed(presets[name])

@@ -16,6 +16,7 @@ from app.server.parameters.in_force import (
     BUILT_IN,
     ParametersInForce,
     Revision,
+    built_in,
     change,
     first_parameters,
     matching_preset,
@@ -25,7 +26,8 @@ from app.server.parameters.in_force import (
 from app.server.shared import Shared
 from app.storage import PresetRecord, StorageExists
 from observer.errors import InputError
-from observer.parameters import PRESET_HELP, Parameters, ParameterValue, preset
+from observer.guard.parameters import AllParameters
+from observer.parameters import PRESET_HELP, ParameterValue
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ class ParameterManager:
             FieldError: there is no such preset.
             ParameterError: naming every refused field and its range.
         """
-        start: Parameters | None = None
+        start: AllParameters | None = None
         if preset_name is not None:
             try:
                 start = preset_values(preset_name, self._preset_values)
@@ -120,7 +122,8 @@ class ParameterManager:
         """Note that a change is in force from ``frame`` on."""
         if not revision.difference:
             return self.current
-        self.current = replace(revision.after, frame=frame)
+        observed = revision.after.revision != self.current.revision
+        self.current = replace(revision.after, frame=frame) if observed else revision.after
         self.followed()
         self._keep(revision, frame, run_id)
         return self.current
@@ -141,15 +144,15 @@ class ParameterManager:
 
     def presets(self) -> list[PresetEntry]:
         """The built-in presets, then the saved ones by name."""
-        built_in = [
-            PresetEntry(name, PRESET_HELP.get(name, ""), preset(name).flat(), True)
+        own = [
+            PresetEntry(name, PRESET_HELP.get(name, ""), built_in(name).flat(), True)
             for name in BUILT_IN
         ]
         saved = [
             PresetEntry(name, record.help, dict(record.values), False)
             for name, record in sorted(self._saved.items())
         ]
-        return built_in + saved
+        return own + saved
 
     async def save_preset(self, name: str, help: str) -> PresetEntry:
         """Keep the current values under a name.

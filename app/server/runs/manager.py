@@ -236,12 +236,8 @@ class RunManager:
         original = await self.archive.find(run_id)
         recording = await self.archive.images(run_id)
         if preset is None:
-            known = self._parameters.current.values.flat()
-            own = {
-                key: value
-                for key, value in original.parameters.items()
-                if key in known and not key.startswith("guard.")
-            }
+            known = self._parameters.current.values.vision.flat()
+            own = {key: value for key, value in original.parameters.items() if key in known}
             parameters = {**own, **parameters}
         return await self.start(
             name=name or f"{original.name}, observed again"[:100],

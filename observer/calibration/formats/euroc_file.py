@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-import numpy as np
-
-from observer.calibration.formats.numbers import image_size, shaped_numbers, transformation
-from observer.calibration.formats.plain_data import PlainData, parse_plain_data, read_text
-from observer.calibration.formats.understanding import Draft, FileCamera, check_alike
+from observer.calibration.formats.numbers import PinholeCamera, Transformation, array
+from observer.calibration.formats.plain_data import (
+    CALIBRATION,
+    calibration_errors,
+    parse_plain_data,
+)
+from observer.calibration.formats.understanding import Draft, check_alike
 from observer.camera import DistortionModel, StereoCalibration
-from observer.errors import CalibrationError
-from observer.geometry import Pose
+from observer.geometry import Float64Array
+from observer.text_files import PlainData, one_of, read_text, validated
 
 _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
     "radial-tangential": "radtan",
@@ -22,6 +24,7 @@ _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
 }
 
 
+@calibration_errors()
 def read_euroc(left: Path, right: Path) -> StereoCalibration:
     """The calibration of two cameras from their ``sensor.yaml`` files.
 
@@ -44,15 +47,30 @@ def euroc_draft(
     """
     a, b = _read_camera(*first), _read_camera(*second)
     # The second camera's place as the first one sees it.
-    beside = (a.T_body_camera.inverse() @ b.T_body_camera).translation[0]
+    beside = (a.T_BS.inverse() @ b.T_BS).translation[0]
     left, right = (a, b) if beside >= 0 else (b, a)
     return _draft(left, right, f"T_BS tells that {left.name} is the left camera")
 
 
-@dataclass(frozen=True, eq=False)
-class _Camera(FileCamera):
+class _Camera(PinholeCamera):
     name: str
-    T_body_camera: Pose
+    camera_model: Annotated[
+        str,
+        one_of({"pinhole": "pinhole"}, "must be pinhole, not {given}, which is not understood yet"),
+    ] = "pinhole"
+    distortion_model: Annotated[
+        DistortionModel,
+        one_of(
+            _DISTORTION_MODELS,
+            "must be radial-tangential or equidistant, not {given}, which is not understood yet",
+        ),
+    ] = "radtan"
+    distortion_coefficients: Annotated[Float64Array, array(4)]
+    T_BS: Transformation
+
+    @property
+    def model(self) -> DistortionModel:
+        return self.distortion_model
 
 
 def _draft(left: _Camera, right: _Camera, *notes: str) -> Draft:
@@ -65,15 +83,15 @@ def _draft(left: _Camera, right: _Camera, *notes: str) -> Draft:
         other="the left camera's",
     )
     # T_BS maps a camera's coordinates into the body's.
-    T_right_left = right.T_body_camera.inverse() @ left.T_body_camera
+    T_right_left = right.T_BS.inverse() @ left.T_BS
     return Draft(
         source=right.name,
         format="EuRoC sensor.yaml of two cameras",
         size=left.size,
         K1=left.K,
-        D1=left.D,
+        D1=left.distortion_coefficients,
         K2=right.K,
-        D2=right.D,
+        D2=right.distortion_coefficients,
         R=T_right_left.rotation,
         T=T_right_left.translation,
         distortion_model=left.model,
@@ -90,29 +108,8 @@ def _draft(left: _Camera, right: _Camera, *notes: str) -> Draft:
 
 def _read_file(path: Path) -> _Camera:
     name = f"{path.parent.name}/{path.name}"
-    return _read_camera(name, parse_plain_data(read_text(path), name=name))
+    return _read_camera(name, parse_plain_data(read_text(path, CALIBRATION), name=name))
 
 
 def _read_camera(name: str, data: dict[str, PlainData]) -> _Camera:
-    camera_model = data.get("camera_model", "pinhole")
-    if camera_model != "pinhole":
-        raise CalibrationError(
-            f"{name}: camera_model must be pinhole, not {str(camera_model)[:40]!r}, "
-            f"which is not understood yet"
-        )
-    distortion_model = data.get("distortion_model", "radial-tangential")
-    if not isinstance(distortion_model, str) or distortion_model not in _DISTORTION_MODELS:
-        raise CalibrationError(
-            f"{name}: distortion_model must be radial-tangential or equidistant, "
-            f"not {str(distortion_model)[:40]!r}, which is not understood yet"
-        )
-    size = image_size(data, "resolution", name=name)
-    fx, fy, cx, cy = shaped_numbers(data, "intrinsics", (4,), name=name)
-    return _Camera(
-        name=name,
-        size=size,
-        K=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]),
-        D=shaped_numbers(data, "distortion_coefficients", (4,), name=name),
-        model=_DISTORTION_MODELS[distortion_model],
-        T_body_camera=transformation(data, "T_BS", name=name),
-    )
+    return validated(_Camera, data | {"name": name}, name)

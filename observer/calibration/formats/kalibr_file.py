@@ -7,15 +7,16 @@ this camera's, metres; intrinsics are fx, fy, cx, cy.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field, PlainValidator, ValidationInfo
 
-from observer.calibration.formats.numbers import image_size, shaped_numbers, transformation
-from observer.calibration.formats.plain_data import PlainData
-from observer.calibration.formats.understanding import Draft, FileCamera, check_alike
+from observer.calibration.formats.numbers import PinholeCamera, Transformation, shaped
+from observer.calibration.formats.understanding import Draft, check_alike
 from observer.camera import DistortionModel
-from observer.errors import CalibrationError
+from observer.geometry import Float64Array
+from observer.text_files import FileModel, PlainData, one_of, validated
 
 _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
     "radtan": "radtan",
@@ -24,23 +25,60 @@ _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class _Camera(FileCamera):
-    key: str
+def _coefficients(value: PlainData, info: ValidationInfo) -> Float64Array:
+    return np.zeros(4) if info.data.get("distortion_model") == "none" else shaped(value, 4)
+
+
+class _Camera(PinholeCamera):
+    form = (
+        "hold the keys camera_model, intrinsics, distortion_model, distortion_coeffs and resolution"
+    )
+
+    camera_model: Annotated[
+        str,
+        one_of(
+            {"pinhole": "pinhole"},
+            "must be pinhole, not {given}, which is not supported; calibrate fisheye lenses as "
+            "pinhole-equi",
+        ),
+    ]
+    distortion_model: Annotated[
+        str,
+        one_of(
+            {model: model for model in _DISTORTION_MODELS},
+            "is {given}, which is not supported; it must be radtan or equidistant",
+        ),
+    ]
+    distortion_coeffs: Annotated[Float64Array, PlainValidator(_coefficients)] = Field(
+        default=[], validate_default=True
+    )
+
+    @property
+    def model(self) -> DistortionModel:
+        return _DISTORTION_MODELS[self.distortion_model]
+
+
+class _SecondCamera(_Camera):
+    T_cn_cnm1: Transformation
+
+
+class _Chain(FileModel):
+    missing = (
+        "is missing; calibrate both cameras together, so that the camchain holds cam0 and cam1"
+    )
+
+    cam0: _Camera
+    cam1: _SecondCamera
 
 
 def kalibr_draft(name: str, data: dict[str, PlainData]) -> Draft:
     """The calibration of ``cam0`` and ``cam1``; ``T_cn_cnm1`` tells which of them is left.
 
     Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
+        InputError: one sentence naming the file, the key and the reason.
     """
-    if "cam1" not in data:
-        raise CalibrationError(
-            f"{name}: cam1 is missing; calibrate both cameras together, so that the camchain "
-            f"holds cam0 and cam1"
-        )
-    cam0, cam1 = (_read_camera(name, data, key) for key in ("cam0", "cam1"))
+    chain = validated(_Chain, data, name)
+    cam0, cam1 = chain.cam0, chain.cam1
     check_alike(
         cam0,
         cam1,
@@ -49,80 +87,35 @@ def kalibr_draft(name: str, data: dict[str, PlainData]) -> Draft:
         model="cam1.distortion_model",
         other="cam0's",
     )
-    T_cam1_cam0 = transformation(
-        _mapping(name, data, "cam1"), "T_cn_cnm1", name=name, label="cam1.T_cn_cnm1"
-    )
     notes = []
-    left, right, T_right_left = cam0, cam1, T_cam1_cam0
-    if T_cam1_cam0.inverse().translation[0] < 0:
-        left, right, T_right_left = cam1, cam0, T_cam1_cam0.inverse()
+    left: _Camera = cam0
+    right: _Camera = cam1
+    T_right_left = cam1.T_cn_cnm1
+    if T_right_left.inverse().translation[0] < 0:
+        left, right, T_right_left = cam1, cam0, T_right_left.inverse()
         notes.append("cam1 stands to the left of cam0 (T_cn_cnm1): cam1 is taken as left")
     further = [key for key in data if key.startswith("cam") and key not in ("cam0", "cam1")]
     if further:
         notes.append(f"of the cameras of this file cam0 and cam1 are used, not {further[0][:20]}")
+    left_key, right_key = ("cam0", "cam1") if left is cam0 else ("cam1", "cam0")
     return Draft(
         source=name,
         format="Kalibr camchain",
         size=left.size,
         K1=left.K,
-        D1=left.D,
+        D1=left.distortion_coeffs,
         K2=right.K,
-        D2=right.D,
+        D2=right.distortion_coeffs,
         R=T_right_left.rotation,
         T=T_right_left.translation,
         distortion_model=left.model,
         keys={
-            "K1": f"{left.key}.intrinsics",
-            "D1": f"{left.key}.distortion_coeffs",
-            "K2": f"{right.key}.intrinsics",
-            "D2": f"{right.key}.distortion_coeffs",
+            "K1": f"{left_key}.intrinsics",
+            "D1": f"{left_key}.distortion_coeffs",
+            "K2": f"{right_key}.intrinsics",
+            "D2": f"{right_key}.distortion_coeffs",
             "R": "cam1.T_cn_cnm1",
             "T": "cam1.T_cn_cnm1",
         },
         notes=tuple(notes),
-    )
-
-
-def _mapping(name: str, data: dict[str, PlainData], key: str) -> dict[str, PlainData]:
-    value = data.get(key)
-    if not isinstance(value, dict):
-        raise CalibrationError(
-            f"{name}: {key} must hold the keys camera_model, intrinsics, distortion_model, "
-            f"distortion_coeffs and resolution"
-        )
-    return value
-
-
-def _read_camera(name: str, data: dict[str, PlainData], key: str) -> _Camera:
-    camera = _mapping(name, data, key)
-    if "camera_model" not in camera:
-        raise CalibrationError(f"{name}: {key}.camera_model is missing")
-    if camera["camera_model"] != "pinhole":
-        raise CalibrationError(
-            f"{name}: {key}.camera_model must be pinhole, not "
-            f"{str(camera['camera_model'])[:40]!r}, which is not supported; calibrate fisheye "
-            f"lenses as pinhole-equi"
-        )
-    model = camera.get("distortion_model")
-    if not isinstance(model, str) or model not in _DISTORTION_MODELS:
-        given = "missing" if model is None else f"{str(model)[:40]!r}, which is not supported"
-        raise CalibrationError(
-            f"{name}: {key}.distortion_model is {given}; it must be radtan or equidistant"
-        )
-    fx, fy, cx, cy = shaped_numbers(
-        camera, "intrinsics", (4,), name=name, label=f"{key}.intrinsics"
-    )
-    D = (
-        np.zeros(4)
-        if model == "none"
-        else shaped_numbers(
-            camera, "distortion_coeffs", (4,), name=name, label=f"{key}.distortion_coeffs"
-        )
-    )
-    return _Camera(
-        key=key,
-        size=image_size(camera, "resolution", name=name, label=f"{key}.resolution"),
-        K=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]),
-        D=D,
-        model=_DISTORTION_MODELS[model],
     )

@@ -6,12 +6,13 @@ readme.txt.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 
-from observer.calibration.formats.numbers import image_size, shaped_numbers
-from observer.calibration.formats.plain_data import read_text
+from observer.calibration.formats.numbers import at_key, image_size, shaped
+from observer.calibration.formats.plain_data import CALIBRATION, calibration_errors
 from observer.calibration.formats.understanding import (
     Cameras,
     Choice,
@@ -23,10 +24,12 @@ from observer.calibration.formats.understanding import (
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
+from observer.text_files import read_text
 
 _LEFT_CAMERA: dict[Cameras, int] = {"grey": 0, "colour": 2}
 
 
+@calibration_errors()
 def read_kitti_odometry(path: Path, left: int, width: int, height: int) -> StereoCalibration:
     """The calibration of cameras ``left`` and ``left + 1``, whose images are rectified.
 
@@ -38,10 +41,11 @@ def read_kitti_odometry(path: Path, left: int, width: int, height: int) -> Stere
     Raises:
         CalibrationError: one sentence naming the file, the key and the reason.
     """
-    file = _KittiFile(path.name, read_text(path))
+    file = _KittiFile(path.name, read_text(path, CALIBRATION))
     return file.rectified(f"P{left}", f"P{left + 1}", (width, height)).calibration()
 
 
+@calibration_errors()
 def read_kitti_raw(path: Path, left: int, width: int, height: int) -> StereoCalibration:
     """The calibration of cameras ``left`` and ``left + 1`` that fits images of this size.
 
@@ -51,7 +55,7 @@ def read_kitti_raw(path: Path, left: int, width: int, height: int) -> StereoCali
     Raises:
         CalibrationError: one sentence naming the file, the key and the reason.
     """
-    file = _KittiFile(path.name, read_text(path))
+    file = _KittiFile(path.name, read_text(path, CALIBRATION))
     return file.of_raw(left, (width, height)).calibration()
 
 
@@ -111,11 +115,12 @@ class _KittiFile:
         return f"{key}_{camera:02d}" in self._texts
 
     def numbers(self, key: str, *shape: int) -> Float64Array:
-        flat = shaped_numbers(self._texts, key, (int(np.prod(shape)),), name=self._name)
+        count = math.prod(shape)
+        flat = at_key(self._texts, key, lambda text: shaped(text, count), self._name)
         return flat.reshape(shape)
 
     def size(self, key: str) -> Size:
-        return image_size(self._texts, key, name=self._name)
+        return at_key(self._texts, key, image_size, self._name)
 
     def cameras(self, wanted: Cameras | None, key: str) -> tuple[Cameras, list[str], list[Choice]]:
         """Which pair to take, by the numbers of the cameras that the file knows."""

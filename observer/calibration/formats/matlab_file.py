@@ -15,10 +15,9 @@ import numpy as np
 from observer.calibration.formats.matlab_container import (
     MatlabObject,
     MatlabValue,
-    check_object_data,
+    is_mat_io_installed,
     read_matlab_variables,
 )
-from observer.calibration.formats.matlab_objects import is_mat_io_installed, object_properties
 from observer.calibration.formats.understanding import Draft, Size, Unit, Wanted, size_words
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -111,15 +110,11 @@ def _stereo_parameters(name: str, content: bytes) -> tuple[str, _Fields]:
             f"install it by: pip install 'dynamic-observer[matlab]' -- or save it as a struct, "
             f"{_AS_STRUCT}"
         )
-    try:
-        check_object_data(variables, name=name)
-        properties = object_properties(content, _CLASS, name=name)
-    except CalibrationError as error:
-        raise CalibrationError(f"{error}; save {title} as a struct, {_AS_STRUCT}") from None
-    if "CameraParameters1" not in properties:
+    properties = value.properties
+    if not isinstance(properties, dict) or "CameraParameters1" not in properties:
         raise CalibrationError(
-            f"{name}: the object {title} has no CameraParameters1; save it as a struct, "
-            f"{_AS_STRUCT}"
+            f"{name}: the object {title} is damaged or has no CameraParameters1; save it as a "
+            f"struct, {_AS_STRUCT}"
         )
     return title, properties
 

@@ -7,14 +7,16 @@ matrices cam0 and cam1 say as well.
 from __future__ import annotations
 
 import re
+from typing import Annotated
 
 import numpy as np
+from pydantic import PlainValidator
 
-from observer.calibration.formats.numbers import number_array, shaped_numbers, whole_number
-from observer.calibration.formats.plain_data import PlainData
+from observer.calibration.formats.numbers import WholeNumber, array, finite_numbers
 from observer.calibration.formats.understanding import Draft
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
+from observer.text_files import FileModel, PlainData, validated
 
 # The files give three decimals.
 _DOFFS_TOLERANCE_PX = 0.01
@@ -25,6 +27,27 @@ def is_middlebury(text: str) -> bool:
     return re.search(r"^\s*cam0\s*=\s*\[", text, re.MULTILINE) is not None
 
 
+def _camera_matrix(value: PlainData) -> Float64Array:
+    text = str(value).strip()
+    if not (text.startswith("[") and text.endswith("]")):
+        raise ValueError("must be a matrix [fx 0 cx; 0 fy cy; 0 0 1]")
+    rows = [finite_numbers(row) for row in text[1:-1].split(";")]
+    if len(rows) != 3:
+        raise ValueError(f"must have three rows, not {len(rows)}")
+    if any(row.size != 3 for row in rows):
+        raise ValueError("must have three numbers in each row")
+    return np.stack(rows)
+
+
+class _Calibration(FileModel):
+    cam0: Annotated[Float64Array, PlainValidator(_camera_matrix)]
+    cam1: Annotated[Float64Array, PlainValidator(_camera_matrix)]
+    baseline: Annotated[Float64Array, array(1)]
+    doffs: Annotated[Float64Array, array(1)] | None = None
+    width: WholeNumber
+    height: WholeNumber
+
+
 def middlebury_draft(name: str, text: str) -> Draft:
     """The calibration of a ``calib.txt``.
 
@@ -32,16 +55,13 @@ def middlebury_draft(name: str, text: str) -> Draft:
         CalibrationError: one sentence naming the file, the key and the reason.
     """
     entries = (line.partition("=") for line in text.splitlines())
-    data: dict[str, PlainData] = {key.strip(): value for key, equal, value in entries if equal}
-    for key in ("cam0", "cam1", "baseline", "width", "height"):
-        if key not in data:
-            raise CalibrationError(f"{name}: {key} is missing")
-    K1, K2 = _camera_matrix(data, "cam0", name), _camera_matrix(data, "cam1", name)
-    baseline = float(shaped_numbers(data, "baseline", (1,), name=name)[0])
+    data = {key.strip(): value for key, equal, value in entries if equal}
+    read = validated(_Calibration, data, name)
+    K1, K2, baseline = read.cam0, read.cam1, float(read.baseline[0])
     notes = ["the images are rectified already"]
     apart = K2[0, 2] - K1[0, 2]
-    if "doffs" in data:
-        doffs = float(shaped_numbers(data, "doffs", (1,), name=name)[0])
+    if read.doffs is not None:
+        doffs = float(read.doffs[0])
         if abs(doffs - apart) > _DOFFS_TOLERANCE_PX:
             raise CalibrationError(
                 f"{name}: doffs is {doffs:g}, but the principal points of cam0 and cam1 are "
@@ -52,10 +72,7 @@ def middlebury_draft(name: str, text: str) -> Draft:
     return Draft(
         source=name,
         format="Middlebury calib.txt",
-        size=(
-            whole_number(data["width"], key="width", name=name),
-            whole_number(data["height"], key="height", name=name),
-        ),
+        size=(read.width, read.height),
         K1=K1,
         D1=np.zeros(5),
         K2=K2,
@@ -66,16 +83,3 @@ def middlebury_draft(name: str, text: str) -> Draft:
         keys={"K1": "cam0", "K2": "cam1", "T": "baseline"},
         notes=tuple(notes),
     )
-
-
-def _camera_matrix(data: dict[str, PlainData], key: str, name: str) -> Float64Array:
-    text = str(data[key]).strip()
-    if not (text.startswith("[") and text.endswith("]")):
-        raise CalibrationError(f"{name}: {key} must be a matrix [fx 0 cx; 0 fy cy; 0 0 1]")
-    rows: list[PlainData] = list(text[1:-1].split(";"))
-    if len(rows) != 3:
-        raise CalibrationError(f"{name}: {key} must have three rows, not {len(rows)}")
-    matrix = [number_array(row, key=key, name=name) for row in rows]
-    if any(row.size != 3 for row in matrix):
-        raise CalibrationError(f"{name}: {key} must have three numbers in each row")
-    return np.stack(matrix)

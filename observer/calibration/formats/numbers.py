@@ -1,176 +1,186 @@
-"""Numbers out of plain text data: strictly, and with the key's name in every refusal."""
+"""Numbers out of plain text data, strictly; as fields of models, and by the key of a mapping.
+
+What is refused raises ``ValueError`` with a message as ``FileModel`` tells.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Annotated, TypeAlias, TypeVar
 
 import numpy as np
+from pydantic import PlainValidator
 
-from observer.calibration.formats.plain_data import PlainData
-from observer.errors import CalibrationError
+from observer.errors import InputError
 from observer.geometry import Float64Array, Pose
+from observer.text_files import NUMBER, FileModel, PlainData, sentence
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 # How OpenCV, YAML and C write what is not finite; refused, but for the right reason.
 _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
 # Far more than any key of a calibration needs.
 _MAX_NUMBERS = 64
 
+T = TypeVar("T")
 
-def number_array(value: PlainData, *, key: str, name: str) -> Float64Array:
-    """The finite numbers of one key, float64.
+
+def finite_numbers(value: PlainData) -> Float64Array:
+    """Return the finite numbers of one key, float64.
 
     Accepted are OpenCV's matrices (``rows``, ``cols``, ``data``: the result has that shape),
     plain lists, lists of equally long lists (2-D) and text of numbers between blanks (XML).
-
-    Raises:
-        CalibrationError: naming the key and the reason.
     """
     if not isinstance(value, dict):
-        return _plain_array(value, key, name)
+        return _plain_array(value)
     missing = [part for part in ("rows", "cols", "data") if part not in value]
     if missing:
-        raise CalibrationError(f"{name}: {key} must be a matrix, but it has no {missing[0]}")
-    rows = whole_number(value["rows"], key=f"{key}.rows", name=name)
-    cols = whole_number(value["cols"], key=f"{key}.cols", name=name)
-    data = _plain_array(value["data"], key, name).reshape(-1)
+        raise ValueError(f"must be a matrix, but it has no {missing[0]}")
+    rows, cols = (_side(value, part) for part in ("rows", "cols"))
+    data = _plain_array(value["data"]).reshape(-1)
     # A matrix of several channels (OpenCV saves vectors of points so) counts each as a column.
     if (rows * cols == 0 and data.size) or (rows * cols and data.size % (rows * cols)):
-        raise CalibrationError(
-            f"{name}: {key} must hold {rows} x {cols} numbers, but it holds {data.size}"
-        )
+        raise ValueError(f"must hold {rows} x {cols} numbers, but it holds {data.size}")
     if rows * cols and not data.size:
-        raise CalibrationError(f"{name}: {key} must hold {rows} x {cols} numbers, but it is empty")
+        raise ValueError(f"must hold {rows} x {cols} numbers, but it is empty")
     return data.reshape(rows, -1) if data.size else np.zeros((rows, cols))
 
 
-def shaped_numbers(
-    data: Mapping[str, PlainData],
-    key: str,
-    shape: tuple[int, ...],
-    *,
-    name: str,
-    label: str | None = None,
-) -> Float64Array:
-    """The finite numbers of one key of a mapping, float64, in this shape.
+def shaped(value: PlainData, *shape: int) -> Float64Array:
+    """Return the finite numbers of one key, float64, in this shape.
 
     A list of as many numbers is taken row by row; a matrix of another shape is refused.
-
-    Args:
-        label: what the key is called in messages where it stands within other keys.
-
-    Raises:
-        CalibrationError: the key is missing, or its numbers are not as many; with key and reason.
     """
-    label = label or key
-    if key not in data:
-        raise CalibrationError(f"{name}: {label} is missing")
-    array = number_array(data[key], key=label, name=name)
+    array = finite_numbers(value)
     wanted = " x ".join(map(str, shape))
     if len(shape) == 1 and array.size != shape[0]:
-        raise CalibrationError(f"{name}: {label} must hold {wanted} numbers, not {array.size}")
-    if array.size != int(np.prod(shape)) or (
-        len(shape) == array.ndim != 1 and array.shape != shape
-    ):
-        found = " x ".join(map(str, array.shape))
-        raise CalibrationError(f"{name}: {label} must have shape {wanted}, not {found}")
+        raise ValueError(f"must hold {wanted} numbers, not {array.size}")
+    if array.size != math.prod(shape) or (len(shape) == array.ndim != 1 and array.shape != shape):
+        raise ValueError(f"must have shape {wanted}, not {_shape(array)}")
     return array.reshape(shape)
 
 
-def distortion_numbers(
-    data: Mapping[str, PlainData], key: str, *, name: str, label: str | None = None
-) -> Float64Array:
-    """(N,) distortion coefficients of one key of a mapping, given as one row or one column.
-
-    Raises:
-        CalibrationError: naming the key and the reason.
-    """
-    label = label or key
-    if key not in data:
-        raise CalibrationError(f"{name}: {label} is missing")
-    array = number_array(data[key], key=label, name=name)
+def _row_or_column(value: PlainData) -> Float64Array:
+    """Return the (N,) finite numbers of a key that holds one row or one column."""
+    array = finite_numbers(value)
     if array.ndim == 2 and array.size and 1 not in array.shape:
-        shape = " x ".join(map(str, array.shape))
-        raise CalibrationError(f"{name}: {label} must be one row or one column, not {shape}")
+        raise ValueError(f"must be one row or one column, not {_shape(array)}")
     return array.reshape(-1)
 
 
-def transformation(
-    data: Mapping[str, PlainData], key: str, *, name: str, label: str | None = None
-) -> Pose:
-    """The rigid motion of a key that holds a 4 x 4 matrix.
-
-    Raises:
-        CalibrationError: naming the key and the reason.
-    """
-    matrix = shaped_numbers(data, key, (4, 4), name=name, label=label)
+def _transformation(value: PlainData) -> Pose:
+    """Return the rigid motion of a key that holds a 4 x 4 matrix."""
+    matrix = shaped(value, 4, 4)
     try:
         if not np.array_equal(matrix[3], [0, 0, 0, 1]):
             raise ValueError
         return Pose.from_matrix(matrix)
     except ValueError:
-        raise CalibrationError(
-            f"{name}: {label or key} must hold a rotation (R^T R = I, det R = +1), a translation "
-            f"and the row 0 0 0 1"
+        raise ValueError(
+            "must hold a rotation (R^T R = I, det R = +1), a translation and the row 0 0 0 1"
         ) from None
 
 
-def image_size(
-    data: Mapping[str, PlainData], key: str, *, name: str, label: str | None = None
-) -> tuple[int, int]:
-    """Width and height in pixels of a key that holds these two.
-
-    Raises:
-        CalibrationError: naming the key and the reason.
-    """
-    size = shaped_numbers(data, key, (2,), name=name, label=label)
+def image_size(value: PlainData) -> tuple[int, int]:
+    """Return width and height in pixels of a key that holds these two."""
+    size = shaped(value, 2)
     if (size != np.floor(size)).any() or (size < 0).any() or (size > 1e6).any():
-        raise CalibrationError(
-            f"{name}: {label or key} must hold two whole numbers, [width, height] in pixels"
-        )
+        raise ValueError("must hold two whole numbers, [width, height] in pixels")
     return int(size[0]), int(size[1])
 
 
-def whole_number(value: PlainData, *, key: str, name: str) -> int:
-    """One whole number from 0 to 1,000,000.
-
-    Raises:
-        CalibrationError: naming the key and the reason.
-    """
-    number = _number(value, key, name)
+def _whole_number(value: PlainData) -> int:
+    """Return one whole number from 0 to 1,000,000."""
+    number = _number(value)
     if number != int(number) or not 0 <= number <= 1e6:
-        raise CalibrationError(
-            f"{name}: {key} must be a whole number from 0 to 1000000, not {str(value)[:40]}"
-        )
+        raise ValueError(f"must be a whole number from 0 to 1000000, not {str(value)[:40]}")
     return int(number)
 
 
-def _plain_array(value: PlainData, key: str, name: str) -> Float64Array:
+WholeNumber: TypeAlias = Annotated[int, PlainValidator(_whole_number)]
+ImageSize: TypeAlias = Annotated[tuple[int, int], PlainValidator(image_size)]
+RowOrColumn: TypeAlias = Annotated[Float64Array, PlainValidator(_row_or_column)]
+Transformation: TypeAlias = Annotated[Pose, PlainValidator(_transformation)]
+
+
+def array(*shape: int) -> PlainValidator:
+    """Return the validator of a field that is an array of this shape."""
+    return PlainValidator(lambda value: shaped(value, *shape))
+
+
+class PinholeCamera(FileModel):
+    """A camera whose file tells ``intrinsics`` (fx, fy, cx, cy) and ``resolution``."""
+
+    intrinsics: Annotated[Float64Array, array(4)]
+    resolution: ImageSize
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.resolution
+
+    @property
+    def K(self) -> Float64Array:
+        fx, fy, cx, cy = self.intrinsics
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+
+def at_key(
+    data: Mapping[str, PlainData],
+    key: str,
+    read: Callable[[PlainData], T],
+    name: str,
+    label: str = "",
+) -> T:
+    """Return what ``read`` makes of the value of a key, for formats that no model describes.
+
+    Args:
+        label: what the key is called in messages where it stands within other keys.
+
+    Raises:
+        InputError: the key is missing or refused; with key and reason.
+    """
+    label = label or key
+    if key not in data:
+        raise InputError(f"{name}: {label} is missing")
+    try:
+        return read(data[key])
+    except ValueError as error:
+        raise InputError(f"{name}: {sentence(label, str(error))}") from None
+
+
+def _shape(array: Float64Array) -> str:
+    return " x ".join(map(str, array.shape))
+
+
+def _side(matrix: Mapping[str, PlainData], part: str) -> int:
+    try:
+        return _whole_number(matrix[part])
+    except ValueError as error:
+        raise ValueError(f"{{at}}.{part} {error}") from None
+
+
+def _plain_array(value: PlainData) -> Float64Array:
     if isinstance(value, dict):
-        raise CalibrationError(f"{name}: {key} must hold numbers, not further keys")
-    items: list[PlainData] = list(value.split()) if isinstance(value, str) else value
+        raise ValueError("must hold numbers, not further keys")
+    items = value.split() if isinstance(value, str) else value
     if len(items) > _MAX_NUMBERS:
-        raise CalibrationError(
-            f"{name}: {key} must hold at most {_MAX_NUMBERS} numbers, but it holds {len(items)}"
-        )
+        raise ValueError(f"must hold at most {_MAX_NUMBERS} numbers, but it holds {len(items)}")
     if items and all(isinstance(item, list) for item in items):
-        rows = [_plain_array(item, key, name) for item in items]
+        rows = [_plain_array(item) for item in items]
         if len({row.shape for row in rows}) != 1 or rows[0].ndim != 1:
-            raise CalibrationError(f"{name}: the rows of {key} must be of one length")
+            raise ValueError("the rows of {at} must be of one length")
         return np.stack(rows)
-    return np.array([_number(item, key, name) for item in items], dtype=np.float64)
+    return np.array([_number(item) for item in items], dtype=np.float64)
 
 
-def _number(value: PlainData, key: str, name: str) -> float:
+def _number(value: PlainData) -> float:
     if not isinstance(value, str):
-        raise CalibrationError(f"{name}: {key} must be a number where it holds further keys")
+        raise ValueError("must hold numbers, not several values")
     text = value.strip()
-    if _NUMBER.fullmatch(text):
+    if NUMBER.fullmatch(text):
         number = float(text)
         if math.isfinite(number):
             return number
     elif not _NOT_FINITE.fullmatch(text):
-        raise CalibrationError(f"{name}: {key} must hold numbers only, not {text[:40]!r}")
-    raise CalibrationError(f"{name}: {key} must hold finite numbers only, not {text[:40]}")
+        raise ValueError(f"must hold numbers only, not {text[:40]!r}")
+    raise ValueError(f"must hold finite numbers only, not {text[:40]}")

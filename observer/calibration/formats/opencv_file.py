@@ -6,19 +6,28 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated
+
+from pydantic import PlainValidator
 
 from observer.calibration.formats.numbers import (
-    distortion_numbers,
-    image_size,
-    number_array,
-    shaped_numbers,
-    whole_number,
+    ImageSize,
+    RowOrColumn,
+    WholeNumber,
+    array,
+    finite_numbers,
+    shaped,
 )
-from observer.calibration.formats.plain_data import PlainData, parse_plain_data, read_text
-from observer.calibration.formats.understanding import Draft, Wanted, size_words
+from observer.calibration.formats.plain_data import (
+    CALIBRATION,
+    calibration_errors,
+    parse_plain_data,
+)
+from observer.calibration.formats.understanding import Draft, Size, Wanted, size_words
 from observer.camera import DistortionModel, StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, rotation_matrix
+from observer.text_files import FileModel, PlainData, dotted, one_of, read_text, validated
 
 # The names people and programs give to one and the same thing; the first is ours.
 _KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -54,6 +63,35 @@ _DISTORTION_MODELS: Mapping[str, DistortionModel] = MappingProxyType(
 )
 
 
+def _rotation(value: PlainData) -> Float64Array:
+    return shaped(value, 3) if finite_numbers(value).size == 3 else shaped(value, 3, 3)
+
+
+class _Stereo(FileModel):
+    """A calibration by our own names; ``R`` may be a rotation vector."""
+
+    distortion_model: Annotated[
+        DistortionModel,
+        one_of(_DISTORTION_MODELS, "must be radtan or equidistant, not {given}"),
+    ] = "radtan"
+    image_width: WholeNumber | None = None
+    image_height: WholeNumber | None = None
+    image_size: ImageSize | None = None
+    R: Annotated[Float64Array, PlainValidator(_rotation)]
+    K1: Annotated[Float64Array, array(3, 3)]
+    D1: RowOrColumn
+    K2: Annotated[Float64Array, array(3, 3)]
+    D2: RowOrColumn
+    T: Annotated[Float64Array, array(3)]
+
+    @property
+    def size(self) -> Size | None:
+        if self.image_width is None or self.image_height is None:
+            return self.image_size
+        return self.image_width, self.image_height
+
+
+@calibration_errors()
 def read_calibration_file(path: Path | str) -> StereoCalibration:
     """Read a calibration from a file.
 
@@ -61,9 +99,10 @@ def read_calibration_file(path: Path | str) -> StereoCalibration:
         CalibrationError: the file cannot be read, or what ``read_calibration`` refuses.
     """
     path = Path(path)
-    return read_calibration(read_text(path), name=path.name)
+    return read_calibration(read_text(path, CALIBRATION), name=path.name)
 
 
+@calibration_errors()
 def read_calibration(text: str, *, name: str) -> StereoCalibration:
     """Read a calibration from the text of a FileStorage file.
 
@@ -99,25 +138,40 @@ def opencv_draft(files: Sequence[tuple[str, dict[str, PlainData]]], wanted: Want
     missing = [key for key, own in found.items() if not own]
     if missing:
         raise CalibrationError(f"{name}: {_missing_sentence(missing)}")
-    model, notes = _distortion_model(data, name)
-    size = _image_size(data, name, required=wanted.size is None)
+    told = found | _size_keys(data, name, required=wanted.size is None)
+    fisheye = any(key in data for key in _FISHEYE_KEYS)
+    if _MODEL_KEY in data and not fisheye:
+        told[_MODEL_KEY] = _MODEL_KEY
+    read = validated(
+        _Stereo,
+        {key: data[own] for key, own in told.items()},
+        name,
+        lambda location: dotted(tuple(told[str(key)] for key in location)),
+    )
+    size = read.size
+    notes = []
+    if fisheye:
+        notes.append("D_LEFT_FE and D_RIGHT_FE: fisheye lenses")
+    elif read.distortion_model == "equidistant":
+        notes.append("fisheye lenses (equidistant)")
     if size is None and wanted.size is not None:
         notes.append(f"the file does not tell the images' size, taken as {size_words(wanted.size)}")
-    rotation, note = _rotation(data, found["R"], name)
+    if read.R.ndim == 1:
+        notes.append(f"{found['R']} holds three numbers, taken as a rotation vector")
     return Draft(
         source=name,
         format="OpenCV FileStorage" + (" in two files" if len(files) > 1 else ""),
         size=size or wanted.size or (0, 0),
-        K1=shaped_numbers(data, found["K1"], (3, 3), name=name),
-        D1=distortion_numbers(data, found["D1"], name=name),
-        K2=shaped_numbers(data, found["K2"], (3, 3), name=name),
-        D2=distortion_numbers(data, found["D2"], name=name),
-        R=rotation,
-        T=_translation(data, found["T"], name),
-        distortion_model=model,
+        K1=read.K1,
+        D1=read.D1,
+        K2=read.K2,
+        D2=read.D2,
+        R=rotation_matrix(read.R) if read.R.ndim == 1 else read.R,
+        T=read.T,
+        distortion_model="equidistant" if fisheye else read.distortion_model,
         size_was_told=size is None,
         keys=found,
-        notes=(*notes, *note),
+        notes=tuple(notes),
     )
 
 
@@ -190,54 +244,15 @@ def _merged(
     return " and ".join(name for name, _ in files), merged
 
 
-def _distortion_model(
-    data: Mapping[str, PlainData], name: str
-) -> tuple[DistortionModel, list[str]]:
-    if any(key in data for key in _FISHEYE_KEYS):
-        return "equidistant", ["D_LEFT_FE and D_RIGHT_FE: fisheye lenses"]
-    model = data.get(_MODEL_KEY, "radtan")
-    if not isinstance(model, str) or model not in _DISTORTION_MODELS:
+def _size_keys(data: Mapping[str, PlainData], name: str, *, required: bool) -> dict[str, str]:
+    """Return what the images' size is told by: our name of each key, and the file's."""
+    absent = [key for key in ("image_width", "image_height") if key not in data]
+    if not absent:
+        return {"image_width": "image_width", "image_height": "image_height"}
+    found = next((key for key in _SIZE_KEYS if key in data), None)
+    if found is None and required:
         raise CalibrationError(
-            f"{name}: {_MODEL_KEY} must be radtan or equidistant, not {str(model)[:40]!r}"
+            f"{name}: {absent[0]} is missing; add image_width and image_height, the size in pixels "
+            f"of the images that were calibrated with"
         )
-    known = _DISTORTION_MODELS[model]
-    return known, ["fisheye lenses (equidistant)"] if known == "equidistant" else []
-
-
-def _rotation(
-    data: Mapping[str, PlainData], key: str, name: str
-) -> tuple[Float64Array, tuple[str, ...]]:
-    if number_array(data[key], key=key, name=name).size != 3:
-        return shaped_numbers(data, key, (3, 3), name=name), ()
-    rotvec = shaped_numbers(data, key, (3,), name=name)
-    return rotation_matrix(rotvec), (f"{key} holds three numbers, taken as a rotation vector",)
-
-
-def _translation(data: Mapping[str, PlainData], key: str, name: str) -> Float64Array:
-    array = number_array(data[key], key=key, name=name)
-    if array.ndim == 2 and array.size and 1 not in array.shape:
-        shape = " x ".join(map(str, array.shape))
-        raise CalibrationError(f"{name}: {key} must be one row or one column, not {shape}")
-    if array.size != 3:
-        raise CalibrationError(f"{name}: {key} must hold 3 numbers, not {array.size}")
-    return array.reshape(-1)
-
-
-def _image_size(
-    data: Mapping[str, PlainData], name: str, *, required: bool
-) -> tuple[int, int] | None:
-    if "image_width" in data and "image_height" in data:
-        return (
-            whole_number(data["image_width"], key="image_width", name=name),
-            whole_number(data["image_height"], key="image_height", name=name),
-        )
-    for key in _SIZE_KEYS:
-        if key in data:
-            return image_size(data, key, name=name)
-    if not required:
-        return None
-    absent = next((k for k in ("image_width", "image_height") if k not in data), "")
-    raise CalibrationError(
-        f"{name}: {absent} is missing; add image_width and image_height, the size in pixels of "
-        f"the images that were calibrated with"
-    )
+    return {} if found is None else {"image_size": found}

@@ -17,11 +17,9 @@ from observer.calibration.formats.matlab_file import is_matlab, matlab_draft
 from observer.calibration.formats.middlebury_file import is_middlebury, middlebury_draft
 from observer.calibration.formats.opencv_file import is_opencv, opencv_draft
 from observer.calibration.formats.plain_data import (
-    PlainData,
-    check_length,
-    decoded,
+    CALIBRATION,
+    calibration_errors,
     parse_plain_data,
-    read_bytes,
 )
 from observer.calibration.formats.ros_file import ros_draft
 from observer.calibration.formats.understanding import (
@@ -36,6 +34,7 @@ from observer.calibration.formats.understanding import (
 )
 from observer.calibration.formats.zed_file import is_zed, zed_draft
 from observer.errors import CalibrationError
+from observer.text_files import PlainData, check_length, decoded, read_bytes
 
 _Kind = Literal["opencv", "ros", "kalibr", "euroc", "kitti raw", "kitti odometry", "middlebury",
                 "zed", "matlab", "one camera"]  # fmt: skip
@@ -76,6 +75,7 @@ class _Recognised:
         return self.file.name, self.data or {}
 
 
+@calibration_errors()
 def named_file(path: Path | str) -> NamedFile:
     """A file of the disk, to be handed to ``read_any``.
 
@@ -83,9 +83,10 @@ def named_file(path: Path | str) -> NamedFile:
         CalibrationError: the file cannot be read or is larger than a calibration.
     """
     path = Path(path)
-    return NamedFile(path.name, read_bytes(path))
+    return NamedFile(path.name, read_bytes(path, CALIBRATION))
 
 
+@calibration_errors()
 def read_any(
     files: Sequence[NamedFile],
     *,
@@ -179,7 +180,7 @@ def _draft(files: list[_Recognised], wanted: Wanted) -> Draft:
 
 def _recognised(file: NamedFile) -> _Recognised:
     name, content = file.name, file.content
-    check_length(content, name=name)
+    check_length(content, name, CALIBRATION)
     if is_matlab(content):
         return _Recognised(file, "matlab")
     if content.startswith(b"PK\x03\x04"):

@@ -7,20 +7,17 @@ cameras is not written down; it follows from both rectifications and the baselin
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import AfterValidator
 
-from observer.calibration.formats.numbers import (
-    distortion_numbers,
-    shaped_numbers,
-    whole_number,
-)
-from observer.calibration.formats.plain_data import PlainData
-from observer.calibration.formats.understanding import Draft, FileCamera, check_alike
+from observer.calibration.formats.numbers import RowOrColumn, WholeNumber, array
+from observer.calibration.formats.understanding import Draft, Size, check_alike
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, is_rotation
+from observer.text_files import FileModel, PlainData, one_of, validated
 
 _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
     "plumb_bob": "radtan",
@@ -33,12 +30,52 @@ _DISTORTION_MODELS: Mapping[str, DistortionModel] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class _Camera(FileCamera):
+def _calibrated(K: Float64Array) -> Float64Array:
+    if not K[0, 0]:
+        raise ValueError("is zero, which says that the camera is not calibrated")
+    return K
+
+
+def _rotation(R: Float64Array) -> Float64Array:
+    if not is_rotation(R):
+        raise ValueError("must be a rotation matrix (R^T R = I, det R = +1)")
+    return R
+
+
+def _projection(P: Float64Array) -> Float64Array:
+    if P[0, 0] <= 0:
+        raise ValueError("must have a positive focal length at its upper left")
+    return P
+
+
+class _Camera(FileModel):
     name: str
-    camera_name: str
-    R_rectified: Float64Array
-    offset: float
+    image_width: WholeNumber
+    image_height: WholeNumber
+    distortion_model: Annotated[
+        DistortionModel,
+        one_of(
+            _DISTORTION_MODELS,
+            "must be plumb_bob, rational_polynomial or equidistant, not {given}",
+        ),
+    ] = "radtan"
+    camera_matrix: Annotated[Float64Array, array(3, 3), AfterValidator(_calibrated)]
+    rectification_matrix: Annotated[Float64Array, array(3, 3), AfterValidator(_rotation)]
+    projection_matrix: Annotated[Float64Array, array(3, 4), AfterValidator(_projection)]
+    distortion_coefficients: RowOrColumn
+    camera_name: Any = ""
+
+    @property
+    def size(self) -> Size:
+        return self.image_width, self.image_height
+
+    @property
+    def model(self) -> DistortionModel:
+        return self.distortion_model
+
+    @property
+    def offset(self) -> float:
+        return float(self.projection_matrix[0, 3] / self.projection_matrix[0, 0])
 
     def is_called(self, side: str) -> bool:
         return side in f"{self.name} {self.camera_name}".lower()
@@ -55,7 +92,7 @@ def ros_draft(
     Raises:
         CalibrationError: one sentence naming the file, the key and the reason.
     """
-    a, b = _read_camera(*first), _read_camera(*second)
+    a, b = (validated(_Camera, data | {"name": name}, name) for name, data in (first, second))
     left, right = (a, b) if b.offset <= a.offset else (b, a)
     if left.offset == right.offset:
         raise CalibrationError(
@@ -83,12 +120,12 @@ def ros_draft(
         source=right.name,
         format="ROS camera_info of two cameras",
         size=left.size,
-        K1=left.K,
-        D1=left.D,
-        K2=right.K,
-        D2=right.D,
-        R=right.R_rectified.T @ left.R_rectified,
-        T=right.R_rectified.T @ np.array([-baseline, 0.0, 0.0]),
+        K1=left.camera_matrix,
+        D1=left.distortion_coefficients,
+        K2=right.camera_matrix,
+        D2=right.distortion_coefficients,
+        R=right.rectification_matrix.T @ left.rectification_matrix,
+        T=right.rectification_matrix.T @ np.array([-baseline, 0.0, 0.0]),
         distortion_model=left.model,
         keys={
             "K1": "camera_matrix of the left camera",
@@ -101,46 +138,4 @@ def ros_draft(
             "T": "rectification_matrix and projection_matrix of both cameras",
         },
         notes=tuple(notes),
-    )
-
-
-def _read_camera(name: str, data: dict[str, PlainData]) -> _Camera:
-    for key in ("image_width", "image_height"):
-        if key not in data:
-            raise CalibrationError(f"{name}: {key} is missing")
-    size = (
-        whole_number(data["image_width"], key="image_width", name=name),
-        whole_number(data["image_height"], key="image_height", name=name),
-    )
-    model = data.get("distortion_model", "plumb_bob")
-    if not isinstance(model, str) or model not in _DISTORTION_MODELS:
-        raise CalibrationError(
-            f"{name}: distortion_model must be plumb_bob, rational_polynomial or equidistant, "
-            f"not {str(model)[:40]!r}"
-        )
-    K = shaped_numbers(data, "camera_matrix", (3, 3), name=name)
-    if not K[0, 0]:
-        raise CalibrationError(
-            f"{name}: camera_matrix is zero, which says that the camera is not calibrated"
-        )
-    R_rectified = shaped_numbers(data, "rectification_matrix", (3, 3), name=name)
-    if not is_rotation(R_rectified):
-        raise CalibrationError(
-            f"{name}: rectification_matrix must be a rotation matrix (R^T R = I, det R = +1)"
-        )
-    P = shaped_numbers(data, "projection_matrix", (3, 4), name=name)
-    if P[0, 0] <= 0:
-        raise CalibrationError(
-            f"{name}: projection_matrix must have a positive focal length at its upper left"
-        )
-    camera_name = data.get("camera_name", "")
-    return _Camera(
-        name=name,
-        camera_name=camera_name if isinstance(camera_name, str) else "",
-        size=size,
-        K=K,
-        D=distortion_numbers(data, "distortion_coefficients", name=name),
-        model=_DISTORTION_MODELS[model],
-        R_rectified=R_rectified,
-        offset=float(P[0, 3] / P[0, 0]),
     )

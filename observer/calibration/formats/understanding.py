@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -95,18 +95,17 @@ class UnderstoodCalibration:
     choices: tuple[Choice, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class FileCamera:
+class FileCamera(Protocol):
     """One camera of a pair, as its file or section tells it.
 
     Attributes:
-        size: width and height, pixels. K, D, model: as in ``StereoCalibration``.
+        size: width and height, pixels. model: as in ``StereoCalibration``.
     """
 
-    size: Size
-    K: Float64Array
-    D: Float64Array
-    model: DistortionModel
+    @property
+    def size(self) -> Size: ...
+    @property
+    def model(self) -> DistortionModel: ...
 
 
 def check_alike(

@@ -12,8 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from observer.calibration.formats.numbers import shaped_numbers
-from observer.calibration.formats.plain_data import PlainData
+from observer.calibration.formats.numbers import at_key, shaped
 from observer.calibration.formats.understanding import Choice, Draft, Size, Wanted, size_words
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
@@ -178,9 +177,8 @@ def _number(name: str, section: _Section, title: str, *keys: str, default: float
     """The number of the first of these keys that is there; the later ones are of older files."""
     for key in keys:
         if key in section:
-            data: dict[str, PlainData] = {key: section[key]}
             label = f"[{title.upper()}] {key}"
-            return float(shaped_numbers(data, key, (1,), name=name, label=label)[0])
+            return at_key(section, key, lambda text: float(shaped(text, 1)[0]), name, label)
     if default is not None:
         return default
     raise CalibrationError(f"{name}: [{title.upper()}] {keys[0]} is missing")

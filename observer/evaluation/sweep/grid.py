@@ -15,12 +15,24 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, TypeAlias
 
-from observer.calibration.formats.plain_data import PlainData, parse_plain_data, read_text
-from observer.errors import CalibrationError, InputError, ParameterError
-from observer.parameters import Parameters, ParameterValue, parameter_schema, preset, preset_names
+from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+from observer.errors import InputError, ParameterError
+from observer.parameters import Parameters, ParameterValue, preset, preset_names
+from observer.text_files import (
+    NUMBER,
+    FileModel,
+    PlainData,
+    parse_text,
+    read_text,
+    shown,
+    validated,
+    word,
+)
+
+_FORM = "YAML that names parameters with lists of values, as in evidence.radius_px: [20, 26]"
 _WHOLE = re.compile(r"[-+]?\d{1,15}", re.ASCII)
 
 
@@ -98,11 +110,7 @@ def read_grid(path: Path) -> Grid:
     Raises:
         InputError: one sentence that names the file, the key and what would be right.
     """
-    try:
-        text = read_text(path)
-    except CalibrationError as error:
-        raise InputError(str(error).replace("a calibration file", "a grid of parameters")) from None
-    return grid_from_text(text, path.name)
+    return grid_from_text(read_text(path, "a grid of parameters"), path.name)
 
 
 def grid_from_text(text: str, name: str) -> Grid:
@@ -111,72 +119,68 @@ def grid_from_text(text: str, name: str) -> Grid:
     Raises:
         InputError: one sentence that names the key and what would be right.
     """
-    # The reader knows other notations too, and speaks of calibrations where it finds no keys.
-    if text.lstrip()[:1] in ("", "<") or ":" not in text:
-        raise InputError(
-            f"{name}: a grid must be YAML that names parameters with lists of values, as in "
-            f"evidence.radius_px: [20, 26]"
-        )
-    try:
-        data = parse_plain_data(text, name=name)
-    except CalibrationError as error:
-        raise InputError(str(error)) from None
-    presets = _presets(data.pop("preset", "default"), name)
-    fixed = _fixed(data.pop("set", {}), name)
+    data = parse_text(text, name=name, what="a grid of parameters", form=_FORM)
+    read = validated(_GridFile, data, name)
+    fixed = {key: _value(key, value) for key, value in read.set.items()}
     lists = {
-        key: tuple(_value(key, each, name) for each in _listed(key, value, name))
-        for key, value in data.items()
+        key: tuple(_value(key, value) for value in values)
+        for key, values in (read.__pydantic_extra__ or {}).items()
     }
-    for key, values in lists.items():
+    for key, values in (("preset", read.preset), *lists.items()):
         if key in fixed:
             raise InputError(f"{name}: {key} is both fixed and varied; keep one of them")
         _check_differ(key, values, name)
-    grid = Grid(presets, fixed, lists)
+    grid = Grid(read.preset, fixed, lists)
     _check_values(grid, name)
     return grid
 
 
-def _presets(value: PlainData, name: str) -> tuple[str, ...]:
+def _presets(value: PlainData) -> tuple[str, ...]:
     names = value if isinstance(value, list) else [value]
+    known = ", ".join(preset_names())
+    if not names:
+        raise ValueError(f"must name at least one of {known}")
     for each in names:
         if each not in preset_names():
-            raise InputError(
-                f"{name}: preset must name some of {', '.join(preset_names())}, not {_shown(each)}"
-            )
-    if not names:
-        raise InputError(f"{name}: preset must name at least one of {', '.join(preset_names())}")
-    presets = tuple(str(each) for each in names)
-    _check_differ("preset", presets, name)
-    return presets
+            raise ValueError(f"must name some of {known}, not {shown(each)}")
+    return tuple(map(str, names))
 
 
-def _fixed(value: PlainData, name: str) -> dict[str, ParameterValue]:
+def _fixed(value: PlainData) -> PlainData:
     if not isinstance(value, dict):
-        raise InputError(
-            f"{name}: set must hold parameters with one value each, as in "
-            f"set: {{tracking.gate: 3.0}}"
+        raise ValueError("must hold parameters with one value each, as in {tracking.gate: 3.0}")
+    return value
+
+
+def _listed(value: PlainData) -> PlainData:
+    if not isinstance(value, list) or not value:
+        raise ValueError(
+            "must have a list of values, as in [20, 26]; what is the same in every combination "
+            "stands under set"
         )
-    return {key: _value(key, each, name) for key, each in value.items()}
+    return value
 
 
-def _listed(key: str, value: PlainData, name: str) -> list[PlainData]:
-    if isinstance(value, list) and value:
-        return value
-    raise InputError(
-        f"{name}: {_shown(key)} must have a list of values, as in [20, 26]; what is the same in "
-        f"every combination stands under set"
-    )
+_Text: TypeAlias = Annotated[str, word("must be a plain number or word")]
 
 
-def _value(key: str, value: PlainData, name: str) -> ParameterValue:
+class _GridFile(FileModel):
+    """A grid as it is written; every key but these two is a parameter that is varied."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Annotated[list[_Text], BeforeValidator(_listed)]]
+
+    preset: Annotated[tuple[str, ...], PlainValidator(_presets)] = ("default",)
+    set: Annotated[dict[str, _Text], BeforeValidator(_fixed)] = Field({})
+
+
+def _value(key: str, value: str) -> ParameterValue:
     """The value as its parameter's type has it; what fits none stays text, and is refused."""
-    if not isinstance(value, str):
-        raise InputError(f"{name}: each value of {_shown(key)} must be a plain number or word")
-    declared = next((e for e in parameter_schema() if e["name"] == key), None)
+    declared = next((e for e in Parameters.declared() if e["name"] == key), None)
     kind = "choice" if declared is None else declared["type"]
     if kind == "integer" and _WHOLE.fullmatch(value):
         return int(value)
-    if kind == "number" and _NUMBER.fullmatch(value):
+    if kind == "number" and NUMBER.fullmatch(value):
         return float(value)
     if kind == "boolean" and value in ("true", "false"):
         return value == "true"
@@ -206,7 +210,3 @@ def _changed(
     except ParameterError as error:
         given = ", ".join(f"{key} {str(changes[key])[:60]}" for key in error.problems)
         raise InputError(f"{name}: {error} (given: {given})") from None
-
-
-def _shown(value: PlainData) -> str:
-    return repr(value[:60]) if isinstance(value, str) else "several values"

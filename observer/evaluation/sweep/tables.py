@@ -13,7 +13,7 @@ from typing import Any
 from observer.errors import InputError
 from observer.evaluation.evaluate import Evaluation, markdown_table, shown
 from observer.evaluation.sweep.results import RANKED_BY, Ranked, RankedBy, Row, Sweep
-from observer.parameters import ParameterValue, parameter_schema
+from observer.parameters import Parameters, ParameterValue
 
 # More are in the CSV file.
 _MARKDOWN_ROWS = 100
@@ -102,7 +102,7 @@ def write_parquet(sweep: Sweep, path: Path) -> None:
     import pyarrow  # type: ignore[import-untyped]
     import pyarrow.parquet  # type: ignore[import-untyped]
 
-    declared = {entry["name"]: entry["type"] for entry in parameter_schema()}
+    declared = {entry["name"]: entry["type"] for entry in Parameters.declared()}
     types = {
         "text": pyarrow.string(),
         "choice": pyarrow.string(),

@@ -15,7 +15,7 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_contact import ground_place, lower_edge
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
-from observer.parameters import OneCameraParameters
+from observer.parameters import MonocularParameters
 from observer.types import Image
 
 # Followed for so long, seconds, and this much nearer than the ground on the same line of sight.
@@ -60,7 +60,7 @@ def floating(
     T_world_camera: Pose,
     ground: GroundPlane,
     camera: StereoCamera,
-    p: OneCameraParameters,
+    p: MonocularParameters,
 ) -> tuple[NDArray[np.int64], Float64Array]:
     """The groups (N,) that float, all others -1, and (N,) by how many standard deviations."""
     out, significance = np.full(len(points), -1, np.int64), np.zeros(len(points))

@@ -53,7 +53,7 @@ class GroundObstacles:
         Args:
             image: (H, W) grey. T_world_camera: the pose now; T_before_world: of the frame before.
         """
-        ground, tracker, q = self._ground, self._tracker, p.one_camera
+        ground, tracker, q = self._ground, self._tracker, p.monocular
         if ground is None:
             return points
         now = expected_sightings(points, T_world_camera.inverse(), self._camera).px
@@ -99,7 +99,7 @@ class GroundObstacles:
                 scale_sigma,
                 self._ground,
                 time,
-                p.one_camera,
+                p.monocular,
             )
             for track in self._tracker.tracks
         )

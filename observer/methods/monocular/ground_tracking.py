@@ -13,7 +13,7 @@ from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_contact import ground_place, lower_edge
 from observer.methods.monocular.ground_track import GroundTrack
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
-from observer.parameters import ObstacleParameters, OneCameraParameters
+from observer.parameters import MonocularParameters, ObstacleParameters
 from observer.types import Image, MotionState, TrackState
 from observer.vision.lifecycle import TrackIds, expired, next_state
 
@@ -67,7 +67,7 @@ class GroundTracker:
         ground: GroundPlane,
         camera: StereoCamera,
         dt: float,
-        p: OneCameraParameters,
+        p: MonocularParameters,
         q: ObstacleParameters,
     ) -> RayPoints:
         """Move every obstacle with its points and its foot; returns the points with their owners.
@@ -117,7 +117,7 @@ class GroundTracker:
         T_world_camera: Pose,
         ground: GroundPlane,
         camera: StereoCamera,
-        p: OneCameraParameters,
+        p: MonocularParameters,
     ) -> RayPoints:
         """Begin an obstacle with every group (N,), or give it to one that is expected there."""
         owner = points.obstacle.copy()
@@ -213,7 +213,7 @@ class GroundTracker:
 
     def _measure(
         self, track: GroundTrack, T_world_camera: Pose, ground: GroundPlane, camera: StereoCamera,
-        p: OneCameraParameters,
+        p: MonocularParameters,
     ) -> None:  # fmt: skip
         u0, _, u1, v1 = track.box_px
         cut = v1 >= camera.height - 2
@@ -227,7 +227,7 @@ class GroundTracker:
         track.size = size if not track.size.any() else track.size + 0.1 * (size - track.size)
 
     def _judge(
-        self, track: GroundTrack, share: float, p: OneCameraParameters, q: ObstacleParameters
+        self, track: GroundTrack, share: float, p: MonocularParameters, q: ObstacleParameters
     ) -> None:
         cov = track.covariance[2:, 2:]
         track.significance = float(np.sqrt(track.velocity @ np.linalg.solve(cov, track.velocity)))

@@ -13,7 +13,7 @@ from observer.methods.monocular.rays import RayPoints
 from observer.methods.monocular.scale import scale_by_ground
 from observer.methods.monocular.two_views import TwoViews, inverse_distances, two_views
 from observer.mount import CameraMount
-from observer.parameters import OneCameraParameters
+from observer.parameters import MonocularParameters
 
 NO_GROUND = "too few points on the floor are seen to tell the scale of depth by the camera's height"
 
@@ -46,7 +46,7 @@ def initialize_from_two_views(
     now: Float64Array,
     driven_m: float | None,
     mount: CameraMount | None,
-    p: OneCameraParameters,
+    p: MonocularParameters,
     camera: StereoCamera,
 ) -> Initialization | str | None:
     """The motion since the first view; None if not far enough, or why there is no scale.

@@ -9,7 +9,7 @@ from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.rays import RayPoints
 from observer.methods.monocular.scale import Scale, ground_scale, odometry_scale
 from observer.mount import CameraMount
-from observer.parameters import OneCameraParameters
+from observer.parameters import MonocularParameters
 from observer.types import Odometry
 from observer.vision.wheel_odometry import driven_way
 
@@ -33,7 +33,7 @@ class MapScale:
         self._T_mark = T_camera_world
         self.odometry = odometry
 
-    def sigma(self, p: OneCameraParameters) -> float:
+    def sigma(self, p: MonocularParameters) -> float:
         """One standard deviation of all lengths, as a share; what is told can itself be wrong."""
         told = p.height_sigma if self._support is not None else np.inf
         if self.odometry is not None:
@@ -46,7 +46,7 @@ class MapScale:
         T_camera_world: Pose,
         T_before_world: Pose,
         odometry: Odometry | None,
-        p: OneCameraParameters,
+        p: MonocularParameters,
     ) -> RayPoints:
         """The map after one more frame, enlarged or reduced about the camera.
 
@@ -73,7 +73,7 @@ class MapScale:
         return self._taken(told)
 
     def _by_odometry(
-        self, T_camera_world: Pose, odometry: Odometry | None, p: OneCameraParameters
+        self, T_camera_world: Pose, odometry: Odometry | None, p: MonocularParameters
     ) -> float:
         driven = driven_way(self.odometry, odometry)
         if driven is None or self.odometry is None or odometry is None:

@@ -67,8 +67,8 @@ _TURNED_RAD = 0.01
 _LEAST_LEFT = 0.5
 
 NO_SCALE = (
-    "one camera needs its height above the floor or odometry for scale; set one_camera.height_m "
-    "and one_camera.tilt_deg, or use a source whose robot reports odometry"
+    "one camera needs its height above the floor or odometry for scale; set monocular.height_m "
+    "and monocular.tilt_deg, or use a source whose robot reports odometry"
 )
 ONLY_TURNED = "the camera has only turned: depth from one camera needs it to travel"
 NOT_TRAVELLED = "the camera has not travelled far enough yet: depth from one camera needs it"
@@ -102,7 +102,7 @@ class MonocularMethod:
         self._rate: tuple[Float64Array, Float64Array] | None = None
         self._noise = 1.0
         self._scale = MapScale(
-            parameters.one_camera.odometry_sigma, self._support, Pose.identity(), view.odometry
+            parameters.monocular.odometry_sigma, self._support, Pose.identity(), view.odometry
         )
         # With odometry and mount the motion is known at once, else two views must tell it.
         self._started = self._mount is not None and view.odometry is not None
@@ -113,7 +113,7 @@ class MonocularMethod:
         """Compare this view with the last one whose pose is known."""
         previous, before, p = self._view, self._points, parameters
         dt = view.time - previous.time
-        with timer("following"):
+        with timer("klt_tracking"):
             T_expected, prior = self._expectation(previous, view, dt)
             points, found = self._followed(previous, view, T_expected, dt, p)
         _keep_background(trace, previous, before, points, found)
@@ -139,7 +139,7 @@ class MonocularMethod:
             trace.keep("rays", points)
             trace.keep("ray_evidence", evidence)
             points = self._scale.corrected(
-                points, ego.T_camera_world, self._T_camera_world, view.odometry, p.one_camera
+                points, ego.T_camera_world, self._T_camera_world, view.odometry, p.monocular
             )
         T_world_camera = ego.T_camera_world.inverse()
         with timer("tracking"):
@@ -153,7 +153,7 @@ class MonocularMethod:
             self._anchor(view, p)
             self._renew_points(view, p)
         obstacles = self._obstacles.described(
-            T_world_camera, -moved.translation / dt, self._scale.sigma(p.one_camera), view.time, p
+            T_world_camera, -moved.translation / dt, self._scale.sigma(p.monocular), view.time, p
         )
         return Step(ego, T_world_camera, obstacles, 1.0, None)
 
@@ -197,7 +197,7 @@ class MonocularMethod:
         levels = _FIRST_LEVELS if self._rate is None else _LEVELS
         seen = track_stereo_points(
             (before, before), (view.left, view.left), points.px, nothing, start, nothing[:, 0],
-            levels, p.following,
+            levels, p.klt_tracking,
         )  # fmt: skip
         kept = points.take(seen.found)
         return kept.but(
@@ -242,9 +242,9 @@ class MonocularMethod:
         now = lines_of_sight(points.px, Pose.identity(), self._camera)
         R, parallax = turned_between(first, now)
         self._view, self._points = view, points
-        if np.degrees(np.median(parallax)) >= p.one_camera.parallax_deg:
+        if np.degrees(np.median(parallax)) >= p.monocular.parallax_deg:
             beginning = initialize_from_two_views(
-                points, first, now, driven, self._mount, p.one_camera, self._camera
+                points, first, now, driven, self._mount, p.monocular, self._camera
             )
             if isinstance(beginning, Initialization):
                 self._begin_at(beginning, view, p)
@@ -282,11 +282,11 @@ class MonocularMethod:
         return estimate_pose(
             points,
             standing,
-            density_weights(points.px, p.following),
+            density_weights(points.px, p.klt_tracking),
             T_expected,
             prior,
             self._support,
-            p.ego_motion.shared_error,
+            p.ego_motion.noise_correlation,
             self._camera,
         )
 
@@ -325,7 +325,7 @@ class MonocularMethod:
     ) -> RayEvidence:  # fmt: skip
         return ray_evidence(
             points, T_camera_world, estimate.covariance, dt, self._noise, self._ground,
-            float(np.radians(p.one_camera.tilt_sigma_deg)), self._camera, p.evidence,
+            float(np.radians(p.monocular.tilt_sigma_deg)), self._camera, p.evidence,
         )  # fmt: skip
 
     # ------------------------------------------------------------------ points
@@ -333,7 +333,7 @@ class MonocularMethod:
     def _anchor(self, view: View, p: Parameters) -> None:
         points = self._points
         turn = (np.arange(len(points)) + view.index) % _ANCHOR_TURNS == 0
-        old = (points.anchor_s > p.one_camera.memory_s) & turn
+        old = (points.anchor_s > p.monocular.memory_s) & turn
         self._points = anchored_anew(points, old, self._T_camera_world.inverse(), self._camera)
 
     def _renew_points(self, view: View, p: Parameters) -> None:
@@ -341,8 +341,8 @@ class MonocularMethod:
         points = self._points
         moving = points.moving | (points.obstacle != NO_OBSTACLE)
         size = (self._camera.width, self._camera.height)
-        marked = attention(size, self._obstacles.boxes_px(), points.px[moving], p.following)
-        square = grid_cells(points.px, marked, p.following)
+        marked = attention(size, self._obstacles.boxes_px(), points.px[moving], p.klt_tracking)
+        square = grid_cells(points.px, marked, p.klt_tracking)
         kept = one_per_cell(square, points.sightings)
         px = new_keypoints(view.left, square[kept], marked, p)
         T_world_camera = self._T_camera_world.inverse()
@@ -365,8 +365,8 @@ class MonocularMethod:
 
 
 def _mount_in_force(rig: CameraMount | None, p: Parameters) -> CameraMount | None:
-    if p.one_camera.height_m > 0:
-        return CameraMount(p.one_camera.height_m, float(np.radians(p.one_camera.tilt_deg)))
+    if p.monocular.height_m > 0:
+        return CameraMount(p.monocular.height_m, float(np.radians(p.monocular.tilt_deg)))
     return rig
 
 

@@ -72,7 +72,7 @@ def ray_evidence(
     singles = [np.einsum("ni,ni->n", velocity, told), ready, depth_weight, depth_weight * excess]
     sums = summed(pairs, [W.reshape(count, 4), told, np.column_stack([*singles, beyond])])
     neighbours = sums[:, 7]
-    shared = 1 + parameters.shared_error * np.maximum(neighbours - 1, 0)
+    shared = 1 + parameters.noise_correlation * np.maximum(neighbours - 1, 0)
     C = inverse_2x2(np.where(ready[:, None, None], sums[:, :4].reshape(count, 2, 2), np.eye(2)))
     pooled = np.einsum("nij,nj->ni", C, sums[:, 4:6])
     spread = sums[:, 6] - np.einsum("ni,ni->n", pooled, sums[:, 4:6])

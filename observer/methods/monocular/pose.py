@@ -52,7 +52,7 @@ def estimate_pose(
     T_expected: Pose,
     prior: Float64Array,
     support: tuple[CameraMount, GroundPlane] | None,
-    shared_error: float,
+    noise_correlation: float,
     camera: StereoCamera,
 ) -> PoseEstimate:
     """The pose by the points in use.
@@ -61,7 +61,7 @@ def estimate_pose(
         use: (N,) points that are taken to stand. weight: (N,) share of the image each stands for.
         T_expected: about where the camera is. prior: (6, 6) how sure that is, information.
         support: mount and ground that keep the camera at its height; None where unknown.
-        shared_error: share of the noise that points have in common.
+        noise_correlation: share of the noise that points have in common.
     """
     chosen = points.take(use)
     share = weight[use]
@@ -98,7 +98,7 @@ def estimate_pose(
     known = chosen.known & np.isfinite(length)
     # The middle of a chi distribution of two degrees of freedom is 1.177.
     scale = float(np.median(length[known])) / 1.177 if known.sum() >= 8 else 1.0
-    excess = max(1.0, scale) ** 2 * (1 + shared_error * int(inliers.sum()))
+    excess = max(1.0, scale) ** 2 * (1 + noise_correlation * int(inliers.sum()))
     covariance = np.asarray(np.linalg.pinv(information) * excess, np.float64)
     return PoseEstimate(pose, covariance, inliers, scale)
 

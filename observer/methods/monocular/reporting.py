@@ -8,7 +8,7 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_contact import shared_covariance, shared_velocity_covariance
 from observer.methods.monocular.ground_track import GroundTrack
-from observer.parameters import OneCameraParameters
+from observer.parameters import MonocularParameters
 from observer.types import Obstacle, TrackState
 from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
 
@@ -23,7 +23,7 @@ def describe_ground_track(
     scale_sigma: float,
     ground: GroundPlane,
     time: float,
-    p: OneCameraParameters,
+    p: MonocularParameters,
 ) -> Obstacle:
     """One obstacle at this frame.
 

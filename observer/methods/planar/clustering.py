@@ -90,7 +90,7 @@ def _describe(
     count = len(members)
     # Errors of neighbouring points are partly the same (the matcher's blocks overlap), and that
     # part is not reduced by averaging.
-    shrink = (1 - parameters.shared_error) / count + parameters.shared_error
+    shrink = (1 - parameters.noise_correlation) / count + parameters.noise_correlation
     velocity = motions.velocity[members].mean(axis=0)
     noise = _at_least_the_scatter(motions.velocity[members], motions.velocity_cov[members]) * shrink
     bias = motions.model_error[members].mean(axis=0)

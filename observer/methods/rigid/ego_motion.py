@@ -134,7 +134,7 @@ def estimate_rigid_motion(
 
 def _shared(count: int, parameters: EgoMotionParameters) -> float:
     """By how much errors that points share make the result worse than independent ones would."""
-    return 1 + parameters.shared_error * count
+    return 1 + parameters.noise_correlation * count
 
 
 def _lost(camera: StereoCamera, count: int, reason: str) -> RigidEgoMotion:

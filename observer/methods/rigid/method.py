@@ -74,11 +74,11 @@ class RigidMethod:
         """Compare this view with the last one whose pose is known."""
         previous, before, p = self._view, self._points, parameters
         dt = view.time - previous.time
-        with timer("following"):
+        with timer("klt_tracking"):
             T_expected = self._expected_pose(dt)
             expected = self._expectation(T_expected, dt, p)
-            seen = track_points(before, previous, view, expected, self._levels, p.following)
-            points, sigma = sighted_points(before, seen, expected, view, dt, p.following)
+            seen = track_points(before, previous, view, expected, self._levels, p.klt_tracking)
+            points, sigma = sighted_points(before, seen, expected, view, dt, p.klt_tracking)
         with timer("ego_motion"):
             ego = self._ego_motion(points, sigma, T_expected, view, dt, p)
         rows = stereo_rows(points)
@@ -149,7 +149,7 @@ class RigidMethod:
             px=px.astype(np.float64),
             disparity=points.disparity[chosen],
             sigma=sigma.take(chosen, axis=0),
-            weight=density_weights(px, p.following),
+            weight=density_weights(px, p.klt_tracking),
         )
         ego = estimate_rigid_motion(
             scene, self._T_camera_world, T_expected, self._camera, p.ego_motion, view.index
@@ -166,7 +166,7 @@ class RigidMethod:
             return ego
         reach = None
         if self._last is not None:
-            follows = p.following.window_px / 2 * 2**LEVELS
+            follows = p.klt_tracking.window_px / 2 * 2**LEVELS
             reach = ImageReach.of(self._camera, points.disparity, follows)
         reason = self._gate.refusal(time, dt, ego.T_current_previous, ego.pose_covariance, reach)
         return ego if reason is None else ego.refused(reason)

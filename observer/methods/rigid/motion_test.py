@@ -173,7 +173,7 @@ def _pooled(
     velocity = np.einsum("nij,nj->ni", cov, vector)
     spread = squares - np.einsum("ni,ni->n", velocity, vector)
     scatter = np.maximum(1.0, spread / np.maximum(3 * (neighbours - 1), 1))
-    shared = 1 + parameters.shared_error * np.maximum(neighbours - 1, 0)
+    shared = 1 + parameters.noise_correlation * np.maximum(neighbours - 1, 0)
     return velocity, cov * (scatter * shared)[:, None, None], neighbours
 
 
@@ -222,7 +222,7 @@ def _common_errors(
     turning = -cross_matrix(causes[:, :3]).transpose(2, 0, 1).reshape(3, 18)
     moved = (causes[:, 3:].reshape(18) - place @ turning).reshape(-1, 6, 3)
     out[:, :6] = moved * np.sqrt(_RANDOM_WALK / (now.dt * window))[:, None, None]
-    bias_px, stretch = parameters.disparity_bias_px, parameters.stretch
+    bias_px, stretch = parameters.disparity_bias_px, parameters.distortion_sigma
     still = np.zeros_like(place)
     out[:, 6:] = now.rate.lasting_errors(place, still, now.camera, bias_px, stretch)
     return out

@@ -54,7 +54,7 @@ class PointRenewal:
         """
         points = points.remembered()
         marked = self._marked(points, boxes_px, parameters)
-        cell = grid_cells(points.px, marked, parameters.following)
+        cell = grid_cells(points.px, marked, parameters.klt_tracking)
         kept = one_per_cell(cell, points.sightings)
         points = points.take(kept)
         turn = None if rate is None else view.index
@@ -76,7 +76,7 @@ class PointRenewal:
         """(rows, columns) which cells have obstacles or moving points in or beside them."""
         moving = points.dynamic | (points.obstacle != NO_OBSTACLE)
         size = (self._camera.width, self._camera.height)
-        return attention(size, boxes_px, points.px[moving], parameters.following)
+        return attention(size, boxes_px, points.px[moving], parameters.klt_tracking)
 
     def _spawned(
         self,
@@ -92,7 +92,7 @@ class PointRenewal:
         Args:
             coarse: (N,) disparity to within a few pixels, NaN unknown.
         """
-        right, _ = match_right((view.left, view.right), px, coarse, parameters.following)
+        right, _ = match_right((view.left, view.right), px, coarse, parameters.klt_tracking)
         disparity = (px[:, 0] - right[:, 0]).astype(np.float64)
         known = np.asarray(disparity > MOST_NEGATIVE_PX)
         px, right = px[known], right[known]

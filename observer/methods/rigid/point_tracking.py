@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
-from observer.parameters import FollowingParameters
+from observer.parameters import KltTrackingParameters
 from observer.vision.klt_tracking import Sightings, as_bright_as, track_stereo_points
 from observer.vision.view import View
 
@@ -51,7 +51,7 @@ def track_points(
     view: View,
     expected: Expectation,
     levels: int,
-    parameters: FollowingParameters,
+    parameters: KltTrackingParameters,
 ) -> Sightings:
     """Return where the points are in both images of a view, tracked from the previous one."""
     before = (as_bright_as(view.left, previous.left), as_bright_as(view.right, previous.right))
@@ -73,7 +73,7 @@ def sighted_points(
     expected: Expectation,
     view: View,
     dt: float,
-    parameters: FollowingParameters,
+    parameters: KltTrackingParameters,
 ) -> tuple[TrackedPoints, Float64Array]:
     """Return the points that were found, with their noise (N, 3) in u, v and disparity, pixels."""
     found = seen.found
@@ -82,7 +82,7 @@ def sighted_points(
     flow = (px - points.px).astype(np.float64) / dt
     disparity = (px[:, 0] - right_px[:, 0]).astype(np.float64)
     growth = np.abs(expected.disparity[found] / points.disparity - 1)
-    warp = parameters.growth_noise * parameters.window_px / 2 * np.nan_to_num(growth)
+    warp = parameters.scale_change_noise * parameters.window_px / 2 * np.nan_to_num(growth)
     sigma = np.empty((len(px), 3))
     sigma[:, :2] = np.hypot(seen.sigma[found, :1], warp[:, None])
     variance = seen.sigma[found, 1].astype(np.float64) ** 2

@@ -109,17 +109,19 @@ def test_observe_keeps_a_recording_and_a_video(shell: Callable[..., Done], tmp_p
     done = shell(
         "observe", "simulated:drive", "--frames", "3", "--output", str(lines),
         "--record", str(recording), "--record-images", "lossless", "--video", str(video),
-        "--set", "tracking.gate=4",
+        "--set", "klt_tracking.spacing_px=20",
     )  # fmt: skip
     assert done.code == 0, done.err
     assert "3 pictures" in done.err
     with Recording(recording) as kept:
         assert not kept.unfinished
         assert len(lines.read_text().splitlines()) == len(list(kept.lines())) == 3
-        assert kept.parameter_revisions()[0].values["tracking.gate"] == 4
+        assert kept.parameter_revisions()[0].values["klt_tracking.spacing_px"] == 20
         assert kept.truth() is not None
     played = tmp_path / "p.jsonl"
-    again = shell("observe", str(recording), "--output", str(played), "--set", "tracking.gate=4")
+    again = shell(
+        "observe", str(recording), "--output", str(played), "--set", "klt_tracking.spacing_px=20"
+    )
     assert again.code == 0
     # Lossless, so the recording as a source gives the same to the last digit.
     both = [

@@ -1,7 +1,7 @@
 from pathlib import Path
 
 from app.cli.parameters import parameter_table
-from observer.parameters import Parameters
+from observer.guard.parameters import AllParameters
 
 README = Path(__file__).parents[3] / "README.md"
 
@@ -14,4 +14,4 @@ def test_the_readme_has_the_table_that_the_declaration_gives() -> None:
 
 def test_the_table_has_one_row_for_every_parameter() -> None:
     rows = parameter_table().splitlines()[2:]
-    assert [row.split("`")[1] for row in rows] == list(Parameters().flat())
+    assert [row.split("`")[1] for row in rows] == list(AllParameters().flat())

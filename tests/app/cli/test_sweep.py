@@ -55,7 +55,7 @@ def test_an_interrupted_sweep_keeps_what_is_finished(
     grid, output = tmp_path / "grid.yaml", tmp_path / "out"
     # More than can be finished before Ctrl-C is pressed.
     spacings = list(range(6, 65))
-    grid.write_text(f"following.spacing_px: {spacings}\nevidence.memory_s: [0.3, 0.5, 0.7]\n")
+    grid.write_text(f"klt_tracking.spacing_px: {spacings}\nevidence.memory_s: [0.3, 0.5, 0.7]\n")
     arguments = ["sweep", str(grid), str(folder), "--output", str(output)]
     process = subprocess.Popen(
         [sys.executable, "-m", "app.cli", *arguments, "--jobs", "1"],
@@ -90,13 +90,13 @@ def test_an_interrupted_sweep_keeps_what_is_finished(
 
     # What is finished needs no process; a busy machine may have begun with any of them.
     kept = json.loads(next(output.glob("tasks/*.json")).read_text())["parameters"]
-    spacing, memory = kept["following.spacing_px"], kept["evidence.memory_s"]
-    grid.write_text(f"following.spacing_px: [{spacing}]\nevidence.memory_s: [{memory}]\n")
+    spacing, memory = kept["klt_tracking.spacing_px"], kept["evidence.memory_s"]
+    grid.write_text(f"klt_tracking.spacing_px: [{spacing}]\nevidence.memory_s: [{memory}]\n")
     again = shell(*arguments, "--rank-by", "recall")
     assert again.code == 0, again.err
     assert again.err == "1 combinations over 1 sources: 1 tasks, 1 of them finished before\n"
     (row,) = csv.DictReader((output / "ranking.csv").read_text().splitlines())
-    told = (row["following.spacing_px"], row["evidence.memory_s"])
+    told = (row["klt_tracking.spacing_px"], row["evidence.memory_s"])
     assert tuple(map(float, told)) == (spacing, memory)
     assert "ranked by recall" in again.out
 

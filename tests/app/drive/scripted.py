@@ -19,8 +19,8 @@ from app.drive.messages import (
 from app.drive.roles import Roles
 from app.runtime.errors import ProcessRefused
 from observer.guard.guard import Verdict
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
-from observer.parameters import GuardParameters
 from observer.rig.rig import ROLES, Role
 from observer.robots.contract import RobotPhase, RobotReport, Sent
 from observer.types import Odometry, Status

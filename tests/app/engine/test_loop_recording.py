@@ -30,7 +30,9 @@ def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> N
     )
     assert bench.state.recording is not None
     assert bench.state.recording["images"] == "lossless"
-    bench.value(SetParameters({"ego_motion.ransac_threshold_px": 3.0}, revision=2))
+    threshold = {"ego_motion.ransac_threshold_px": 3.0}
+    bench.value(SetParameters(threshold, revision=2))
+    bench.value(SetParameters({**threshold, "guard.margin_m": 0.3}, revision=2))
     bench.value(RecordRobots(({"role": "observer", "received": 1.0, "sent_speed": 0.3},)))
     bench.value(SetPlayback(paused=False))
     bench.wait(StateEvent, lambda s: s.playback is not None and s.playback["ended"])
@@ -45,10 +47,14 @@ def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> N
         assert [f.index for f in recording.frames] == [0, 1, 2, 4]
         assert [f.received for f in recording.frames] == [event.received for event in events]
         assert [pixels.max() for pixels in (recording.pair(k)[0] for k in range(4))] == [0, 1, 2, 4]
-        assert [(at, r.revision) for at, r in recording.positioned_revisions] == [(0, 1), (0, 2)]
-        assert recording.positioned_revisions[1][1].difference == {
-            "ego_motion.ransac_threshold_px": 3.0
-        }
+        revisions = recording.parameter_revisions()
+        assert [(at, r.revision) for at, r in recording.positioned_revisions][:2] == [
+            (0, 1),
+            (0, 2),
+        ]
+        assert revisions[1].difference == threshold
+        # The guard's are noted as well, as no revision of their own.
+        assert (revisions[2].revision, revisions[2].difference) == (2, {"guard.margin_m": 0.3})
         assert [s.index for s in recording.skipped()] == [3]
         assert [row.sent_speed for row in recording.robot_rows()] == [0.3]
         matched = [[b.track_id for b in each.bodies] for each in recording.matched_truth()]

@@ -175,7 +175,7 @@ def test_every_view_has_a_picture_also_of_a_first_frame(name: str) -> None:
 def test_where_no_image_is_transformed_the_view_says_so_and_names_the_model() -> None:
     first = observed(full=False)
     pictures = []
-    for model in ("rigid", "one_camera", "affine"):
+    for model in ("rigid", "monocular", "affine"):
         parameters = Parameters().changed({"ego_motion.model": model})
         pictures.append(picture("warped", replace(first, parameters=parameters)))
     lit = [int((image.max(axis=2) > 90).sum()) for image in pictures]

@@ -21,6 +21,7 @@ from app.engine.watched import Observed
 from app.messages import OpenSource
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from observer.errors import SourceError
+from observer.guard.parameters import AllParameters, GuardParameters
 from observer.guard.sight import REAL_WORLD, sight_of
 from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
@@ -82,11 +83,12 @@ def observed_frames(count: int, *, cover_from: int = 99) -> list[Observed]:
 
 
 MOUNT = open_source("simulated:drive").source.info.mount
+GUARD = GuardParameters()
 
 
 def test_every_frame_is_told_with_its_world_and_status(slots: Slots) -> None:
     for observed in observed_frames(2):
-        slots.teller.tell(observed, MOUNT, WORLD)
+        slots.teller.tell(observed, MOUNT, WORLD, GUARD)
         sight = slots.read()
         assert sight.frame == observed.frame.index
         assert sight.received == observed.frame.received
@@ -100,24 +102,24 @@ def test_every_frame_is_told_with_its_world_and_status(slots: Slots) -> None:
 def test_free_floor_is_looked_for_while_a_robot_is_there(slots: Slots) -> None:
     observed = observed_frames(2)[1]
     slots.drive()
-    slots.teller.tell(observed, MOUNT, WORLD)
+    slots.teller.tell(observed, MOUNT, WORLD, GUARD)
     scan = slots.read().scan
     free = [b for a, b in zip(scan.known_from_m, scan.known_to_m, strict=True) if b > a]
     assert len(free) > 0.7 * len(scan.bearings)
     # In a recording nobody drives; without a mount nobody knows where.
-    slots.teller.tell(observed, MOUNT, None)
+    slots.teller.tell(observed, MOUNT, None, GUARD)
     assert slots.read().scan is None
-    slots.teller.tell(observed, None, WORLD)
+    slots.teller.tell(observed, None, WORLD, GUARD)
     assert (slots.read().mount_known, slots.read().scan) == (False, None)
     slots.now += 1.5
-    slots.teller.tell(observed, MOUNT, WORLD)
+    slots.teller.tell(observed, MOUNT, WORLD, GUARD)
     assert slots.read().scan is None
 
 
 def test_a_covered_lens_is_told_with_its_first_frame(slots: Slots) -> None:
     for observed in observed_frames(8, cover_from=6)[5:]:
         slots.drive()
-        slots.teller.tell(observed, MOUNT, WORLD)
+        slots.teller.tell(observed, MOUNT, WORLD, GUARD)
         sight = slots.read()
         if observed.frame.index < 6:
             assert sight.status is Status.OK
@@ -131,7 +133,7 @@ def test_a_covered_lens_is_told_with_its_first_frame(slots: Slots) -> None:
 
 def test_without_slots_nothing_is_told_and_nothing_breaks() -> None:
     teller = SightTeller(None, None, time.monotonic)
-    teller.tell(observed_frames(1)[0], MOUNT, WORLD)
+    teller.tell(observed_frames(1)[0], MOUNT, WORLD, GUARD)
     assert teller.odometry(1.0) is None
 
 
@@ -234,9 +236,10 @@ def test_robots_go_with_a_source_that_is_handed_on(numbered: Any) -> None:
 
 
 def test_the_guards_parameters_change_nothing_that_is_observed() -> None:
-    changed = Parameters().changed({"guard.speed_max_mps": 1.5, "guard.step_m": 0.2})
+    changed = AllParameters().changed({"guard.speed_max_mps": 1.5, "guard.step_m": 0.2})
+    assert changed.vision == Parameters()
     results = []
-    for parameters in (Parameters(), changed):
+    for parameters in (Parameters(), changed.vision):
         opened = open_source("simulated:drive")
         assert opened.source.calibration is not None
         observer = Observer(opened.source.calibration, parameters, mount=opened.source.info.mount)

@@ -66,10 +66,52 @@ async def test_presets_are_saved_used_and_deleted(http: Any) -> None:
     assert (await http.delete("/api/presets/paper")).status_code == 409
 
 
-async def test_the_schema_describes_every_parameter(http: Any) -> None:
-    schema = (await http.get("/api/parameters/schema")).json()
-    values = (await http.get("/api/parameters")).json()["values"]
+async def test_the_schema_describes_every_parameter(served: Any) -> None:
+    schema = (await served.http.get("/api/parameters/schema")).json()
+    values = (await served.http.get("/api/parameters")).json()["values"]
     assert [entry["name"] for entry in schema] == list(values)
     threshold = next(entry for entry in schema if entry["name"] == THRESHOLD)
     assert (threshold["minimum"], threshold["maximum"], threshold["unit"]) == (0.1, 20.0, "px")
     assert "choices" not in threshold
+
+
+async def test_the_guard_has_a_revision_of_its_own(serve: Any, peer: Any, storage: Any) -> None:
+    async with serve() as served:
+        http = served.http
+        await http.patch("/api/parameters", json={THRESHOLD: 3.5})
+        state = (await http.patch("/api/parameters", json={"guard.margin_m": 0.3})).json()
+        assert state["values"]["guard.margin_m"] == 0.3
+        assert (state["revision"], state["guard_revision"], state["frame"]) == (1, 1, 1)
+        assert state["preset"] is None
+        assert (peer.parameters["guard.margin_m"], peer.commands[-1].revision) == (0.3, 1)
+        status = (await http.get("/api/status")).json()
+        assert (status["parameters_revision"], status["guard_revision"]) == (1, 1)
+        refused = await http.patch("/api/parameters", json={"guard.margin_m": 9, THRESHOLD: 2.0})
+        assert refused.status_code == 422
+        assert (await http.get("/api/parameters")).json()["values"] == state["values"]
+    with storage:
+        assert storage.load_parameters().values["guard.margin_m"] == 0.3
+        assert storage.parameter_revisions(None)[-1].difference == {"guard.margin_m": 0.3}
+
+
+async def test_what_does_not_act_with_the_method_is_taken_with_a_note(served: Any) -> None:
+    changes = {"tracking.gate": 4.0, THRESHOLD: 2.0, "stereo.matcher": "bm"}
+    state = (await served.http.patch("/api/parameters", json=changes)).json()
+    assert state["values"]["tracking.gate"] == 4.0
+    cloud, gate = state["notes"]
+    assert gate == (
+        "tracking.gate has no effect on what is observed with the model rigid, which is in "
+        "force; it acts with homography and affine"
+    )
+    assert cloud.startswith("stereo.matcher")
+    assert cloud.endswith("and on the dense cloud with every model")
+    changes = {"ego_motion.model": "affine", "tracking.gate": 3.0}
+    state = (await served.http.patch("/api/parameters", json=changes)).json()
+    assert state["notes"] == []
+
+
+async def test_an_old_name_is_refused_with_the_new_one(served: Any) -> None:
+    changes = {"following.spacing_px": 20}
+    refused = await served.http.patch("/api/parameters", json=changes)
+    assert refused.status_code == 422
+    assert "is named klt_tracking.spacing_px now" in refused.text

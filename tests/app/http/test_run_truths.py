@@ -224,6 +224,8 @@ async def test_a_run_is_observed_again_with_other_parameters(
     assert (again["rerun_of"], again["name"], again["record"]) == (id, "again", "none")
     assert again["parameters"]["ego_motion.ransac_threshold_px"] == 2.0
     assert again["parameters"]["clustering.min_points"] == 9
+    (note,) = again["parameter_notes"]
+    assert note.startswith("clustering.min_points has no effect")
     opened = [each for each in peer.commands if isinstance(each, OpenSource)][-1]
     assert opened.source.endswith(f"{id}/recording.mcap")
     assert (opened.loop, opened.rate) == (False, 4.0)

@@ -57,3 +57,26 @@ def test_settings(storage: Storage) -> None:
     assert storage.list_settings() == {"theme": {"name": "darker"}}
     storage.set_setting("theme", None)
     assert storage.list_settings() == {}
+
+
+def test_what_was_stored_under_old_names_is_read_under_those_of_today(
+    storage: Storage, run: RunRecord
+) -> None:
+    old = {"ego_motion.model": "one_camera", "following.growth_noise": 0.2, "tracking.gate": 1.0}
+    new = {
+        "ego_motion.model": "monocular",
+        "klt_tracking.scale_change_noise": 0.2,
+        "tracking.gate": 1.0,
+    }
+    storage.save_parameters(1, old, "mine")
+    storage.save_preset("mine", old)
+    storage.record_parameter_revision(run.id, 10, 1, old)
+    kept = storage.create_run(name="old", source="simulated:lab", parameters=old, versions={})
+    found, preset = storage.load_parameters(), storage.get_preset("mine")
+    assert found is not None
+    assert preset is not None
+    assert found.values == preset.values == new
+    assert storage.parameter_revisions(run.id)[0].difference == new
+    record = storage.get_run(kept.id)
+    assert record is not None
+    assert record.parameters == new

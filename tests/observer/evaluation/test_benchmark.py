@@ -47,7 +47,7 @@ def test_every_preset_meets_every_source(lab: tuple[Benchmark, list[Progress]]) 
 def test_timings_name_every_stage_and_add_up(lab: tuple[Benchmark, list[Progress]]) -> None:
     stages = {
         "paper": {"features", "matching", "stereo", "ego_motion", "residual_flow", "tracking"},
-        "default": {"following", "ego_motion", "motion", "tracking", "features"},
+        "default": {"klt_tracking", "ego_motion", "motion", "tracking", "features"},
     }
     assert {each.preset for each in lab[0].presets} == set(stages)
     for each in lab[0].presets:

@@ -183,7 +183,7 @@ def test_features_that_are_not_judged_have_no_speed() -> None:
 
 
 def test_the_nearest_speaks_where_features_are_meant_to_lie_apart() -> None:
-    """One is followed in each square of ``following.spacing_px``; the pixels between are its."""
+    """One is followed in each square of ``klt_tracking.spacing_px``; the pixels between are its."""
     lonely = ask(evidence([9.0, 1.0, 1.0]), (HERE[0] - 17, HERE[1]))
     assert lonely.verdict is PixelVerdict.DYNAMIC
     assert lonely.numbers["nearest_feature_px"] == 17
@@ -211,10 +211,10 @@ def test_without_a_feature_the_texture_says_what_would_give_one() -> None:
         ways.append((answer.numbers["texture_grey_per_px"], answer.would_change))
     assert ways[0][0] == 0
     assert "No setting can help" in ways[0][1]
-    least = float(re.search(r"following.min_texture at ([\d.]+) or below", ways[1][1]).group(1))
-    assert least < ways[1][0] < PARAMETERS.following.min_texture
-    assert "following.spacing_px at 7 or below (now 18)" in ways[2][1]
-    closer = PARAMETERS.changed({"following.spacing_px": 7})
+    least = float(re.search(r"klt_tracking.min_texture at ([\d.]+) or below", ways[1][1]).group(1))
+    assert least < ways[1][0] < PARAMETERS.klt_tracking.min_texture
+    assert "klt_tracking.spacing_px at 7 or below (now 18)" in ways[2][1]
+    closer = PARAMETERS.changed({"klt_tracking.spacing_px": 7})
     trace = {"ego_motion": EGO, "evidence": evidence(1.0), "left": noise}
     answer = explain_pixel(trace, CAMERA, closer, (HERE[0] + 40, HERE[1]))
     assert "spacing" not in answer.would_change

@@ -160,7 +160,7 @@ def test_no_threshold_makes_a_residual_below_its_range_dynamic() -> None:
 def test_a_motion_that_does_not_stand_out_is_undecided() -> None:
     scene = Scene(residual=2.5)
     at = (MOVED[0] + 2.5, MOVED[1])
-    noisy = {"motion__pixel_sigma_px": 3.0, "motion__shared_error": 1.0}
+    noisy = {"motion__pixel_sigma_px": 3.0, "motion__noise_correlation": 1.0}
     answer = scene.ask(at, **noisy)
     assert answer.verdict is PixelVerdict.UNDECIDED
     assert answer.numbers["significance"] < answer.numbers["min_significance"] == 3.0

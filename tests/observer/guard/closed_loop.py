@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from observer.guard.guard import Guard, Level
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
-from observer.parameters import GuardParameters
 from observer.robots.contract import SonarReading
 from observer.robots.models import robot_spec
 from observer.simulation.motion import PlanarState

@@ -12,9 +12,9 @@ import pytest
 from observer.camera import StereoCamera, as_gray
 from observer.geometry import Float64Array
 from observer.guard.free_path import FreePath
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import FreeScan
 from observer.mount import CameraMount
-from observer.parameters import GuardParameters
 from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import load_scenario
 from observer.simulation.world import World

@@ -12,8 +12,8 @@ import pytest
 
 from app.drive.messages import SIGHT_FRESH_S as DRIVE_FRESH_S
 from observer.guard.guard import Guard, Verdict, sight_trouble
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import SIGHT_FRESH_S, FreeScan, SeenObstacle, Sight, sight_of
-from observer.parameters import GuardParameters
 from observer.rig.rig import Role
 from observer.robots.contract import SonarReading
 from observer.robots.models import robot_spec

@@ -11,8 +11,8 @@ import pytest
 from observer.guard.dead_reckoning import DeadReckoning
 from observer.guard.guard import Guard
 from observer.guard.intruders import SonarWatch
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
-from observer.parameters import GuardParameters
 from observer.robots.contract import SonarReading
 from observer.robots.models import robot_spec
 from observer.simulation.motion import PlanarState

@@ -10,6 +10,7 @@ import pytest
 
 from observer.camera import as_gray
 from observer.guard.free_path import FreePath
+from observer.guard.parameters import GuardParameters
 from observer.guard.seeing import sight_of_observation
 from observer.guard.sight import Sight
 from observer.observer import Observer
@@ -60,7 +61,7 @@ class SimulatedLab(Lab):
         p = Parameters()
         self._observer = Observer(self._source.calibration, p, mount=self._mount)
         self._free_path = FreePath(
-            self._observer.camera, self._mount, p.stereo.max_disparity_px, p.guard
+            self._observer.camera, self._mount, p.stereo.max_disparity_px, GuardParameters()
         )
 
     def around(self, time: float) -> Surroundings:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from observer.guard.outline import Outline, poses_along
+from observer.guard.parameters import GuardParameters
 from observer.guard.separation import Stopping, approach, protective_distance
 from observer.guard.sight import SeenObstacle
-from observer.parameters import GuardParameters
 
 P = GuardParameters(
     reaction_s=0.3, deceleration_mps2=0.5, turn_acceleration_radps2=2.0, margin_m=0.1, sigmas=2.0,

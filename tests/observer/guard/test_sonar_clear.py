@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from observer.guard.dead_reckoning import DeadReckoning
+from observer.guard.parameters import GuardParameters
 from observer.guard.sonar_clear import clear_by_sonar, echo_at, fresh_sonar
-from observer.parameters import GuardParameters
 from observer.robots.contract import SonarReading
 
 P = GuardParameters(sonar_reach_m=2.0, sonar_half_angle_deg=15.0, thing_width_m=0.3)

@@ -12,6 +12,7 @@ import nbformat
 import pytest
 
 import observer
+from observer.errors import ParameterError
 
 _NOTEBOOKS = Path(__file__).parents[3] / "notebooks"
 
@@ -102,6 +103,8 @@ def test_tracks_are_the_lines_as_arrays_and_replay_gives_them_again(recorded_run
         assert all(pair.rmse < 0.4 for pair in pairs)
         timeless = [{**line, "timings_ms": {}} for line in run]
         assert [{**line, "timings_ms": {}} for line in run.observe_again()] == timeless
+        with pytest.raises(ParameterError, match="has no effect"):
+            run.observe_again({"tracking.gate": 4.0})
 
 
 def test_a_run_is_found_in_a_data_folder(recorded_run: Path, tmp_path: Path) -> None:

@@ -33,7 +33,8 @@ from observer.types import StereoFrame
 def everything(writer: RecordingWriter, frames: tuple[StereoFrame, ...], line: Any) -> None:
     """One message of each kind and more."""
     at = frames[0].received
-    writer.parameters(ParameterRevision(revision=1, values={"tracking.gate": 3.5}), at)
+    values = {"tracking.gate": 3.5, "one_camera.height_m": 0.3}
+    writer.parameters(ParameterRevision(revision=1, values=values), at)
     body = {
         "id": 1, "name": "cart", "role": "obstacle", "position": [0.0, 0.0, 3.0],
         "velocity": [0.5, 0.0, 0.0], "speed": 0.5, "size": [0.6, 0.4, 1.0], "yaw": 0.3,
@@ -77,7 +78,9 @@ def test_all_that_was_written_is_read(
         assert [r.sent_speed for r in recording.robot_rows()] == [None] * 4
         assert [s.reason for s in recording.skipped()] == ["000004.png is damaged"]
         assert [i.kind for i in recording.incidents()] == ["guard stop"]
-        assert recording.parameter_revisions()[0].values == {"tracking.gate": 3.5}
+        # Read under the names of today.
+        values = {"tracking.gate": 3.5, "monocular.height_m": 0.3}
+        assert recording.parameter_revisions()[0].values == values
         assert recording.truth() is None
         capture = recording.capture()
         assert capture is not None

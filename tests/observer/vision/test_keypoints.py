@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from observer.parameters import FollowingParameters
+from observer.parameters import KltTrackingParameters
 from observer.vision.keypoints import (
     attention,
     density_weights,
@@ -21,7 +21,7 @@ from ..builders import Texture, as_image
 
 quick = settings(deadline=None, max_examples=40)
 SIDE = 16
-P = FollowingParameters(spacing_px=SIDE)
+P = KltTrackingParameters(spacing_px=SIDE)
 WIDTH, HEIGHT = 256, 160
 ROWS, COLUMNS = HEIGHT // SIDE, WIDTH // SIDE
 NOWHERE = np.zeros((ROWS, COLUMNS), np.bool_)
@@ -88,7 +88,7 @@ def test_around_a_moving_point_its_square_and_the_next_ones_are_marked() -> None
 @quick
 @given(sides, st.integers(20, 700), st.integers(20, 400))
 def test_squares_cover_the_whole_image(side: int, width: int, height: int) -> None:
-    p = FollowingParameters(spacing_px=side)
+    p = KltTrackingParameters(spacing_px=side)
     corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]])
     marked = attention((width, height), NO_BOXES, corners.astype(np.float32), p)
     assert marked.shape == (-(-height // side), -(-width // side))
@@ -103,7 +103,7 @@ def test_squares_cover_the_whole_image(side: int, width: int, height: int) -> No
 @given(seeds, st.sampled_from([8, 12, 18, 25, 32]))
 def test_points_share_a_number_if_and_only_if_they_share_a_square(seed: int, side: int) -> None:
     rng = np.random.default_rng(seed)
-    p = FollowingParameters(spacing_px=side)
+    p = KltTrackingParameters(spacing_px=side)
     marked = rng.random((-(-HEIGHT // side), -(-WIDTH // side))) < 0.3
     px = np.floor(scattered(seed, 120) * 8) / 8
     number = grid_cells(px.astype(np.float32), marked, p)
@@ -243,7 +243,7 @@ def test_a_corner_is_found_where_it_is_and_the_stronger_one_wins() -> None:
 @quick
 @given(seeds, sides)
 def test_equal_images_give_equal_points(seed: int, side: int) -> None:
-    p = FollowingParameters(spacing_px=side)
+    p = KltTrackingParameters(spacing_px=side)
     rng = np.random.default_rng(seed)
     marked = rng.random((-(-HEIGHT // side), -(-WIDTH // side))) < 0.3
     taken = np.unique(grid_cells(scattered(seed, 40), marked, p))

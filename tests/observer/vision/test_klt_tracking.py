@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from observer.parameters import FollowingParameters
+from observer.parameters import KltTrackingParameters
 from observer.types import Image
 from observer.vision.klt_tracking import Sightings, as_bright_as, match_right, track_stereo_points
 
 from ..builders import Texture, as_image, pixel_grid
 
 quick = settings(deadline=None, max_examples=25)
-P = FollowingParameters()
+P = KltTrackingParameters()
 WIDTH, HEIGHT = 256, 160
 DISPARITY = 9.6
 WALL, BOARD = Texture(1), Texture(2)
@@ -55,7 +55,7 @@ def followed(
     expected_px: np.ndarray | None = None,
     disparity: float | np.ndarray = DISPARITY,
     levels: int = 2,
-    parameters: FollowingParameters = P,
+    parameters: KltTrackingParameters = P,
 ) -> Sightings:
     """Points of the wall, expected where they were unless told otherwise."""
     return track_stereo_points(
@@ -258,7 +258,7 @@ def test_no_points() -> None:
 
 
 def normalised_errors(
-    noise: float, contrast: float, parameters: FollowingParameters
+    noise: float, contrast: float, parameters: KltTrackingParameters
 ) -> tuple[np.ndarray, np.ndarray]:
     """Errors of position (N, 2) and disparity (N,) over their stated standard deviations."""
     position, disparity = [], []

@@ -9,7 +9,7 @@ import pytest
 
 from observer.errors import ParameterError
 from observer.observer import Observer
-from observer.parameters import FollowingParameters, Parameters, parameter_schema
+from observer.parameters import KltTrackingParameters, Parameters
 from observer.types import FullTrace, Status
 from observer.vision.features import strongest_first
 from observer.vision.keypoints import grid_cells, new_keypoints, strongest_corners
@@ -17,11 +17,13 @@ from observer.vision.keypoints import grid_cells, new_keypoints, strongest_corne
 from ..builders import Texture, as_image
 from ..conftest import OpenClip
 
-DETECTORS = next(e["choices"] for e in parameter_schema() if e["name"] == "features.detector")
+DETECTORS = next(e["choices"] for e in Parameters.declared() if e["name"] == "features.detector")
 SPEC = "simulated:lateral"
 FRAMES = 22
 IMAGE = as_image(Texture(3).moved(), noise=1.0)
-NOWHERE = np.zeros([-(-side // FollowingParameters().spacing_px) for side in IMAGE.shape], np.bool_)
+NOWHERE = np.zeros(
+    [-(-side // KltTrackingParameters().spacing_px) for side in IMAGE.shape], np.bool_
+)
 NONE_TAKEN = np.zeros(0, np.intp)
 
 
@@ -49,18 +51,18 @@ def test_every_detector_finds_the_robot_that_crosses(detector: str, clip: OpenCl
 def test_every_empty_square_gets_the_detector_s_strongest_point(detector: str) -> None:
     p = using(detector)
     px = new_keypoints(IMAGE, NONE_TAKEN, NOWHERE, p)
-    square = grid_cells(px, NOWHERE, p.following)
+    square = grid_cells(px, NOWHERE, p.klt_tracking)
     assert len(px) > 20
     assert len(np.unique(square)) == len(px)
     if detector == "shi_tomasi":
         np.testing.assert_array_equal(
-            px, strongest_corners(IMAGE, NONE_TAKEN, NOWHERE, p.following)
+            px, strongest_corners(IMAGE, NONE_TAKEN, NOWHERE, p.klt_tracking)
         )
         return
     found = {tuple(each) for each in strongest_first(IMAGE, p.features, 8 * NOWHERE.size)}
     assert {tuple(each) for each in px} <= found
     some = square[::2]
-    left = grid_cells(new_keypoints(IMAGE, some, NOWHERE, p), NOWHERE, p.following)
+    left = grid_cells(new_keypoints(IMAGE, some, NOWHERE, p), NOWHERE, p.klt_tracking)
     assert sorted(left) == sorted(set(square) - set(some))
 
 
@@ -87,7 +89,7 @@ def test_one_camera_follows_what_the_detector_found(clip: OpenClip) -> None:
     frames = clip("simulated:lateral", 3).frames
     seen = []
     for detector in ("shi_tomasi", "kaze"):
-        p = using(detector).changed({"ego_motion.model": "one_camera", "one_camera.height_m": 0.3})
+        p = using(detector).changed({"ego_motion.model": "monocular", "monocular.height_m": 0.3})
         observer, trace = Observer(clip(SPEC, 1).calibration, p), FullTrace()
         for frame in frames:
             observer.observe(frame, trace)

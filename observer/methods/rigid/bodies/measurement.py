@@ -112,7 +112,7 @@ def measure_body(
     spread: Float64Array,
     T_camera_world: Pose,
     step_covariance: Float64Array,
-    shared_error: float,
+    noise_correlation: float,
 ) -> BodyMeasurement:
     """The pose that brings the members nearest to where they are seen.
 
@@ -123,7 +123,7 @@ def measure_body(
         expected: (4,) predicted position, m, world, and yaw, rad; spread: (4, 4), its covariance.
         step_covariance: (6, 6) of the camera's motion over one frame (rad, m), camera axes; all
             members share this error.
-        shared_error: share of the noise that the points of a body have in common.
+        noise_correlation: share of the noise that the points of a body have in common.
     """
     cov, W = members.weighed(float(expected[3]))
     ego_noise = _ego_noise(expected[:3], T_camera_world, step_covariance)
@@ -144,7 +144,7 @@ def measure_body(
         used = max(1.0, float(np.sum(weight > 0)))
         excess = max(1.0, float((weight * squared).sum()) / (3 * used))
         inverse = np.linalg.inv(A)
-        M = inverse * (excess * (1 + shared_error * used))
+        M = inverse * (excess * (1 + noise_correlation * used))
         M[:3, :3] += ego_noise
         measured = x + inverse @ g
         before, x = x, expected + spread @ np.linalg.solve(spread + M, measured - expected)

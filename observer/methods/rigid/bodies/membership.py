@@ -76,7 +76,7 @@ def group_of(
     information = motion.own_information[members]
     L = information.sum(axis=0)
     velocity = np.linalg.solve(L, np.einsum("nij,nj->i", information, motion.own_velocity[members]))
-    cov = np.linalg.inv(L) * (1 + parameters.shared_error * len(members))
+    cov = np.linalg.inv(L) * (1 + parameters.noise_correlation * len(members))
     places = motion.position[members]
     return Group(
         members=members,

@@ -111,7 +111,7 @@ class BodyTracker:
 
         What is out of sight is known as it was when it was last seen.
         """
-        bias_px, stretch = parameters.disparity_bias_px, parameters.stretch
+        bias_px, stretch = parameters.disparity_bias_px, parameters.distortion_sigma
         for track in [t for t in self.tracks if t.missed_s == 0]:
             place = now.T_camera_world.apply(track.mean[None, POSITION])
             velocity = now.T_camera_world.rotate(track.mean[None, VELOCITY])
@@ -186,7 +186,7 @@ class BodyTracker:
                     spread,
                     now.T_camera_world,
                     now.covariance,
-                    parameters.shared_error,
+                    parameters.noise_correlation,
                 )
                 track.filter = track.filter.updated(seen.pose, seen.covariance)
                 if track.filter.manoeuvres:

@@ -32,7 +32,7 @@ from app.server.robots.wheels import WheelLog
 from app.server.runs.current_run import speed_rows, wheel_rows
 from app.server.status import status
 from app.storage import IncidentRecord, StopFigures, Storage, StorageMissing
-from observer.parameters import Parameters
+from observer.guard.parameters import AllParameters
 from observer.rig.rig import Rig
 from observer.robots.contract import RobotPort
 
@@ -112,7 +112,7 @@ async def test_a_lost_engine_keeps_the_robots_and_the_next_one_brings_others(
 async def test_the_guard_is_told_first_and_of_every_change(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
-    names = [name for name in Parameters().flat() if name.startswith("guard.")]
+    names = [name for name in AllParameters().flat() if name.startswith("guard.")]
     assert names
 
     peer.world, peer.robots = "simulated:lab/1", OWN

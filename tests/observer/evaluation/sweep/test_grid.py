@@ -16,7 +16,7 @@ TEXT = """
 preset: [default, paper]
 set:
   tracking.gate: 3
-following.spacing_px: [16, 20]
+klt_tracking.spacing_px: [16, 20]
 evidence.false_alarms_per_frame: [1e-3, 0.01, 1]
 ego_motion.model: [rigid, affine]
 """
@@ -31,7 +31,7 @@ def test_every_value_meets_every_other() -> None:
     second, last = combinations[1], combinations[-1]
     assert second.preset == "default"
     assert list(second.values.items()) == [
-        ("following.spacing_px", 16),
+        ("klt_tracking.spacing_px", 16),
         ("evidence.false_alarms_per_frame", 0.001),
         ("ego_motion.model", "affine"),
     ]
@@ -61,7 +61,7 @@ def test_default_alone_where_no_preset_is_named() -> None:
         ("evidence.radius_px: [20, 20.0]", "lists 20.0 twice"),
         ("evidence.radius_px: [20]\nevidence.radius_px: [30]", "given twice"),
         ("evidence.radius_px: [nan]", "finite number"),
-        ("following.spacing_px: [16.5]", "whole number"),
+        ("klt_tracking.spacing_px: [16.5]", "whole number"),
         ("flow.match_brightness: [yes]", "true or false"),
         ("ego_motion.model: [rigid, planar]", "one of"),
         ("preset: [best]", "paper, default"),
@@ -89,10 +89,10 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
 def huge() -> Grid:
     fitting = {
         "evidence.memory_s": [round(0.1 + 0.05 * i, 2) for i in range(100)],
-        "following.max_error": [1.0 + i / 2 for i in range(100)],
+        "klt_tracking.max_error": [1.0 + i / 2 for i in range(100)],
         "evidence.radius_px": [10.0 + i for i in range(100)],
-        "following.growth_noise": [i / 100 for i in range(100)],
-        "evidence.shared_error": [i / 100 for i in range(100)],
+        "klt_tracking.scale_change_noise": [i / 100 for i in range(100)],
+        "evidence.noise_correlation": [i / 100 for i in range(100)],
     }
     return grid_from_text("\n".join(f"{n}: {v}" for n, v in fitting.items()), "huge.yaml")
 
@@ -118,7 +118,7 @@ def test_a_lot_of_more_than_there_are_is_all() -> None:
 
 @given(st.lists(st.integers(1, 4), min_size=1, max_size=4), st.data())
 def test_a_number_stands_for_one_combination(sizes: list[int], data: st.DataObject) -> None:
-    names = ("evidence.radius_px", "evidence.memory_s", "tracking.gate", "following.max_error")
+    names = ("evidence.radius_px", "evidence.memory_s", "tracking.gate", "klt_tracking.max_error")
     lists = {n: tuple(1.0 * k + 4 for k in range(s)) for n, s in zip(names, sizes, strict=False)}
     grid = Grid(("default",), {}, lists)
     one = data.draw(st.integers(1, grid.count))

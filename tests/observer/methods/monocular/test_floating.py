@@ -10,7 +10,7 @@ from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import lines_of_sight
 from observer.methods.monocular.rays import RayPoints
 from observer.mount import CameraMount
-from observer.parameters import OneCameraParameters
+from observer.parameters import MonocularParameters
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 FLOOR = GroundPlane.below(CameraMount(0.4, np.radians(5)))
@@ -39,7 +39,7 @@ def test_what_is_far_nearer_than_its_foot_floats(nearer: float, floats: bool) ->
     _, inverse = off_ground(points, Pose.identity(), FLOOR)
     groups, significance = floating(
         points, np.zeros(len(points), np.int64), inverse, image, Pose.identity(), FLOOR, CAMERA,
-        OneCameraParameters(),
+        MonocularParameters(),
     )  # fmt: skip
     assert (groups >= 0).all() == floats
     assert (significance > 3).all() == floats
@@ -60,6 +60,6 @@ def test_what_is_farther_than_the_floor_in_reach_is_left_alone() -> None:
     _, inverse = off_ground(points, Pose.identity(), FLOOR)
     groups, _ = floating(
         points, np.zeros(len(points), np.int64), inverse, image, Pose.identity(), FLOOR, CAMERA,
-        OneCameraParameters(),
+        MonocularParameters(),
     )  # fmt: skip
     assert (groups == -1).all()

@@ -22,7 +22,7 @@ from observer.simulation.truth import SimulatedTruth
 from observer.simulation.world import World
 from observer.types import FullTrace, Observation, Status, StereoFrame, TrackState
 
-ONE_CAMERA = Parameters().changed({"ego_motion.model": "one_camera"})
+ONE_CAMERA = Parameters().changed({"ego_motion.model": "monocular"})
 LATERAL = World(load_scenario("lateral"), 3)
 SOURCE = SimulatedSource(LATERAL)
 MOUNT = SOURCE.info.mount
@@ -121,7 +121,7 @@ def test_odometry_alone_tells_metres(lateral: list[StereoFrame]) -> None:
 def test_a_given_height_counts_rather_than_the_rig(lateral: list[StereoFrame]) -> None:
     assert MOUNT is not None
     tilt = float(np.degrees(MOUNT.tilt_rad))
-    given = {"one_camera.height_m": 2 * MOUNT.height_m, "one_camera.tilt_deg": tilt}
+    given = {"monocular.height_m": 2 * MOUNT.height_m, "monocular.tilt_deg": tilt}
     seen = observe(without_odometry(lateral), parameters=ONE_CAMERA.changed(given))
     assert way_share(seen, lateral) == pytest.approx(2, abs=0.1)
 

@@ -112,7 +112,7 @@ def test_averaging_reduces_only_the_noise_that_points_do_not_share(shared: float
     for _ in range(300):
         common = rng.normal(0, sigma * np.sqrt(shared), 3)
         own = rng.normal(0, sigma * np.sqrt(1 - shared), (count, 3))
-        (found,) = detect(motions(points, truth + common + own), shared_error=shared)
+        (found,) = detect(motions(points, truth + common + own), noise_correlation=shared)
         means.append(found.velocity)
         assert found.velocity_cov is not None
         stated.append(np.sqrt(np.diag(found.velocity_cov)))
@@ -148,8 +148,8 @@ def test_no_motions_no_obstacles() -> None:
 def test_the_poses_error_is_common_to_all_points_and_not_averaged_away() -> None:
     points = blob((0, 0, 2), 100)
     velocity = np.tile([0.3, 0.0, 0.0], (100, 1))
-    (certain,) = detect(motions(points, velocity), shared_error=0.0)
-    (doubtful,) = detect(motions(points, velocity, pose_sigma=0.2), shared_error=0.0)
+    (certain,) = detect(motions(points, velocity), noise_correlation=0.0)
+    (doubtful,) = detect(motions(points, velocity, pose_sigma=0.2), noise_correlation=0.0)
     assert certain.velocity_cov is not None
     assert doubtful.velocity_cov is not None
     np.testing.assert_allclose(np.diag(certain.velocity_cov), 0.01**2)
@@ -161,7 +161,7 @@ def test_points_that_scatter_more_than_their_noise_make_the_velocity_less_certai
     points = blob((0, 0, 2), 60)
     scatter = np.random.default_rng(0).normal(0, (0.3, 0.01, 0.01), (60, 3))
     velocity = np.array([0.4, 0.0, 0.0]) + scatter
-    (found,) = detect(motions(points, velocity, sigma=0.1), shared_error=0.0)
+    (found,) = detect(motions(points, velocity, sigma=0.1), noise_correlation=0.0)
     assert found.velocity_cov is not None
     sigma = np.sqrt(np.diag(found.velocity_cov) * found.points)
     np.testing.assert_allclose(sigma, (0.3, 0.1, 0.1), rtol=0.2)

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.ego_motion import RigidEgoMotion, StaticScene, estimate_rigid_motion
-from observer.parameters import EgoMotionParameters, FollowingParameters
+from observer.parameters import EgoMotionParameters, KltTrackingParameters
 from observer.types import EgoMotion, Status
 from observer.vision.keypoints import density_weights
 
@@ -175,7 +175,7 @@ def test_a_well_textured_obstacle_cannot_outvote_the_background(seed: int) -> No
     """Two thirds of the points are on it, but in few squares of the image."""
     rng = np.random.default_rng(seed)
     crowd = both(obstacle(rng, 160, (0.05, 0.0, 0.02)), seen(rng, 80))
-    weight = density_weights(crowd.px.astype(np.float32), FollowingParameters(spacing_px=32))
+    weight = density_weights(crowd.px.astype(np.float32), KltTrackingParameters(spacing_px=32))
     ego = estimated(but(crowd, weight=weight), seed=seed)
     assert_right(ego, 1e-3, 4e-3)
     assert ego.inliers[:160].mean() < 0.1
@@ -312,19 +312,19 @@ NEES_BOUNDS = np.asarray(chi2.ppf([0.0005, 0.9995], 6 * DRAWS)) / DRAWS
 
 @pytest.mark.parametrize("count", [40, 120])
 def test_the_stated_covariance_is_that_of_the_errors(count: int) -> None:
-    independent = P.model_copy(update={"shared_error": 0.0})
+    independent = P.model_copy(update={"noise_correlation": 0.0})
     mean = nees(DRAWS, count, independent).mean()
     # What lies far off counts less and the worst not at all, which costs a little precision.
     assert NEES_BOUNDS[0] < mean < 1.1 * NEES_BOUNDS[1]
 
 
 def test_errors_that_points_share_are_allowed_for() -> None:
-    few = P.model_copy(update={"shared_error": 0.0})
+    few = P.model_copy(update={"noise_correlation": 0.0})
     scene = seen(np.random.default_rng(0), 100)
     alone, shared = estimated(scene, parameters=few), estimated(scene)
     assert alone.pose_covariance is not None
     assert shared.pose_covariance is not None
-    factor = 1 + P.shared_error * shared.inliers.sum()
+    factor = 1 + P.noise_correlation * shared.inliers.sum()
     np.testing.assert_allclose(shared.pose_covariance, factor * alone.pose_covariance, rtol=1e-6)
 
 

@@ -223,7 +223,7 @@ def test_other_values_of_the_same_model_leave_the_world_as_it_is(lateral: Clip) 
     observer = observer_of(lateral)
     for frame in lateral.frames[:15]:
         before = observer.observe(frame)
-    observer.use(RIGID.changed({"obstacles.coast_s": 0.5, "following.window_px": 15}), 1)
+    observer.use(RIGID.changed({"obstacles.coast_s": 0.5, "klt_tracking.window_px": 15}), 1)
     after = observer.observe(lateral.frames[15])
     assert after.segment == 0
     assert {o.id for o in after.reported} == {o.id for o in before.reported} != set()

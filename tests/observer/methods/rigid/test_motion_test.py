@@ -104,7 +104,9 @@ def likely(rate: float, draws: int) -> tuple[float, float]:
 def test_false_alarms_come_at_the_declared_rate(rate: float) -> None:
     """Where all that is assumed holds: independent errors, and nothing forgotten."""
     draws = 120
-    p = P.model_copy(update={"false_alarms_per_frame": rate, "shared_error": 0.0, "min_points": 1})
+    p = P.model_copy(
+        update={"false_alarms_per_frame": rate, "noise_correlation": 0.0, "min_points": 1}
+    )
     low, high = likely(rate, draws)
     assert low / 2 <= alarm_rate(draws, p, memory_s=1e9) <= 1.3 * high
 
@@ -249,21 +251,21 @@ def test_a_stretched_edge_of_the_image_is_no_motion() -> None:
     rng, rate = np.random.default_rng(6), CameraRate(np.zeros(3), np.array([0.0, 0.0, -12.0]))
     edge = board(rng, depth=12.0, side_px=50, count=20, centre_px=(60.0, 200.0), camera=ROAD)
     passes = rate.velocity_by_distortion(edge, np.zeros_like(edge), ROAD)
-    points = watched(ROAD, edge, P.stretch * passes, rng, frames=12)
+    points = watched(ROAD, edge, P.distortion_sigma * passes, rng, frames=12)
     assert not judged(points, camera=ROAD, rate=rate).dynamic.any()
-    strict = P.model_copy(update={"stretch": 0.0})
+    strict = P.model_copy(update={"distortion_sigma": 0.0})
     assert judged(points, camera=ROAD, rate=rate, parameters=strict).dynamic.any()
     # A camera at rest, or what moves so fast in the middle, is another matter.
     assert judged(points, camera=ROAD, rate=CameraRate.still()).dynamic.any()
     middle = board(rng, depth=12.0, side_px=50, count=20, centre_px=(600.0, 200.0), camera=ROAD)
-    points = watched(ROAD, middle, P.stretch * passes, rng, frames=12)
+    points = watched(ROAD, middle, P.distortion_sigma * passes, rng, frames=12)
     assert judged(points, camera=ROAD, rate=rate).dynamic.mean() > 0.8
 
 
 def test_errors_that_neighbours_share_are_allowed_for() -> None:
     rng = np.random.default_rng(4)
     points = watched(LAB, board(rng, side_px=20, count=40), np.array([0.2, 0, 0]), rng)
-    independent = judged(points, parameters=P.model_copy(update={"shared_error": 0.0}))
+    independent = judged(points, parameters=P.model_copy(update={"noise_correlation": 0.0}))
     shared = judged(points)
     assert (shared.significance < 0.7 * independent.significance).all()
 

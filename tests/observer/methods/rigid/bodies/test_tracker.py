@@ -58,7 +58,7 @@ def seen_from(rate: CameraRate) -> CameraStep:
 
 def errors(stretch: float) -> EvidenceParameters:
     """Lasting errors of distortion alone."""
-    return P.evidence.model_copy(update={"disparity_bias_px": 0.0, "stretch": stretch})
+    return P.evidence.model_copy(update={"disparity_bias_px": 0.0, "distortion_sigma": stretch})
 
 
 def alive(tracks: list[BodyTrack]) -> list[BodyTrack]:

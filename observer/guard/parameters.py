@@ -1,12 +1,13 @@
-"""How the robots' speed is limited: the guard's parameters, in the drive process."""
+"""Parameters of the guard, and the set of whoever observes and drives robots."""
 
 from __future__ import annotations
 
+from observer.parameters import Parameters
 from observer.parameters.fields import Real, Stage, number
 
 
 class GuardParameters(Stage):
-    """How fast the robots may drive, by what is seen and by sonar; no observation depends on it."""
+    """Speed limits of the robots, by what is seen and by sonar; no observation depends on them."""
 
     speed_max_mps: Real = number(
         0.5,
@@ -14,8 +15,8 @@ class GuardParameters(Stage):
         le=2.0,
         unit="m/s",
         step=0.05,
-        title="Highest speed",
-        help="Neither robot is driven faster, whoever asks.",
+        title="Max. speed",
+        help="Upper limit for both robots, whoever drives.",
     )
     turn_rate_max_radps: Real = number(
         1.0,
@@ -23,8 +24,8 @@ class GuardParameters(Stage):
         le=5.0,
         unit="rad/s",
         step=0.1,
-        title="Highest turn rate",
-        help="Neither robot is turned faster, whoever asks.",
+        title="Max. turn rate",
+        help="Upper limit for both robots, whoever drives.",
     )
     acceleration_mps2: Real = number(
         0.3,
@@ -33,7 +34,7 @@ class GuardParameters(Stage):
         unit="m/s^2",
         step=0.05,
         title="Acceleration",
-        help="How quickly speed rises; braking is not held back.",
+        help="Limit on how fast the speed rises; braking is not limited.",
     )
     turn_acceleration_radps2: Real = number(
         1.5,
@@ -42,7 +43,7 @@ class GuardParameters(Stage):
         unit="rad/s^2",
         step=0.1,
         title="Turn acceleration",
-        help="How quickly the turn rate rises, and what is counted on while it falls.",
+        help="Limit on how fast the turn rate rises, and the rate at which it is assumed to fall.",
     )
     deceleration_mps2: Real = number(
         0.5,
@@ -50,8 +51,8 @@ class GuardParameters(Stage):
         le=5.0,
         unit="m/s^2",
         step=0.05,
-        title="Braking",
-        help="The deceleration that is counted on; measure what the robot really does.",
+        title="Braking deceleration",
+        help="Deceleration that is assumed; measure that of your robot.",
     )
     reaction_s: Real = number(
         0.3,
@@ -60,7 +61,7 @@ class GuardParameters(Stage):
         unit="s",
         step=0.05,
         title="Reaction time",
-        help="From what happens before the cameras to where the robot begins to brake.",
+        help="From an event in front of the cameras until the robot begins to brake.",
     )
     margin_m: Real = number(
         0.08,
@@ -69,7 +70,7 @@ class GuardParameters(Stage):
         unit="m",
         step=0.01,
         title="Margin",
-        help="Distance that is kept from everything when the robot stands again.",
+        help="Distance to everything at which the robot must have stopped.",
     )
     sigmas: Real = number(
         2.0,
@@ -77,8 +78,8 @@ class GuardParameters(Stage):
         le=5.0,
         unit="standard deviations",
         step=0.5,
-        title="Uncertainty kept off",
-        help="How many standard deviations of what is measured are added to every distance.",
+        title="Uncertainty factor",
+        help="Standard deviations of the measurements that are added to every distance.",
     )
     slow_time_s: Real = number(
         2.0,
@@ -86,8 +87,8 @@ class GuardParameters(Stage):
         le=10.0,
         unit="s",
         step=0.1,
-        title="Slow within",
-        help="What would be met sooner than this makes the robot slow down in proportion.",
+        title="Slow-down time",
+        help="A shorter time to contact slows the robot down in proportion.",
     )
     creep_mps: Real = number(
         0.03,
@@ -95,8 +96,8 @@ class GuardParameters(Stage):
         le=0.5,
         unit="m/s",
         step=0.01,
-        title="Slowest speed",
-        help="Where less than this would be permitted, the robot stands.",
+        title="Min. speed",
+        help="Where less is permitted, the robot stops.",
     )
     release_s: Real = number(
         0.4,
@@ -104,9 +105,9 @@ class GuardParameters(Stage):
         le=5.0,
         unit="s",
         step=0.1,
-        title="Release after",
-        help="A limit is loosened once less is called for during this time, so that the speed "
-        "does not jump to and fro.",
+        title="Release time",
+        help="A limit is relaxed after a looser one has sufficed for this long, so that the speed "
+        "does not oscillate.",
     )
     robot_height_m: Real = number(
         0.5,
@@ -115,7 +116,7 @@ class GuardParameters(Stage):
         unit="m",
         step=0.05,
         title="Robot height",
-        help="What hangs higher than this above the floor is passed under.",
+        help="Whatever hangs higher above the ground is passed under.",
     )
     step_m: Real = number(
         0.06,
@@ -123,8 +124,8 @@ class GuardParameters(Stage):
         le=0.5,
         unit="m",
         step=0.01,
-        title="Lowest obstacle",
-        help="What rises less than this above the floor counts as floor.",
+        title="Min. obstacle height",
+        help="Whatever rises less above the ground counts as ground.",
     )
     intruder_mps: Real = number(
         0.5,
@@ -132,9 +133,9 @@ class GuardParameters(Stage):
         le=3.0,
         unit="m/s",
         step=0.1,
-        title="Unseen speed",
-        help="How fast something unseen may come into ground that was seen free a moment ago and "
-        "is not in view any more.",
+        title="Intruder speed",
+        help="Speed at which something unseen may enter ground that was seen free and is out of "
+        "view.",
     )
     memory_s: Real = number(
         1.0,
@@ -142,9 +143,9 @@ class GuardParameters(Stage):
         le=30.0,
         unit="s",
         step=0.1,
-        title="Memory of free ground",
-        help="For how long ground that was seen free counts, as far as nothing unseen can have "
-        "come in.",
+        title="Free ground memory",
+        help="Time for which ground that was seen free counts, as far as nothing unseen can have "
+        "entered it.",
     )
     sonar_stop_m: Real = number(
         0.2,
@@ -161,8 +162,8 @@ class GuardParameters(Stage):
         le=6.0,
         unit="m",
         step=0.1,
-        title="Sonar reach",
-        help="A sonar without an echo tells that its cone is clear up to here.",
+        title="Sonar range",
+        help="Without an echo, the cone of a sonar counts as free up to here.",
     )
     sonar_half_angle_deg: Real = number(
         15.0,
@@ -171,7 +172,7 @@ class GuardParameters(Stage):
         unit="deg",
         step=1.0,
         title="Sonar half angle",
-        help="Half the angle of the cone in which a sonar notices things.",
+        help="Half the angle of a sonar's cone of detection.",
     )
     sonar_fresh_s: Real = number(
         0.6,
@@ -179,8 +180,8 @@ class GuardParameters(Stage):
         le=5.0,
         unit="s",
         step=0.05,
-        title="Sonar keeps for",
-        help="A sonar's reading counts for this long; each sonar of a ring is asked in turn.",
+        title="Sonar timeout",
+        help="Time for which a reading counts; the sonars of a ring are read in turn.",
     )
     thing_width_m: Real = number(
         0.35,
@@ -188,6 +189,19 @@ class GuardParameters(Stage):
         le=1.0,
         unit="m",
         step=0.05,
-        title="Narrowest thing",
-        help="Between two sonars' cones nothing narrower than this is counted on being noticed.",
+        title="Min. obstacle width",
+        help="Narrower things between the cones of two sonars may go undetected.",
     )
+
+
+class AllParameters(Parameters):
+    """The methods' parameters and the guard's."""
+
+    guard: GuardParameters = GuardParameters()
+
+    @property
+    def vision(self) -> Parameters:
+        """Those that an observer takes: a change of the guard leaves them equal."""
+        return Parameters.model_validate(
+            {group: getattr(self, group) for group in Parameters.model_fields}
+        )

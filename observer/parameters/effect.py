@@ -1,0 +1,44 @@
+"""With which method a parameter acts: what would do nothing is named, never silently ignored."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from observer.errors import ParameterError
+from observer.parameters.groups import Parameters
+
+
+def without_effect(names: Iterable[str], model: str) -> dict[str, str]:
+    """Return the parameters that do not act on what is observed with a method.
+
+    Args:
+        names: dotted; others than those of the method are left out.
+        model: the value of ``ego_motion.model``.
+
+    Returns:
+        Dotted name -> predicate that says with which methods the parameter acts.
+    """
+    named = set(names)
+    return {
+        entry["name"]: (
+            f"has no effect on what is observed with the model {model}, which is in force; it "
+            f"acts with {' and '.join(entry['models'])}"
+            + (", and on the dense cloud with every model" if entry.get("cloud") else "")
+        )
+        for entry in Parameters.declared()
+        if entry["name"] in named and model not in entry["models"]
+    }
+
+
+def effective(parameters: Parameters, changes: Mapping[str, Any]) -> Parameters:
+    """Return the parameters with changes of which each has an effect.
+
+    Raises:
+        ParameterError: naming every refused field and its range, or else every one that does not
+            act with the method in force after the change.
+    """
+    after = parameters.changed(changes)
+    if idle := without_effect(changes, after.ego_motion.model):
+        raise ParameterError(idle)
+    return after

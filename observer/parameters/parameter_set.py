@@ -1,0 +1,147 @@
+"""Groups of parameters together: changed all or nothing, and described for forms and tables."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from copy import deepcopy
+from functools import cache
+from typing import Any, Self
+
+from pydantic import ValidationError
+
+from observer.errors import InputError, ParameterError
+from observer.parameters.fields import ParameterValue, Stage
+from observer.parameters.renamed import new_name, new_value
+
+
+class ParameterSet(Stage):
+    """Base of a set of parameters; each field is a group, a ``Stage``."""
+
+    def flat(self) -> dict[str, ParameterValue]:
+        """Return all values by dotted name, in the order of declaration."""
+        return {
+            f"{group}.{name}": value
+            for group, values in self.model_dump().items()
+            for name, value in values.items()
+        }
+
+    def changed(self, changes: Mapping[str, Any]) -> Self:
+        """Return a copy with some values replaced, all or nothing.
+
+        Args:
+            changes: dotted name -> new value.
+
+        Raises:
+            ParameterError: naming every refused field and its range, or the extra that it needs
+                and that is not installed; nothing is changed.
+        """
+        known = self.flat()
+        problems = {name: _unknown(name, known) for name in changes if name not in known}
+        nested: dict[str, dict[str, Any]] = self.model_dump()
+        for dotted, value in changes.items():
+            if dotted in known:
+                group, name = dotted.split(".")
+                nested[group][name] = value
+        try:
+            result = type(self).model_validate(nested)
+        except ValidationError as error:
+            for detail in error.errors(include_url=False, include_context=False):
+                dotted = ".".join(str(part) for part in detail["loc"][:2])
+                problems[dotted] = self.describe_range(dotted) + _renamed_value(
+                    dotted, detail["input"]
+                )
+        problems |= self._missing(nested)
+        if problems:
+            raise ParameterError(problems)
+        return result
+
+    @classmethod
+    def _missing(cls, values: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+        """Values that need what is not installed: dotted name -> sentence."""
+        del values
+        return {}
+
+    def difference(self, other: ParameterSet) -> dict[str, ParameterValue]:
+        """Return the values of ``other`` that differ from these, by dotted name."""
+        mine = self.flat()
+        return {name: value for name, value in other.flat().items() if mine[name] != value}
+
+    @classmethod
+    def own(cls, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the part of a flat map that belongs to a group of this set."""
+        return {
+            name: value for name, value in values.items() if name.split(".")[0] in cls.model_fields
+        }
+
+    @classmethod
+    def declared(cls) -> list[dict[str, Any]]:
+        """Return what a form or a table needs to know of each parameter, in order.
+
+        Keys: ``name, group, group_help, title, help, type`` (``number``, ``integer``, ``boolean``,
+        ``choice``), ``unit, default, models`` (with which ``ego_motion.model`` it acts on what is
+        observed), ``minimum, maximum, step`` or ``choices``, and ``cloud`` (True) where it acts
+        with every model on the dense cloud and the disparity that are shown.
+        """
+        return deepcopy(_declared(cls))
+
+    @classmethod
+    def describe_range(cls, dotted: str) -> str:
+        """Return the part of a sentence that states which values a parameter takes."""
+        entry = next((entry for entry in _declared(cls) if entry["name"] == dotted), None)
+        if entry is None:
+            raise InputError(f"there is no parameter named {dotted!r}")
+        if entry["type"] == "choice":
+            return f"must be one of {', '.join(entry['choices'])}"
+        if entry["type"] == "boolean":
+            return "must be true or false"
+        kind = "a whole number" if entry["type"] == "integer" else "a finite number"
+        unit = f" {entry['unit']}" if entry["unit"] else ""
+        return f"must be {kind} from {entry['minimum']:g} to {entry['maximum']:g}{unit}"
+
+
+@cache
+def _declared(parameters: type[ParameterSet]) -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = []
+    for group, group_field in parameters.model_fields.items():
+        stage = group_field.annotation
+        assert isinstance(stage, type)
+        assert issubclass(stage, Stage)
+        for name, schema in stage.model_json_schema()["properties"].items():
+            entry = {
+                "name": f"{group}.{name}",
+                "group": group,
+                "group_help": " ".join((stage.__doc__ or "").split()),
+                "title": schema["title"],
+                "help": schema["description"],
+                "unit": schema["unit"],
+                "default": schema["default"],
+                "models": schema.get("models", list(stage.models)),
+            }
+            if stage.cloud:
+                entry["cloud"] = True
+            if "enum" in schema:
+                entry |= {"type": "choice", "choices": schema["enum"]}
+            elif schema["type"] == "boolean":
+                entry |= {"type": "boolean"}
+            else:
+                entry |= {
+                    "type": schema["type"],
+                    "minimum": schema["minimum"],
+                    "maximum": schema["maximum"],
+                    "step": schema["step"],
+                }
+            entries.append(entry)
+    return entries
+
+
+def _unknown(name: str, known: Mapping[str, Any]) -> str:
+    if (now := new_name(name)) != name:
+        return f"is named {now} now"
+    near = difflib.get_close_matches(name, known, n=1)
+    return "there is no such parameter" + (f"; did you mean {near[0]}?" if near else "")
+
+
+def _renamed_value(dotted: str, value: Any) -> str:
+    now = new_value(dotted, value)
+    return f"; {value} is named {now} now" if now != value else ""

@@ -1,0 +1,303 @@
+"""Text files that people write: YAML or JSON held to a pydantic model, refused in one sentence.
+
+Every scalar stays the text it is until a model says what it means, so that ``no`` and ``12`` may
+be names and numbers keep their digits. What could grow beyond its text is refused before anything
+is built of it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Iterator
+from itertools import takewhile
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
+
+import yaml
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    PlainValidator,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from observer.errors import InputError
+
+PlainData: TypeAlias = "str | list[PlainData] | dict[str, PlainData]"
+Location: TypeAlias = "tuple[int | str, ...]"
+
+MAX_BYTES = 1_000_000
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+# Such files nest two or three deep; more is either another kind of file or an attack.
+MAX_DEPTH = 12
+# What a message begins with that goes on with the key as its subject.
+_PREDICATES = ("must ", "is ", "has ", "gives ")
+
+
+def read_bytes(path: Path, what: str) -> bytes:
+    """Return the content of a file of at most ``MAX_BYTES``; ``what`` names what it holds.
+
+    Raises:
+        InputError: the file cannot be read or is larger.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read: {error.strerror}; give the path of {what}"
+        ) from None
+    check_length(content, path.name, what)
+    return content
+
+
+def read_text(path: Path, what: str) -> str:
+    """Return the text of a file of at most ``MAX_BYTES``; ``what`` names what it holds.
+
+    Raises:
+        InputError: the file cannot be read, is larger or is no text.
+    """
+    return decoded(read_bytes(path, what), name=path.name)
+
+
+def check_length(content: bytes, name: str, what: str) -> None:
+    """Raise ``InputError`` for more than ``MAX_BYTES``."""
+    if len(content) > MAX_BYTES:
+        raise InputError(
+            f"{name}: the file is larger than the {MAX_BYTES} bytes {what} has at most"
+        )
+
+
+def decoded(content: bytes, *, name: str) -> str:
+    """Return the text that these bytes are; raise ``InputError`` where they are no UTF-8."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{name}: the file must be UTF-8 text") from None
+
+
+def parse_text(
+    text: str, *, name: str, what: str, form: str, most: int = MAX_BYTES
+) -> dict[str, PlainData]:
+    """Return the top-level mapping of a YAML or JSON text, every scalar as text.
+
+    Args:
+        name: what the text is called in messages, mostly a file's name.
+        what: what it holds, as in ``a rig``. form: what it must be written as, as in ``YAML``.
+        most: characters it may have.
+
+    Raises:
+        InputError: the text is too long, is not text, is cut off or otherwise malformed, uses
+            YAML aliases, repeats a key, or holds no mapping.
+    """
+    text = checked_text(text, name=name, what=what, form=form, most=most)
+    # OpenCV writes "%YAML:1.0", which is no directive of YAML. Blanked, so that lines still count.
+    text = re.sub(r"\A(\s*)%YAML[^\n]*", r"\1", text)
+    try:
+        data = _document(yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        # For libyaml a text that is cut off ends in the line behind its last.
+        last = text.count("\n")
+        where = f" in line {min(mark.line, last) + 1}" if mark is not None else ""
+        problem = getattr(error, "problem", None) or "it cannot be read"
+        # JSON is YAML, but who wrote JSON need not know.
+        notation = "JSON" if text.lstrip().startswith("{") else "YAML"
+        raise InputError(
+            f"{name}: the file is cut off or not valid {notation}{where}: {problem}"
+        ) from None
+    if not isinstance(data, dict):
+        raise InputError(f"{name}: the file holds no keys with values; it must be {form}")
+    return data
+
+
+def checked_text(text: str, *, name: str, what: str, form: str, most: int) -> str:
+    """Return a text without byte order mark; raise ``InputError`` for one that is none, empty or
+    too long."""
+    if len(text) > most:
+        raise InputError(f"{name}: {what} has at most {most} characters, not {len(text)}")
+    if re.search(r"[\ud800-\udfff]", text):
+        raise InputError(f"{name}: the file must be UTF-8 text")
+    if re.search(r"[\x00-\x08\x0e-\x1f\x7f]", text):
+        raise InputError(f"{name}: the file must be text, but it holds control characters")
+    text = text.removeprefix("\ufeff")
+    if not text.strip():
+        raise InputError(f"{name}: the file is empty; it must be {form}")
+    # OpenCV escapes the apostrophe in strings, which neither YAML nor JSON knows.
+    return re.sub(r"(\\\\)|\\'", lambda found: found.group(1) or "'", text)
+
+
+def _document(events: Iterator[Any]) -> PlainData:
+    """Return what the parser's events tell; comments alone are an empty mapping."""
+    data: PlainData = {}
+    for number, _ in enumerate(e for e in events if isinstance(e, yaml.DocumentStartEvent)):
+        if number:
+            raise InputError("the file holds more than one YAML document; all keys must be in one")
+        data = _value(events, next(events), 0)
+    return data
+
+
+def _value(events: Iterator[Any], event: Any, depth: int) -> PlainData:
+    line = event.start_mark.line + 1
+    if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
+        raise InputError(
+            f"line {line} uses a YAML alias or anchor (*name, &name); write every value out"
+        )
+    if depth > MAX_DEPTH:
+        raise InputError("the file is nested too deeply")
+    if isinstance(event, yaml.ScalarEvent):
+        return str(event.value)
+    if isinstance(event, yaml.SequenceStartEvent):
+        items = takewhile(lambda item: not isinstance(item, yaml.SequenceEndEvent), events)
+        return [_value(events, item, depth + 1) for item in items]
+    result: dict[str, PlainData] = {}
+    while not isinstance(event := next(events), yaml.MappingEndEvent):
+        key = _value(events, event, depth + 1)
+        if not isinstance(key, str):
+            raise InputError(f"a key of the mapping in line {line} is not a plain word")
+        if key in result:
+            raise InputError(f"{key[:60]} is given twice; keep one of them")
+        result[key] = _value(events, next(events), depth + 1)
+    return result
+
+
+class FileModel(BaseModel):
+    """A mapping of a file.
+
+    A validator raises ``ValueError`` with a message that goes on with its key ("must be ..."), or
+    with ``{at}`` where the key stands within it.
+
+    Attributes:
+        noun: what it is; where it is given, keys that are not declared are refused.
+        form: what follows "must" where there is no mapping. missing: what is said of a key that
+            is not there. unset: texts of a key that is as one that is not there.
+    """
+
+    model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
+
+    noun: ClassVar[str] = ""
+    form: ClassVar[str] = "hold keys with values"
+    missing: ClassVar[str] = "is missing"
+    unset: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def unknown(cls, key: str) -> str:
+        """Return the message on a key that is not declared."""
+        near = difflib.get_close_matches(key, cls.model_fields, n=1, cutoff=0.4)
+        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(cls.model_fields)}"
+        return f"is no key of {cls.noun}; {hint}"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys(cls, data: Any) -> Any:
+        data = {} if data in cls.unset else data
+        if not isinstance(data, dict):
+            raise ValueError(f"must {cls.form}, not {shown(data)}")
+        for key in data:
+            if cls.noun and key not in cls.model_fields:
+                raise _key_error(key, cls.unknown(key))
+        data = {key: value for key, value in data.items() if value not in cls.unset}
+        for key, field in cls.model_fields.items():
+            if field.is_required() and key not in data:
+                raise _key_error(key, cls.missing)
+        return data
+
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def _key_error(key: str, message: str) -> PydanticCustomError:
+    return PydanticCustomError("key", "{message}", {"key": key, "message": message})
+
+
+def dotted(location: Location) -> str:
+    """Return a place in a file as ``mount.height_m``."""
+    return ".".join(str(part)[:60] for part in location)
+
+
+def validated(
+    model: type[ModelT], data: Any, name: str, place: Callable[[Location], str] = dotted
+) -> ModelT:
+    """Return the model of a file's data.
+
+    Args:
+        name: what the file is called in messages.
+        place: how messages call a place in it.
+
+    Raises:
+        InputError: one sentence that names the file, the key and what would be right.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{name}: {problem(error, place)}") from None
+
+
+def problem(error: ValidationError, place: Callable[[Location], str] = dotted) -> str:
+    """Return what pydantic found first, as one sentence that names the place."""
+    first = error.errors(include_url=False)[0]
+    location, context = first["loc"], first.get("ctx", {})
+    message = first["msg"].removeprefix("Value error, ")
+    message = message[:1].lower() + message[1:]
+    if first["type"] == "key":
+        location = (*location, context["key"])
+    return sentence(place(location), message)
+
+
+def sentence(where: str, message: str) -> str:
+    """Return the message on a place in a file, with the place."""
+    if "{at}" in message:
+        return message.replace("{at}", where)
+    if not where:
+        return message
+    return f"{where}{' ' if message.startswith(_PREDICATES) else ': '}{message}"
+
+
+def shown(value: PlainData) -> str:
+    """Return a value as a message shows it."""
+    return repr(value[:40]) if isinstance(value, str) else "several values"
+
+
+def one_of(table: dict[str, Any], message: str) -> PlainValidator:
+    """Validate a word of a table, whose value is taken; ``message`` shows ``{given}``."""
+
+    def look_up(value: PlainData) -> Any:
+        if isinstance(value, str) and value in table:
+            return table[value]
+        raise ValueError(message.format(given=shown(value)))
+
+    return PlainValidator(look_up)
+
+
+def word(message: str) -> BeforeValidator:
+    """Validate a text; ``message`` is said of lists and mappings."""
+
+    def check(value: PlainData) -> str:
+        if not isinstance(value, str):
+            raise ValueError(message)
+        return value
+
+    return BeforeValidator(check)
+
+
+def _number(value: PlainData) -> float:
+    if not isinstance(value, str) or NUMBER.fullmatch(value) is None:
+        raise ValueError(f"must be a plain number, not {shown(value)}")
+    # Digits enough give infinity, which who takes the number refuses.
+    return float(value)
+
+
+Number = Annotated[float, PlainValidator(_number)]
+Flag = Annotated[
+    bool,
+    one_of(
+        {"true": True, "True": True, "false": False, "False": False},
+        "must be true or false, not {given}",
+    ),
+]
