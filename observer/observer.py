@@ -197,7 +197,7 @@ class Observer:
         return View.of(frame, gray, as_gray(right))
 
     def _noted_order(self, frame: StereoFrame) -> tuple[str, ...]:
-        """What to say of the order of the frames; time that runs backwards begins a segment."""
+        """Describe the order of the frames; time that runs backwards begins a segment."""
         before, self._newest = self._newest, (frame.index, frame.time)
         if before is None:
             return ()

@@ -1,1 +1,1 @@
-"""How moving obstacles are found: one module for each method, and the contract they fulfil."""
+"""Methods that find moving obstacles: one package each, and the contract they fulfil."""

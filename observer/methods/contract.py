@@ -1,4 +1,4 @@
-"""What a method of finding moving obstacles is: the paper's planar one, or motion in space."""
+"""Contract of the methods that find moving obstacles, planar or in space."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ StageTimer = Callable[[str], AbstractContextManager[None]]
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What a method found between an earlier frame and this one.
+    """Result of a method between an earlier frame and this one.
 
     Attributes:
         ego: the camera's own motion, with status and reasons.

@@ -1,4 +1,4 @@
-"""How fast the world passes the camera, and what lasting errors of calibration make of it."""
+"""Motion of the camera per second, and the velocity errors that miscalibration causes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class CameraRate:
 
     @staticmethod
     def still() -> CameraRate:
-        """That of a camera that does not move."""
+        """Rate of a camera that does not move."""
         return CameraRate(np.zeros(3), np.zeros(3))
 
     @staticmethod

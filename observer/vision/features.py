@@ -71,7 +71,7 @@ def spread(
     columns: int,
     max_count: int,
 ) -> NDArray[np.intp]:
-    """Which points to keep so that every cell of a grid gets an equal share.
+    """Select the points to keep so that every cell of a grid gets an equal share.
 
     A well textured obstacle would otherwise hold most of the points and be taken for the
     background.

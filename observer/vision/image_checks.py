@@ -1,4 +1,4 @@
-"""Whether what the two cameras deliver can be used: exposure, frozen images, rows, their order.
+"""Checks of a stereo pair: exposure, frozen images, row alignment, swapped sides.
 
 Every check takes arrays and answers with one sentence, or with None where nothing is wrong. The
 thresholds were set on all built-in scenarios with several seeds and on three drives of KITTI; each
@@ -38,7 +38,7 @@ _DETAIL_ROWS = 4
 
 
 def exposure_reason(left: Image, right: Image) -> str | None:
-    """Whether a rectified pair is black, white, covered, blurred in one eye or unequally bright.
+    """Check whether a rectified pair is black, white, covered, blurred or unequally bright.
 
     Takes 0.05 to 0.1 ms, whatever the size.
 
@@ -73,7 +73,7 @@ def exposure_reason(left: Image, right: Image) -> str | None:
 def frozen_reason(
     previous_left: Image, previous_right: Image, left: Image, right: Image
 ) -> str | None:
-    """Whether a camera delivered the same picture twice in a row.
+    """Check whether a camera delivered the same image twice in a row.
 
     No sensor does: its noise alone changes pixels. Pictures without noise (drawn ones, a video
     that repeats frames) may be equal while everything stands still; then nothing is lost, for
@@ -98,7 +98,7 @@ def frozen_reason(
 
 @dataclass(frozen=True)
 class VerticalError:
-    """How far the rows of a rectified pair are apart: v_left - v_right of the same points.
+    """Vertical disparity of a rectified pair: v_left - v_right of the same points.
 
     Attributes:
         median_px: the median, signed. centre_px: the fitted plane at the principal point.
@@ -185,7 +185,7 @@ def vertical_error(
 
 
 def rectification_reason(error: VerticalError | None, warn_px: float = 1.0) -> str | None:
-    """Whether the rows of the rectified pair are too far apart for matching along rows.
+    """Check whether the rows of a rectified pair are too far apart for matching along rows.
 
     Block matching loses its support within one to two pixels, hence ``warn_px``. What stands
     above it by less than three of its standard deviations is not reported.
@@ -213,7 +213,7 @@ _SWAP_RATIO = 2.0
 
 
 def swapped_reason(left: Image, right: Image, max_disparity_px: int) -> str | None:
-    """Whether left and right are swapped: then nothing has its partner further to the left.
+    """Check whether left and right are swapped: then no match lies further to the left.
 
     Block matching of the pair in both orders; disparities below one pixel, where the order makes
     no difference, do not count. Takes 2 ms at 512x256 and 3 ms at 1242x375, so it is meant to be

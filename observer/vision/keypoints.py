@@ -1,4 +1,4 @@
-"""Which points are worth following: evenly over the image, more densely where things move."""
+"""Choice of the points to track: evenly over the image, more densely where things move."""
 
 from __future__ import annotations
 

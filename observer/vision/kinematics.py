@@ -1,4 +1,4 @@
-"""What follows from an obstacle's place and velocity, told alike by every method."""
+"""Quantities derived from an obstacle's position and velocity, alike for every method."""
 
 from __future__ import annotations
 
@@ -35,5 +35,5 @@ def closing_speed(
 
 
 def out_of_sight(missed_s: float, known: str) -> str:
-    """Why an obstacle counts although it was not seen for so many seconds, with what is known."""
+    """Explain a coasting obstacle: not seen for so many seconds, and what is known of it."""
     return f"not seen for {missed_s:.1f} s, expected where it should be by now; {known}"

@@ -32,7 +32,7 @@ _LEAST_TEXTURE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Sightings:
-    """Where N followed points are in a new pair.
+    """Positions of N tracked points in a new pair.
 
     Attributes:
         px: (N, 2) float32 pixels, left image. right_px: (N, 2) float32, right image; NaN where
@@ -144,7 +144,7 @@ def match_right(
     parameters: KltTrackingParameters,
     levels: int = _COARSE_LEVELS,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Where points (N, 2) of the left image are in the right one, (N, 2) float32 pixels.
+    """Match points (N, 2) of the left image in the right one, (N, 2) float32 pixels.
 
     NaN where it is not known beforehand to within a few pixels, where Lucas-Kanade loses it, and
     where the match lies off the row by more than ``row_px``. Also (N,) grey levels: by how much
@@ -253,7 +253,7 @@ def _lucas_kanade(
     min_texture: float,
     want_texture: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:
-    """Where points are, whether they were found, and how well they match or can be matched.
+    """Track points from one image to another, with the quality of the match or of the texture.
 
     Args:
         px, start: (N, 2) in the first image, and about where in the second; None: where they were.

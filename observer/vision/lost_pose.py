@@ -25,7 +25,7 @@ def without_pose(obstacle: Obstacle) -> Obstacle:
 def while_lost(
     last: Iterable[tuple[Obstacle, float]], elapsed_s: float, coast_s: float
 ) -> tuple[Obstacle, ...]:
-    """What is reported while nothing can be measured.
+    """Return the obstacles that are reported while nothing can be measured.
 
     The camera is taken to stand where it was last, for the sake of its own view alone; what has
     not been seen for longer than obstacles coast is left out.

@@ -38,7 +38,7 @@ _MAX_REACH_GAP_S = 0.15
 
 @dataclass(frozen=True, eq=False)
 class CameraMotion:
-    """How the camera moved between two frames.
+    """Motion of the camera between two frames.
 
     Attributes:
         time: of the later frame, seconds. dt: between the two, seconds.
@@ -77,7 +77,7 @@ class CameraMotion:
 
 @dataclass(frozen=True)
 class ImageReach:
-    """How far apart from where it is expected a feature can still be found.
+    """Distance from its predicted position at which a feature can still be found.
 
     Attributes:
         focal_px: focal length. depth_m: median depth of the points that gave the motion.
@@ -112,7 +112,7 @@ class MotionGate:
         covariance: Float64Array | None,
         reach: ImageReach | None,
     ) -> str | None:
-        """Why this motion cannot be true, in one sentence, or None; then it is remembered.
+        """Return why this motion cannot be true, in one sentence; else None, and remember it.
 
         Args:
             time: of the later frame, seconds. dt: between the two, seconds.
@@ -129,7 +129,7 @@ class MotionGate:
 def jump_reason(
     motion: CameraMotion, recent: Sequence[CameraMotion], reach: ImageReach | None = None
 ) -> str | None:
-    """Whether a motion contradicts the plausible ones before it.
+    """Return why a motion contradicts the plausible ones before it, or None.
 
     A body cannot change its velocity faster than its drive, its brakes or a bump allow, and a
     motion that would have moved the picture further than features can be followed was not found

@@ -1,4 +1,4 @@
-"""What points have in common with those beside them: sums over neighbours, and groups."""
+"""Neighbourhoods of points: sums over neighbours, and connected groups."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ class Rectification:
     def rectify_points(
         self, left_px: ArrayLike, right_px: ArrayLike
     ) -> tuple[Float64Array, Float64Array]:
-        """Where pixels of the images as taken lie in the rectified ones: (N, 2) and (M, 2).
+        """Map pixels of the original images to the rectified ones: (N, 2) and (M, 2).
 
         Also outside the rectified images' frames.
 
@@ -320,7 +320,7 @@ def _maps(calibration: StereoCalibration, side: _Side, R: Float64Array, P: Float
 
 
 def _is_one_view(fixed: NDArray[np.int16], size: tuple[int, int]) -> bool:
-    """Whether a map takes its pixels from inside the image, neighbours from neighbours."""
+    """Return whether a map takes its pixels from inside the image, neighbours from neighbours."""
     # Every 16th pixel shows a fold. alpha 0 rests on a grid of 9 x 9 points, hence the margin.
     u, v = fixed[::16, ::16, 0].astype(int), fixed[::16, ::16, 1].astype(int)
     margin = 0.02 * max(size)

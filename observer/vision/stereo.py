@@ -160,5 +160,5 @@ def point_cloud(
 
 
 def _disparities(parameters: StereoParameters) -> int:
-    """How many disparities are searched: OpenCV wants a multiple of 16."""
+    """Number of disparities that are searched: OpenCV wants a multiple of 16."""
     return -(-parameters.max_disparity_px // 16) * 16

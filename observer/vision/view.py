@@ -36,7 +36,7 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class StereoRows:
-    """Where N points of the left image were found in the right one, to check the calibration.
+    """Stereo matches of N points of the left image, to check the calibration.
 
     Attributes:
         px: (N, 2) pixels, left image. offset_px: (N,) left minus right row, pixels.

@@ -1,1 +1,1 @@
-"""What one camera goes by: lines of sight, depth by travel, the ground, what keeps its metres."""
+"""The monocular method: depth by travel, scale by the ground plane and odometry."""

@@ -1,4 +1,4 @@
-"""What comes along its line of sight: its depth by travel does not fit its foot on the ground.
+"""Obstacles on the line of sight: their depth by travel does not fit their foot on the ground.
 
 A point that comes towards the camera stays on its line of sight and looks like one that stands
 nearer. Such a group then floats: where it ends below, the ground is much farther away. What really

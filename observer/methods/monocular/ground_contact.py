@@ -1,4 +1,4 @@
-"""Where an obstacle touches the ground: its lowest edge in the image, and that place."""
+"""Ground contact of an obstacle: its lowest edge in the image, and that place."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def ground_place(
     ground: GroundPlane,
     camera: StereoCamera,
 ) -> tuple[Float64Array, Float64Array] | None:
-    """Where on the ground a pixel lies: (2,) metres in the ground's axes, and covariance (2, 2).
+    """Project a pixel onto the ground: (2,) metres in its axes, and covariance (2, 2).
 
     None above the horizon. The covariance is that of the pixel alone; see ``shared_covariance``.
     """

@@ -25,7 +25,7 @@ _LEAST_FLOATING = 4
 
 
 class GroundObstacles:
-    """What moves over the ground; without a known ground there is nothing to place it on."""
+    """Obstacles on the ground; without a known ground plane there is nothing to place them on."""
 
     def __init__(
         self, camera: StereoCamera, ground: GroundPlane | None, numbers: Iterator[int] | None

@@ -355,7 +355,7 @@ def _union(a: Box, b: Box) -> Box:
 
 
 def _near(a: Box, b: Box) -> bool:
-    """Whether two boxes touch, but for a gap that is small against them."""
+    """Return whether two boxes touch, but for a gap that is small against them."""
     both = _union(a, b)
     across = (a[2] - a[0]) + (b[2] - b[0]) - (both[2] - both[0])
     down = (a[3] - a[1]) + (b[3] - b[1]) - (both[3] - both[1])

@@ -1,4 +1,4 @@
-"""How one camera begins: two views far enough apart, and one thing that tells metres."""
+"""Initialization from two views far enough apart, and one thing that gives the scale."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LEAST_SLOPE = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Initialization:
-    """What two views tell, in metres.
+    """Result of the initialization, in metres.
 
     Attributes:
         T_now_first: the camera's motion between them. points: those that agree, with depth.

@@ -22,7 +22,7 @@ NEAREST_M, FARTHEST_M = 0.15, 60.0
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """Where N standing points must be seen from a pose.
+    """Predicted sightings of N static points from a pose.
 
     Attributes:
         px: (N, 2) pixels; NaN behind the camera. by_inverse: (N, 2) px m, derivative by the
@@ -48,7 +48,7 @@ def lines_of_sight(
 
 
 def expected_sightings(points: RayPoints, T_camera_world: Pose, camera: StereoCamera) -> Expected:
-    """Where the points must be seen if they stand, and how that depends on depth and pose."""
+    """Predict the points' sightings if they are static, with derivatives by depth and pose."""
     # Times the inverse depth, so that it holds at infinity, too.
     gap = T_camera_world.apply(points.centre)
     inverse = np.clip(points.inverse, 1 / FARTHEST_M**2, 1 / NEAREST_M)

@@ -159,7 +159,7 @@ class MonocularMethod:
 
     @property
     def _support(self) -> tuple[CameraMount, GroundPlane] | None:
-        """What keeps the camera at its height, where both are known."""
+        """Mount and ground plane, which keep the camera at its height; None where unknown."""
         if self._mount is None or self._ground is None:
             return None
         return self._mount, self._ground
@@ -169,7 +169,7 @@ class MonocularMethod:
     def _expectation(
         self, previous: View, view: View, dt: float
     ) -> tuple[Pose, NDArray[np.float64]]:
-        """About where the camera is now, and how sure that is (6, 6), information."""
+        """Predict the camera's pose, and its information (6, 6)."""
         T = self._T_camera_world
         if self._mount is not None and previous.odometry and view.odometry:
             step, way, turn = driven_step(previous.odometry, view.odometry, self._mount)

@@ -1,4 +1,4 @@
-"""Which points of one camera cannot stand: they leave their line of sight, or lie below the ground.
+"""Test of motion for one camera: moving points leave their line of sight or the ground plane.
 
 Evidence is pooled over neighbours in the image that move alike, against a declared rate of false
 alarms, as with two cameras. What moves along the line of sight stays on it: it betrays itself by

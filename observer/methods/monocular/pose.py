@@ -30,7 +30,7 @@ _NOD_SIGMA, _BOB_SIGMA_M = 0.004, 0.005
 
 @dataclass(frozen=True, eq=False)
 class PoseEstimate:
-    """Where the camera is.
+    """Estimated pose of the camera.
 
     Attributes:
         T_camera_world: the pose. covariance: (6, 6) as a rotation vector (rad) and a translation

@@ -1,4 +1,4 @@
-"""What is known of which points can stand, as one stage finds it and others use it."""
+"""Evidence of motion along lines of sight, as the motion test finds it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from observer.geometry import Float64Array
 
 @dataclass(frozen=True, eq=False)
 class RayEvidence:
-    """What is known of the motion of N points in the image beyond standing.
+    """Motion of N points in the image beyond that of static ones.
 
     Attributes:
         significance: (N,) standard deviations; 0 where nothing can be said.

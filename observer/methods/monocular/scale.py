@@ -1,4 +1,4 @@
-"""How many metres a unit of the map is: by the ground below the camera, and by odometry."""
+"""Scale of the map: metres by the ground plane below the camera, and by odometry."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _WAY_M = 0.12
 
 @dataclass(frozen=True)
 class Scale:
-    """What is known of the map's scale.
+    """Estimate of the map's scale.
 
     Attributes:
         sigma: one standard deviation, as a share.
@@ -115,7 +115,7 @@ def odometry_scale(
 
 
 def _densest(value: Float64Array, noise: Float64Array) -> float:
-    """Where most values lie, each as wide as its noise."""
+    """Mode of the values, each as wide as its noise."""
     grid = np.linspace(value.min(), value.max(), 400)
     width = np.hypot(noise, 0.03)
     density = np.exp(-0.5 * ((grid[:, None] - value) / width) ** 2).sum(axis=1)

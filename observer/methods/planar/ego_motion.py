@@ -161,7 +161,7 @@ def estimate_ego_motion(
 
 @dataclass(frozen=True)
 class AffineDecomposition:
-    """What the six parameters mean, by the operations of the paper's table I.
+    """Decompose the six parameters into the operations of the paper's table I.
 
     The linear part is rotation(angle) x [[scale_x, shear x scale_y], [0, scale_y]] with the
     rotation in the table's sign convention [[cos, sin], [-sin, cos]].

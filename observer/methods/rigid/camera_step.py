@@ -15,7 +15,7 @@ from observer.vision.rigid_ego_motion import RigidEgoMotion
 
 @dataclass(frozen=True, eq=False)
 class CameraStep:
-    """Where the camera is now, and how it came there.
+    """Pose of the camera now, and its motion over the frame.
 
     Attributes:
         camera: the rectified pair.

@@ -133,7 +133,7 @@ def estimate_rigid_motion(
 
 
 def _shared(count: int, parameters: EgoMotionParameters) -> float:
-    """By how much errors that points share make the result worse than independent ones would."""
+    """Factor by which correlated noise makes the result worse than independent noise would."""
     return 1 + parameters.noise_correlation * count
 
 
@@ -153,7 +153,7 @@ def _lost(camera: StereoCamera, count: int, reason: str) -> RigidEgoMotion:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """How N points fit a pose: whitened residuals (3, N), their lengths (N,), the inliers (N,)."""
+    """Fit of N points to a pose: whitened residuals (3, N), their lengths (N,), inliers (N,)."""
 
     white: Float64Array
     mahalanobis: Float64Array
@@ -200,7 +200,7 @@ def _judged(
     parameters: EgoMotionParameters,
     most_sigmas: float,
 ) -> _Fit:
-    """How the points fit: within the threshold, allowing for how well each one's place is known."""
+    """Fit of the points: inliers within the threshold, allowing for each position's covariance."""
     r = points.residuals(pose, camera)
     white = linear.whitened(r)
     squared = (white * white).sum(axis=0)
@@ -261,7 +261,7 @@ def _ransac(
 
 
 def _samples(explained: NDArray[np.bool_], weight: Float64Array) -> float:
-    """How many samples are wanted to draw one without outliers, almost surely.
+    """Number of samples needed to draw one without outliers, almost surely.
 
     Args:
         explained: (K,) which judges the best pose so far explains. weight: (K,) of each.

@@ -121,7 +121,7 @@ class RigidMethod:
         return self._last.rate.over(dt) @ self._last.T_camera_world
 
     def _expectation(self, T_expected: Pose, dt: float, p: Parameters) -> Expectation:
-        """Where each point should be seen: static ones where they were, members on their bodies."""
+        """Predict each point: static ones stay in the world, members move with their bodies."""
         place, _ = self._points.sums.static_position()
         body = self._tracker.expected_at(self._points, place, dt, p.obstacles)
         place = np.where(np.isfinite(body), body, place)
@@ -179,7 +179,7 @@ class RigidMethod:
         now: CameraStep,
         p: Parameters,
     ) -> WorldSightings:
-        """Where the points are in the world, with the noise that the background shows."""
+        """Locate the points in the world, with the noise that the background shows."""
         self._noise += _NOISE_GAIN * (max(ego.noise_scale, p.evidence.least_noise) - self._noise)
         return world_sightings(points, sigma * self._noise, now.T_world_camera, self._camera)
 

@@ -1,4 +1,4 @@
-"""Which points move: evidence pooled over neighbours in space, against all known errors."""
+"""Test of motion: evidence pooled over neighbours in space, against all known errors."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _LEAST_REMAINDER = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class _OwnMotion:
-    """What each of N points tells of its motion by itself.
+    """Motion of N points, each by itself.
 
     Attributes:
         ready: (N,) whether it was seen often enough, from more than one direction.
@@ -101,7 +101,7 @@ def group_dynamic(
 
 
 def _own_motion(points: TrackedPoints, parameters: EvidenceParameters) -> _OwnMotion:
-    """How each point moves by itself, its covariance made larger for scatter beyond the noise."""
+    """Motion of each point by itself, its covariance inflated by scatter beyond the noise."""
     information, vector = points.sums.velocity_information()
     ready = (points.sightings >= parameters.min_sightings) & np.isfinite(vector).all(axis=1)
     # Seen along one line only, or always at one instant, a point's velocity is unknown.

@@ -1,4 +1,4 @@
-"""What is known of the motion of each followed feature, where evidence is gathered over time."""
+"""Motion of each tracked feature, as it is shown and explained."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known of the motion of the followed points, as one stage finds it and others use it."""
+"""Motion of the tracked points, as the motion test finds it and the bodies use it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from observer.geometry import Float64Array
 
 @dataclass(frozen=True, eq=False)
 class PooledMotion:
-    """What is known of the motion of N points, pooled over their neighbours.
+    """Motion of N points, pooled over their neighbours.
 
     Attributes:
         own_velocity: (N, 3) m/s, world, of each point alone. own_information: (N, 3, 3).

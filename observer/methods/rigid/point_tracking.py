@@ -24,7 +24,7 @@ FIRST_LEVELS, LEVELS = 4, 2
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """Where N points should be seen.
+    """Predicted image positions of N points.
 
     Attributes:
         px: (N, 2) float32 pixels, left image. disparity: (N,) float32 pixels, NaN unknown.

@@ -64,7 +64,7 @@ class PositionVelocityFilter:
 
     @staticmethod
     def begin(position: Float64Array, information: Float64Array) -> PositionVelocityFilter:
-        """Of N points seen for the first time at (N, 3), with information (N, 3, 3)."""
+        """Begin with N points first seen at (N, 3), with information (N, 3, 3)."""
         nothing = np.zeros_like(information)
         return PositionVelocityFilter(
             origin=position.copy(),
@@ -110,7 +110,7 @@ class PositionVelocityFilter:
         )
 
     def static_position(self) -> tuple[Float64Array, Float64Array]:
-        """Where each point is if it does not move: (N, 3) metres and covariance (N, 3, 3)."""
+        """Return each point's position if it is static: (N, 3) metres, covariance (N, 3, 3)."""
         return self.origin + np.einsum("nij,nj->ni", self._cov, self.b0), self._cov
 
     def velocity_information(self) -> tuple[Float64Array, Float64Array]:
@@ -126,7 +126,7 @@ class PositionVelocityFilter:
     def moving_position(
         self, velocity: Float64Array, velocity_cov: Float64Array | None = None
     ) -> tuple[Float64Array, Float64Array]:
-        """Where each point is now if it moves with the velocity (N, 3) m/s, and how sure.
+        """Return the position of each point now if it moves at (N, 3) m/s, and its covariance.
 
         Under "it is static" a point that moves seems to be at the wrong depth, for its lines of
         sight then meet where it never was.
@@ -166,7 +166,7 @@ class PositionVelocityFilter:
         return np.asarray(np.sqrt(12 * np.maximum(square - mean**2, 0.0)), np.float64)
 
     def ages(self) -> tuple[Float64Array, Float64Array]:
-        """How long ago the sightings were on average: (N,) seconds, and (N,) their squares."""
+        """Return the mean age of the sightings, (N,) seconds, and the mean squared age (N,)."""
         weight = np.maximum(np.trace(self.a0, axis1=1, axis2=2), _TINY)
         mean = -np.trace(self.a1, axis1=1, axis2=2) / weight
         return mean, np.trace(self.a2, axis1=1, axis2=2) / weight

@@ -1,4 +1,4 @@
-"""What motion in space leaves in a trace; the names stand in ``observer.observer``."""
+"""Trace of the rigid method; ``observer.observer`` lists its names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def keep_background(
     ego: EgoMotion,
     rows: StereoRows,
 ) -> None:
-    """What was followed, and what the camera did: of every frame."""
+    """Keep the tracked points and the camera's motion, of every frame."""
     trace.keep("previous_time", previous.time)
     trace.keep("previous_left", previous.left)
     trace.keep("previous_right", previous.right)
@@ -41,7 +41,7 @@ def keep_motion(
     ego: RigidEgoMotion,
     motion: PooledMotion,
 ) -> None:
-    """What moves: of a frame whose pose is known."""
+    """Keep what moves, of a frame whose pose is known."""
     start = before.px[seen.found].astype(np.float64)
     residual = points.px - ego.predict(start, before.disparity[seen.found])
     known = np.isfinite(residual).all(axis=1)
@@ -71,6 +71,6 @@ def _evidence(points: TrackedPoints, ego: RigidEgoMotion, motion: PooledMotion) 
 
 
 def stereo_rows(points: TrackedPoints) -> StereoRows:
-    """Where the points were found in the right image, to check the calibration."""
+    """Return where the points were matched in the right image, to check the calibration."""
     offset = np.asarray(points.px[:, 1] - points.right_px[:, 1], dtype=np.float64)
     return StereoRows(points.px.astype(np.float64), offset, points.disparity, points.number)

@@ -18,7 +18,7 @@ _FORGOTTEN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class WorldSightings:
-    """Where N points are seen in this frame.
+    """Sightings of N points in this frame.
 
     Attributes:
         position: (N, 3) metres, world; NaN unknown.

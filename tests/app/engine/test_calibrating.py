@@ -29,6 +29,7 @@ from app.messages import (
 )
 from observer.calibration.board import Board
 from observer.calibration.board_pictures import draw_board, small_picture
+from observer.calibration.detection import detect_board
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.calibration.views import BoardSighting
 from observer.camera import StereoCalibration

@@ -48,7 +48,7 @@ async def test_runs_are_found_described_and_deleted_with_undo(http: Any, served:
         ("GET", ""), ("GET", "/speeds"), ("GET", "/recording"), ("DELETE", ""),
         ("PATCH", ""),
     ):  # fmt: skip
-        body = {"json": {}} if method == "PATCH" else {}
+        body: dict[str, Any] = {"json": {}} if method == "PATCH" else {}
         answer = await http.request(method, f"/api/runs/{second}{path}", **body)
         assert answer.status_code == 404, (method, path)
     hidden = (await http.get("/api/history", params={"deleted": True})).json()["runs"]

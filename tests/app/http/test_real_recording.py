@@ -103,7 +103,7 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
     found = dict(zip(keys, map(observation_line, replayed), strict=True))
     assert any(line["obstacles"] for line in lines)
     for line in lines:
-        replayed = found[line["segment"], line["frame"]]
-        assert replayed["parameters_revision"] == line["parameters_revision"]
-        assert replayed["pose"] == line["pose"]
-        assert replayed["obstacles"] == line["obstacles"]
+        again = found[line["segment"], line["frame"]]
+        assert again["parameters_revision"] == line["parameters_revision"]
+        assert again["pose"] == line["pose"]
+        assert again["obstacles"] == line["obstacles"]

@@ -10,8 +10,9 @@ import pytest
 
 from observer.errors import InputError, ParameterError
 from observer.parameters import FeaturesParameters, Parameters
+from observer.parameters.surf_extra import surf_missing
 from observer.vision.features import detect_features
-from observer.vision.surf import surf_descriptors, surf_missing, surf_points
+from observer.vision.surf import surf_descriptors, surf_points
 
 BRIGHT, DARK = (300, 90), (120, 180)
 HOW_TO_GET_IT = "pip install 'dynamic-observer\\[surf\\]'"

@@ -1,1 +1,1 @@
-"""What an obstacle is over time: how it moves and turns, its box, its points and its number."""
+"""Obstacles as bodies over time: motion and turning, box, points and number."""

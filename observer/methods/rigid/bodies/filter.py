@@ -56,12 +56,12 @@ class BodyFilter:
 
     @cached_property
     def mean(self) -> Float64Array:
-        """(8,) over both modes."""
+        """State (8,), mixed over both modes."""
         return self.probabilities @ self.means
 
     @cached_property
     def covariance(self) -> Float64Array:
-        """(8, 8) over both modes."""
+        """Covariance (8, 8), mixed over both modes."""
         gap = self.means - self.mean
         inner = (self.probabilities @ self.covariances.reshape(2, -1)).reshape(STATE_SIZE, -1)
         return np.asarray(inner + gap.T @ (gap * self.probabilities[:, None]), np.float64)
@@ -75,7 +75,7 @@ class BodyFilter:
 
     @property
     def manoeuvres(self) -> bool:
-        """Whether it more likely brakes, gains speed or begins to turn than drives steadily."""
+        """True if it more likely brakes, gains speed or begins to turn than drives steadily."""
         return bool(self.probabilities[1] > 0.5)
 
     def predicted(

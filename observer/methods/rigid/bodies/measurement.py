@@ -1,4 +1,4 @@
-"""Where a body is, and how far it has turned, measured by all of its points at once."""
+"""Measurement of a body's position and yaw by all of its points at once."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _YAW_SLACK = 0.05
 
 @dataclass(frozen=True, eq=False)
 class BodyMeasurement:
-    """Where a body is.
+    """Measured pose of a body.
 
     Attributes:
         pose: (4,) metres, world, and yaw in radians. covariance: (4, 4).
@@ -70,7 +70,7 @@ class Members:
         information: Float64Array,
         R: Float64Array,
     ) -> Members:
-        """Of followed points.
+        """Select the tracked points of a body.
 
         Args:
             sighting: (P, 3) metres, world, and information: (P, 3, 3), of all followed points.
@@ -183,7 +183,7 @@ def _normal_equations(
 def expected_pose(
     mean: Float64Array, covariance: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """What of a filter's state (8,), (8, 8) is measured: (4,), (4, 4)."""
+    """Return the measured part of a filter's state: (4,) of (8,), (4, 4) of (8, 8)."""
     return mean[MEASURED], covariance[np.ix_(MEASURED, MEASURED)]
 
 
@@ -197,6 +197,6 @@ def _ego_noise(
 
 
 def _scale(squared: Float64Array) -> float:
-    """By how much squared Mahalanobis lengths in space exceed their noise, at least 1."""
+    """Scale by which Mahalanobis lengths exceed their noise, at least 1."""
     middle = len(squared) // 2
     return math.sqrt(max(1.0, float(np.partition(squared, middle)[middle]) / _MEDIAN_CHI2))

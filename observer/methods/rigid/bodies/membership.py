@@ -1,4 +1,4 @@
-"""Which points belong to which body, and which bodies are one."""
+"""Membership of points in bodies, and identity of bodies."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def group_of(
     parameters: ObstacleParameters,
     reach: float = 0.0,
 ) -> Group | None:
-    """What the candidates (K,) have in common, without strays; None if they are too few.
+    """Group the candidates (K,), without strays; None if they are too few.
 
     Args:
         reach: metres within which points count as neighbours there.
@@ -172,7 +172,7 @@ def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
 def are_one(
     older: BodyTrack, younger: BodyTrack, reach: float, parameters: ObstacleParameters
 ) -> bool:
-    """Whether two tracks are of one body: in one place, and moving as one.
+    """Return whether two tracks are one body: in one place, and moving as one.
 
     Args:
         reach: metres within which points count as neighbours there.
@@ -189,7 +189,7 @@ def are_one(
 
 
 def placed(track: BodyTrack, sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Array]:
-    """Where points (N, 3) m, world, are now that moved as the body does, and its information.
+    """Position (N, 3) m, world, of points that moved as the body does, and its information.
 
     Their sightings ``z = p + v s + a s^2 / 2`` with the velocity v and the acceleration a that the
     turning body has there. The turn may have been another one over that time, and a body that
@@ -221,7 +221,7 @@ def shape_position(points: TrackedPoints, which: NDArray[np.intp]) -> Float64Arr
 def _against_rest(
     velocity: Float64Array, gap: Float64Array, body_cov: Float64Array, rest_cov: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """How far what moves is from moving with a body, and how much likelier that is than rest.
+    """Compare "moves with a body" with "rests" for what is seen to move.
 
     Both are likelihoods, with all that makes the one or the other uncertain: the more freedom a
     body takes to explain what is seen, the less likely it made just this velocity.
@@ -254,7 +254,7 @@ def _moves_with(
     expected_cov: Float64Array,
     share: float,
 ) -> bool:
-    """Whether what moves so may be part of a body that is expected to, rather than be at rest.
+    """Return whether a velocity fits a body's expected one better than rest.
 
     A share of the velocity may truly differ. The less is known of the body, the more may be it; but
     not what rests, for there is plenty of that everywhere.

@@ -1,4 +1,4 @@
-"""How a body moved a moment ago: what is known of a point goes back to its older sightings."""
+"""Recent motion of a body: a point's velocity goes back to its older sightings."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class RecentMotion:
             self._noted.popleft()
 
     def forget(self) -> None:
-        """What was is of no use any more."""
+        """Forget everything."""
         self._noted.clear()
 
     def instants(self) -> tuple[Float64Array, Float64Array]:

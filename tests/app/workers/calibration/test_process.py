@@ -20,7 +20,14 @@ from scipy.spatial.transform import Rotation
 from app.runtime import worker as worker_module
 from app.runtime.errors import ChannelError
 from app.runtime.jobs import Progress, Refused, answer
-from app.workers.calibration.messages import BoardsFound, FindBoards, Fitted, FitViews, RefineRows
+from app.workers.calibration.messages import (
+    BoardsFound,
+    FindBoards,
+    Fitted,
+    FitViews,
+    Job,
+    RefineRows,
+)
 from app.workers.calibration.process import work
 from app.workers.calibration.work import do_job
 from observer.calibration.board import Board

@@ -12,10 +12,11 @@ from scipy.stats import chi2
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.methods.rigid.ego_motion import RigidEgoMotion, StaticScene, estimate_rigid_motion
+from observer.methods.rigid.ego_motion import StaticScene, estimate_rigid_motion
 from observer.parameters import EgoMotionParameters, KltTrackingParameters
 from observer.types import EgoMotion, Status
 from observer.vision.keypoints import density_weights
+from observer.vision.rigid_ego_motion import RigidEgoMotion
 
 from ...builders import LAB, ROAD, place_information, points_in_view
 

@@ -59,7 +59,8 @@ def test_none_and_some_are_those_some_with_the_same_types() -> None:
 def test_new_points_have_numbers_of_their_own_and_no_past() -> None:
     px = np.array([[10, 20], [30, 40]], np.float32)
     sums = PositionVelocityFilter.begin(np.zeros((2, 3)), np.broadcast_to(np.eye(3), (2, 3, 3)))
-    points = TrackedPoints.begin(17, px, px - [5, 0], np.array([5.0, 5.0]), sums)
+    right = px - np.array([5, 0], np.float32)
+    points = TrackedPoints.begin(17, px, right, np.array([5.0, 5.0]), sums)
     assert len(points) == 2
     assert points.number.tolist() == [17, 18]
     assert points.sightings.tolist() == [1, 1]
