@@ -9,7 +9,7 @@
 #   make lint     ruff, mypy, import-linter, the page's JavaScript
 #   make coverage as make test but for promises in real time, with a report of what is not run
 #   make bench    set up, then time the method and the server
-#   make wheel    dist/*.whl, the page's files inside
+#   make wheel    dist/*.whl: all of it, the page inside; and the library alone
 #   make setup    only set up; a second time it has nothing to do
 #   make clean    remove all that the above made, .venv too; runs and settings stay
 #
@@ -96,6 +96,7 @@ bench: setup-dev
 
 wheel: setup-dev
 	$(BIN)/python -m build --wheel
+	$(BIN)/python -m build --wheel --outdir dist tools/packaging/library
 
 $(MADE):
 	@$(find_python); $(check_venv); \
