@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import structlog
 
@@ -34,29 +35,18 @@ log = structlog.get_logger(__name__)
 _MOST_FRUITLESS_LOSSES = 3
 
 
+@dataclass(eq=False)
 class EngineEvents:
     """Follows the engine in the event loop."""
 
-    def __init__(
-        self,
-        shared: Shared,
-        source: SourceManager,
-        runs: RunManager,
-        session: CalibrationSession,
-        robots: RobotManager,
-        survey: DriveSurvey,
-        watching: Watching,
-    ) -> None:
-        self._shared = shared
-        self._followers = shared.followers
-        self._telemetry = shared.telemetry
-        self._source = source
-        self._runs = runs
-        self._session = session
-        self._robots = robots
-        self._survey = survey
-        self._watching = watching
-        self._unsubscribe: Callable[[], None] = lambda: None
+    _shared: Shared
+    _source: SourceManager
+    _runs: RunManager
+    _session: CalibrationSession
+    _robots: RobotManager
+    _survey: DriveSurvey
+    _watching: Watching
+    _unsubscribe: Callable[[], None] = lambda: None
 
     def follow(self) -> None:
         """Hear the engine from now on."""
@@ -69,7 +59,7 @@ class EngineEvents:
     def engine_started(self, generation: int) -> None:
         """Have a new engine do what the lost one did; nothing where it is no new one."""
         if self._source.engine_started(generation):
-            self._telemetry.new_engine()
+            self._shared.telemetry.new_engine()
             self._watching.engine_started()
             self._shared.background.start(self._restore())
 
@@ -86,30 +76,30 @@ class EngineEvents:
             case BoardViewsEvent():
                 self._session.views_changed(event)
             case SkippedFrameEvent():
-                self._telemetry.frame_skipped(event)
+                self._shared.telemetry.frame_skipped(event)
             case DenseStereoEvent():
-                if self._telemetry.dense_made(event, self._shared.clock()):
-                    self._followers.status_changed()
+                if self._shared.telemetry.dense_made(event, self._shared.clock()):
+                    self._shared.followers.status_changed()
             case EngineStartedEvent():
                 self.engine_started(event.generation)
             case EngineLostEvent():
                 self._source.engine_lost(event)
-                self._followers.status_changed()
+                self._shared.followers.status_changed()
             case _:
                 pass
 
     def _observed(self, event: ObservationEvent) -> None:
         self._source.observed(event)
-        self._telemetry.observed(event, self._shared.clock())
+        self._shared.telemetry.observed(event, self._shared.clock())
         self._runs.observed(event)
         self._survey.observed(event)
-        self._followers.observed(event)
+        self._shared.followers.observed(event)
 
     def _state_changed(self, event: StateEvent) -> None:
         if self._source.state_changed(event):
             self._robots.source_changed(event)
             self._runs.state_changed(event)
-            self._followers.status_changed()
+            self._shared.followers.status_changed()
 
     async def _restore(self) -> None:
         """Have a new engine do what the lost one did; a run goes on as a new segment."""
@@ -134,7 +124,7 @@ class EngineEvents:
             else:
                 source.restoring = False
             finally:
-                self._followers.status_changed()
+                self._shared.followers.status_changed()
 
     def _refuse_fruitless(self) -> None:
         losses = self._source.fruitless_losses
