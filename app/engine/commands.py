@@ -45,7 +45,7 @@ from observer.types import StereoFrame
 _log = logging.getLogger(__name__)
 
 
-class CommandDesk:
+class CommandHandler:
     """Carries out commands and says what came of them.
 
     Attributes:

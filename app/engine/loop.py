@@ -14,7 +14,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from app.engine.calibrating import BoardPublisher, CalibrationSession
-from app.engine.commands import CommandDesk
+from app.engine.commands import CommandHandler
 from app.engine.current_source import CurrentSource
 from app.engine.explaining import Explainer, ego_motion_facts
 from app.engine.live_truth import LiveTruth
@@ -89,7 +89,7 @@ class Engine:
             stage_clock=self._beating_clock,
             clock=clock,
         )
-        self._commands = CommandDesk(
+        self._commands = CommandHandler(
             self._current,
             publisher,
             self._explainer,

@@ -10,12 +10,11 @@ from collections import deque
 from dataclasses import dataclass, replace
 
 from app.engine.errors import NotNow
+from app.messages import MAX_PLAYBACK_RATE, MIN_PLAYBACK_RATE
 from observer.errors import InputError, SourceError
 from observer.sources.contract import NoFrame, SeekableSource, SkippedFrame, Source
 from observer.types import StereoFrame
 
-MIN_RATE = 0.1
-MAX_RATE = 4.0
 _RATE_WINDOW_S = 2.0
 
 
@@ -281,6 +280,8 @@ class Player:
 
 
 def _checked_rate(rate: float) -> float:
-    if isinstance(rate, bool) or not MIN_RATE <= rate <= MAX_RATE:
-        raise InputError(f"rate must be a number from {MIN_RATE:g} to {MAX_RATE:g}, not {rate}")
+    if isinstance(rate, bool) or not MIN_PLAYBACK_RATE <= rate <= MAX_PLAYBACK_RATE:
+        raise InputError(
+            f"rate must be a number from {MIN_PLAYBACK_RATE:g} to {MAX_PLAYBACK_RATE:g}, not {rate}"
+        )
     return float(rate)

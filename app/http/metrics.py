@@ -10,9 +10,9 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_late
 from prometheus_client.registry import Collector, CollectorRegistry
 from starlette.responses import Response
 
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.messages import EngineState
-from app.server import Station
+from app.server import Server
 from app.server.status import status
 from observer.rig.rig import ROLES
 
@@ -20,21 +20,21 @@ router = APIRouter(include_in_schema=False)
 
 
 @router.get("/metrics")
-async def metrics(station: TheStation) -> Response:
+async def metrics(server: TheServer) -> Response:
     """Counters and gauges; behind the token like everything, so give Prometheus a Bearer."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_StatusCollector(station))
+    registry.register(_StatusCollector(server))
     return Response(generate_latest(registry), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
 
 class _StatusCollector(Collector):
     """Reads one status when it is asked; nothing is counted twice."""
 
-    def __init__(self, station: Station) -> None:
-        self._station = station
+    def __init__(self, server: Server) -> None:
+        self._server = server
 
     def collect(self) -> Iterator[Metric]:
-        now = status(self._station)
+        now = status(self._server)
         engine, drops, latency = now["engine"], now["drops"], now["latency_ms"]
         yield CounterMetricFamily(
             "dynamic_observer_frames_observed",
@@ -94,7 +94,7 @@ class _StatusCollector(Collector):
         yield from self._driving()
 
     def _driving(self) -> Iterator[Metric]:
-        driving = self._station.driving
+        driving = self._server.driving
         yield GaugeMetricFamily(
             "dynamic_observer_drive_alive",
             "1 while there is a process that drives the robots.",

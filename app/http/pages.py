@@ -15,7 +15,7 @@ import app as app_package
 from app.http.errors import SafeJSON
 from app.http.gate.headers import DOCS_POLICY, page_policy
 from app.http.gate.security import Policy
-from app.server import Station
+from app.server import Server
 
 _ASSETS = Path(__file__).parent / "assets"
 _PLAIN_SIGN_IN = """<!doctype html>
@@ -62,7 +62,7 @@ class PanelFiles(StaticFiles):
         return response
 
 
-def add_pages(app: FastAPI, station: Station, policy: Policy, folder: Path) -> None:
+def add_pages(app: FastAPI, server: Server, policy: Policy, folder: Path) -> None:
     """Everything that is no part of the REST interface, the viewer excepted."""
     router = APIRouter(include_in_schema=False)
 
@@ -97,7 +97,7 @@ def add_pages(app: FastAPI, station: Station, policy: Policy, folder: Path) -> N
 
     @router.get("/readyz", name="ready")
     async def ready() -> Response:
-        if station.engine.health.alive:
+        if server.engine.health.alive:
             return SafeJSON({"status": "ready"})
         return SafeJSON({"status": "the engine is being started"}, 503, {"Retry-After": "1"})
 

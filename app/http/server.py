@@ -33,22 +33,22 @@ from app.http.api import (
     truths,
     views,
 )
+from app.http.api.common import TheServer
 from app.http.api.refusals import GATE_RESPONSES, refusal_schemas
 from app.http.errors import install_error_handlers
 from app.http.gate.origins import names_of
 from app.http.gate.security import Gate, Policy
 from app.http.gate.token import COOKIE_NAME, TokenGuard
 from app.http.pages import add_pages, sign_in_page, static_folder
-from app.http.sockets import drive as drive_socket
 from app.http.sockets import viewer_proxy
+from app.http.sockets.drive import DriveSocket
 from app.http.sockets.live import LiveHub
 from app.http.sockets.view_feed import ViewFeed
 from app.http.sockets.viewer_proxy import ViewerDoor
 from app.messages import VIEW_NAMES
-from app.server import Engine, Station
+from app.server import Engine, Server
 from app.server.contracts import Drive
-from app.server.robots import check_records
-from app.server.robots import profile_library as shelf
+from app.server.robots import check_records, profile_library
 from app.settings import RIG_FILE, Settings
 from app.storage import Storage
 from app.viewer import Viewer, start_viewer
@@ -90,7 +90,7 @@ _TAGS = [
     {"name": "pixels", "description": "Why a place in the image counts as moving or standing."},
 ]
 
-ViewerStarter = Callable[[Station], Viewer]
+ViewerStarter = Callable[[Server], Viewer]
 
 
 def create_app(
@@ -111,15 +111,15 @@ def create_app(
     """
     if engine is None:
         engine, drive = _real_processes(drive)
-    station = Station(
+    server = Server(
         engine,
         storage or Storage(settings.database_location, folder=settings.data),
         source=settings.source,
         rig_file=settings.data / RIG_FILE,
-        programme_folder=settings.data / shelf.FOLDER_NAME,
+        programme_folder=settings.data / profile_library.FOLDER_NAME,
         check_folder=settings.data / check_records.FOLDER_NAME,
         drive=drive,
-        ring_at_guard_stops=settings.ring_at_guard_stops,
+        clips_at_guard_stops=settings.ring_at_guard_stops,
         live_truth=settings.truth,
     )
     folder = static_folder()
@@ -136,21 +136,21 @@ def create_app(
         sign_in_page=sign_in_page(folder),
     )
     door = ViewerDoor()
-    live = LiveHub(station)
+    live = LiveHub(server)
 
-    def real_viewer(station: Station) -> Viewer:
-        return start_viewer(station, points=settings.viewer_points, rate_hz=settings.viewer_rate_hz)
+    def real_viewer(server: Server) -> Viewer:
+        return start_viewer(server, points=settings.viewer_points, rate_hz=settings.viewer_rate_hz)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         async with AsyncExitStack() as stack:
-            stack.push_async_callback(station.stop)
+            stack.push_async_callback(server.stop)
             stack.push_async_callback(_stop_viewer, door)
-            await station.start()
+            await server.start()
             hub = asyncio.create_task(live.run(), name="live hub")
             stack.push_async_callback(_cancel, hub)
             # The page is served at once; the viewer takes a second and may fail.
-            starting = asyncio.create_task(_start_viewer(door, viewer or real_viewer, station))
+            starting = asyncio.create_task(_start_viewer(door, viewer or real_viewer, server))
             stack.push_async_callback(_finish, starting)
             yield
 
@@ -166,15 +166,15 @@ def create_app(
         redirect_slashes=False,
         separate_input_output_schemas=False,
     )
-    app.state.station = station
+    app.state.server = server
     app.state.viewer = door
-    app.state.feeds = {name: ViewFeed(station, name) for name in VIEW_NAMES}
+    app.state.feeds = {name: ViewFeed(server, name) for name in VIEW_NAMES}
     app.state.live = live
     install_error_handlers(app)
     _add_rest(app, live)
     app.include_router(viewer_proxy.router)
     app.include_router(metrics.router)
-    add_pages(app, station, policy, folder)
+    add_pages(app, server, policy, folder)
     _complete_description(app)
     app.add_middleware(Gate, policy=policy)
     return app
@@ -211,9 +211,13 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
         recordings,
         views,
         pixels,
-        drive_socket,
     ):
         api.include_router(part.router)
+
+    @api.websocket("/drive")
+    async def drive_socket(socket: WebSocket, server: TheServer, name: str | None = None) -> None:
+        await socket.accept()
+        await DriveSocket(socket, server, name).serve()
 
     @api.websocket("/live")
     async def live_socket(socket: WebSocket) -> None:
@@ -241,8 +245,8 @@ def _complete_description(app: FastAPI) -> None:
     app.openapi = described  # type: ignore[method-assign]
 
 
-async def _start_viewer(door: ViewerDoor, start: ViewerStarter, station: Station) -> None:
-    await asyncio.to_thread(lambda: door.open(start(station)))
+async def _start_viewer(door: ViewerDoor, start: ViewerStarter, server: Server) -> None:
+    await asyncio.to_thread(lambda: door.open(start(server)))
 
 
 async def _stop_viewer(door: ViewerDoor) -> None:

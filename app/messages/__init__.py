@@ -7,6 +7,8 @@ dataclasses; images and clouds do not travel here but through ``app.runtime.late
 from __future__ import annotations
 
 from app.messages.commands import (
+    MAX_PLAYBACK_RATE,
+    MIN_PLAYBACK_RATE,
     BeginCalibration,
     ChangeCalibration,
     CloseSource,
@@ -52,6 +54,8 @@ __all__ = [
     "CAMERA_NAMES",
     "CLOUD_NAME",
     "DISPARITY_NAME",
+    "MAX_PLAYBACK_RATE",
+    "MIN_PLAYBACK_RATE",
     "VIEW_NAMES",
     "BeginCalibration",
     "BoardLookEvent",

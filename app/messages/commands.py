@@ -8,6 +8,10 @@ from typing import Any, Literal
 from observer.calibration.board import Board
 from observer.calibration.views import BoardView
 
+# How much faster or slower than its recorded pace a source can be played.
+MIN_PLAYBACK_RATE = 0.1
+MAX_PLAYBACK_RATE = 4.0
+
 
 @dataclass(frozen=True)
 class RecordOrder:

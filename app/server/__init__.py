@@ -1,10 +1,10 @@
-"""What the server does, apart from how it is asked; ``Station`` is the door to it."""
+"""What the server does, apart from how it is asked; ``Server`` is the door to it."""
 
 from __future__ import annotations
 
 from app.server.contracts import Engine, Listener
 from app.server.errors import Conflict, FieldError, NotAvailable, NotThere
-from app.server.service import Station
+from app.server.server import Server
 
 __all__ = [
     "Conflict",
@@ -13,5 +13,5 @@ __all__ = [
     "Listener",
     "NotAvailable",
     "NotThere",
-    "Station",
+    "Server",
 ]

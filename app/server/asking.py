@@ -1,4 +1,4 @@
-"""Requests to the other processes whose refusals become the station's own errors."""
+"""Requests to the other processes whose refusals become the server's own errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the station needs of its processes, and what others hear of the station."""
+"""What the server needs of its processes, and what others hear of the server."""
 
 from __future__ import annotations
 
@@ -103,16 +103,16 @@ class Drive(Protocol):
 
 
 class Listener(Protocol):
-    """Somebody who follows the station; called in the event loop, must not block."""
+    """Somebody who follows the server; called in the event loop, must not block."""
 
     def observed(self, event: ObservationEvent) -> None:
         """A frame was observed."""
         ...
 
     def status_changed(self) -> None:
-        """Something in ``Station.status`` changed, beside figures that always move."""
+        """Something in ``Server.status`` changed, beside figures that always move."""
         ...
 
     def robots_changed(self) -> None:
-        """Something in ``DrivingDesk.facts`` changed; ten times a second while robots are there."""
+        """``RobotManager.facts`` are others; ten times a second while robots are there."""
         ...

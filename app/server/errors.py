@@ -1,4 +1,4 @@
-"""Why the station did not do what was asked; the web layer maps each to its status."""
+"""Why the server did not do what was asked; the web layer maps each to its status."""
 
 from __future__ import annotations
 

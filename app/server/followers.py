@@ -1,4 +1,4 @@
-"""Who follows the station."""
+"""Who follows the server."""
 
 from __future__ import annotations
 

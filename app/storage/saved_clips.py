@@ -16,7 +16,7 @@ _NAME = re.compile(r"ring-(\d{8}-\d{6}-\d{6})")
 
 
 @dataclass(frozen=True)
-class SavedRing:
+class SavedClip:
     """A recording of half a minute.
 
     Attributes:
@@ -32,13 +32,13 @@ class SavedRing:
     path: Path
 
 
-def new_ring(folder: DataFolder, run_id: str | None) -> Path:
+def new_clip(folder: DataFolder, run_id: str | None) -> Path:
     """Where the next one goes, absolute; nothing is made."""
     where = folder.path / RINGS if run_id is None else folder.run(run_id)
     return where.absolute() / f"ring-{datetime.now(UTC):{_STAMP}}.mcap"
 
 
-def list_rings(folder: DataFolder) -> list[SavedRing]:
+def list_clips(folder: DataFolder) -> list[SavedClip]:
     """All of them, newest first; files of other names are left out."""
     found = [_ring(path, None) for path in (folder.path / RINGS).glob("ring-*.mcap")]
     for path in (folder.path / RUNS).glob("[!.]*/ring-*.mcap"):
@@ -46,7 +46,7 @@ def list_rings(folder: DataFolder) -> list[SavedRing]:
     return sorted(filter(None, found), key=lambda ring: ring.name, reverse=True)
 
 
-def remove_ring(ring: SavedRing) -> None:
+def remove_clip(ring: SavedClip) -> None:
     """Delete it; one that is gone already is no error.
 
     Raises:
@@ -60,7 +60,7 @@ def remove_ring(ring: SavedRing) -> None:
         ) from error
 
 
-def _ring(path: Path, run_id: str | None) -> SavedRing | None:
+def _ring(path: Path, run_id: str | None) -> SavedClip | None:
     named = _NAME.fullmatch(path.stem)
     if named is None:
         return None
@@ -70,4 +70,4 @@ def _ring(path: Path, run_id: str | None) -> SavedRing | None:
     except (OSError, ValueError):
         # It went meanwhile, or somebody named it.
         return None
-    return SavedRing(path.stem, run_id, saved.isoformat(), size, path.absolute())
+    return SavedClip(path.stem, run_id, saved.isoformat(), size, path.absolute())

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import structlog
 
 from app.messages import CLOUD_NAME
-from app.server import Station
+from app.server import Server
 from app.viewer.picture import make_picture, read_cloud
 
 if TYPE_CHECKING:
@@ -87,18 +87,18 @@ class ViserViewer:
 
     trouble: str | None = None
 
-    def __init__(self, station: Station, *, points: int, rate_hz: float) -> None:
+    def __init__(self, server: Server, *, points: int, rate_hz: float) -> None:
         from app.viewer.scene import Scene
 
-        self._station = station
+        self._server = server
         self._interval = 1.0 / rate_hz
-        self._server = _quiet_server()
+        self._viser = _quiet_server()
         try:
-            self._scene: Scene = Scene(self._server, points)
+            self._scene: Scene = Scene(self._viser, points)
         except BaseException:
-            self._server.stop()
+            self._viser.stop()
             raise
-        self.port: int | None = self._server.get_port()
+        self.port: int | None = self._viser.get_port()
         self._lookers = 0
         self._leave: Callable[[], None] = lambda: None
         self._stopping = threading.Event()
@@ -119,7 +119,7 @@ class ViserViewer:
     def connected(self) -> Iterator[None]:
         self._lookers += 1
         if self._lookers == 1:
-            self._leave = self._station.watching.enter("plain", CLOUD_NAME)
+            self._leave = self._server.watching.enter("plain", CLOUD_NAME)
         try:
             yield
         finally:
@@ -133,7 +133,7 @@ class ViserViewer:
         self._stopping.set()
         self._thread.join(_STOP_TIMEOUT_S)
         with _quiet():
-            self._server.stop()
+            self._viser.stop()
 
     def _run(self) -> None:
         due = time.monotonic()
@@ -153,32 +153,32 @@ class ViserViewer:
                     self._stopping.wait(1.0)
 
     def _update(self) -> None:
-        station = self._station
-        now = station.clock()
+        server, source = self._server, self._server.source
+        now = server.clock()
         with self._scene.together():
             # Read while the event loop may change it: then what was told before counts once more.
             with contextlib.suppress(RuntimeError):
-                self._driving = station.driving.facts()
+                self._driving = server.driving.facts()
             picture = make_picture(
-                station.latest, station.state, station.generation, now, self._driving
+                source.latest, source.state, source.generation, now, self._driving
             )
             self._scene.show(picture, now)
-            cloud = station.engine.cloud.read(self._cloud_sequence)
+            cloud = server.engine.cloud.read(self._cloud_sequence)
             if cloud is not None:
                 self._cloud_sequence = cloud.sequence
                 self._scene.show_cloud(read_cloud(cloud))
             if now >= self._image_due:
                 self._image_due = now + _IMAGE_INTERVAL_S
-                image = station.engine.views["plain"].read(self._image_sequence)
+                image = server.engine.views["plain"].read(self._image_sequence)
                 if image is not None:
                     self._image_sequence = image.sequence
                     self._scene.show_image(image.payload)
 
 
-def start_viewer(station: Station, *, points: int, rate_hz: float) -> Viewer:
+def start_viewer(server: Server, *, points: int, rate_hz: float) -> Viewer:
     """The viewer, or a null one that says why there is none. Takes a second; use a thread."""
     try:
-        return ViserViewer(station, points=points, rate_hz=rate_hz)
+        return ViserViewer(server, points=points, rate_hz=rate_hz)
     except Exception as error:
         log.exception("viewer_not_started")
         return NullViewer(f"the 3D viewer could not be started: {error}")

@@ -12,7 +12,7 @@ import pytest
 
 from app.drive.messages import SIGHT_NAME, WHEELS_NAME
 from app.runtime.latest import create_slot
-from app.server import Station
+from app.server import Server
 from app.storage import Storage
 from observer.guard.parameters import AllParameters
 
@@ -32,10 +32,10 @@ def drive() -> FakeDrive:
 
 
 @pytest.fixture
-async def station(peer: PeerEngine, storage: Storage) -> AsyncIterator[Station]:
-    """A station that observes the simulated lab, without a drive process."""
-    async with started(peer, storage) as station:
-        yield station
+async def server(peer: PeerEngine, storage: Storage) -> AsyncIterator[Server]:
+    """A server that observes the simulated lab, without a drive process."""
+    async with started(peer, storage) as server:
+        yield server
 
 
 @pytest.fixture

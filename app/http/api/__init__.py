@@ -1,1 +1,1 @@
-"""The REST interface: thin routers over the station."""
+"""The REST interface: thin routers over the server."""

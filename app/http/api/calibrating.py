@@ -20,18 +20,16 @@ from app.http.api.calibration_models import (
     CalibrationSave,
     ComputeStart,
 )
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.models import Status
 from app.http.api.previews import PREVIEW_RESPONSES, preview_response
 from app.http.api.refusals import refusals
 from app.messages import ChangeCalibration
-from app.server import FieldError, Station
-from app.server.calibrating.library import preview_text
+from app.server import FieldError, Server
 from app.server.calibrating.session import board_of
+from app.server.calibrations.library import preview_text
 from app.server.status import status
 from app.storage import StorageFull
-from app.workers.calibration.image_archive import check_archive
-from app.workers.calibration.messages import FindBoards
 from observer.errors import CalibrationError
 
 router = APIRouter(prefix="/calibrating", tags=["calibrating"])
@@ -39,13 +37,13 @@ router = APIRouter(prefix="/calibrating", tags=["calibrating"])
 ViewName = Annotated[str, Path(max_length=200)]
 
 
-def _facts(station: Station) -> dict[str, Any]:
-    return {"calibrating": station.calibrating.facts()}
+def _facts(server: Server) -> dict[str, Any]:
+    return {"calibrating": server.calibrating.session.facts()}
 
 
 @router.get("", response_model=CalibratingStatus, summary="How far the calibration is")
-async def get_calibrating(station: TheStation) -> dict[str, Any]:
-    return _facts(station)
+async def get_calibrating(server: TheServer) -> dict[str, Any]:
+    return _facts(server)
 
 
 @router.post(
@@ -55,20 +53,20 @@ async def get_calibrating(station: TheStation) -> dict[str, Any]:
     summary="Look for a board in a source's images",
     responses=refusals(409, 415, 422, 503),
 )
-async def begin(start: CalibratingStart, station: TheStation) -> dict[str, Any]:
+async def begin(start: CalibratingStart, server: TheServer) -> dict[str, Any]:
     """Replaces what was being calibrated; observing pauses meanwhile."""
     board = board_of(start.kind, start.columns, start.rows, start.square_mm)
-    await station.begin_calibration(start.source, board)
-    return _facts(station)
+    await server.calibrating.begin(start.source, board)
+    return _facts(server)
 
 
 @router.delete(
     "", response_model=Status, summary="Leave without saving", responses=refusals(409, 503)
 )
-async def leave(station: TheStation) -> dict[str, Any]:
+async def leave(server: TheServer) -> dict[str, Any]:
     """What was captured is forgotten; what was open before is observed again."""
-    await station.end_calibration()
-    return status(station)
+    await server.calibrating.end()
+    return status(server)
 
 
 @router.patch(
@@ -77,10 +75,10 @@ async def leave(station: TheStation) -> dict[str, Any]:
     summary="Capture, undo, remove a view",
     responses=refusals(404, 409, 415, 422, 503),
 )
-async def change(change: CalibratingChange, station: TheStation) -> dict[str, Any]:
+async def change(change: CalibratingChange, server: TheServer) -> dict[str, Any]:
     """What is given is done. ``cover_check`` begins or ends the question which lens is left."""
-    await station.change_calibration(ChangeCalibration(**change.model_dump()))
-    return _facts(station)
+    await server.calibrating.change(ChangeCalibration(**change.model_dump()))
+    return _facts(server)
 
 
 @router.post(
@@ -89,10 +87,10 @@ async def change(change: CalibratingChange, station: TheStation) -> dict[str, An
     summary="Take left for right",
     responses=refusals(409, 422, 503),
 )
-async def swap(station: TheStation) -> dict[str, Any]:
+async def swap(server: TheServer) -> dict[str, Any]:
     """The cameras are opened the other way round; the views so far are kept."""
-    await station.swap_cameras()
-    return _facts(station)
+    await server.calibrating.swap()
+    return _facts(server)
 
 
 @router.get(
@@ -102,9 +100,9 @@ async def swap(station: TheStation) -> dict[str, Any]:
     responses={200: {"content": {"image/jpeg": {}}}, **refusals(404)},
 )
 async def get_picture(
-    name: ViewName, side: Literal["left", "right"], station: TheStation
+    name: ViewName, side: Literal["left", "right"], server: TheServer
 ) -> Response:
-    jpeg = station.calibrating.picture(name, 0 if side == "left" else 1)
+    jpeg = server.calibrating.session.picture(name, 0 if side == "left" else 1)
     return Response(jpeg, media_type="image/jpeg")
 
 
@@ -120,7 +118,7 @@ async def post_images(
     columns: Annotated[int, Form(ge=3, le=30)],
     rows: Annotated[int, Form(ge=3, le=30)],
     square_mm: Annotated[float, Form(ge=2, le=500, allow_inf_nan=False)],
-    station: TheStation,
+    server: TheServer,
 ) -> dict[str, Any]:
     """The board is looked for in every pair; what was captured before is forgotten only then."""
     board = board_of(kind, columns, rows, square_mm)
@@ -128,11 +126,10 @@ async def post_images(
         archive = FilePath(folder) / "images.zip"
         await asyncio.to_thread(_write, file, archive)
         try:
-            await asyncio.to_thread(check_archive, archive)
-            await station.calibrate_images(FindBoards(archive, board))
+            await server.calibrating.take_images(archive, board)
         except CalibrationError as error:
             raise FieldError(("body", "file"), str(error)) from error
-    return _facts(station)
+    return _facts(server)
 
 
 @router.post(
@@ -142,19 +139,19 @@ async def post_images(
     summary="Compute the calibration of the captured views",
     responses=refusals(409, 415, 422),
 )
-async def compute(start: ComputeStart, station: TheStation) -> dict[str, Any]:
+async def compute(start: ComputeStart, server: TheServer) -> dict[str, Any]:
     """It goes on in the background; ``computing`` tells how far it is."""
-    station.calibrating.compute(start.distortion_model)
-    return _facts(station)
+    server.calibrating.session.compute(start.distortion_model)
+    return _facts(server)
 
 
 @router.post(
     "/cancel", response_model=CalibratingStatus, summary="End the computation", responses={}
 )
-async def cancel(station: TheStation) -> dict[str, Any]:
+async def cancel(server: TheServer) -> dict[str, Any]:
     """Views and an earlier result stay."""
-    await station.calibrating.cancel()
-    return _facts(station)
+    await server.calibrating.session.computation.cancel()
+    return _facts(server)
 
 
 @router.get(
@@ -163,8 +160,8 @@ async def cancel(station: TheStation) -> dict[str, Any]:
     summary="What was computed",
     responses=refusals(409),
 )
-async def get_result(station: TheStation) -> dict[str, Any]:
-    result = station.calibrating.finished
+async def get_result(server: TheServer) -> dict[str, Any]:
+    result = server.calibrating.session.computation.finished
     return {"views": list(result.names), "report": result.fitted.report}
 
 
@@ -174,10 +171,10 @@ async def get_result(station: TheStation) -> dict[str, Any]:
     response_class=Response,
     responses=PREVIEW_RESPONSES,
 )
-async def get_preview(station: TheStation) -> Response:
+async def get_preview(server: TheServer) -> Response:
     """Both images with the same horizontal lines: a point must lie on the same line in both."""
-    text = station.calibrating.finished.fitted.calibration_yaml
-    return preview_response(await preview_text(station.engine, text))
+    text = server.calibrating.session.computation.finished.fitted.calibration_yaml
+    return preview_response(await preview_text(server.engine, text))
 
 
 @router.post(
@@ -187,11 +184,11 @@ async def get_preview(station: TheStation) -> Response:
     summary="Save what was computed",
     responses=refusals(409, 415, 422, 503, 507),
 )
-async def save(save: CalibrationSave, station: TheStation) -> dict[str, Any]:
+async def save(save: CalibrationSave, server: TheServer) -> dict[str, Any]:
     """``activate`` observes its cameras with it from now on, and ends calibrating."""
     from app.http.api.calibrations import entry
 
-    return entry(await station.save_calibration(save.name, activate=save.activate), station)
+    return entry(await server.calibrating.save(save.name, activate=save.activate), server)
 
 
 def _write(file: UploadFile, path: FilePath) -> None:

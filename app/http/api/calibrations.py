@@ -15,12 +15,12 @@ from app.http.api.calibration_models import (
     PlaceDepth,
     TapeCheckStart,
 )
-from app.http.api.common import TheStation, plain_name
+from app.http.api.common import TheServer, plain_name
 from app.http.api.models import Status
 from app.http.api.previews import PREVIEW_RESPONSES, preview_response
 from app.http.api.refusals import refusals
-from app.server import FieldError, Station
-from app.server.calibrating.library import (
+from app.server import FieldError, Server
+from app.server.calibrations.library import (
     check_by_tape,
     exported,
     find_calibration,
@@ -41,9 +41,9 @@ CalibrationId = Annotated[str, Path(max_length=100)]
 _MOST = 10
 
 
-def entry(record: CalibrationRecord, station: Station) -> dict[str, Any]:
+def entry(record: CalibrationRecord, server: Server) -> dict[str, Any]:
     """A calibration as it is listed."""
-    active = station.wanted.calibration
+    active = server.source.wanted.calibration
     return {
         "id": record.id,
         "name": record.name,
@@ -57,10 +57,10 @@ def entry(record: CalibrationRecord, station: Station) -> dict[str, Any]:
 @router.get(
     "", response_model=list[Calibration], summary="All calibrations", responses=refusals(503)
 )
-async def list_calibrations(station: TheStation) -> list[dict[str, Any]]:
+async def list_calibrations(server: TheServer) -> list[dict[str, Any]]:
     """Newest first."""
-    records = await asyncio.to_thread(station.storage.list_calibrations)
-    return [entry(record, station) for record in records]
+    records = await asyncio.to_thread(server.storage.list_calibrations)
+    return [entry(record, server) for record in records]
 
 
 @router.post(
@@ -72,7 +72,7 @@ async def list_calibrations(station: TheStation) -> list[dict[str, Any]]:
 )
 async def post_calibration(
     file: Annotated[list[UploadFile], File(description="One file, or two that belong together.")],
-    station: TheStation,
+    server: TheServer,
     size: Annotated[str | None, Form(description="As in 1280x720, where no file tells it.")] = None,
     unit: Annotated[Unit | None, Form(description="Of lengths; none: the format's own.")] = None,
     cameras: Annotated[Cameras | None, Form(description="KITTI's pair.")] = None,
@@ -84,10 +84,8 @@ async def post_calibration(
         NamedFile(plain_name(each.filename, "calibration.yaml"), await each.read())
         for each in file[:_MOST]
     ]
-    keep = partial(
-        keep_upload, station.storage, files, size=_size(size), unit=unit, cameras=cameras
-    )
-    return entry(await asyncio.to_thread(keep), station)
+    keep = partial(keep_upload, server.storage, files, size=_size(size), unit=unit, cameras=cameras)
+    return entry(await asyncio.to_thread(keep), server)
 
 
 @router.post(
@@ -96,9 +94,9 @@ async def post_calibration(
     summary="Go back to the source's own calibration",
     responses=refusals(409, 422, 503),
 )
-async def deactivate(station: TheStation) -> dict[str, Any]:
-    await station.activate_calibration(None)
-    return status(station)
+async def deactivate(server: TheServer) -> dict[str, Any]:
+    await server.calibrating.activate(None)
+    return status(server)
 
 
 @router.post(
@@ -108,10 +106,10 @@ async def deactivate(station: TheStation) -> dict[str, Any]:
     summary="Set the rows of the calibration in use straight by the scene",
     responses=refusals(409, 503, 507),
 )
-async def refine(station: TheStation) -> dict[str, Any]:
+async def refine(server: TheServer) -> dict[str, Any]:
     """Pitch and roll between the cameras, as a new calibration; nothing is replaced."""
-    active = station.wanted.calibration
-    return entry(await refine_rows(station.engine, station.storage, active), station)
+    active = server.source.wanted.calibration
+    return entry(await refine_rows(server.engine, server.storage, active), server)
 
 
 @router.patch(
@@ -120,10 +118,8 @@ async def refine(station: TheStation) -> dict[str, Any]:
     summary="Rename a calibration",
     responses=refusals(404, 415, 422, 503),
 )
-async def rename(
-    id: CalibrationId, change: CalibrationChange, station: TheStation
-) -> dict[str, Any]:
-    return entry(await station.rename_calibration(id, change.name), station)
+async def rename(id: CalibrationId, change: CalibrationChange, server: TheServer) -> dict[str, Any]:
+    return entry(await server.calibrating.rename(id, change.name), server)
 
 
 @router.post(
@@ -132,10 +128,10 @@ async def rename(
     summary="Use a calibration",
     responses=refusals(404, 409, 422, 503),
 )
-async def activate(id: CalibrationId, station: TheStation) -> dict[str, Any]:
+async def activate(id: CalibrationId, server: TheServer) -> dict[str, Any]:
     """The open source begins again with it. Refused where the image size differs."""
-    await station.activate_calibration(id)
-    return status(station)
+    await server.calibrating.activate(id)
+    return status(server)
 
 
 @router.get(
@@ -144,8 +140,8 @@ async def activate(id: CalibrationId, station: TheStation) -> dict[str, Any]:
     response_class=Response,
     responses={200: {"content": {"application/yaml": {}}}, **refusals(404, 503)},
 )
-async def get_file(id: CalibrationId, station: TheStation) -> Response:
-    record = await asyncio.to_thread(find_kept_calibration, station.storage, id)
+async def get_file(id: CalibrationId, server: TheServer) -> Response:
+    record = await asyncio.to_thread(find_kept_calibration, server.storage, id)
     headers = {"Content-Disposition": f'attachment; filename="calibration-{record.id[:12]}.yaml"'}
     return Response(record.text, media_type="application/yaml", headers=headers)
 
@@ -157,10 +153,10 @@ async def get_file(id: CalibrationId, station: TheStation) -> Response:
     responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404, 503)},
 )
 async def get_export(
-    id: CalibrationId, kind: Literal["opencv", "ros", "kalibr"], station: TheStation
+    id: CalibrationId, kind: Literal["opencv", "ros", "kalibr"], server: TheServer
 ) -> Response:
     """``opencv`` and ``kalibr`` are one file, ``ros`` a ZIP archive of left.yaml and right.yaml."""
-    record = await asyncio.to_thread(find_kept_calibration, station.storage, id)
+    record = await asyncio.to_thread(find_kept_calibration, server.storage, id)
     file = await asyncio.to_thread(exported, record, kind)
     headers = {"Content-Disposition": f'attachment; filename="{file.name}"'}
     return Response(file.content, media_type="application/octet-stream", headers=headers)
@@ -172,10 +168,10 @@ async def get_export(
     response_class=Response,
     responses=PREVIEW_RESPONSES,
 )
-async def get_preview(id: CalibrationId, station: TheStation) -> Response:
+async def get_preview(id: CalibrationId, server: TheServer) -> Response:
     """Both images with the same horizontal lines: a point must lie on the same line in both."""
-    record = await asyncio.to_thread(find_calibration, station.storage, id)
-    return preview_response(await preview_text(station.engine, record.text))
+    record = await asyncio.to_thread(find_calibration, server.storage, id)
+    return preview_response(await preview_text(server.engine, record.text))
 
 
 @router.get(
@@ -186,13 +182,13 @@ async def get_preview(id: CalibrationId, station: TheStation) -> Response:
 )
 async def get_depth(
     id: CalibrationId,
-    station: TheStation,
+    server: TheServer,
     u: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
     v: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
 ) -> dict[str, Any]:
     """``u``, ``v`` are pixels of the rectified left image, as the preview shows it."""
-    record = await asyncio.to_thread(find_calibration, station.storage, id)
-    return await measure_depth(station.engine, record, u, v, field=("query", "u"))
+    record = await asyncio.to_thread(find_calibration, server.storage, id)
+    return await measure_depth(server.engine, record, u, v, field=("query", "u"))
 
 
 @router.post(
@@ -203,14 +199,14 @@ async def get_depth(
     responses=refusals(404, 409, 415, 422, 503, 507),
 )
 async def post_tape_check(
-    id: CalibrationId, check: TapeCheckStart, station: TheStation
+    id: CalibrationId, check: TapeCheckStart, server: TheServer
 ) -> dict[str, Any]:
     """The result is kept beside the calibration."""
-    record = await asyncio.to_thread(find_calibration, station.storage, id)
+    record = await asyncio.to_thread(find_calibration, server.storage, id)
     checked = await check_by_tape(
-        station.engine, station.storage, record, check.u, check.v, check.measured_m
+        server.engine, server.storage, record, check.u, check.v, check.measured_m
     )
-    return entry(checked, station)
+    return entry(checked, server)
 
 
 @router.delete(
@@ -219,9 +215,9 @@ async def post_tape_check(
     summary="Take a calibration off the list",
     responses=refusals(404, 409, 503),
 )
-async def delete_calibration(id: CalibrationId, station: TheStation) -> None:
+async def delete_calibration(id: CalibrationId, server: TheServer) -> None:
     """Runs that used it stay repeatable."""
-    await station.delete_calibration(id)
+    await server.calibrating.delete(id)
 
 
 def _size(text: str | None) -> tuple[int, int] | None:

@@ -1,4 +1,4 @@
-"""What the routers share: the station, who asks, names in paths."""
+"""What the routers share: the server, who asks, names in paths."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from fastapi import Depends, Path, Request
 from fastapi.requests import HTTPConnection
 
 from app.http.sockets.view_feed import ViewFeed
-from app.server import Station
+from app.server import Server
 
 _LONGEST_NAME = 100
 
 
-def _station(connection: HTTPConnection) -> Station:
-    station = connection.app.state.station
-    assert isinstance(station, Station)
-    return station
+def _server(connection: HTTPConnection) -> Server:
+    server = connection.app.state.server
+    assert isinstance(server, Server)
+    return server
 
 
-TheStation = Annotated[Station, Depends(_station)]
+TheServer = Annotated[Server, Depends(_server)]
 
 
 def _feeds(connection: HTTPConnection) -> dict[str, ViewFeed]:

@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Body, Path, Query, Request
 from fastapi.responses import Response
 
-from app.http.api.common import TheStation, who
+from app.http.api.common import TheServer, who
 from app.http.api.refusals import refusals
 from app.http.api.robot_models import By, CheckEntry, CheckNow, ChecksNow, CheckStart, RoleName
 from app.http.errors import SafeJSON
-from app.server import Conflict, Station
+from app.server import Conflict, Server
 
 router = APIRouter(prefix="/robots", tags=["robots"])
 
@@ -21,16 +21,16 @@ _NOW: dict[int | str, dict[str, Any]] = {200: {"model": CheckNow}}
 _FORMATS = {"json": ("json", "application/json"), "markdown": ("md", "text/markdown")}
 
 
-def _facts(station: Station) -> Response:
-    return SafeJSON(station.driving.checks.facts())
+def _facts(server: Server) -> Response:
+    return SafeJSON(server.driving.checks.facts())
 
 
 @router.get("/check", response_model=None, responses={200: {"model": ChecksNow}})
 async def get_check(
-    station: TheStation, role: Annotated[RoleName, Query(description="Of the advice.")] = "observer"
+    server: TheServer, role: Annotated[RoleName, Query(description="Of the advice.")] = "observer"
 ) -> Response:
     """The guided check that goes on or ended last, and whether to check again."""
-    checks = station.driving.checks
+    checks = server.driving.checks
     return SafeJSON({**await checks.outlook(role), "check": checks.facts()})
 
 
@@ -42,14 +42,14 @@ async def get_check(
     summary="Begin a guided check",
 )
 async def start_check(
-    request: Request, station: TheStation, wanted: Annotated[CheckStart | None, Body()] = None
+    request: Request, server: TheServer, wanted: Annotated[CheckStart | None, Body()] = None
 ) -> Response:
     """It moves nothing: somebody drives by hand and does as each step says, stops are measured."""
     wanted = wanted or CheckStart()
-    if station.driving.robot(wanted.role) is None:
+    if server.driving.robot(wanted.role) is None:
         raise Conflict(f"no robot is connected as the {wanted.role}")
-    station.driving.checks.start(wanted.role, wanted.note or None, who(request, wanted.name))
-    return SafeJSON(station.driving.checks.facts(), 201)
+    server.driving.checks.start(wanted.role, wanted.note or None, who(request, wanted.name))
+    return SafeJSON(server.driving.checks.facts(), 201)
 
 
 @router.post(
@@ -59,11 +59,11 @@ async def start_check(
     summary="Leave the present step out",
 )
 async def skip_step(
-    request: Request, station: TheStation, by: Annotated[By | None, Body()] = None
+    request: Request, server: TheServer, by: Annotated[By | None, Body()] = None
 ) -> Response:
     """The record tells who did."""
-    await station.driving.checks.skip(who(request, None if by is None else by.name))
-    return _facts(station)
+    await server.driving.checks.skip(who(request, None if by is None else by.name))
+    return _facts(server)
 
 
 @router.delete(
@@ -74,18 +74,18 @@ async def skip_step(
 )
 async def give_up_check(
     request: Request,
-    station: TheStation,
+    server: TheServer,
     name: Annotated[str | None, Query(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")] = None,
 ) -> Response:
     """What there is so far is kept, and says so. ``name``: who asks."""
-    await station.driving.checks.give_up(who(request, name or None))
-    return _facts(station)
+    await server.driving.checks.give_up(who(request, name or None))
+    return _facts(server)
 
 
 @router.get("/checks", response_model=list[CheckEntry], summary="Records of checks")
-async def list_checks(station: TheStation) -> list[dict[str, Any]]:
+async def list_checks(server: TheServer) -> list[dict[str, Any]]:
     """Newest first, a hundred at most."""
-    return await asyncio.to_thread(station.driving.checks.records.all)
+    return await asyncio.to_thread(server.driving.checks.records.all)
 
 
 @router.get(
@@ -98,10 +98,10 @@ async def list_checks(station: TheStation) -> list[dict[str, Any]]:
     },
 )
 async def get_check_record(
-    name: CheckName, station: TheStation, format: Literal["json", "markdown"] = "json"
+    name: CheckName, server: TheServer, format: Literal["json", "markdown"] = "json"
 ) -> Response:
     """As it was kept: JSON for programs, Markdown for people."""
     suffix, media = _FORMATS[format]
-    text = await asyncio.to_thread(station.driving.checks.records.text, name, suffix)
+    text = await asyncio.to_thread(server.driving.checks.records.text, name, suffix)
     headers = {"Content-Disposition": f'attachment; filename="{name}.{suffix}"'}
     return Response(text, media_type=media, headers=headers)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query
 
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.run_models import History
 from app.http.api.values import Tag
@@ -21,7 +21,7 @@ _TEXT = r"^[^\x00]*$"
 
 @router.get("", response_model=History, summary="Find runs", responses=refusals(422, 503))
 async def get_history(
-    station: TheStation,
+    server: TheServer,
     text: Annotated[
         str,
         Query(
@@ -40,4 +40,6 @@ async def get_history(
     offset: Annotated[int, Query(ge=0, le=1_000_000)] = 0,
 ) -> HistoryPage:
     """Newest first, in pages."""
-    return await station.history.page(text, tag or (), deleted=deleted, limit=limit, offset=offset)
+    return await server.runs.history.page(
+        text, tag or (), deleted=deleted, limit=limit, offset=offset
+    )

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter
 from pydantic import Field
 
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.live_truth_models import LiveTruthStatus
 from app.http.api.refusals import refusals
 from app.http.api.values import In, Name, Spec
@@ -31,9 +31,9 @@ class LiveTruthChoice(In):
 
 
 @router.get("", response_model=LiveTruthStatus | None, summary="Live motion capture")
-async def get_live_truth(station: TheStation) -> dict[str, Any] | None:
+async def get_live_truth(server: TheServer) -> dict[str, Any] | None:
     """As in the status; null where none is listened to."""
-    return station.state.truth
+    return server.source.state.truth
 
 
 @router.put(
@@ -42,9 +42,9 @@ async def get_live_truth(station: TheStation) -> dict[str, Any] | None:
     summary="Listen to live motion capture",
     responses=refusals(413, 415, 422, 503, 507),
 )
-async def put_live_truth(choice: LiveTruthChoice, station: TheStation) -> dict[str, Any] | None:
+async def put_live_truth(choice: LiveTruthChoice, server: TheServer) -> dict[str, Any] | None:
     """What is open stays open, also in a run. It is kept over restarts of the server."""
     order = None
     if choice.spec is not None:
         order = LiveTruthOrder(choice.spec, choice.observer, tuple(choice.ignore))
-    return await station.choose_live_truth(order)
+    return await server.live_truth.choose(order)

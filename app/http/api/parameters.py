@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Path
 
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.models import (
     ParameterEntry,
     ParametersChanged,
@@ -16,8 +16,8 @@ from app.http.api.models import (
 )
 from app.http.api.refusals import refusals
 from app.http.api.values import Changes, notes_on
-from app.parameter_store import ParametersInForce
-from app.server.parameters.desk import PresetEntry
+from app.server.parameters.in_force import ParametersInForce
+from app.server.parameters.manager import PresetEntry
 from observer.guard.parameters import AllParameters
 
 router = APIRouter(tags=["parameters"])
@@ -34,8 +34,8 @@ def _now(parameters: ParametersInForce) -> ParametersNow:
 
 
 @router.get("/parameters", response_model=ParametersNow, summary="All parameters in force")
-async def get_parameters(station: TheStation) -> ParametersNow:
-    return _now(station.parameters.current)
+async def get_parameters(server: TheServer) -> ParametersNow:
+    return _now(server.parameters.current)
 
 
 @router.patch(
@@ -48,10 +48,10 @@ async def patch_parameters(
     changes: Annotated[
         Changes, Body(examples=[{"ego_motion.ransac_threshold_px": 2.0, "stereo.matcher": "bm"}])
     ],
-    station: TheStation,
+    server: TheServer,
 ) -> ParametersChanged:
     """Dotted names and new values, all or nothing; they act from the next frame on."""
-    now = _now(await station.change_parameters(dict(changes)))
+    now = _now(await server.parameters.change(dict(changes)))
     return ParametersChanged(**now.model_dump(), notes=notes_on(changes, now.values))
 
 
@@ -66,9 +66,9 @@ def get_schema() -> list[dict[str, Any]]:
 
 
 @router.get("/presets", response_model=list[Preset], summary="All presets")
-async def get_presets(station: TheStation) -> list[PresetEntry]:
+async def get_presets(server: TheServer) -> list[PresetEntry]:
     """To use one, PATCH its values."""
-    return station.parameters.presets()
+    return server.parameters.presets()
 
 
 @router.post(
@@ -78,8 +78,8 @@ async def get_presets(station: TheStation) -> list[PresetEntry]:
     summary="Save the values in force as a preset",
     responses=refusals(409, 415, 422, 503, 507),
 )
-async def post_preset(wanted: PresetName, station: TheStation) -> PresetEntry:
-    return await station.parameters.save_preset(wanted.name, wanted.help)
+async def post_preset(wanted: PresetName, server: TheServer) -> PresetEntry:
+    return await server.parameters.save_preset(wanted.name, wanted.help)
 
 
 @router.delete(
@@ -88,5 +88,5 @@ async def post_preset(wanted: PresetName, station: TheStation) -> PresetEntry:
     summary="Delete a saved preset",
     responses=refusals(404, 409, 503),
 )
-async def delete_preset(name: Annotated[str, Path(max_length=100)], station: TheStation) -> None:
-    await station.parameters.delete_preset(name)
+async def delete_preset(name: Annotated[str, Path(max_length=100)], server: TheServer) -> None:
+    await server.parameters.delete_preset(name)

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.models import Pixel
 from app.http.api.refusals import refusals
 from app.messages import ExplainPixel
@@ -24,6 +24,6 @@ Coordinate = Annotated[float, Query(ge=-_MOST_PX, le=_MOST_PX, allow_inf_nan=Fal
     summary="Why a pixel counts as moving, as standing, or as neither",
     responses=refusals(409, 422, 503),
 )
-async def get_pixel(u: Coordinate, v: Coordinate, station: TheStation) -> dict[str, Any]:
+async def get_pixel(u: Coordinate, v: Coordinate, server: TheServer) -> dict[str, Any]:
     """Of the newest observed frame: u to the right and v down in the rectified left image."""
-    return await ask(station.engine, ExplainPixel(u, v), field=("query",))
+    return await ask(server.engine, ExplainPixel(u, v), field=("query",))

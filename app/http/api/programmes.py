@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path
 
 from app.drive.messages import StartProgramme
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.robot_models import (
     ProgrammeDetail,
@@ -16,8 +16,8 @@ from app.http.api.robot_models import (
     ProgrammeStart,
     ProgrammeText,
 )
-from app.server import FieldError, Station
-from app.server.robots.profile_library import ShelvedProgramme
+from app.server import FieldError, Server
+from app.server.robots.profile_library import LibraryProgramme
 from observer.motion_profiles import duration_s, programme_text
 
 router = APIRouter(prefix="/programmes", tags=["programmes"])
@@ -25,38 +25,38 @@ router = APIRouter(prefix="/programmes", tags=["programmes"])
 ProgrammeName = Annotated[str, Path(max_length=100)]
 
 
-async def programme_command(station: Station, wanted: ProgrammeStart) -> StartProgramme:
+async def programme_command(server: Server, wanted: ProgrammeStart) -> StartProgramme:
     """What a request to drive a programme asks for.
 
     Raises:
         NotThere: there is no such programme. FieldError: a lease is missing.
     """
-    shelved = await asyncio.to_thread(station.programmes.find, wanted.name)
-    for role in shelved.programme.roles:
+    found = await asyncio.to_thread(server.programmes.find, wanted.name)
+    for role in found.programme.roles:
         if role not in wanted.leases:
             raise FieldError(
                 ("body", "leases"), f"the programme {wanted.name} moves the {role}; give its lease"
             )
     leases = {str(role): lease for role, lease in wanted.leases.items()}
-    return StartProgramme(shelved.programme, leases, wanted.repeat, wanted.reverse)
+    return StartProgramme(found.programme, leases, wanted.repeat, wanted.reverse)
 
 
-def _entry(shelved: ShelvedProgramme) -> dict[str, Any]:
-    programme = shelved.programme
+def _entry(found: LibraryProgramme) -> dict[str, Any]:
+    programme = found.programme
     return {
         "name": programme.name,
         "title": programme.title,
         "help": programme.help,
         "roles": list(programme.roles),
         "duration_s": duration_s(programme),
-        "own": shelved.own,
+        "own": found.own,
     }
 
 
 @router.get("", response_model=list[ProgrammeEntry], summary="All programmes")
-async def list_programmes(station: TheStation) -> list[dict[str, Any]]:
+async def list_programmes(server: TheServer) -> list[dict[str, Any]]:
     """Those that come with the project first."""
-    return [_entry(each) for each in await asyncio.to_thread(station.programmes.all)]
+    return [_entry(each) for each in await asyncio.to_thread(server.programmes.all)]
 
 
 @router.post(
@@ -66,19 +66,19 @@ async def list_programmes(station: TheStation) -> list[dict[str, Any]]:
     summary="Keep a programme",
     responses=refusals(409, 415, 422, 507),
 )
-async def keep_programme(wanted: ProgrammeText, station: TheStation) -> dict[str, Any]:
+async def keep_programme(wanted: ProgrammeText, server: TheServer) -> dict[str, Any]:
     """Under the name it gives itself; your own of the same name is replaced."""
-    shelved = await asyncio.to_thread(station.programmes.save, wanted.text)
-    return {**_entry(shelved), "text": programme_text(shelved.programme)}
+    found = await asyncio.to_thread(server.programmes.save, wanted.text)
+    return {**_entry(found), "text": programme_text(found.programme)}
 
 
 @router.get(
     "/{name}", response_model=ProgrammeDetail, summary="One programme", responses=refusals(404)
 )
-async def get_programme(name: ProgrammeName, station: TheStation) -> dict[str, Any]:
+async def get_programme(name: ProgrammeName, server: TheServer) -> dict[str, Any]:
     """With its YAML."""
-    shelved = await asyncio.to_thread(station.programmes.find, name)
-    return {**_entry(shelved), "text": programme_text(shelved.programme)}
+    found = await asyncio.to_thread(server.programmes.find, name)
+    return {**_entry(found), "text": programme_text(found.programme)}
 
 
 @router.delete(
@@ -87,5 +87,5 @@ async def get_programme(name: ProgrammeName, station: TheStation) -> dict[str, A
     summary="Forget a programme of your own",
     responses=refusals(404, 409, 503),
 )
-async def delete_programme(name: ProgrammeName, station: TheStation) -> None:
-    await asyncio.to_thread(station.programmes.delete, name)
+async def delete_programme(name: ProgrammeName, server: TheServer) -> None:
+    await asyncio.to_thread(server.programmes.delete, name)

@@ -8,9 +8,9 @@ from fastapi import APIRouter, Path
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
-from app.storage.saved_clips import SavedRing
+from app.storage.saved_clips import SavedClip
 
 router = APIRouter(prefix="/recording", tags=["runs"])
 
@@ -31,9 +31,9 @@ class RingFile(BaseModel):
     summary="Save the last half minute",
     responses=refusals(409, 503, 507),
 )
-async def save_ring(station: TheStation) -> dict[str, Any]:
+async def save_ring(server: TheServer) -> dict[str, Any]:
     """Of live cameras at any time, and of every run; beside the run, or in the folder rings."""
-    return await station.rings.save()
+    return await server.runs.clips.save()
 
 
 class RingEntry(BaseModel):
@@ -47,9 +47,9 @@ class RingEntry(BaseModel):
 
 
 @router.get("/rings", response_model=list[RingEntry], summary="All saved half minutes")
-async def list_rings(station: TheStation) -> list[dict[str, Any]]:
+async def list_rings(server: TheServer) -> list[dict[str, Any]]:
     """Newest first."""
-    return [_entry(ring) for ring in await station.rings.all()]
+    return [_entry(ring) for ring in await server.runs.clips.all()]
 
 
 @router.get(
@@ -58,9 +58,9 @@ async def list_rings(station: TheStation) -> list[dict[str, Any]]:
     response_class=FileResponse,
     responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404)},
 )
-async def get_ring(name: Name, station: TheStation) -> FileResponse:
+async def get_ring(name: Name, server: TheServer) -> FileResponse:
     """Opens in Foxglove and Lichtblick, and as a source."""
-    ring = await station.rings.find(name)
+    ring = await server.runs.clips.find(name)
     return FileResponse(ring.path, filename=ring.path.name)
 
 
@@ -70,12 +70,12 @@ async def get_ring(name: Name, station: TheStation) -> FileResponse:
     summary="Delete a saved half minute for good",
     responses=refusals(404, 503),
 )
-async def delete_ring(name: Name, station: TheStation) -> None:
+async def delete_ring(name: Name, server: TheServer) -> None:
     """The recording of the run that was going stays."""
-    await station.rings.delete(name)
+    await server.runs.clips.delete(name)
 
 
-def _entry(ring: SavedRing) -> dict[str, Any]:
+def _entry(ring: SavedClip) -> dict[str, Any]:
     return {
         "name": ring.name, "run_id": ring.run_id, "saved_at": ring.saved_at, "bytes": ring.bytes,
         "source": str(ring.path),

@@ -7,10 +7,10 @@ from typing import Any
 
 from fastapi import APIRouter, Response
 
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.rig_models import DriveNow, FloorEstimate, RigChange, RigFile, RigNow
-from app.server import Conflict, Station
+from app.server import Conflict, Server
 from app.server.rig.ground_survey import survey_floor
 from observer.mount import CameraMount
 from observer.rig.rig import Rig
@@ -18,8 +18,8 @@ from observer.rig.rig import Rig
 router = APIRouter(prefix="/rig", tags=["rig"])
 
 
-def _facts(station: Station) -> dict[str, Any]:
-    rig, path = station.rig.rig, station.rig.path
+def _facts(server: Server) -> dict[str, Any]:
+    rig, path = server.rig.rig, server.rig.path
     known = rig.mount.values()
     return {
         "mount": {key: {"value": v.value, "sigma": v.sigma} for key, v in known.items()},
@@ -28,24 +28,24 @@ def _facts(station: Station) -> dict[str, Any]:
         "for_simulated": rig.for_simulated,
         "calibration": rig.calibration,
         "file": None if path is None else str(path),
-        "in_use": station.state.mount,
+        "in_use": server.source.state.mount,
     }
 
 
 @router.get("", response_model=RigNow, summary="The rig in force")
-async def get_rig(station: TheStation) -> dict[str, Any]:
-    return _facts(station)
+async def get_rig(server: TheServer) -> dict[str, Any]:
+    return _facts(server)
 
 
 @router.put(
     "", response_model=RigNow, summary="Change the rig", responses=refusals(409, 415, 422, 503, 507)
 )
-async def put_rig(change: RigChange, station: TheStation) -> dict[str, Any]:
+async def put_rig(change: RigChange, server: TheServer) -> dict[str, Any]:
     """The open source begins again with it; bodies of a mocap system stay as they are."""
 
     def changed() -> Rig:
-        calibration = station.wanted.calibration
-        return station.rig.changed(
+        calibration = server.source.wanted.calibration
+        return server.rig.changed(
             change.mount.pairs(),
             None
             if change.models is None
@@ -54,8 +54,8 @@ async def put_rig(change: RigChange, station: TheStation) -> dict[str, Any]:
             calibration=None if calibration is None else calibration.id,
         )
 
-    await station.change_rig(changed)
-    return _facts(station)
+    await server.change_rig(changed)
+    return _facts(server)
 
 
 @router.get(
@@ -64,9 +64,9 @@ async def put_rig(change: RigChange, station: TheStation) -> dict[str, Any]:
     response_class=Response,
     responses={200: {"content": {"application/yaml": {}}}},
 )
-async def get_file(station: TheStation) -> Response:
+async def get_file(server: TheServer) -> Response:
     headers = {"Content-Disposition": 'attachment; filename="rig.yaml"'}
-    return Response(station.rig.text, media_type="application/yaml", headers=headers)
+    return Response(server.rig.text, media_type="application/yaml", headers=headers)
 
 
 @router.put(
@@ -75,10 +75,10 @@ async def get_file(station: TheStation) -> Response:
     summary="Take a rig.yaml",
     responses=refusals(409, 415, 422, 503, 507),
 )
-async def put_file(file: RigFile, station: TheStation) -> dict[str, Any]:
-    rig = await asyncio.to_thread(station.rig.parsed, file.text)
-    await station.change_rig(lambda: rig)
-    return _facts(station)
+async def put_file(file: RigFile, server: TheServer) -> dict[str, Any]:
+    rig = await asyncio.to_thread(server.rig.parsed, file.text)
+    await server.change_rig(lambda: rig)
+    return _facts(server)
 
 
 @router.post(
@@ -87,9 +87,9 @@ async def put_file(file: RigFile, station: TheStation) -> dict[str, Any]:
     summary="Estimate height, tilt and roll from the floor",
     responses=refusals(409, 503),
 )
-async def post_floor(station: TheStation) -> dict[str, Any]:
+async def post_floor(server: TheServer) -> dict[str, Any]:
     """Looks for about two seconds; nothing is changed."""
-    return await survey_floor(station.engine, station.state.camera)
+    return await survey_floor(server.engine, server.source.state.camera)
 
 
 @router.post(
@@ -99,26 +99,26 @@ async def post_floor(station: TheStation) -> dict[str, Any]:
     summary="Note a drive, by which the offset from the axle is estimated",
     responses=refusals(409),
 )
-async def post_drive(station: TheStation) -> dict[str, Any]:
+async def post_drive(server: TheServer) -> dict[str, Any]:
     """Drive some metres straight and turn on the spot; wheel odometry must come with the frames."""
-    if station.state.camera is None:
+    if server.source.state.camera is None:
         raise Conflict("nothing is observed by which a drive could be followed; open a source")
-    station.drive.begin()
-    return await _drive(station)
+    server.survey.begin()
+    return await _drive(server)
 
 
 @router.get("/drive", response_model=DriveNow, summary="What the drive says so far")
-async def get_drive(station: TheStation) -> dict[str, Any]:
-    return await _drive(station)
+async def get_drive(server: TheServer) -> dict[str, Any]:
+    return await _drive(server)
 
 
 @router.delete("/drive", response_model=DriveNow, summary="End the drive")
-async def delete_drive(station: TheStation) -> dict[str, Any]:
+async def delete_drive(server: TheServer) -> dict[str, Any]:
     """What it says stays; nothing is changed."""
-    station.drive.end()
-    return await _drive(station)
+    server.survey.end()
+    return await _drive(server)
 
 
-async def _drive(station: Station) -> dict[str, Any]:
-    mount = station.state.mount
-    return await station.drive.estimate(None if mount is None else CameraMount(**mount))
+async def _drive(server: Server) -> dict[str, Any]:
+    mount = server.source.state.mount
+    return await server.survey.estimate(None if mount is None else CameraMount(**mount))

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Body, Request
 from fastapi.responses import Response
 
 from app.drive.messages import ArmRobot, DisarmRobot
-from app.http.api.common import TheStation, who
+from app.http.api.common import TheServer, who
 from app.http.api.programmes import programme_command
 from app.http.api.refusals import refusals
 from app.http.api.robot_models import (
@@ -20,7 +20,7 @@ from app.http.api.robot_models import (
     RoleName,
 )
 from app.http.errors import SafeJSON
-from app.server import NotThere, Station
+from app.server import NotThere, Server
 
 router = APIRouter(prefix="/robots", tags=["robots"])
 
@@ -28,13 +28,13 @@ router = APIRouter(prefix="/robots", tags=["robots"])
 _ROBOTS: dict[int | str, dict[str, Any]] = {200: {"model": RobotsNow}}
 
 
-def _facts(station: Station) -> Response:
-    return SafeJSON(station.driving.facts())
+def _facts(server: Server) -> Response:
+    return SafeJSON(server.driving.facts())
 
 
 @router.get("", response_model=None, responses=_ROBOTS, summary="How the robots are")
-async def get_robots(station: TheStation) -> Response:
-    return _facts(station)
+async def get_robots(server: TheServer) -> Response:
+    return _facts(server)
 
 
 @router.post(
@@ -43,13 +43,13 @@ async def get_robots(station: TheStation) -> Response:
     responses={**_ROBOTS, **refusals(503)},
     summary="Stop all robots",
 )
-async def stop_robots(request: Request, station: TheStation) -> Response:
+async def stop_robots(request: Request, server: TheServer) -> Response:
     """A software stop, no emergency stop (ISO 13850). It holds until it is reset.
 
     Anyone signed in may stop; it waits for no run, lease or other request.
     """
-    await station.driving.stop_robots(who(request))
-    return _facts(station)
+    await server.driving.stop_robots(who(request))
+    return _facts(server)
 
 
 @router.post(
@@ -58,10 +58,10 @@ async def stop_robots(request: Request, station: TheStation) -> Response:
     responses={**_ROBOTS, **refusals(409, 503)},
     summary="Undo the stop",
 )
-async def reset_stop(request: Request, station: TheStation) -> Response:
+async def reset_stop(request: Request, server: TheServer) -> Response:
     """Faults whose cause is over are forgotten as well; all robots stay disarmed."""
-    await station.driving.reset(who(request))
-    return _facts(station)
+    await server.driving.reset(who(request))
+    return _facts(server)
 
 
 @router.post(
@@ -70,10 +70,10 @@ async def reset_stop(request: Request, station: TheStation) -> Response:
     responses={**_ROBOTS, **refusals(404, 409, 415, 422, 503)},
     summary="Drive a programme",
 )
-async def start_programme(wanted: ProgrammeStart, station: TheStation) -> Response:
+async def start_programme(wanted: ProgrammeStart, server: TheServer) -> Response:
     """As long as the operators of its robots stay present on their drive sockets."""
-    await station.driving.start_programme(await programme_command(station, wanted))
-    return _facts(station)
+    await server.driving.start_programme(await programme_command(server, wanted))
+    return _facts(server)
 
 
 @router.delete(
@@ -82,10 +82,10 @@ async def start_programme(wanted: ProgrammeStart, station: TheStation) -> Respon
     responses={**_ROBOTS, **refusals(409, 503)},
     summary="End the programme",
 )
-async def stop_programme(station: TheStation) -> Response:
+async def stop_programme(server: TheServer) -> Response:
     """At zero; the robots stay armed."""
-    await station.driving.stop_programme()
-    return _facts(station)
+    await server.driving.stop_programme()
+    return _facts(server)
 
 
 @router.post(
@@ -95,11 +95,11 @@ async def stop_programme(station: TheStation) -> Response:
     summary="Switch a robot's motors on",
 )
 async def arm_robot(
-    role: RoleName, station: TheStation, arming: Annotated[Arming | None, Body()] = None
+    role: RoleName, server: TheServer, arming: Annotated[Arming | None, Body()] = None
 ) -> Response:
     """At zero velocity. Nothing else ever switches them on."""
-    await station.driving.ask(ArmRobot(role, None if arming is None else arming.lease))
-    return _robot(station, role)
+    await server.driving.ask(ArmRobot(role, None if arming is None else arming.lease))
+    return _robot(server, role)
 
 
 @router.post(
@@ -108,10 +108,10 @@ async def arm_robot(
     responses={200: {"model": RobotNow}, **refusals(404, 409, 422, 503)},
     summary="Switch a robot's motors off",
 )
-async def disarm_robot(role: RoleName, station: TheStation) -> Response:
+async def disarm_robot(role: RoleName, server: TheServer) -> Response:
     """Anyone signed in may."""
-    await station.driving.ask(DisarmRobot(role))
-    return _robot(station, role)
+    await server.driving.ask(DisarmRobot(role))
+    return _robot(server, role)
 
 
 @router.put(
@@ -120,10 +120,10 @@ async def disarm_robot(role: RoleName, station: TheStation) -> Response:
     responses={**_ROBOTS, **refusals(415, 422, 503, 507)},
     summary="Reach a real robot by a port",
 )
-async def put_port(role: RoleName, choice: PortChoice, station: TheStation) -> Response:
+async def put_port(role: RoleName, choice: PortChoice, server: TheServer) -> Response:
     """It is kept in rig.yaml, and connected as long as live cameras are open."""
-    await station.change_rig(lambda: station.rig.with_port(role, choice.port, choice.model))
-    return _facts(station)
+    await server.change_rig(lambda: server.rig.with_port(role, choice.port, choice.model))
+    return _facts(server)
 
 
 @router.delete(
@@ -132,13 +132,13 @@ async def put_port(role: RoleName, choice: PortChoice, station: TheStation) -> R
     responses={**_ROBOTS, **refusals(422, 503, 507)},
     summary="Forget a robot's port",
 )
-async def delete_port(role: RoleName, station: TheStation) -> Response:
-    await station.change_rig(lambda: station.rig.without_port(role))
-    return _facts(station)
+async def delete_port(role: RoleName, server: TheServer) -> Response:
+    await server.change_rig(lambda: server.rig.without_port(role))
+    return _facts(server)
 
 
-def _robot(station: Station, role: RoleName) -> Response:
-    robot = station.driving.robot(role)
+def _robot(server: Server, role: RoleName) -> Response:
+    robot = server.driving.robot(role)
     if robot is None:
         raise NotThere(f"no {role} is connected")
     return SafeJSON(robot)

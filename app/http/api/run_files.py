@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 
-from app.http.api.common import RunId, TheStation
+from app.http.api.common import RunId, TheServer
 from app.http.api.refusals import refusals
 from app.http.api.run_models import Run, RunChart
 from app.http.cancel_on_disconnect import while_there
@@ -54,10 +54,10 @@ def _file(*kinds: str) -> dict[int | str, dict[str, Any]]:
     summary="Speeds by the observer, by truth, as commanded and by encoders, and their errors",
     responses=refusals(404, 409, 503),
 )
-async def get_chart(id: RunId, station: TheStation, request: Request) -> Response:
+async def get_chart(id: RunId, server: TheServer, request: Request) -> Response:
     """Gaps are null. While the run is going, and without a recording, there are no errors."""
-    run = await station.runs.find(id)
-    values = await while_there(request, station.run_files.chart(run))
+    run = await server.runs.archive.find(id)
+    values = await while_there(request, server.runs.files.chart(run))
     about = Run.model_validate(run, from_attributes=True).model_dump_json().encode()
     choices = None
     if run.alignment is not None:
@@ -76,15 +76,15 @@ async def get_chart(id: RunId, station: TheStation, request: Request) -> Respons
 async def get_chart_file(
     id: RunId,
     format: ChartFormat,
-    station: TheStation,
+    server: TheServer,
     request: Request,
     begin: Instant = None,
     end: Instant = None,
 ) -> Response:
     if begin is not None and end is not None and begin >= end:
         raise FieldError(("query", "end"), "the end must lie behind the beginning")
-    run = await station.runs.find(id)
-    made = await while_there(request, station.run_files.chart_file(run, format, begin, end))
+    run = await server.runs.archive.find(id)
+    made = await while_there(request, server.runs.files.chart_file(run, format, begin, end))
     return MadeFileResponse(made, _CHART_KINDS[format])
 
 
@@ -94,10 +94,10 @@ async def get_chart_file(
     response_class=Response,
     responses=_file("text/html"),
 )
-async def get_report(id: RunId, station: TheStation, request: Request) -> Response:
+async def get_report(id: RunId, server: TheServer, request: Request) -> Response:
     """It takes up to a minute, and stands for itself: images, data and style are in it."""
-    run = await station.runs.find(id)
-    made = await while_there(request, station.run_files.report(run))
+    run = await server.runs.archive.find(id)
+    made = await while_there(request, server.runs.files.report(run))
     headers = {"content-security-policy": REPORT_POLICY}
     return MadeFileResponse(made, "text/html; charset=utf-8", inline=True, headers=headers)
 
@@ -110,7 +110,7 @@ async def get_report(id: RunId, station: TheStation, request: Request) -> Respon
 )
 async def get_export(
     id: RunId,
-    station: TheStation,
+    server: TheServer,
     request: Request,
     format: Annotated[
         ExportFormat,
@@ -124,8 +124,8 @@ async def get_export(
 ) -> Response:
     if table is not None and format not in _TABLES:
         raise FieldError(("query", "table"), "only csv and parquet are one table")
-    run = await station.runs.find(id)
+    run = await server.runs.archive.find(id)
     if table is None and format in _TABLES:
         table = "obstacles"
-    made = await while_there(request, station.run_files.export(run, format, table))
+    made = await while_there(request, server.runs.files.export(run, format, table))
     return MadeFileResponse(made, _EXPORT_KINDS[format])

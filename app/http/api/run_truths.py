@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import APIRouter, Request
 
-from app.http.api.common import RunId, TheStation
+from app.http.api.common import RunId, TheServer
 from app.http.api.refusals import refusals
 from app.http.api.run_models import AlignedRunEntry, AlignStart, RerunStart, Run, StartedRun
 from app.http.cancel_on_disconnect import while_there
@@ -23,7 +23,7 @@ router = APIRouter(prefix="/runs", tags=["runs"])
     responses=refusals(404, 409, 415, 422, 503, 507),
 )
 async def align_run(
-    id: RunId, wanted: AlignStart, station: TheStation, request: Request
+    id: RunId, wanted: AlignStart, server: TheServer, request: Request
 ) -> dict[str, Any]:
     """Clocks, room and which track is which body are found. Where that is not possible one
     sentence says why, and what was laid over the run before stays.
@@ -36,7 +36,7 @@ async def align_run(
         wanted.expected_offset_s,
         None if camera is None else CameraOnBody(**camera.model_dump()),
     )
-    work = station.truths.align(id, wanted.truth_id, choices)
+    work = server.runs.truths.align(id, wanted.truth_id, choices)
     found = await while_there(request, work)
     about = Run.model_validate(found.run, from_attributes=True).model_dump()
     return {**about, "alignment": found.alignment, "sentence": found.sentence}
@@ -49,12 +49,12 @@ async def align_run(
     summary="Observe a run's recording again",
     responses=refusals(404, 409, 415, 422, 503, 507),
 )
-async def rerun(id: RunId, wanted: RerunStart, station: TheStation) -> StartedRun:
+async def rerun(id: RunId, wanted: RerunStart, server: TheServer) -> StartedRun:
     """Once through, as fast as it goes, with the run's own parameters where none are given.
 
     Where truth was laid over the run, it is laid over the new one when it has ended.
     """
-    run = await station.rerun(
+    run = await server.runs.rerun(
         id, name=wanted.name, preset=wanted.preset, parameters=wanted.parameters
     )
     return StartedRun.of(run, wanted.parameters)

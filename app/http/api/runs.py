@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import FileResponse
 
-from app.http.api.common import RunId, TheStation
+from app.http.api.common import RunId, TheServer
 from app.http.api.programmes import programme_command
 from app.http.api.refusals import refusals
 from app.http.api.robot_models import RobotIncident
@@ -31,15 +31,15 @@ _COLUMNS = ("time", "role", "source", "track_id", "speed", "std", "segment")
     summary="Start a run",
     responses=refusals(409, 415, 422, 503, 507),
 )
-async def start_run(wanted: RunStart, station: TheStation) -> StartedRun:
+async def start_run(wanted: RunStart, server: TheServer) -> StartedRun:
     """Keep what is observed from now on, from the source's beginning, with all its settings.
 
     One run at a time. A recording's run ends with the recording.
     """
     programme = None
     if wanted.programme is not None:
-        programme = await programme_command(station, wanted.programme)
-    run = await station.start_run(
+        programme = await programme_command(server, wanted.programme)
+    run = await server.runs.start(
         name=wanted.name,
         source=wanted.source,
         calibration_id=wanted.calibration,
@@ -52,14 +52,14 @@ async def start_run(wanted: RunStart, station: TheStation) -> StartedRun:
 
 
 @router.get("", response_model=list[Run], summary="All runs", responses=refusals(503))
-async def list_runs(station: TheStation) -> list[RunRecord]:
+async def list_runs(server: TheServer) -> list[RunRecord]:
     """Newest first."""
-    return await station.runs.newest()
+    return await server.runs.archive.newest()
 
 
 @router.get("/{id}", response_model=Run, summary="One run", responses=refusals(404, 503))
-async def get_run(id: RunId, station: TheStation) -> RunRecord:
-    return await station.runs.find(id)
+async def get_run(id: RunId, server: TheServer) -> RunRecord:
+    return await server.runs.archive.find(id)
 
 
 @router.patch(
@@ -68,8 +68,8 @@ async def get_run(id: RunId, station: TheStation) -> RunRecord:
     summary="Name, tags and notes of a run",
     responses=refusals(404, 415, 422, 503, 507),
 )
-async def change_run(id: RunId, change: RunChange, station: TheStation) -> RunRecord:
-    return await station.history.annotate(
+async def change_run(id: RunId, change: RunChange, server: TheServer) -> RunRecord:
+    return await server.runs.history.annotate(
         id, name=change.name, tags=change.tags, notes=change.notes
     )
 
@@ -80,24 +80,24 @@ async def change_run(id: RunId, change: RunChange, station: TheStation) -> RunRe
     summary="Delete a run",
     responses=refusals(404, 409, 503),
 )
-async def delete_run(id: RunId, station: TheStation) -> None:
+async def delete_run(id: RunId, server: TheServer) -> None:
     """It is hidden, and deleted for good some days later; see ``undo_days`` of the history."""
-    await station.delete_run(id)
+    await server.runs.delete(id)
 
 
 @router.post(
     "/{id}/recover", response_model=Run, summary="Undo a deletion", responses=refusals(404, 503)
 )
-async def recover_run(id: RunId, station: TheStation) -> RunRecord:
-    return await station.history.recover(id)
+async def recover_run(id: RunId, server: TheServer) -> RunRecord:
+    return await server.runs.history.recover(id)
 
 
 @router.post(
     "/{id}/stop", response_model=Run, summary="End a run", responses=refusals(404, 409, 503)
 )
-async def stop_run(id: RunId, station: TheStation) -> RunRecord:
+async def stop_run(id: RunId, server: TheServer) -> RunRecord:
     """Its source stays open."""
-    return await station.stop_run(id)
+    return await server.runs.stop(id)
 
 
 @router.get(
@@ -111,9 +111,9 @@ async def stop_run(id: RunId, station: TheStation) -> RunRecord:
         **refusals(404, 409, 503),
     },
 )
-async def get_recording(id: RunId, station: TheStation) -> FileResponse:
+async def get_recording(id: RunId, server: TheServer) -> FileResponse:
     """Everything that happened in a run; opens in Foxglove and Lichtblick, and as a source."""
-    path = await station.runs.recording(id)
+    path = await server.runs.archive.recording(id)
     return FileResponse(path, filename=f"{_file_name(id)}.mcap")
 
 
@@ -128,11 +128,11 @@ async def get_recording(id: RunId, station: TheStation) -> FileResponse:
 )
 async def get_speeds(
     id: RunId,
-    station: TheStation,
+    server: TheServer,
     format: Annotated[Literal["json", "csv"], Query(description="csv is for download.")] = "json",
 ) -> Response:
     """Estimates, truth, commands and encoders; the unknown is null in JSON and empty in CSV."""
-    rows = await station.runs.speeds(id)
+    rows = await server.runs.archive.speeds(id)
     if format == "csv":
         text = await asyncio.to_thread(_csv, rows)
         headers = {"Content-Disposition": f'attachment; filename="{_file_name(id)}.csv"'}
@@ -146,9 +146,9 @@ async def get_speeds(
     summary="What stopped robots during a run",
     responses=refusals(404, 503),
 )
-async def get_incidents(id: RunId, station: TheStation) -> list[IncidentRecord]:
+async def get_incidents(id: RunId, server: TheServer) -> list[IncidentRecord]:
     """Oldest first."""
-    return await station.runs.incidents(id)
+    return await server.runs.archive.incidents(id)
 
 
 def _entries(rows: Sequence[SpeedRow]) -> list[dict[str, Any]]:

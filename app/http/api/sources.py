@@ -7,7 +7,7 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.models import PlaybackChange, PlaybackStatus, SourceChoice, SourceEntry, Status
 from app.http.api.refusals import refusals
 from app.messages import SetPlayback
@@ -29,10 +29,10 @@ def get_sources() -> Sequence[dict[str, str]]:
     summary="Open another source",
     responses=refusals(409, 415, 422, 503),
 )
-async def put_source(choice: SourceChoice, station: TheStation) -> dict[str, Any]:
+async def put_source(choice: SourceChoice, server: TheServer) -> dict[str, Any]:
     """Observe it without keeping anything. What cannot be opened leaves the old one open."""
-    await station.open_source(choice.source, choice.calibration)
-    return status(station)
+    await server.source.open(choice.source, choice.calibration)
+    return status(server)
 
 
 @router.post(
@@ -41,6 +41,6 @@ async def put_source(choice: SourceChoice, station: TheStation) -> dict[str, Any
     summary="Pause, step, seek, change the rate, loop, restart",
     responses=refusals(409, 415, 422, 503),
 )
-async def post_playback(change: PlaybackChange, station: TheStation) -> dict[str, Any]:
+async def post_playback(change: PlaybackChange, server: TheServer) -> dict[str, Any]:
     """The playback as it is afterwards. Live sources cannot be paused."""
-    return await station.play(SetPlayback(**change.model_dump()))
+    return await server.source.play(SetPlayback(**change.model_dump()))

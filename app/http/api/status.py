@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from app.http.api.common import TheStation
+from app.http.api.common import TheServer
 from app.http.api.models import Status
 from app.server.status import status
 
@@ -14,6 +14,6 @@ router = APIRouter(tags=["status"])
 
 
 @router.get("/status", response_model=Status, summary="Everything at a glance")
-async def get_status(station: TheStation) -> dict[str, Any]:
+async def get_status(server: TheServer) -> dict[str, Any]:
     """Engine, source, run, rates, latency, timings and losses."""
-    return status(station)
+    return status(server)

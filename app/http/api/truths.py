@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, File, Form, Path, UploadFile
 from pydantic import BaseModel, Field
 
-from app.http.api.common import TheStation, plain_name
+from app.http.api.common import TheServer, plain_name
 from app.http.api.refusals import refusals
 from app.storage import TruthRecord
 
@@ -27,9 +27,9 @@ class TruthEntry(BaseModel):
 
 
 @router.get("", response_model=list[TruthEntry], summary="All truths", responses=refusals(503))
-async def list_truths(station: TheStation) -> list[TruthRecord]:
+async def list_truths(server: TheServer) -> list[TruthRecord]:
     """Newest first."""
-    return await station.truths.all()
+    return await server.runs.truths.all()
 
 
 @router.post(
@@ -41,7 +41,7 @@ async def list_truths(station: TheStation) -> list[TruthRecord]:
 )
 async def post_truth(
     file: Annotated[UploadFile, File(description="Motion capture, or a truth.csv.")],
-    station: TheStation,
+    server: TheServer,
     rate_hz: Annotated[
         float | None,
         Form(gt=0, le=100_000, allow_inf_nan=False, description="Where no file tells it."),
@@ -57,7 +57,7 @@ async def post_truth(
     of both; send the file again with one of them.
     """
     name = plain_name(file.filename, "truth.csv")
-    return await station.truths.upload(file.file, name, rate_hz, angles)
+    return await server.runs.truths.upload(file.file, name, rate_hz, angles)
 
 
 @router.delete(
@@ -66,6 +66,6 @@ async def post_truth(
     summary="Take a truth off the list",
     responses=refusals(404, 503),
 )
-async def delete_truth(id: Annotated[str, Path(max_length=100)], station: TheStation) -> None:
+async def delete_truth(id: Annotated[str, Path(max_length=100)], server: TheServer) -> None:
     """Runs that were compared with it still are."""
-    await station.truths.delete(id)
+    await server.runs.truths.delete(id)

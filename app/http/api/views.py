@@ -8,7 +8,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response, WebSocket
 
-from app.http.api.common import Feeds, TheStation
+from app.http.api.common import Feeds, TheServer
 from app.http.api.refusals import refusals
 from app.http.errors import SafeJSON
 from app.http.sockets.connections import BadMessage, receive_text, until_one_ends
@@ -53,7 +53,7 @@ async def get_snapshot(name: ViewName, feeds: Feeds) -> Response:
 
 
 @router.websocket("/views/{name}")
-async def watch_view(socket: WebSocket, name: ViewName, feeds: Feeds, station: TheStation) -> None:
+async def watch_view(socket: WebSocket, name: ViewName, feeds: Feeds, server: TheServer) -> None:
     """Sends the newest image, and the next one only after the client's ``ack``.
 
     A slow client gets fewer images, never older ones.
@@ -72,7 +72,7 @@ async def watch_view(socket: WebSocket, name: ViewName, feeds: Feeds, station: T
             newest = await feeds[name].newer(sequence)
             sequence = newest.sequence
             acknowledged.clear()
-            age_ms = 1000.0 * (station.clock() - float(newest.header["received"]))
+            age_ms = 1000.0 * (server.clock() - float(newest.header["received"]))
             await socket.send_bytes(_HEADER.pack(sequence, max(0.0, age_ms)) + newest.payload)
 
     async def read() -> None:

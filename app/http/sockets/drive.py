@@ -11,10 +11,9 @@ import contextlib
 import json
 from typing import Any
 
-from fastapi import APIRouter, WebSocket
+from fastapi import WebSocket
 
 from app.drive.messages import COMMAND_FRESH_S, DriveCommand, Presence
-from app.http.api.common import TheStation
 from app.http.sockets.command_age import TOO_SLOW, Link
 from app.http.sockets.connections import GOING_AWAY, TRY_LATER, close, receive_text, until_one_ends
 from app.http.sockets.drive_messages import (
@@ -26,11 +25,9 @@ from app.http.sockets.drive_messages import (
     Unusable,
     read_message,
 )
-from app.server import Conflict, FieldError, NotAvailable, Station
+from app.server import Conflict, FieldError, NotAvailable, Server
 from app.server.background import Background
 from observer.rig.rig import Role
-
-router = APIRouter()
 
 _PING_S = 0.2
 # Who answers nothing for so long is gone, whatever the kernel says of the connection.
@@ -42,20 +39,13 @@ _MOST_UNANSWERED = 8
 _REFUSALS = (Conflict, FieldError, NotAvailable)
 
 
-@router.websocket("/drive")
-async def drive_socket(socket: WebSocket, station: TheStation, name: str | None = None) -> None:
-    """``name``: what the operator is called."""
-    await socket.accept()
-    await DriveSocket(socket, station, name).serve()
-
-
 class DriveSocket:
     """One operator."""
 
-    def __init__(self, socket: WebSocket, station: Station, name: str | None) -> None:
+    def __init__(self, socket: WebSocket, server: Server, name: str | None) -> None:
         self._socket = socket
-        self._driving = station.driving
-        self._clock = station.clock
+        self._driving = server.driving
+        self._clock = server.clock
         self._link = Link()
         self._waiting: asyncio.Queue[dict[str, Any]] = asyncio.Queue(_MOST_WAITING)
         self._overrun = asyncio.Event()

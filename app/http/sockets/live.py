@@ -16,7 +16,7 @@ from fastapi import WebSocket
 
 from app.http.sockets.connections import BadMessage, json_object, receive_text, until_one_ends
 from app.messages import ObservationEvent
-from app.server import Station
+from app.server import Server
 from app.server.status import observation_age_s, status
 
 _STATUS_INTERVAL_S = 0.5
@@ -48,10 +48,10 @@ class _Observation:
 
 
 class LiveHub:
-    """Encodes what happens and hands it to the pages. Follows the station while it is open."""
+    """Encodes what happens and hands it to the pages. Follows the server while it is open."""
 
-    def __init__(self, station: Station) -> None:
-        self._station = station
+    def __init__(self, server: Server) -> None:
+        self._server = server
         self._pages: set[_Page] = set()
         self._newest: _Observation | None = None
         self._event: ObservationEvent | None = None
@@ -64,7 +64,7 @@ class LiveHub:
 
     async def run(self) -> None:
         """Until cancelled."""
-        unfollow = self._station.followers.follow(self)
+        unfollow = self._server.followers.follow(self)
         try:
             while True:
                 with contextlib.suppress(TimeoutError):
@@ -81,7 +81,7 @@ class LiveHub:
             if self._robots_later is not None:
                 self._robots_later.cancel()
 
-    # --- as a follower of the station --------------------------------------------------------
+    # --- as a follower of the server --------------------------------------------------------
 
     def observed(self, event: ObservationEvent) -> None:
         self._sequence += 1
@@ -95,14 +95,14 @@ class LiveHub:
     def robots_changed(self) -> None:
         if self._robots_later is not None:
             return
-        connected = self._station.driving.connected
+        connected = self._server.driving.connected
         interval = _ROBOTS_INTERVAL_S if connected else _NO_ROBOTS_INTERVAL_S
-        wait = max(0.0, self._robots_told + interval - self._station.clock())
+        wait = max(0.0, self._robots_told + interval - self._server.clock())
         self._robots_later = asyncio.get_running_loop().call_later(wait, self._tell_robots)
 
     def _tell_robots(self) -> None:
         self._robots_later = None
-        self._robots_told = self._station.clock()
+        self._robots_told = self._server.clock()
         self._robots_text = None
         for page in self._pages:
             page.robots_changed()
@@ -112,7 +112,7 @@ class LiveHub:
     @property
     def has_current(self) -> bool:
         """Whether the newest observation is of the source that is open."""
-        return self._event is not None and self._event is self._station.latest
+        return self._event is not None and self._event is self._server.source.latest
 
     @property
     def newest(self) -> _Observation | None:
@@ -133,7 +133,7 @@ class LiveHub:
     def status_text(self) -> str:
         """The status, as one message."""
         if self._status_text is None:
-            body = {"type": "status", **status(self._station)}
+            body = {"type": "status", **status(self._server)}
             self._status_text = json.dumps(body, allow_nan=False, separators=(",", ":"))
         return self._status_text
 
@@ -143,7 +143,7 @@ class LiveHub:
         Args:
             after: the newest speed that the page has.
         """
-        driving = self._station.driving
+        driving = self._server.driving
         if self._robots_text is None:
             body = {"type": "robots", **driving.facts()}
             self._robots_text = json.dumps(body, allow_nan=False, separators=(",", ":"))
@@ -162,28 +162,28 @@ class LiveHub:
 
     async def serve(self, socket: WebSocket) -> None:
         """One page, until it leaves."""
-        page = _Page(self, self._station, socket)
+        page = _Page(self, self._server, socket)
         self._pages.add(page)
-        self._station.viewers += 1
+        self._server.viewers += 1
         try:
             await until_one_ends(socket, page.send(), page.read())
         finally:
             self._pages.discard(page)
-            self._station.viewers -= 1
+            self._server.viewers -= 1
             self.status_changed()
 
 
 class _Page:
     """One socket's own state."""
 
-    def __init__(self, hub: LiveHub, station: Station, socket: WebSocket) -> None:
+    def __init__(self, hub: LiveHub, server: Server, socket: WebSocket) -> None:
         self._hub = hub
-        self._station = station
+        self._server = server
         self._socket = socket
         self._wake = asyncio.Event()
         self._status_due = True
         self._robots_due = True
-        self._wheels_told = station.driving.wheels.newest
+        self._wheels_told = server.driving.wheels.newest
         # A page that comes while playing is paused sees what stands.
         self._observation_due = hub.has_current
         # Sequence -> (received, sent), on the monotonic clock.
@@ -199,7 +199,7 @@ class _Page:
 
     def observed(self) -> None:
         if self._observation_due:
-            self._station.telemetry.live_messages_dropped += 1
+            self._server.telemetry.live_messages_dropped += 1
         self._observation_due = True
         self._wake.set()
 
@@ -207,7 +207,7 @@ class _Page:
         """Write what is due; waits for the network, and meanwhile only the newest is kept."""
         beat = -_HEARTBEAT_S
         while True:
-            now = self._station.clock()
+            now = self._server.clock()
             if now - beat >= _HEARTBEAT_S:
                 beat = now
                 await self._socket.send_text(self._heartbeat(now))
@@ -253,8 +253,8 @@ class _Page:
             {
                 "type": "heartbeat",
                 "time": round(now, 3),
-                "observation_age_s": observation_age_s(self._station),
-                "engine": self._station.state.state.value,
+                "observation_age_s": observation_age_s(self._server),
+                "engine": self._server.source.state.state.value,
             }
         )
 
@@ -265,7 +265,7 @@ class _Page:
             received = self._unacknowledged.pop(sequence, None)
             # What was never sent, or was given up, says nothing of latency.
             if received is not None:
-                self._station.telemetry.painted(self._station.clock() - received[0])
+                self._server.telemetry.painted(self._server.clock() - received[0])
                 self._wake.set()
 
 

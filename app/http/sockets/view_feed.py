@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from app.runtime.latest import Latest
-from app.server import Station
+from app.server import Server
 
 # Half of a frame's time at 60 Hz: the wait it adds is not seen.
 _POLL_S = 0.008
@@ -16,8 +16,8 @@ _POLL_S = 0.008
 class ViewFeed:
     """One view. Shared memory cannot wake anybody, so it is looked at while somebody waits."""
 
-    def __init__(self, station: Station, name: str) -> None:
-        self._station = station
+    def __init__(self, server: Server, name: str) -> None:
+        self._server = server
         self._name = name
         self._watchers = 0
         self._polling: asyncio.Task[None] | None = None
@@ -28,8 +28,8 @@ class ViewFeed:
     async def watched(self) -> AsyncIterator[None]:
         """Have the view drawn as long as the block runs."""
         # What lies in the slot is of the past, unless somebody else has the view drawn already.
-        skip = 0 if self._station.watching.is_watched(self._name) else self._last_drawn()
-        with self._station.watching.watch(self._name):
+        skip = 0 if self._server.watching.is_watched(self._name) else self._last_drawn()
+        with self._server.watching.watch(self._name):
             self._watchers += 1
             if self._polling is None:
                 self._polling = asyncio.create_task(self._poll(skip), name=f"view {self._name}")
@@ -55,12 +55,12 @@ class ViewFeed:
             await asyncio.gather(polling, return_exceptions=True)
 
     def _last_drawn(self) -> int:
-        newest = self._station.engine.views[self._name].read(0)
+        newest = self._server.engine.views[self._name].read(0)
         return 0 if newest is None else newest.sequence
 
     async def _poll(self, sequence: int) -> None:
         while True:
-            newest = self._station.engine.views[self._name].read(sequence)
+            newest = self._server.engine.views[self._name].read(sequence)
             if newest is not None:
                 sequence = newest.sequence
                 async with self._arrived:

@@ -1,34 +1,26 @@
-"""What is being calibrated: the views so far, the computation, its result.
+"""What is being calibrated: the board, the cameras, the views so far.
 
 The engine finds the boards and tells of them; what was captured is kept here, so that it outlives
-an engine. A worker process computes. Everything runs in the event loop.
+an engine. Everything runs in the event loop.
 """
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
-import structlog
-
 from app.messages import BeginCalibration, BoardLookEvent, BoardViewsEvent, ChangeCalibration
-from app.runtime.jobs import Progress
 from app.server.asking import ask
+from app.server.calibrating.computation import Computation
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotThere
-from app.workers.calibration.messages import BoardsFound, FindBoards, Fitted, FitViews, Result
-from app.workers.calibration.process import work
+from app.workers.calibration.messages import BoardsFound, FitViews
 from observer.calibration.board import Board, BoardKind
 from observer.calibration.views import BoardView
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError, SourceError
 from observer.sources.cameras.spec import swapped_spec
-
-log = structlog.get_logger(__name__)
 
 _OPEN_TIMEOUT_S = 60.0
 # Assumed where the images do not tell how fast they came.
@@ -44,19 +36,7 @@ class KeptView:
 
 
 @dataclass(frozen=True)
-class CalibrationResult:
-    """What a computation gave.
-
-    Attributes:
-        names: of the views it rests on.
-    """
-
-    fitted: Fitted
-    names: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class BoundTo:
+class CalibratedCameras:
     """The cameras that a calibration belongs to.
 
     Attributes:
@@ -69,12 +49,13 @@ class BoundTo:
     settings: tuple[Mapping[str, str], ...]
 
 
-class CalibrationDesk:
+class CalibrationSession:
     """At most one calibration is made at a time; one change at a time is the caller's care.
 
     Attributes:
         source: what is calibrated; None where images were sent in, or nothing is calibrated.
         board: what is looked for; None where nothing is calibrated.
+        cameras: to which a result belongs. computation: of the views.
     """
 
     def __init__(self, engine: Engine, changed: Callable[[], None]) -> None:
@@ -84,6 +65,7 @@ class CalibrationDesk:
         """
         self._engine = engine
         self._changed = changed
+        self.computation = Computation(changed)
         self._clear()
 
     def _clear(self) -> None:
@@ -95,11 +77,8 @@ class CalibrationDesk:
         self._views: dict[str, KeptView] = {}
         self._look: dict[str, Any] | None = None
         self._refused: tuple[str, ...] = ()
-        self._computing: Progress | None = None
-        self._task: asyncio.Task[Result] | None = None
-        self._trouble: str | None = None
-        self.result: CalibrationResult | None = None
-        self.bound = BoundTo(None, (), ())
+        self.cameras = CalibratedCameras(None, (), ())
+        self.computation.clear()
 
     # --- beginning and ending ----------------------------------------------------------------
 
@@ -138,8 +117,9 @@ class CalibrationDesk:
             source, self.board, tuple(kept.view for kept in views.values())
         )
         # What was computed was of cameras the other way round.
-        await self.cancel()
-        self.source, self._views, self.result = source, views, None
+        await self.computation.cancel()
+        self.computation.result = None
+        self.source, self._views = source, views
         self._note_source(facts)
         self._changed()
 
@@ -161,7 +141,7 @@ class CalibrationDesk:
         self._size = (info["width"], info["height"])
         self._frame_rate = info["frame_rate"]
         cameras = (facts.get("live") or {}).get("cameras", ())
-        self.bound = BoundTo(
+        self.cameras = CalibratedCameras(
             info["spec"],
             tuple(info["devices"]),
             tuple(dict(camera["settings"]) for camera in cameras),
@@ -169,7 +149,7 @@ class CalibrationDesk:
 
     async def end(self) -> None:
         """Forget everything; safe to call when nothing is calibrated."""
-        await self.cancel()
+        await self.computation.cancel()
         self._clear()
         self._changed()
 
@@ -226,27 +206,6 @@ class CalibrationDesk:
             raise NotThere(f"there is no picture of a view {name[:80]!r}")
         return kept.pictures[side]
 
-    async def find_boards(self, job: FindBoards) -> BoardsFound:
-        """Find the boards in images that were sent in; ``take_images`` comes next.
-
-        It may take minutes, so nothing else has to wait for it: ``cancel`` ends it.
-
-        Raises:
-            CalibrationError: the archive cannot be used. Conflict: a computation is going, or it
-                was cancelled.
-        """
-        self._refuse_computing()
-        try:
-            found = await self._begin_work(job)
-        except asyncio.CancelledError:
-            caller = asyncio.current_task()
-            if caller is not None and caller.cancelling():
-                raise
-            words = "looking for the board was cancelled; send the images in again"
-            raise Conflict(words) from None
-        assert isinstance(found, BoardsFound)
-        return found
-
     async def take_images(self, found: BoardsFound, board: Board) -> None:
         """Go on with boards that were found; what was captured before is forgotten."""
         await self.end()
@@ -266,64 +225,14 @@ class CalibrationDesk:
             Conflict: nothing is calibrated, there are no views, or it is computed already.
         """
         self._refuse_closed()
-        self._refuse_computing()
+        self.computation.refuse_going()
         assert self.board is not None
         if not self._views or self._size is None:
             raise Conflict("there are no views yet; show the board to both cameras first")
         views = tuple(kept.view for kept in self._views.values())
-        job = FitViews(views, self.board, *self._size, self._frame_rate, distortion_model)
-        self._trouble = None
-        self._begin_work(job).add_done_callback(partial(self._computed, job))
-
-    def _computed(self, job: FitViews, task: asyncio.Task[Result]) -> None:
-        if task.cancelled():
-            return
-        error = task.exception()
-        if error is None:
-            fitted = task.result()
-            assert isinstance(fitted, Fitted)
-            self.result = CalibrationResult(fitted, tuple(view.name for view in job.views))
-        elif isinstance(error, CalibrationError):
-            self._trouble = str(error)
-        else:
-            log.error("computing_failed", exc_info=error)
-            self._trouble = f"computing failed: {type(error).__name__}: {error}"
-        self._changed()
-
-    def _begin_work(self, job: FitViews | FindBoards) -> asyncio.Task[Result]:
-        task = asyncio.create_task(work(job, self._heard), name="compute a calibration")
-        # At once, not when the task comes to it: a second request must find it going.
-        self._heard(Progress("starting", 0.0))
-        task.add_done_callback(self._worked)
-        self._task = task
-        return task
-
-    def _worked(self, _: asyncio.Task[Result]) -> None:
-        self._computing = self._task = None
-        self._changed()
-
-    def _heard(self, progress: Progress) -> None:
-        self._computing = progress
-        self._changed()
-
-    async def cancel(self) -> None:
-        """End the computation, if one is going; views and an earlier result stay."""
-        task, self._task = self._task, None
-        if task is not None:
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await asyncio.gather(task, return_exceptions=True)
-
-    @property
-    def finished(self) -> CalibrationResult:
-        """The result.
-
-        Raises:
-            Conflict: there is none yet.
-        """
-        if self.result is None:
-            raise Conflict("nothing has been computed yet; capture views, then compute")
-        return self.result
+        self.computation.fit(
+            FitViews(views, self.board, *self._size, self._frame_rate, distortion_model)
+        )
 
     # --- what is shown -----------------------------------------------------------------------
 
@@ -331,8 +240,9 @@ class CalibrationDesk:
         """All that the page shows of it but the result; None where nothing is calibrated."""
         if self.board is None:
             return None
+        progress, result = self.computation.progress, self.computation.result
         return {
-            "source": self.bound.source,
+            "source": self.cameras.source,
             "board": {
                 "kind": self.board.kind,
                 "columns": self.board.columns,
@@ -346,19 +256,15 @@ class CalibrationDesk:
             "views": [_view_facts(kept) for kept in self._views.values()],
             "refused": list(self._refused),
             "computing": None
-            if self._computing is None
-            else {"words": self._computing.words, "share": round(self._computing.share, 3)},
-            "trouble": self._trouble,
-            "result": None if self.result is None else list(self.result.names),
+            if progress is None
+            else {"words": progress.words, "share": round(progress.share, 3)},
+            "trouble": self.computation.trouble,
+            "result": None if result is None else list(result.names),
         }
 
     def _refuse_closed(self) -> None:
         if not self.open:
             raise Conflict("nothing is being calibrated; begin a calibration first")
-
-    def _refuse_computing(self) -> None:
-        if self._computing is not None:
-            raise Conflict("a calibration is being computed; wait for it, or cancel it")
 
 
 def board_of(kind: str, columns: int, rows: int, square_mm: float) -> Board:

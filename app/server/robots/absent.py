@@ -1,4 +1,4 @@
-"""In place of a drive process, where none belongs to the station."""
+"""In place of a drive process, where none belongs to the server."""
 
 from __future__ import annotations
 

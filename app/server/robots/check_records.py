@@ -11,7 +11,7 @@ from typing import Any
 
 from app.server.errors import Conflict, NotThere
 from app.server.robots.circumstances import Circumstances
-from app.server.runs.file_names import told_as_ours, write_whole
+from app.server.whole_files import told_as_ours, write_whole
 from observer.rig.rig import Role
 
 FOLDER_NAME = "guard-checks"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from app.server.rig.rig_desk import text_without_ports
+from app.server.rig.store import text_without_ports
 from observer.rig.rig import Rig
 
 

@@ -40,7 +40,7 @@ class Operators:
     """All operators; used in the event loop.
 
     Args:
-        ask: sends a command to the drive process, raising the station's errors.
+        ask: sends a command to the drive process, raising the server's errors.
         soon: has a release sent without waiting for it.
     """
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.server.errors import Conflict, FieldError, NotThere
-from app.server.runs.file_names import write_whole
+from app.server.whole_files import write_whole
 from observer.errors import InputError
 from observer.motion_profiles import (
     Programme,
@@ -24,14 +24,14 @@ _MOST_OWN = 200
 
 
 @dataclass(frozen=True)
-class ShelvedProgramme:
+class LibraryProgramme:
     """A programme, and whether a person brought it."""
 
     programme: Programme
     own: bool
 
 
-class ProgrammeShelf:
+class ProfileLibrary:
     """Reads and writes files: call it in a thread.
 
     Args:
@@ -41,37 +41,37 @@ class ProgrammeShelf:
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
 
-    def all(self) -> list[ShelvedProgramme]:
+    def all(self) -> list[LibraryProgramme]:
         """Those that come with the project, then a person's own, both by name.
 
         Files that are no programme (any more) are left out.
         """
-        shelved = [ShelvedProgramme(load_programme(name), False) for name in programme_names()]
-        built_in = {each.programme.name for each in shelved}
+        found = [LibraryProgramme(load_programme(name), False) for name in programme_names()]
+        built_in = {each.programme.name for each in found}
         for name in self._own_names():
             with contextlib.suppress(InputError):
                 own = read_programme(self._file(name))
                 if own.name == name and name not in built_in:
-                    shelved.append(ShelvedProgramme(own, True))
-        return shelved
+                    found.append(LibraryProgramme(own, True))
+        return found
 
-    def find(self, name: str) -> ShelvedProgramme:
+    def find(self, name: str) -> LibraryProgramme:
         """One of them.
 
         Raises:
             NotThere: there is none of this name.
         """
         if name in programme_names():
-            return ShelvedProgramme(load_programme(name), False)
+            return LibraryProgramme(load_programme(name), False)
         # Only names that a listing of the folder gave lead to a file.
         if name in self._own_names():
             with contextlib.suppress(InputError):
                 own = read_programme(self._file(name))
                 if own.name == name:
-                    return ShelvedProgramme(own, True)
+                    return LibraryProgramme(own, True)
         raise NotThere(f"there is no programme {name[:80]!r}; GET /api/programmes lists them")
 
-    def save(self, text: str) -> ShelvedProgramme:
+    def save(self, text: str) -> LibraryProgramme:
         """Keep a programme under the name it gives itself; its own older version is replaced.
 
         Raises:
@@ -91,7 +91,7 @@ class ProgrammeShelf:
         if self._folder is None:
             raise Conflict("this server keeps no programmes")
         write_whole(self._file(name), text)
-        return ShelvedProgramme(programme, True)
+        return LibraryProgramme(programme, True)
 
     def delete(self, name: str) -> None:
         """Forget one of a person's own.

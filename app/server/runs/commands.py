@@ -14,7 +14,7 @@ import structlog
 
 from app.runtime.worker import Worker
 from app.server.errors import NotAvailable
-from app.server.runs.file_names import told_as_ours
+from app.server.whole_files import told_as_ours
 from app.storage import DataFolder, StorageFull
 from observer.errors import DynamicObserverError
 

@@ -13,7 +13,7 @@ from app.server.robots.incidents import Incident
 from app.server.robots.wheels import WheelSample
 from app.server.runs.pending_rows import PendingRows
 from app.server.runs.recording import RobotFeed
-from app.server.runs.writer import Writer
+from app.server.writer import Writer
 from app.storage import (
     IncidentRecord,
     RunRecord,

@@ -13,8 +13,8 @@ from app.messages import StopRun
 from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
-from app.server.runs.writer import Writer
 from app.server.source.opening import Opening
+from app.server.writer import Writer
 from app.storage import RunRecord, StorageError, StorageFull
 
 log = structlog.get_logger(__name__)

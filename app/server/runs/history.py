@@ -54,7 +54,7 @@ class KeptRun(Protocol):
     def snapshot(self) -> RunRecord: ...
 
 
-class HistoryDesk:
+class RunHistory:
     """Args:
     current: the run that is going, or None. clock: monotonic seconds.
     undo: how long what was deleted can be had back.

@@ -1,4 +1,4 @@
-"""What the station does for a run's recording: it orders it, and tells it what robots do."""
+"""What the server does for a run's recording: it orders it, and tells it what robots do."""
 
 from __future__ import annotations
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 import structlog
@@ -11,10 +10,9 @@ import structlog
 from app.drive.messages import IncidentEvent
 from app.messages import SaveRing
 from app.server.asking import ask
-from app.server.contracts import Engine
 from app.server.errors import Conflict, NotThere
-from app.storage import DataFolder, RunRecord
-from app.storage.saved_clips import SavedRing, list_rings, new_ring, remove_ring
+from app.server.shared import Shared
+from app.storage.saved_clips import SavedClip, list_clips, new_clip, remove_clip
 from observer.errors import DynamicObserverError
 
 log = structlog.get_logger(__name__)
@@ -26,29 +24,17 @@ _BETWEEN_RINGS_S = 30.0
 _SAVE_TIMEOUT_S = 30.0
 
 
-class RingDesk:
+class SavedClips:
     """Saves the last half minute: when a person wants it, and when the guard stopped a robot.
 
     Args:
-        folder: the data folder. run: the one that is kept. automatic: whether guard stops save it.
+        automatic: whether guard stops save it.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        folder: DataFolder,
-        *,
-        run: Callable[[], RunRecord | None],
-        soon: Callable[[Awaitable[None]], None],
-        automatic: bool,
-        clock: Callable[[], float],
-    ) -> None:
-        self._engine = engine
-        self._folder = folder
-        self._run = run
-        self._soon = soon
+    def __init__(self, shared: Shared, *, automatic: bool) -> None:
+        self._shared = shared
+        self._folder = shared.storage.folder
         self._automatic = automatic
-        self._clock = clock
         self._saved_at: float | None = None
 
     async def save(self) -> dict[str, Any]:
@@ -61,16 +47,16 @@ class RingDesk:
             Conflict: none is kept of what is open. StorageFull: there is no room for it.
             NotAvailable: it failed, or there is no engine at the moment.
         """
-        run = self._run()
-        file = new_ring(self._folder, None if run is None else run.id)
-        saved = await ask(self._engine, SaveRing(str(file)), timeout_s=_SAVE_TIMEOUT_S)
+        run = self._shared.run()
+        file = new_clip(self._folder, None if run is None else run.id)
+        saved = await ask(self._shared.engine, SaveRing(str(file)), timeout_s=_SAVE_TIMEOUT_S)
         return {"file": str(file.relative_to(self._folder.path.absolute())), **saved}
 
-    async def all(self) -> list[SavedRing]:
+    async def all(self) -> list[SavedClip]:
         """Those that were saved, newest first."""
-        return await asyncio.to_thread(list_rings, self._folder)
+        return await asyncio.to_thread(list_clips, self._folder)
 
-    async def find(self, name: str) -> SavedRing:
+    async def find(self, name: str) -> SavedClip:
         """One of them.
 
         Raises:
@@ -89,17 +75,17 @@ class RingDesk:
         Raises:
             NotThere: there is none of that name. StorageError: it cannot be deleted.
         """
-        await asyncio.to_thread(remove_ring, await self.find(name))
+        await asyncio.to_thread(remove_clip, await self.find(name))
 
     def drive_said(self, event: object) -> None:
         """Save it soon behind a stop of the guard, so that the stop is in it."""
         if not (self._automatic and isinstance(event, IncidentEvent) and event.kind == "guard"):
             return
-        now = self._clock()
+        now = self._shared.clock()
         if self._saved_at is not None and now - self._saved_at < _BETWEEN_RINGS_S:
             return
         self._saved_at = now
-        self._soon(self._save_later())
+        self._shared.background.start(self._save_later())
 
     async def _save_later(self) -> None:
         await asyncio.sleep(_BEHIND_STOP_S)

@@ -16,7 +16,7 @@ from app.messages import LiveTruthOrder
 from app.server.errors import FieldError, NotThere
 from app.server.runs.archive import RunArchive
 from app.server.runs.commands import CommandRefused, RunCommands
-from app.server.runs.file_names import told_as_ours
+from app.server.whole_files import told_as_ours
 from app.storage import RunRecord, SpeedRow, Storage, StorageMissing, TruthRecord
 from app.storage.comparison import comparison_truth
 from observer.errors import DynamicObserverError

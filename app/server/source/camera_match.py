@@ -24,7 +24,7 @@ def calibration_of_cameras(storage: Storage, source: str) -> CalibrationRecord |
     return next((each for each in storage.list_calibrations() if _devices(each) == devices), None)
 
 
-def binding_warnings(state: StateEvent, calibration: CalibrationRecord | None) -> list[str]:
+def camera_match_warnings(state: StateEvent, calibration: CalibrationRecord | None) -> list[str]:
     """One sentence for each thing in which the open cameras differ from those calibrated."""
     if calibration is None or state.live is None or state.source is None:
         return []

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from app.messages import LiveTruthOrder, SetTruth
 from app.server.asking import ask
-from app.server.contracts import Engine
 from app.server.errors import FieldError, NotAvailable
-from app.storage import Storage
+from app.server.shared import Shared
 from observer.errors import TruthError
 from observer.truth.live.opening import check_live
 
@@ -20,24 +18,21 @@ _KEY = "live_truth"
 _LONGEST_SPEC = 300
 
 
-class TruthDesk:
+class LiveTruthManager:
     """Used in the event loop.
 
     Attributes:
         order: what is listened to, None where nothing is.
     """
 
-    def __init__(
-        self, engine: Engine, storage: Storage, changed: Callable[[], None], spec: str | None = None
-    ) -> None:
+    def __init__(self, shared: Shared, spec: str | None) -> None:
         """
         Args:
-            spec: takes the place of what was chosen before. changed: called when it is another.
+            spec: takes the place of what was chosen before.
         """
         self.order: LiveTruthOrder | None = None
-        self._engine = engine
-        self._storage = storage
-        self._changed = changed
+        self._shared = shared
+        self._storage = shared.storage
         self._spec = spec
 
     def load(self) -> None:
@@ -59,17 +54,18 @@ class TruthDesk:
             FieldError: it names no live motion capture; nothing is changed then.
             StorageError: it could not be kept; nothing is changed.
         """
-        if order is not None:
-            order = checked(order)
-        await asyncio.to_thread(self._storage.set_setting, _KEY, _plain(order))
-        self.order = order
-        facts: dict[str, Any] | None = None
-        with contextlib.suppress(NotAvailable):
-            # An engine that is being started anew opens its source with it.
-            reply = await ask(self._engine, SetTruth(order), field=("body", "spec"))
-            facts = reply["truth"]
-        self._changed()
-        return facts
+        async with self._shared.lock:
+            if order is not None:
+                order = checked(order)
+            await asyncio.to_thread(self._storage.set_setting, _KEY, _plain(order))
+            self.order = order
+            facts: dict[str, Any] | None = None
+            with contextlib.suppress(NotAvailable):
+                # An engine that is being started anew opens its source with it.
+                reply = await ask(self._shared.engine, SetTruth(order), field=("body", "spec"))
+                facts = reply["truth"]
+            self._shared.followers.status_changed()
+            return facts
 
 
 def checked(order: LiveTruthOrder) -> LiveTruthOrder:

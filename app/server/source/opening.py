@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.messages import LiveTruthOrder, OpenSource, RecordOrder, SetPlayback
-from app.parameter_store import ParametersInForce
-from app.server.calibrating.library import find_calibration
+from app.server.calibrations.library import find_calibration
 from app.server.errors import FieldError, NotThere
+from app.server.parameters.in_force import ParametersInForce
 from app.server.source.camera_match import calibration_of_cameras
 from app.storage import CalibrationRecord, Storage
 from observer.errors import SourceError

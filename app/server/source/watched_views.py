@@ -10,8 +10,8 @@ from contextlib import contextmanager
 import structlog
 
 from app.messages import WatchViews
+from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.server.contracts import Engine
-from app.supervisor import EngineRefused, EngineUnavailable
 
 log = structlog.get_logger(__name__)
 
@@ -67,10 +67,10 @@ class Watching:
                 continue
             try:
                 await self._engine.request(WatchViews(names))
-            except EngineUnavailable:
+            except ProcessUnavailable:
                 # The next engine is told when it has started.
                 self._told = None
-            except EngineRefused as error:
+            except ProcessRefused as error:
                 log.error("watching_refused", names=names, reason=str(error))
             else:
                 self._told = names

@@ -20,7 +20,7 @@ from app.http import run_server
 from app.http.run_server import server_config
 from app.http.server import create_app
 from app.messages import EngineState
-from app.server import Station
+from app.server import Server
 from app.settings import Settings
 from app.storage import Storage
 from app.viewer import NullViewer
@@ -40,7 +40,7 @@ class Served:
     """A running server and clients that come with the token."""
 
     app: Any
-    station: Station
+    server: Server
     port: int
     http: httpx.AsyncClient
 
@@ -94,9 +94,9 @@ async def serving(app: Any, settings: Settings) -> AsyncIterator[Served]:
         try:
             async with client:
                 # The first source is opened behind the start.
-                while app.state.station.state.state is EngineState.IDLE:
+                while app.state.server.source.state.state is EngineState.IDLE:
                     await asyncio.sleep(0.01)
-                yield Served(app, app.state.station, port, client)
+                yield Served(app, app.state.server, port, client)
         finally:
             server.should_exit = True
             await task

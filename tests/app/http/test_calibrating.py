@@ -19,7 +19,7 @@ import pytest
 
 from app.messages import BeginCalibration
 from app.runtime.jobs import Progress
-from app.server.calibrating import session as calibration_desk
+from app.server.calibrating import computation
 from app.workers.calibration.messages import Fitted, FitViews
 from observer.calibration.formats.opencv_file import calibration_id
 
@@ -43,7 +43,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, calibration_yaml: Any) -> str:
         await asyncio.sleep(0.4)
         return Fitted(text, {"stereo_rms_px": 0.2, "views": len(job.views)})
 
-    monkeypatch.setattr(calibration_desk, "work", work)
+    monkeypatch.setattr(computation, "work", work)
     return text
 
 

@@ -59,7 +59,7 @@ async def test_runs_are_found_described_and_deleted_with_undo(http: Any, served:
     assert await found() == ["second", "First ride"]
 
     assert (await http.delete(f"/api/runs/{second}")).status_code == 204
-    served.station.storage.purge(timedelta(0))
+    served.server.storage.purge(timedelta(0))
     assert (await http.post(f"/api/runs/{second}/recover")).status_code == 404
 
 

@@ -76,7 +76,7 @@ async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
     )
     async with asyncio.timeout(90), serve_app(app, settings) as served:
         http = served.http
-        driving = served.station.driving
+        driving = served.server.driving
         page = Elsewhere(served.port, token, "obstacle")
         page.speed_mps = None
         await until(lambda: driving.alive, "the drive process")

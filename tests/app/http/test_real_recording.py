@@ -24,14 +24,14 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
     live: list[dict[str, Any]] = []
 
     async with asyncio.timeout(100), serve_app(create_app(settings, token), settings) as served:
-        station = served.station
+        server = served.server
         run = (await served.http.post("/api/runs", json={"record": "lossless"})).json()
 
         def keep(event: Any) -> None:
             if getattr(event, "run_id", None) == run["id"] and hasattr(event, "line"):
                 live.append(event.line)
 
-        station.engine.subscribe(keep)
+        server.engine.subscribe(keep)
         await eventually(lambda: len(live) >= 12, 40)
         await served.http.patch("/api/parameters", json={"clustering.min_points": 7})
         await eventually(lambda: len(live) >= 24, 40)
@@ -40,7 +40,7 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
         assert status["recording"]["trouble"] is None
         # What is not yet in a chunk is lost with the engine; then it goes on in the same file.
         os.kill(status["engine"]["pid"], signal.SIGKILL)
-        await eventually(lambda: station.generation == 2, 40)
+        await eventually(lambda: server.source.generation == 2, 40)
         await eventually(lambda: sum(line["segment"] == 1 for line in live) >= 10, 40)
         ended = (await served.http.post(f"/api/runs/{run['id']}/stop")).json()
         assert (ended["state"], ended["reason"]) == ("finished", None)
@@ -50,7 +50,7 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
 
         again = (await served.http.post(f"/api/runs/{run['id']}/rerun", json={})).json()
         assert again["rerun_of"] == run["id"]
-        await eventually(lambda: station.run is None, 60)
+        await eventually(lambda: server.runs.current is None, 60)
         ended = (await served.http.get(f"/api/runs/{again['id']}")).json()
         assert (ended["state"], ended["record"]) == ("finished", "none")
         file_again.write_bytes(
@@ -63,11 +63,11 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
         assert opened.status_code == 200, opened.text
         assert opened.json()["source"]["kind"] == "recording"
         assert opened.json()["has_truth"]
-        await eventually(lambda: station.latest is not None, 40)
+        await eventually(lambda: server.source.latest is not None, 40)
         change = {"paused": True, "seek": 5}
         sought = (await served.http.post("/api/playback", json=change)).json()
         assert (sought["paused"], sought["seekable"]) == (True, True)
-        await eventually(lambda: station.state.playback["frame"] == 5, 40)
+        await eventually(lambda: server.source.state.playback["frame"] == 5, 40)
         beyond = await served.http.post("/api/playback", json={"seek": 100_000})
         assert beyond.status_code == 422
 

@@ -107,8 +107,8 @@ async def test_refusals_of_the_process_have_their_status(http: Any, drive: Any) 
 async def test_a_stop_waits_for_nobody_and_outlives_the_process(
     http: Any, served: Any, drive: Any, peer: Any, eventually: Any
 ) -> None:
-    # While something else holds the station, and wrong tokens are counted.
-    async with served.station._lock:
+    # While something else holds the server, and wrong tokens are counted.
+    async with served.server.shared.lock:
         async with served.anonymous(Authorization="Bearer wrong") as client:
             for _ in range(8):
                 await client.post("/api/robots/stop")
@@ -229,7 +229,7 @@ async def test_a_port_is_kept_and_changed_in_a_run(
 async def test_a_port_and_a_mount_that_are_changed_at_once_are_both_kept(
     http: Any, served: Any, tmp_path: Path
 ) -> None:
-    async with served.station._lock:
+    async with served.server.shared.lock:
         # Both wait, as for a source that is being opened.
         port = asyncio.create_task(
             http.put("/api/robots/observer/port", json={"port": "/dev/ttyUSB0"})
@@ -301,13 +301,13 @@ async def test_a_run_begins_and_ends_with_its_programme(http: Any, served: Any, 
         "the observer is not armed; arm it first",
     )
     assert (await http.get("/api/runs")).json() == []
-    assert served.station.state.state.value == "preview"
+    assert served.server.source.state.state.value == "preview"
     drive.leases["observer"] = ("lease", "Anna")
     await http.post("/api/robots/observer/arm", json={"lease": "lease"})
     begun = await http.post("/api/runs", json=wanted)
     assert begun.status_code == 201, begun.text
     assert drive.programme is not None
-    assert served.station.state.state.value == "running"
+    assert served.server.source.state.state.value == "running"
     drive.come_to_rest("observer", "fault", "the observer's left wheel stalled")
     await http.post(f"/api/runs/{begun.json()['id']}/stop")
     assert drive.programme is None
@@ -356,7 +356,7 @@ async def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_arm
     answer = await http.post("/api/runs", json={"programme": wanted})
     assert answer.status_code == 409
     assert "stopped" in answer.json()["detail"]
-    assert served.station.run is None
+    assert served.server.runs.current is None
 
 
 @pytest.mark.usefixtures("connected")

@@ -78,7 +78,7 @@ async def test_a_run_goes_on_in_its_recording_with_another_engine(
     peer.start_process()
     await eventually(lambda: peer.opened is not None and peer.opened.segment == 1)
     assert peer.opened.record == first
-    await eventually(lambda: served.station.state.state is EngineState.RUNNING)
+    await eventually(lambda: served.server.source.state.state is EngineState.RUNNING)
 
 
 async def test_robots_are_told_of_in_the_recording(
@@ -86,8 +86,8 @@ async def test_robots_are_told_of_in_the_recording(
 ) -> None:
     await served.http.post("/api/runs", json={})
     peer.observe()
-    received = served.station.latest.received
-    time = served.station.latest.line["time"]
+    received = served.server.source.latest.received
+    time = served.server.source.latest.line["time"]
     report = {
         "received": received + 0.5,
         "odometry": {"x": 1.0, "y": 2.0, "yaw": 0.5},

@@ -26,7 +26,7 @@ async def planted(served: Any, **body: Any) -> str:
     started = await served.http.post("/api/runs", json={"name": "planted", **body})
     id = str(started.json()["id"])
     assert (await served.http.post(f"/api/runs/{id}/stop")).is_success
-    await asyncio.to_thread(plant_run, served.station.storage.folder.run(id), id)
+    await asyncio.to_thread(plant_run, served.server.storage.folder.run(id), id)
     return id
 
 
@@ -85,7 +85,7 @@ async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
     assert {row["source"] for row in rows} == {"truth"}
     assert max(row["speed"] for row in rows) == pytest.approx(0.35, abs=0.02)
     # The second time it is read where it was kept.
-    (kept,) = served.station.storage.folder.run(id).glob(".chart-*.json")
+    (kept,) = served.server.storage.folder.run(id).glob(".chart-*.json")
     kept.write_bytes(kept.read_bytes().replace(b'"changes"', b'"changed"'))
     assert "changed" in (await http.get(f"/api/runs/{id}/chart")).json()
 
@@ -111,7 +111,7 @@ async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
 
     # What observes it again is compared with the same truth.
     again = (await http.post(f"/api/runs/{id}/rerun", json={})).json()["id"]
-    await asyncio.to_thread(plant_run, served.station.storage.folder.run(again), again)
+    await asyncio.to_thread(plant_run, served.server.storage.folder.run(again), again)
     assert (await http.post(f"/api/runs/{again}/stop")).json()["aligned"] is False
     async with asyncio.timeout(60):
         while not (await http.get(f"/api/runs/{again}")).json()["aligned"]:
@@ -123,22 +123,22 @@ async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
     # Runs still need it.
     assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 204
     assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 404
-    assert served.station.storage.truth_file(truth["id"]).is_file()
+    assert served.server.storage.truth_file(truth["id"]).is_file()
     assert work_folders(tmp_path) == []
 
 
 async def test_what_was_heard_live_is_laid_over_a_run_when_it_has_ended(
     served: Any, eventually: Any
 ) -> None:
-    station = served.station
-    station.live_truth.order = LiveTruthOrder("vrpn:127.0.0.1:1", ignore=("nobody",))
+    server = served.server
+    server.live_truth.order = LiveTruthOrder("vrpn:127.0.0.1:1", ignore=("nobody",))
     id = (await served.http.post("/api/runs", json={})).json()["id"]
-    await asyncio.to_thread(plant_run, station.storage.folder.run(id), id, heard=True)
+    await asyncio.to_thread(plant_run, server.storage.folder.run(id), id, heard=True)
     assert (await served.http.post(f"/api/runs/{id}/stop")).is_success
-    await eventually(lambda: station.storage.get_run(id).aligned, 60)
-    found = station.storage.get_run(id)
+    await eventually(lambda: server.storage.get_run(id).aligned, 60)
+    found = server.storage.get_run(id)
     assert found.truth_id is None
-    assert {row.body for row in station.storage.speeds(id)} == {"cart"}
+    assert {row.body for row in server.storage.speeds(id)} == {"cart"}
 
 
 async def test_angles_that_can_be_read_in_two_ways_are_asked_for(
@@ -242,4 +242,4 @@ async def test_a_run_is_observed_again_with_other_parameters(
     refused = await http.post(f"/api/runs/{bare}/rerun", json={})
     assert refused.status_code == 404
     assert "images" in refused.json()["detail"]
-    assert served.station.state.state is EngineState.PREVIEW
+    assert served.server.source.state.state is EngineState.PREVIEW

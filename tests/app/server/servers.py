@@ -1,4 +1,4 @@
-"""A station over the peer engine."""
+"""A server over the peer engine."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from app.messages import EngineState, OpenSource
-from app.server import Station
+from app.server import Server
 from app.storage import Storage
 
 
 @asynccontextmanager
 async def started(
     peer: Any, storage: Storage, source: str = "simulated:lab", drive: Any = None
-) -> AsyncIterator[Station]:
-    """A station whose first source is open, or refused."""
-    station = Station(peer, storage, source=source, drive=drive)
+) -> AsyncIterator[Server]:
+    """A server whose first source is open, or refused."""
+    server = Server(peer, storage, source=source, drive=drive)
     try:
-        await station.start()
-        await until(lambda: station.state.state is not EngineState.IDLE)
-        yield station
+        await server.start()
+        await until(lambda: server.source.state.state is not EngineState.IDLE)
+        yield server
     finally:
-        await station.stop()
+        await server.stop()
 
 
-async def begin(station: Station, **more: Any) -> Any:
+async def begin(server: Server, **more: Any) -> Any:
     """The record of a run that is begun with what is in force, but for ``more``."""
     given = {"name": None, "source": None, "calibration_id": None, "preset": None}
-    return await station.start_run(**{**given, "parameters": {}, **more})
+    return await server.runs.start(**{**given, "parameters": {}, **more})
 
 
 async def until(condition: Callable[[], Any]) -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from app.drive.messages import DriveEvent
 from app.messages import EngineState, OpenSource
 from app.runtime.latest import Latest
-from app.server import Station
+from app.server import Server
 from app.storage import Storage
 from app.viewer import ViserViewer
 from app.viewer.picture import make_picture, read_cloud
@@ -297,7 +297,7 @@ async def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
 ) -> None:
     async def watch(viewer: ViserViewer) -> None:
         scene = viewer._scene
-        handles = dict(viewer._server.scene._handle_from_node_name)
+        handles = dict(viewer._viser.scene._handle_from_node_name)
         with viewer.connected():
             while "cloud" not in peer.watched:
                 await asyncio.sleep(0.005)
@@ -338,18 +338,18 @@ async def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
                 if peer.opened is not None:
                     peer.observe()
                 await asyncio.sleep(0.03)
-        assert viewer._server.scene._handle_from_node_name == handles
+        assert viewer._viser.scene._handle_from_node_name == handles
 
-    station = Station(peer, storage, source="simulated:lab", drive=drive)
+    server = Server(peer, storage, source="simulated:lab", drive=drive)
     viewer = None
     try:
-        await station.start()
-        while station.state.state is EngineState.IDLE:
+        await server.start()
+        while server.source.state.state is EngineState.IDLE:
             await asyncio.sleep(0.005)
-        viewer = await asyncio.to_thread(ViserViewer, station, points=300, rate_hz=20)
+        viewer = await asyncio.to_thread(ViserViewer, server, points=300, rate_hz=20)
         await watch(viewer)
     finally:
         if viewer is not None:
             await asyncio.to_thread(viewer.stop)
-        await station.stop()
+        await server.stop()
     assert "viser" not in capsys.readouterr().out

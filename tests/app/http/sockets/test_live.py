@@ -161,13 +161,13 @@ async def test_a_slow_page_costs_the_others_nothing(served: Any, peer: Any) -> N
             seen = await next_of(quick, "observation")
             assert seen["line"]["frame"] == frame
             await painted(quick, seen["sequence"])
-        assert served.station.viewers == 2
+        assert served.server.viewers == 2
 
 
 async def test_pages_are_counted(served: Any, eventually: Any) -> None:
     async with served.socket("/api/live") as socket:
         assert (await next_of(socket, "status"))["viewers"] == 1
-    await eventually(lambda: served.station.viewers == 0)
+    await eventually(lambda: served.server.viewers == 0)
 
 
 GARBAGE: tuple[str | bytes, ...] = (
@@ -193,7 +193,7 @@ async def test_garbage_closes_with_1007_and_nothing_else_ends(served: Any) -> No
                 with pytest.raises(ConnectionClosed):
                     await read_on(socket)
                 assert socket.close_code == 1007, garbage
-        last = served.station.clock()
+        last = served.server.clock()
         while (await next_of(other, "heartbeat"))["time"] < last:
             pass
 
@@ -213,7 +213,7 @@ async def test_nonsense_ends_a_page_also_at_the_instant_at_which_something_is_du
     """A wait that is cancelled as it ends must not go on, or the page would never be closed."""
 
     async def closed(served: Any, later: int) -> None:
-        hub, socket = LiveHub(served.station), _ScriptedSocket()
+        hub, socket = LiveHub(served.server), _ScriptedSocket()
         page = asyncio.ensure_future(hub.serve(socket))  # type: ignore[arg-type]
         while len(socket.sent) < 3:
             await asyncio.sleep(0.01)

@@ -34,8 +34,8 @@ CAMERA = {
 }
 
 
-def real_viewer(station: Any) -> ViserViewer:
-    return ViserViewer(station, points=500, rate_hz=20)
+def real_viewer(server: Any) -> ViserViewer:
+    return ViserViewer(server, points=500, rate_hz=20)
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ async def test_the_scene_comes_through_and_follows(
             assert isinstance(first, bytes)
             await eventually(lambda: set(peer.watched) == {"cloud", "plain"})
             await socket.send(msgspec.msgpack.encode(CAMERA))
-            await eventually(lambda: len(viewer._server.get_clients()) == 1)
+            await eventually(lambda: len(viewer._viser.get_clients()) == 1)
             received = 0
             for _ in range(10):
                 peer.observe()
@@ -82,7 +82,7 @@ async def test_the_scene_comes_through_and_follows(
             # The cloud of 500 points alone takes 4.5 KB.
             assert received > 4500
         await eventually(lambda: peer.watched == ())
-        await eventually(lambda: not viewer._server.get_clients())
+        await eventually(lambda: not viewer._viser.get_clients())
     assert "viser" not in capsys.readouterr().out
 
 
@@ -94,7 +94,7 @@ async def test_nobody_reaches_viser_or_the_world_through_it(
 
     async with serve(viewer=real_viewer) as served:
         viewer = await started(served)
-        assert viewer._server.get_host() == "127.0.0.1"
+        assert viewer._viser.get_host() == "127.0.0.1"
         async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
             await socket.recv()
             await socket.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
@@ -102,7 +102,7 @@ async def test_nobody_reaches_viser_or_the_world_through_it(
             async with asyncio.timeout(5):
                 assert await socket.recv()
         # Also past the proxy, should a message ever get there.
-        assert await asyncio.to_thread(viewer._server.request_share_url) is None
+        assert await asyncio.to_thread(viewer._viser.request_share_url) is None
         assert tunnels == []
 
 

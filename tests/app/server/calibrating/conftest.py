@@ -6,13 +6,15 @@ from typing import Any
 
 import pytest
 
-from app.server.calibrating import session as calibration_desk
+from app.server.calibrating import computation, manager
 
-from .desk import Computing
+from .capturing import Computing
 
 
 @pytest.fixture
 def computing(monkeypatch: pytest.MonkeyPatch, calibration_yaml: Any) -> Computing:
     made = Computing(calibration_yaml())
-    monkeypatch.setattr(calibration_desk, "work", made)
+    monkeypatch.setattr(computation, "work", made)
+    # Its archives are none.
+    monkeypatch.setattr(manager, "check_archive", lambda _: None)
     return made

@@ -13,16 +13,15 @@ import psutil
 import pytest
 
 from app.messages import ChangeCalibration, EngineState, OpenSource
-from app.server import Conflict, FieldError, NotAvailable, NotThere, Station
+from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage, StorageBusy, StorageFull
 from app.supervisor import EngineRefused
-from app.workers.calibration.messages import FindBoards
 from observer.calibration.formats.opencv_file import calibration_id
 from observer.errors import CalibrationError
 
 from ..servers import opens, started, until
-from .desk import (
+from .capturing import (
     BOARD,
     CAMERAS,
     CAPTURE,
@@ -48,50 +47,50 @@ def locked(path: Path) -> Iterator[None]:
 
 
 async def test_a_computation_is_going_from_the_moment_it_is_asked_for(
-    peer: Any, computing: Computing, station: Station
+    peer: Any, computing: Computing, server: Server
 ) -> None:
-    desk = station.calibrating
+    session = server.calibrating.session
     with pytest.raises(Conflict, match="begin a calibration first"):
-        desk.compute("radtan")
-    await captured(peer, station, 0)
+        session.compute("radtan")
+    await captured(peer, server, 0)
     with pytest.raises(Conflict, match="no views yet"):
-        desk.compute("radtan")
+        session.compute("radtan")
     with pytest.raises(Conflict, match="nothing has been computed yet"):
-        _ = desk.finished
-    await captured(peer, station)
-    desk.compute("equidistant")
+        _ = session.computation.finished
+    await captured(peer, server)
+    session.compute("equidistant")
     with pytest.raises(Conflict, match="being computed; wait for it, or cancel"):
-        desk.compute("radtan")
+        session.compute("radtan")
     with pytest.raises(Conflict, match="being computed"):
-        await station.calibrate_images(FindBoards(Path("/nowhere"), BOARD))
-    await until(lambda: (desk.facts() or {})["computing"]["share"] == 0.5)
+        await server.calibrating.take_images(Path("/nowhere"), BOARD)
+    await until(lambda: (session.facts() or {})["computing"]["share"] == 0.5)
     (job,) = computing.jobs
     assert (job.width, job.height, job.frame_rate) == (512, 256, 15.0)
     assert job.distortion_model == "equidistant"
     computing.release.set()
-    await until(lambda: desk.result)
-    facts = desk.facts()
+    await until(lambda: session.computation.result)
+    facts = session.facts()
     assert facts is not None
     assert (facts["computing"], facts["result"]) == (None, ["1", "2", "3"])
 
 
 async def test_cancelling_leaves_views_and_the_earlier_result(
-    peer: Any, computing: Computing, station: Station
+    peer: Any, computing: Computing, server: Server
 ) -> None:
-    await computed(peer, station, computing)
-    desk = station.calibrating
+    await computed(peer, server, computing)
+    session = server.calibrating.session
     computing.release.clear()
     for pause in (0.0, 0.05):
-        desk.compute("radtan")
+        session.compute("radtan")
         await asyncio.sleep(pause)
-        await desk.cancel()
-        facts = desk.facts()
+        await session.computation.cancel()
+        facts = session.facts()
         assert facts is not None
         assert (facts["computing"], facts["trouble"]) == (None, None)
         assert facts["result"] == ["1", "2", "3"]
-    assert names(station) == ["1", "2", "3"]
+    assert names(server) == ["1", "2", "3"]
     assert computing.cancelled == 2
-    await desk.cancel()
+    await session.computation.cancel()
 
 
 @pytest.mark.parametrize(
@@ -102,35 +101,35 @@ async def test_cancelling_leaves_views_and_the_earlier_result(
     ],
 )
 async def test_a_computation_that_fails_says_why_until_the_next(
-    peer: Any, computing: Computing, error: Exception, words: str, station: Station
+    peer: Any, computing: Computing, error: Exception, words: str, server: Server
 ) -> None:
-    await captured(peer, station)
-    desk = station.calibrating
+    await captured(peer, server)
+    session = server.calibrating.session
     computing.fails = error
     computing.release.set()
-    desk.compute("radtan")
-    await until(lambda: (desk.facts() or {})["trouble"])
-    facts = desk.facts()
+    session.compute("radtan")
+    await until(lambda: (session.facts() or {})["trouble"])
+    facts = session.facts()
     assert facts is not None
     assert (facts["trouble"], facts["computing"]) == (words, None)
-    assert names(station) == ["1", "2", "3"]
+    assert names(server) == ["1", "2", "3"]
     computing.fails = None
-    desk.compute("radtan")
-    assert (desk.facts() or {})["trouble"] is None
-    await until(lambda: desk.result)
+    session.compute("radtan")
+    assert (session.facts() or {})["trouble"] is None
+    await until(lambda: session.computation.result)
 
 
 async def test_leaving_and_stopping_end_the_worker(peer: Any, storage: Storage) -> None:
     """With the real worker, which takes a second to begin: it never comes to its end."""
 
-    async with started(peer, storage) as station:
-        await captured(peer, station)
-        station.calibrating.compute("radtan")
+    async with started(peer, storage) as server:
+        await captured(peer, server)
+        server.calibrating.session.compute("radtan")
         await until(workers)
-        await station.end_calibration()
+        await server.calibrating.end()
         assert workers() == []
-        await captured(peer, station)
-        station.calibrating.compute("radtan")
+        await captured(peer, server)
+        server.calibrating.session.compute("radtan")
         await until(workers)
     assert workers() == []
 
@@ -152,89 +151,89 @@ def workers() -> list[psutil.Process]:
 
 
 async def test_images_take_the_place_of_the_cameras(
-    peer: Any, computing: Computing, station: Station
+    peer: Any, computing: Computing, server: Server
 ) -> None:
-    await captured(peer, station)
+    await captured(peer, server)
     computing.fails = CalibrationError("the file is no ZIP archive")
     computing.release.set()
-    job = FindBoards(Path("/nowhere"), BOARD)
+    images = Path("/nowhere")
     with pytest.raises(CalibrationError, match="no ZIP archive"):
-        await station.calibrate_images(job)
-    assert names(station) == ["1", "2", "3"]
+        await server.calibrating.take_images(images, BOARD)
+    assert names(server) == ["1", "2", "3"]
     assert peer.calibrating is not None
 
     computing.fails = None
-    await station.calibrate_images(job)
-    assert names(station) == ["a"]
-    facts = station.calibrating.facts()
+    await server.calibrating.take_images(images, BOARD)
+    assert names(server) == ["a"]
+    facts = server.calibrating.session.facts()
     assert facts is not None
     assert (facts["source"], facts["refused"]) == (None, ["b: blurred"])
     assert facts["size"] == (640, 480)
     # The cameras are observed again, and lost engines have nothing to go on with.
-    assert station.state.state is EngineState.PREVIEW
+    assert server.source.state.state is EngineState.PREVIEW
     peer.lose()
     peer.start_process()
-    await until(lambda: station.state.state is EngineState.PREVIEW)
-    assert names(station) == ["a"]
+    await until(lambda: server.source.state.state is EngineState.PREVIEW)
+    assert names(server) == ["a"]
     with pytest.raises(Conflict, match="images were sent in"):
-        await station.change_calibration(CAPTURE)
+        await server.calibrating.change(CAPTURE)
     with pytest.raises(NotThere):
-        await station.change_calibration(ChangeCalibration(remove="b"))
-    await station.change_calibration(ChangeCalibration(remove="a"))
-    assert names(station) == []
+        await server.calibrating.change(ChangeCalibration(remove="b"))
+    await server.calibrating.change(ChangeCalibration(remove="a"))
+    assert names(server) == []
 
 
 async def test_looking_through_images_holds_nothing_up_and_can_be_cancelled(
-    peer: Any, computing: Computing, station: Station
+    peer: Any, computing: Computing, server: Server
 ) -> None:
-    job = FindBoards(Path("/nowhere"), BOARD)
-    looking = asyncio.create_task(station.calibrate_images(job))
+    images = Path("/nowhere")
+    looking = asyncio.create_task(server.calibrating.take_images(images, BOARD))
     await until(lambda: computing.jobs)
     # A lost engine is restored, another source opened: minutes are not waited for.
     peer.lose()
     peer.start_process()
-    await until(lambda: station.state.state is EngineState.PREVIEW)
-    await station.open_source("a/folder", None)
-    await station.calibrating.cancel()
+    await until(lambda: server.source.state.state is EngineState.PREVIEW)
+    await server.source.open("a/folder", None)
+    await server.calibrating.session.computation.cancel()
     with pytest.raises(Conflict, match="was cancelled"):
         await looking
-    assert station.calibrating.facts() is None
+    assert server.calibrating.session.facts() is None
     assert computing.cancelled == 1
 
 
 # --- saving ---------------------------------------------------------------------------------
 
 
-async def test_what_is_saved_is_used_and_the_desk_is_cleared(
+async def test_what_is_saved_is_used_and_the_session_is_cleared(
     peer: Any, storage: Storage, computing: Computing
 ) -> None:
     peer.devices = ("usb-0000:00:14.0-1", "usb-0000:00:14.0-2")
 
-    async with started(peer, storage) as station:
-        await computed(peer, station, computing)
-        record = await station.save_calibration("Bench", activate=True)
+    async with started(peer, storage) as server:
+        await computed(peer, server, computing)
+        record = await server.calibrating.save("Bench", activate=True)
         assert record.id == calibration_id(computing.text)
         assert (peer.opened.source, peer.opened.calibration_yaml) == (CAMERAS, computing.text)
-        assert station.calibrating.facts() is None
-        assert (station.wanted.source, station.wanted.calibration) == (CAMERAS, record)
+        assert server.calibrating.session.facts() is None
+        assert (server.source.wanted.source, server.source.wanted.calibration) == (CAMERAS, record)
         assert record.info["report"] == {"stereo_rms_px": 0.2}
         assert record.info["bound"]["source"] == CAMERAS
         assert record.info["bound"]["devices"] == list(peer.devices)
         await until(lambda: storage.active_calibration() == record)
 
 
-async def test_saving_only_leaves_the_desk(
-    peer: Any, storage: Storage, computing: Computing, station: Station
+async def test_saving_only_leaves_the_session(
+    peer: Any, storage: Storage, computing: Computing, server: Server
 ) -> None:
-    await captured(peer, station)
+    await captured(peer, server)
     with pytest.raises(Conflict, match="nothing has been computed yet"):
-        await station.save_calibration("Bench", activate=False)
+        await server.calibrating.save("Bench", activate=False)
     assert storage.list_calibrations() == []
-    await computed(peer, station, computing)
-    await station.save_calibration("Bench", activate=False)
+    await computed(peer, server, computing)
+    await server.calibrating.save("Bench", activate=False)
     assert peer.calibrating is not None
-    assert station.calibrating.result is not None
-    assert names(station) == ["1", "2", "3"]
+    assert server.calibrating.session.computation.result is not None
+    assert names(server) == ["1", "2", "3"]
     assert storage.active_calibration() is None
 
 
@@ -244,24 +243,24 @@ async def test_a_full_disk_or_a_busy_database_loses_nothing(
     computing: Computing,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    station: Station,
+    server: Server,
 ) -> None:
     def full(*_: Any, **__: Any) -> Any:
         raise StorageFull("no space is left")
 
-    await computed(peer, station, computing)
-    await until(lambda: station.writer.trouble is None)
-    before = station.calibrating.facts()
+    await computed(peer, server, computing)
+    await until(lambda: server.shared.writer.trouble is None)
+    before = server.calibrating.session.facts()
     with locked(tmp_path / "observer.sqlite"), pytest.raises(StorageBusy):
-        await station.save_calibration("Bench", activate=True)
+        await server.calibrating.save("Bench", activate=True)
     with monkeypatch.context() as patch:
         patch.setattr(storage, "save_calibration", full)
         with pytest.raises(StorageFull):
-            await station.save_calibration("Bench", activate=True)
-    assert station.calibrating.facts() == before
-    assert station.calibrating.result is not None
+            await server.calibrating.save("Bench", activate=True)
+    assert server.calibrating.session.facts() == before
+    assert server.calibrating.session.computation.result is not None
     assert peer.calibrating is not None
-    await station.save_calibration("Bench", activate=True)
+    await server.calibrating.save("Bench", activate=True)
     assert peer.opened.calibration_yaml == computing.text
 
 
@@ -273,47 +272,47 @@ async def test_what_cannot_be_used_is_saved_all_the_same(
     monkeypatch: pytest.MonkeyPatch,
     refusal: Any,
     kind: type[Exception],
-    station: Station,
+    server: Server,
 ) -> None:
     def other_size(_: OpenSource) -> Any:
         raise EngineRefused("the calibration is for images of 640x480 pixels", refusal)
 
-    await computed(peer, station, computing)
+    await computed(peer, server, computing)
     with monkeypatch.context() as patch:
         patch.setattr(peer, "_open", other_size)
         with pytest.raises(kind, match=r"Bench is saved, but not in use: .* 640x480"):
-            await station.save_calibration("Bench", activate=True)
+            await server.calibrating.save("Bench", activate=True)
     assert [record.name for record in storage.list_calibrations()] == ["Bench"]
-    assert names(station) == ["1", "2", "3"]
-    assert station.wanted.source == "simulated:lab"
+    assert names(server) == ["1", "2", "3"]
+    assert server.source.wanted.source == "simulated:lab"
     assert storage.active_calibration() is None
 
 
 async def test_saving_again_keeps_what_was_measured(
-    peer: Any, storage: Storage, computing: Computing, station: Station
+    peer: Any, storage: Storage, computing: Computing, server: Server
 ) -> None:
-    await computed(peer, station, computing)
-    first = await station.save_calibration("Bench", activate=False)
+    await computed(peer, server, computing)
+    first = await server.calibrating.save("Bench", activate=False)
     checks = [{"measured_m": 2.0}]
     storage.change_calibration(first.id, info={"tape_checks": checks})
-    second = await station.save_calibration("Bench 2", activate=False)
+    second = await server.calibrating.save("Bench 2", activate=False)
     assert (second.id, second.name) == (first.id, "Bench 2")
     assert second.info["tape_checks"] == checks
     assert second.info["report"] == {"stereo_rms_px": 0.2}
 
 
 async def test_a_new_name_is_told_everywhere(
-    peer: Any, storage: Storage, computing: Computing, station: Station
+    peer: Any, storage: Storage, computing: Computing, server: Server
 ) -> None:
-    await computed(peer, station, computing)
-    record = await station.save_calibration("Bench", activate=True)
+    await computed(peer, server, computing)
+    record = await server.calibrating.save("Bench", activate=True)
     before = len(opens(peer))
-    renamed = await station.rename_calibration(record.id, "Robot 3")
-    assert status(station)["calibration"] == {"id": record.id, "name": "Robot 3"}
-    await station.activate_calibration(record.id)
+    renamed = await server.calibrating.rename(record.id, "Robot 3")
+    assert status(server)["calibration"] == {"id": record.id, "name": "Robot 3"}
+    await server.calibrating.activate(record.id)
     assert len(opens(peer)) == before
     with pytest.raises(Conflict, match="Robot 3 is in use"):
-        await station.delete_calibration(record.id)
+        await server.calibrating.delete(record.id)
     assert storage.get_calibration(record.id) == renamed
     with pytest.raises(NotThere):
-        await station.rename_calibration("0" * 64, "x")
+        await server.calibrating.rename("0" * 64, "x")

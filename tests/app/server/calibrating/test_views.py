@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from app.messages import BeginCalibration, ChangeCalibration, CloseSource, EngineState, OpenSource
-from app.server import Conflict, FieldError, NotAvailable, NotThere, Station
+from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage
 from app.supervisor import EngineRefused
@@ -17,7 +17,7 @@ from observer.calibration.views import BoardSighting, BoardView
 
 from ...peer_engine import sighting_of
 from ..servers import begin, opens, started, until
-from .desk import (
+from .capturing import (
     BOARD,
     CAMERAS,
     CAPTURE,
@@ -31,190 +31,190 @@ from .desk import (
 
 
 async def test_views_outlive_the_engine_and_the_numbering_goes_on(
-    peer: Any, station: Station
+    peer: Any, server: Server
 ) -> None:
-    await captured(peer, station)
-    await station.change_calibration(ChangeCalibration(undo=True))
-    await station.change_calibration(ChangeCalibration(automatic=False))
+    await captured(peer, server)
+    await server.calibrating.change(ChangeCalibration(undo=True))
+    await server.calibrating.change(ChangeCalibration(automatic=False))
     peer.lose("the engine was killed")
-    assert station.state.state is EngineState.FAILED
-    assert names(station) == ["1", "2"]
+    assert server.source.state.state is EngineState.FAILED
+    assert names(server) == ["1", "2"]
     peer.start_process()
-    await until(lambda: station.state.state is EngineState.CALIBRATING)
+    await until(lambda: server.source.state.state is EngineState.CALIBRATING)
     again = begun(peer)[-1]
     assert (again.source, again.board, again.automatic) == (CAMERAS, BOARD, False)
     assert [view.name for view in again.views] == ["1", "2"]
-    await station.change_calibration(CAPTURE)
-    assert names(station) == ["1", "2", "3"]
-    assert station.calibrating.picture("1", 0).startswith(b"\xff\xd8")
+    await server.calibrating.change(CAPTURE)
+    assert names(server) == ["1", "2", "3"]
+    assert server.calibrating.session.picture("1", 0).startswith(b"\xff\xd8")
     # Nothing else was opened behind the calibration's back.
     assert len(opens(peer)) == 1
 
 
 async def test_other_work_is_refused_while_calibrating(
-    peer: Any, storage: Storage, calibration_yaml: Any, station: Station
+    peer: Any, storage: Storage, calibration_yaml: Any, server: Server
 ) -> None:
     record = storage.save_calibration(calibration_yaml(), name="x", info={})
-    await captured(peer, station, 1)
+    await captured(peer, server, 1)
     none: dict[str, Any] = {"name": None, "source": None, "calibration_id": None}
     for refused in (
-        station.open_source("a/folder", None),
-        station.start_run(**none, preset=None, parameters={}),
-        station.activate_calibration(record.id),
-        station.activate_calibration(None),
-        station.change_rig(lambda: replace(station.rig.rig, for_simulated=True)),
+        server.source.open("a/folder", None),
+        server.runs.start(**none, preset=None, parameters={}),
+        server.calibrating.activate(record.id),
+        server.calibrating.activate(None),
+        server.change_rig(lambda: replace(server.rig.rig, for_simulated=True)),
     ):
         with pytest.raises(Conflict, match="a calibration is being made; save it or leave"):
             await refused
-    assert names(station) == ["1"]
+    assert names(server) == ["1"]
     assert peer.calibrating is not None
-    assert await station.runs.newest() == []
+    assert await server.runs.archive.newest() == []
 
 
-async def test_a_run_is_not_ended_by_calibrating(peer: Any, station: Station) -> None:
-    await begin(station)
+async def test_a_run_is_not_ended_by_calibrating(peer: Any, server: Server) -> None:
+    await begin(server)
     with pytest.raises(Conflict, match="is going; stop it before you calibrate"):
-        await station.begin_calibration(CAMERAS, BOARD)
+        await server.calibrating.begin(CAMERAS, BOARD)
     assert begun(peer) == []
-    assert station.calibrating.facts() is None
+    assert server.calibrating.session.facts() is None
 
 
-async def test_leaving_observes_again_what_was_open(peer: Any, station: Station) -> None:
-    await station.open_source("a/folder", None)
-    await captured(peer, station)
-    await station.end_calibration()
-    assert station.calibrating.facts() is None
+async def test_leaving_observes_again_what_was_open(peer: Any, server: Server) -> None:
+    await server.source.open("a/folder", None)
+    await captured(peer, server)
+    await server.calibrating.end()
+    assert server.calibrating.session.facts() is None
     assert (peer.opened.source, peer.calibrating) == ("a/folder", None)
-    assert station.state.state is EngineState.PREVIEW
+    assert server.source.state.state is EngineState.PREVIEW
     # And again: nothing is calibrated, so nothing is opened.
     before = len(peer.commands)
-    await station.end_calibration()
+    await server.calibrating.end()
     assert len(peer.commands) == before
 
 
 @pytest.mark.parametrize("refusal", ["input", "state", "failure"])
 async def test_leaving_closes_the_cameras_where_nothing_can_be_opened(
-    peer: Any, monkeypatch: pytest.MonkeyPatch, refusal: Any, station: Station
+    peer: Any, monkeypatch: pytest.MonkeyPatch, refusal: Any, server: Server
 ) -> None:
-    await captured(peer, station)
+    await captured(peer, server)
 
     def unplugged(_: OpenSource) -> Any:
         raise EngineRefused("the left camera is not plugged in", refusal)
 
     monkeypatch.setattr(peer, "_open", unplugged)
-    await station.end_calibration()
+    await server.calibrating.end()
     assert isinstance(peer.commands[-1], CloseSource)
     assert peer.calibrating is None
-    assert station.state.state is EngineState.FAILED
-    assert station.state.reason == "the left camera is not plugged in"
-    assert station.calibrating.facts() is None
+    assert server.source.state.state is EngineState.FAILED
+    assert server.source.state.reason == "the left camera is not plugged in"
+    assert server.calibrating.session.facts() is None
 
 
 async def test_leaving_a_source_that_never_opened(peer: Any, storage: Storage) -> None:
-    async with started(peer, storage, "uncalibrated") as station:
-        assert station.state.state is EngineState.FAILED
+    async with started(peer, storage, "uncalibrated") as server:
+        assert server.source.state.state is EngineState.FAILED
         # What is open, or was meant to be: this is how a source gets its first calibration.
-        await station.begin_calibration(None, BOARD)
+        await server.calibrating.begin(None, BOARD)
         assert begun(peer)[-1].source == "uncalibrated"
-        await station.end_calibration()
-        assert station.state.state is EngineState.FAILED
-        assert "brings no calibration" in str(station.state.reason)
+        await server.calibrating.end()
+        assert server.source.state.state is EngineState.FAILED
+        assert "brings no calibration" in str(server.source.state.reason)
 
 
-async def test_a_second_begin_replaces_the_first(peer: Any, station: Station) -> None:
-    await captured(peer, station)
+async def test_a_second_begin_replaces_the_first(peer: Any, server: Server) -> None:
+    await captured(peer, server)
     other = Board("charuco", 7, 5, 0.03)
     # The same cameras again: they are what is open.
-    await station.begin_calibration(None, other)
+    await server.calibrating.begin(None, other)
     assert begun(peer)[-1] == BeginCalibration(CAMERAS, other)
-    assert names(station) == []
-    facts = station.calibrating.facts()
+    assert names(server) == []
+    facts = server.calibrating.session.facts()
     assert facts is not None
     assert facts["board"]["kind"] == "charuco"
 
 
-async def test_a_begin_that_fails_leaves_everything_as_it_was(peer: Any, station: Station) -> None:
+async def test_a_begin_that_fails_leaves_everything_as_it_was(peer: Any, server: Server) -> None:
     with pytest.raises(FieldError, match="name one that exists") as refused:
-        await station.begin_calibration("missing", BOARD)
+        await server.calibrating.begin("missing", BOARD)
     assert refused.value.field == ("body", "source")
-    assert station.calibrating.facts() is None
-    assert station.state.state is EngineState.PREVIEW
-    await captured(peer, station)
-    before = station.calibrating.facts()
+    assert server.calibrating.session.facts() is None
+    assert server.source.state.state is EngineState.PREVIEW
+    await captured(peer, server)
+    before = server.calibrating.session.facts()
     for source in ("missing", "a\0b", "x" * 1001):
         with pytest.raises(FieldError):
-            await station.begin_calibration(source, BOARD)
+            await server.calibrating.begin(source, BOARD)
     peer.lose()
     with pytest.raises(NotAvailable):
-        await station.begin_calibration(CAMERAS, BOARD)
-    assert station.calibrating.facts() == before
+        await server.calibrating.begin(CAMERAS, BOARD)
+    assert server.calibrating.session.facts() == before
 
 
-async def test_engines_lost_hours_apart_are_not_three_in_a_row(peer: Any, station: Station) -> None:
-    await captured(peer, station)
+async def test_engines_lost_hours_apart_are_not_three_in_a_row(peer: Any, server: Server) -> None:
+    await captured(peer, server)
     for _ in range(5):
         peer.look()
         peer.lose()
         peer.start_process()
-        await until(lambda: station.state.state is EngineState.CALIBRATING)
-    assert names(station) == ["1", "2", "3"]
+        await until(lambda: server.source.state.state is EngineState.CALIBRATING)
+    assert names(server) == ["1", "2", "3"]
     peer.look()
     for _ in range(3):
         peer.lose()
         peer.start_process()
-        await until(lambda: peer.calibrating or "in a row" in str(station.state.reason))
-    assert station.state.state is EngineState.FAILED
-    assert f"3 times in a row over {CAMERAS}" in str(station.state.reason)
+        await until(lambda: peer.calibrating or "in a row" in str(server.source.state.reason))
+    assert server.source.state.state is EngineState.FAILED
+    assert f"3 times in a row over {CAMERAS}" in str(server.source.state.reason)
     # The views are there still, and so is the way out.
-    assert names(station) == ["1", "2", "3"]
-    await station.end_calibration()
-    assert station.state.state is EngineState.PREVIEW
+    assert names(server) == ["1", "2", "3"]
+    await server.calibrating.end()
+    assert server.source.state.state is EngineState.PREVIEW
 
 
 async def test_cameras_that_are_gone_with_the_engine_leave_the_views(
-    peer: Any, station: Station
+    peer: Any, server: Server
 ) -> None:
-    await captured(peer, station)
-    station.calibrating.source = "missing"
+    await captured(peer, server)
+    server.calibrating.session.source = "missing"
     peer.lose()
     peer.start_process()
-    await until(lambda: "name one that exists" in str(station.state.reason))
-    assert station.state.state is EngineState.FAILED
-    assert names(station) == ["1", "2", "3"]
+    await until(lambda: "name one that exists" in str(server.source.state.reason))
+    assert server.source.state.state is EngineState.FAILED
+    assert names(server) == ["1", "2", "3"]
 
 
 # --- views ----------------------------------------------------------------------------------
 
 
-async def test_views_are_captured_taken_back_and_removed(peer: Any, station: Station) -> None:
+async def test_views_are_captured_taken_back_and_removed(peer: Any, server: Server) -> None:
     with pytest.raises(Conflict, match="begin a calibration first"):
-        await station.change_calibration(CAPTURE)
-    await station.begin_calibration(CAMERAS, BOARD)
+        await server.calibrating.change(CAPTURE)
+    await server.calibrating.begin(CAMERAS, BOARD)
     with pytest.raises(Conflict, match="not in both views"):
-        await station.change_calibration(CAPTURE)
+        await server.calibrating.change(CAPTURE)
     with pytest.raises(Conflict, match="no view to take back"):
-        await station.change_calibration(ChangeCalibration(undo=True))
+        await server.calibrating.change(ChangeCalibration(undo=True))
     peer.board_seen = True
     for _ in range(3):
-        await station.change_calibration(CAPTURE)
-    await station.change_calibration(ChangeCalibration(remove="2"))
-    assert names(station) == ["1", "3"]
+        await server.calibrating.change(CAPTURE)
+    await server.calibrating.change(ChangeCalibration(remove="2"))
+    assert names(server) == ["1", "3"]
     for name in ("2", "", "../1"):
         with pytest.raises(NotThere):
-            await station.change_calibration(ChangeCalibration(remove=name))
+            await server.calibrating.change(ChangeCalibration(remove=name))
         with pytest.raises(NotThere):
-            station.calibrating.picture(name, 0)
-    await station.change_calibration(ChangeCalibration(undo=True))
-    assert names(station) == ["1"]
+            server.calibrating.session.picture(name, 0)
+    await server.calibrating.change(ChangeCalibration(undo=True))
+    assert names(server) == ["1"]
 
 
-async def test_what_is_seen_is_in_the_status(peer: Any, station: Station) -> None:
+async def test_what_is_seen_is_in_the_status(peer: Any, server: Server) -> None:
     # Of a session that is over: nobody is told.
     peer.look()
-    assert status(station)["calibrating"] is None
-    await captured(peer, station, 1)
+    assert status(server)["calibrating"] is None
+    await captured(peer, server, 1)
     peer.look(words="Captured 1", coverage={"X": 0.5}, covered="left")
-    told = status(station)
+    told = status(server)
     assert told["engine"]["state"] == "calibrating"
     facts = told["calibrating"]
     assert facts["look"]["words"] == "Captured 1"
@@ -228,27 +228,27 @@ async def test_what_is_seen_is_in_the_status(peer: Any, station: Station) -> Non
 
 
 async def test_swapping_turns_the_views_round_and_forgets_the_result(
-    peer: Any, computing: Computing, station: Station
+    peer: Any, computing: Computing, server: Server
 ) -> None:
     with pytest.raises(Conflict, match="begin a calibration first"):
-        await station.swap_cameras()
-    await station.begin_calibration("camera:0,2", BOARD)
+        await server.calibrating.swap()
+    await server.calibrating.begin("camera:0,2", BOARD)
     both = sighting_of(BOARD)
     other = BoardSighting(both.ids, both.px + 7.0)
     peer.capture(BoardView("1", both, other))
     peer.capture(BoardView("2", both, None))
     computing.release.set()
-    station.calibrating.compute("radtan")
-    await until(lambda: station.calibrating.result)
-    await station.swap_cameras()
+    server.calibrating.session.compute("radtan")
+    await until(lambda: server.calibrating.session.computation.result)
+    await server.calibrating.swap()
     again = begun(peer)[-1]
     assert (again.source, again.board) == ("camera:2,0", BOARD)
     first, second = again.views
     assert (first.left, first.right) == (other, both)
     assert (second.left, second.right) == (None, both)
-    assert names(station) == ["1", "2"]
+    assert names(server) == ["1", "2"]
     # What was computed was of cameras the other way round.
-    assert station.calibrating.result is None
+    assert server.calibrating.session.computation.result is None
     # Gone with the engine, they come back swapped.
     peer.lose()
     peer.start_process()
@@ -258,19 +258,19 @@ async def test_swapping_turns_the_views_round_and_forgets_the_result(
 
 
 async def test_what_cannot_be_swapped_stays_as_it_is(
-    peer: Any, monkeypatch: pytest.MonkeyPatch, station: Station
+    peer: Any, monkeypatch: pytest.MonkeyPatch, server: Server
 ) -> None:
     def unplugged(_: BeginCalibration) -> Any:
         raise EngineRefused("the left camera is not plugged in", "input")
 
-    await captured(peer, station)
+    await captured(peer, server)
     with pytest.raises(Conflict):
-        await station.swap_cameras()
-    await station.begin_calibration("camera:0,2", BOARD)
-    await station.change_calibration(CAPTURE)
-    before = station.calibrating.facts()
+        await server.calibrating.swap()
+    await server.calibrating.begin("camera:0,2", BOARD)
+    await server.calibrating.change(CAPTURE)
+    before = server.calibrating.session.facts()
     monkeypatch.setattr(peer, "_begin", unplugged)
     with pytest.raises(FieldError, match="not plugged in"):
-        await station.swap_cameras()
-    assert station.calibrating.source == "camera:0,2"
-    assert station.calibrating.facts() == before
+        await server.calibrating.swap()
+    assert server.calibrating.session.source == "camera:0,2"
+    assert server.calibrating.session.facts() == before

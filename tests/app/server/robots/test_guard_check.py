@@ -12,7 +12,7 @@ import pytest
 
 from app.drive.messages import StoppedEvent
 from app.server import Conflict, FieldError, NotThere
-from app.server.robots.check_desk import CheckDesk
+from app.server.robots.check_manager import CheckManager
 from app.server.robots.check_records import CheckRecords, advice
 from app.server.robots.circumstances import Circumstances
 from app.server.robots.guard_check import GuardCheck
@@ -227,8 +227,8 @@ def test_it_is_said_when_to_check_again(tmp_path: Path) -> None:
     assert "the calibration changed" in str(advice(own, other, today))
 
 
-def desk_at(folder: Path, work: list[Any]) -> CheckDesk:
-    return CheckDesk(
+def checks_at(folder: Path, work: list[Any]) -> CheckManager:
+    return CheckManager(
         folder, circumstances, changed=lambda: None, soon=work.append, clock=lambda: 101.0
     )
 
@@ -237,41 +237,41 @@ async def test_a_record_that_cannot_be_written_is_not_lost(tmp_path: Path) -> No
     work: list[Any] = []
     in_the_way = tmp_path / "guard-checks"
     in_the_way.write_text("")
-    desk = desk_at(in_the_way, work)
-    desk.start("observer", None, "Anna")
+    checks = checks_at(in_the_way, work)
+    checks.start("observer", None, "Anna")
     with pytest.raises(Conflict, match="going on"):
-        desk.start("obstacle", None, "Bob")
+        checks.start("obstacle", None, "Bob")
     for _ in range(3):
-        await desk.skip("Anna")
-    desk.stopped(GONE)
+        await checks.skip("Anna")
+    checks.stopped(GONE)
     await work.pop()
-    facts = desk.facts() or {}
+    facts = checks.facts() or {}
     assert (facts["record"], facts["outcome"]) == (None, "incomplete")
     assert "not kept" in facts["trouble"]
     with pytest.raises(Conflict, match="not kept yet"):
-        desk.start("observer", None, "Anna")
+        checks.start("observer", None, "Anna")
     with pytest.raises(FieldError):
-        await desk.give_up("Anna")
+        await checks.give_up("Anna")
     in_the_way.unlink()
-    await desk.give_up("Anna")
-    facts = desk.facts() or {}
+    await checks.give_up("Anna")
+    facts = checks.facts() or {}
     assert (facts["outcome"], facts["trouble"]) == ("incomplete", None)
     assert (in_the_way / f"{facts['record']}.md").exists()
     with pytest.raises(Conflict, match="no check"):
-        await desk.give_up("Anna")
-    desk.start("observer", None, "Anna")
+        await checks.give_up("Anna")
+    checks.start("observer", None, "Anna")
 
 
 async def test_the_servers_end_keeps_what_there_is(tmp_path: Path) -> None:
-    desk = desk_at(tmp_path, [])
-    await desk.close()
-    desk.start("observer", None, "Anna")
-    desk.stopped(STOP)
-    await desk.close()
-    await desk.close()
-    (entry,) = desk.records.all()
+    checks = checks_at(tmp_path, [])
+    await checks.close()
+    checks.start("observer", None, "Anna")
+    checks.stopped(STOP)
+    await checks.close()
+    await checks.close()
+    (entry,) = checks.records.all()
     assert (entry["outcome"], entry["states"]["walk_in"]) == ("given_up", "passed")
-    record = json.loads(desk.records.text(entry["name"], "json"))
+    record = json.loads(checks.records.text(entry["name"], "json"))
     assert record["given_up_by"] == "the end of the server"
     started = datetime.fromisoformat(record["started_at"])
     assert abs(datetime.now(UTC) - started) < timedelta(minutes=1)

@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
+from app.messages import OpenSource
 from app.server.robots.wheels import WheelSample
-from app.server.runs.current_run import CurrentRun
-from app.server.runs.writer import Writer
+from app.server.runs.current_run import CurrentRun, speed_rows
+from app.server.writer import Writer
 from app.storage import RunState, Storage, StorageBusy
 
 
@@ -62,3 +63,16 @@ def test_a_run_lasts_as_long_as_it_does_whatever_the_time_of_day_does(storage: S
     kept = storage.get_run(record.id)
     assert kept is not None
     assert kept.updated_at == ended.updated_at
+
+
+def test_a_coasting_obstacle_is_a_gap(peer: Any) -> None:
+    peer.start_process()
+    peer._open(OpenSource("s", None, {}, 0))
+    event = peer.observe()
+    event.line["obstacles"][0]["state"] = "coasting"
+    rows = list(speed_rows("run", event))
+    assert [(row.source, row.speed) for row in rows] == [
+        ("estimate", None),
+        ("truth", 0.4),
+        ("commanded", 0.4),
+    ]

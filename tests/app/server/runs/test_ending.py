@@ -10,7 +10,7 @@ import pytest
 
 from app.server.background import Background
 from app.server.runs.ending import write_end
-from app.server.runs.writer import Writer
+from app.server.writer import Writer
 from app.storage import RunRecord, RunState, Storage, StorageFull, StorageMissing
 
 

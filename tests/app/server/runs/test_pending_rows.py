@@ -10,7 +10,7 @@ import pytest
 
 from app.server.robots.wheels import WheelSample
 from app.server.runs.current_run import CurrentRun
-from app.server.runs.writer import Writer
+from app.server.writer import Writer
 from app.storage import RunRecord, RunState, SpeedRow, Storage, StorageBusy
 
 

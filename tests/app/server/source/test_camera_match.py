@@ -8,7 +8,7 @@ import pytest
 
 from app.messages import EngineState, StateEvent
 from app.server.errors import FieldError
-from app.server.source.camera_match import binding_warnings, calibration_of_cameras
+from app.server.source.camera_match import calibration_of_cameras, camera_match_warnings
 from app.server.source.opening import make_opening
 from app.storage import CalibrationRecord, Storage
 from observer.recording.run_folder import RECORDING
@@ -57,13 +57,13 @@ def test_the_newest_calibration_of_the_named_cameras_is_taken(opened: Storage) -
 
 def test_other_cameras_swapped_ones_and_another_focus_are_told(opened: Storage) -> None:
     record = kept(opened, "stereo.yaml", LEFT, RIGHT)
-    assert binding_warnings(state(LEFT, RIGHT), record) == []
-    (swapped,) = binding_warnings(state(RIGHT, LEFT), record)
+    assert camera_match_warnings(state(LEFT, RIGHT), record) == []
+    (swapped,) = camera_match_warnings(state(RIGHT, LEFT), record)
     assert "other way round" in swapped
-    (other,) = binding_warnings(state(LEFT, "http://10.0.0.3/v"), record)
+    (other,) = camera_match_warnings(state(LEFT, "http://10.0.0.3/v"), record)
     assert "made with other cameras" in other
     assert LEFT in other
-    focus = binding_warnings(state(LEFT, RIGHT, focus="35"), record)
+    focus = camera_match_warnings(state(LEFT, RIGHT, focus="35"), record)
     assert len(focus) == 2
     assert "focus 0 of the left camera, which is 35 now" in focus[0]
 
@@ -71,9 +71,9 @@ def test_other_cameras_swapped_ones_and_another_focus_are_told(opened: Storage) 
 def test_nothing_is_said_where_nothing_is_bound(opened: Storage) -> None:
     record = kept(opened, "stereo.yaml", LEFT, RIGHT)
     unbound = opened.save_calibration("uploaded", name="uploaded")
-    assert binding_warnings(state(LEFT, RIGHT), None) == []
-    assert binding_warnings(state(LEFT, RIGHT), unbound) == []
-    assert binding_warnings(state(LEFT, RIGHT, live=False), record) == []
+    assert camera_match_warnings(state(LEFT, RIGHT), None) == []
+    assert camera_match_warnings(state(LEFT, RIGHT), unbound) == []
+    assert camera_match_warnings(state(LEFT, RIGHT, live=False), record) == []
 
 
 def test_a_kept_run_is_a_source_by_its_id(opened: Storage) -> None:

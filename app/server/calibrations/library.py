@@ -13,7 +13,6 @@ from typing import Any, Literal
 from app.messages import MeasureDepth, PreviewCalibration, TakeScenePairs
 from app.runtime.jobs import Progress
 from app.server.asking import ask
-from app.server.calibrating.session import CalibrationDesk
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotThere
 from app.storage import CalibrationRecord, RunRecord, Storage, utc_now
@@ -90,28 +89,6 @@ def _as_it_came(files: Sequence[NamedFile]) -> str | None:
     except (UnicodeDecodeError, CalibrationError):
         return None
     return text
-
-
-def keep_made(storage: Storage, desk: CalibrationDesk, name: str) -> CalibrationRecord:
-    """Keep what was computed of captured views, with its report and the cameras it belongs to.
-
-    Raises:
-        Conflict: nothing has been computed. StorageError: it could not be kept.
-    """
-    fitted = desk.finished.fitted
-    calibration = read_calibration(fitted.calibration_yaml, name=name)
-    bound = desk.bound
-    info = {
-        **calibration_facts(calibration),
-        "origin": "calibrated here",
-        "report": fitted.report,
-        "bound": {
-            "source": bound.source,
-            "devices": list(bound.devices),
-            "settings": [dict(settings) for settings in bound.settings],
-        },
-    }
-    return storage.save_calibration(fitted.calibration_yaml, name=name, info=info)
 
 
 def keep_own_calibration(storage: Storage, text: str, run: RunRecord) -> RunRecord:

@@ -22,7 +22,7 @@ from observer.rig.rig import Role
 log = structlog.get_logger(__name__)
 
 
-class CheckDesk:
+class CheckManager:
     """One check at a time. Used in the event loop; files are read and written in threads.
 
     Attributes:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.server.errors import FieldError
-from app.server.rig.rig_desk import RigDesk
+from app.server.rig.store import RigStore
 from app.storage import StorageFull
 from observer.geometry import Pose
 from observer.rig.rig import LIMITS, Rig, RigMount, RigValue
@@ -29,18 +29,18 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "data" / "rig.yaml"
 
 
-def loaded(path: Path | None) -> RigDesk:
-    desk = RigDesk(path)
-    assert desk.load() is None
-    return desk
+def loaded(path: Path | None) -> RigStore:
+    store = RigStore(path)
+    assert store.load() is None
+    return store
 
 
 def test_what_is_kept_is_found_again(path: Path) -> None:
-    desk = loaded(path)
-    assert desk.rig.mount.values() == {}
-    desk.keep(FULL)
+    store = loaded(path)
+    assert store.rig.mount.values() == {}
+    store.keep(FULL)
     again = loaded(path)
-    assert again.text == desk.text == path.read_text()
+    assert again.text == store.text == path.read_text()
     assert again.rig.mount == FULL.mount
     assert dict(again.rig.models) == {"observer": "p3dx-sh"}
     assert np.allclose(again.rig.T_body_base["P3-DX"].translation, [0.1, 0, -0.2])
@@ -48,9 +48,9 @@ def test_what_is_kept_is_found_again(path: Path) -> None:
 
 
 def test_without_a_file_it_lives_in_memory() -> None:
-    desk = loaded(None)
-    desk.keep(FULL)
-    assert desk.rig is FULL
+    store = loaded(None)
+    store.keep(FULL)
+    assert store.rig is FULL
 
 
 @pytest.mark.parametrize(
@@ -60,35 +60,35 @@ def test_without_a_file_it_lives_in_memory() -> None:
 def test_what_cannot_be_read_is_told_and_put_aside(path: Path, content: bytes) -> None:
     path.parent.mkdir()
     path.write_bytes(content)
-    desk = RigDesk(path)
-    assert "the rig is unknown" in (desk.load() or "")
+    store = RigStore(path)
+    assert "the rig is unknown" in (store.load() or "")
     # Until somebody saves a rig it stays where it is.
     assert path.read_bytes() == content
-    desk.keep(FULL)
+    store.keep(FULL)
     assert path.with_name("rig.yaml.unreadable").read_bytes() == content
     assert loaded(path).rig.mount == FULL.mount
     # The next one that cannot be read does not take its place.
     path.write_bytes(b"mount: 7\n")
-    desk.keep(Rig())
+    store.keep(Rig())
     assert path.with_name("rig.yaml.unreadable").read_bytes() == content
     assert path.with_name("rig.yaml.unreadable-2").read_bytes() == b"mount: 7\n"
     # One that can be read is the old rig: it is replaced.
-    desk.keep(FULL)
+    store.keep(FULL)
     assert len(list(path.parent.iterdir())) == 3
 
 
 def test_a_folder_in_its_place_is_refused_and_the_old_rig_stays(path: Path) -> None:
     path.mkdir(parents=True)
-    desk = RigDesk(path)
-    assert "cannot be read" in (desk.load() or "")
+    store = RigStore(path)
+    assert "cannot be read" in (store.load() or "")
     with pytest.raises(FieldError, match="cannot be written"):
-        desk.keep(FULL)
-    assert desk.rig is not FULL
+        store.keep(FULL)
+    assert store.rig is not FULL
 
 
 def test_a_full_disk_leaves_the_old_file_whole(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    desk = loaded(path)
-    desk.keep(FULL)
+    store = loaded(path)
+    store.keep(FULL)
     before = path.read_text()
 
     def full(_: int) -> None:
@@ -96,16 +96,16 @@ def test_a_full_disk_leaves_the_old_file_whole(path: Path, monkeypatch: pytest.M
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(StorageFull, match="no space is left to write"):
-        desk.keep(Rig())
+        store.keep(Rig())
     assert path.read_text() == before
-    assert desk.rig is FULL
+    assert store.rig is FULL
     assert [each.name for each in path.parent.iterdir()] == ["rig.yaml"]
 
 
 def test_a_change_leaves_what_it_does_not_name(path: Path) -> None:
-    desk = loaded(path)
-    desk.keep(FULL)
-    rig = desk.changed(
+    store = loaded(path)
+    store.keep(FULL)
+    rig = store.changed(
         {"height_m": (0.5, 0.01), "tilt_deg": None},
         None,
         for_simulated=True,
@@ -116,10 +116,10 @@ def test_a_change_leaves_what_it_does_not_name(path: Path) -> None:
     assert dict(rig.models) == {"observer": "p3dx-sh"}
     assert set(rig.T_body_base) == {"P3-DX"}
     assert (rig.for_simulated, rig.calibration) == (True, "abc")
-    none = desk.changed({}, {}, for_simulated=False, calibration=None)
+    none = store.changed({}, {}, for_simulated=False, calibration=None)
     assert dict(none.models) == {}
     # Nothing is in force before it is kept.
-    assert desk.rig is FULL
+    assert store.rig is FULL
 
 
 @pytest.mark.parametrize("key", LIMITS)
@@ -127,20 +127,22 @@ def test_a_value_out_of_range_names_its_key(key: str) -> None:
     low, high = LIMITS[key]
     for value in (low - 0.01, high + 0.01):
         with pytest.raises(FieldError, match=f"^{key} must lie between") as refused:
-            RigDesk(None).changed({key: (value, None)}, None, for_simulated=False, calibration=None)
+            RigStore(None).changed(
+                {key: (value, None)}, None, for_simulated=False, calibration=None
+            )
         assert refused.value.field == ("body", "mount", key)
     for value in (low, high):
         given: dict[str, Any] = {key: (value, None)}
-        rig = RigDesk(None).changed(given, None, for_simulated=False, calibration=None)
+        rig = RigStore(None).changed(given, None, for_simulated=False, calibration=None)
         assert rig.mount.values()[key].value == value
 
 
 def test_a_file_that_somebody_sent() -> None:
-    desk = RigDesk(None)
-    desk.keep(FULL)
-    parsed = desk.parsed(desk.text)
+    store = RigStore(None)
+    store.keep(FULL)
+    parsed = store.parsed(store.text)
     assert parsed.mount == FULL.mount
-    assert read_rig(desk.text, "it").mount == FULL.mount
+    assert read_rig(store.text, "it").mount == FULL.mount
     with pytest.raises(FieldError, match=r"rig.yaml: .*height") as refused:
-        desk.parsed("mount: {height: 3}\n")
+        store.parsed("mount: {height: 3}\n")
     assert refused.value.field == ("body", "text")

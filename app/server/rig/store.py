@@ -1,4 +1,4 @@
-"""The rig as the station keeps it: ``rig.yaml`` in the data folder, and its estimation."""
+"""The rig as the server keeps it: ``rig.yaml`` in the data folder, and its estimation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.server.errors import FieldError
-from app.server.runs.file_names import told_as_ours, write_whole
+from app.server.whole_files import told_as_ours, write_whole
 from app.settings import RIG_FILE
 from observer.errors import InputError
 from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
@@ -16,7 +16,7 @@ from observer.robot_opening import check_port
 from observer.robots.ports import shown_port
 
 
-class RigDesk:
+class RigStore:
     """Reads and writes the rig's file; one change at a time is the caller's care.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""Parameters and presets as the station keeps them: in force, in the engine, in the database."""
+"""Parameters and presets: in force, in the engine, in the database."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from functools import partial
 from typing import Any
 
 from app.messages import SetParameters
-from app.parameter_store import (
+from app.runtime.errors import ProcessUnavailable
+from app.server.asking import ask
+from app.server.errors import Conflict, FieldError, NotAvailable, NotThere
+from app.server.parameters.in_force import (
     BUILT_IN,
     ParametersInForce,
     Revision,
@@ -20,12 +23,8 @@ from app.parameter_store import (
     preset_values,
     restored_parameters,
 )
-from app.server.asking import ask
-from app.server.contracts import Engine
-from app.server.errors import Conflict, FieldError, NotAvailable, NotThere
-from app.server.runs.writer import Writer
-from app.storage import PresetRecord, Storage, StorageExists
-from app.supervisor import EngineUnavailable
+from app.server.shared import Shared
+from app.storage import PresetRecord, StorageExists
 from observer.errors import InputError
 from observer.guard.parameters import AllParameters
 from observer.parameters import PRESET_HELP, ParameterValue
@@ -41,17 +40,17 @@ class PresetEntry:
     built_in: bool
 
 
-class ParameterDesk:
-    """Used in the event loop; one change at a time is the caller's care.
+class ParameterManager:
+    """Used in the event loop; but for ``change``, changes need the shared lock.
 
     Attributes:
         current: in force. followed: called when they are others.
     """
 
-    def __init__(self, engine: Engine, storage: Storage, writer: Writer) -> None:
-        self._engine = engine
-        self._storage = storage
-        self._writer = writer
+    def __init__(self, shared: Shared) -> None:
+        self._shared = shared
+        self._storage = shared.storage
+        self._writer = shared.writer
         self._saved: dict[str, PresetRecord] = {}
         self.current = first_parameters()
         self.followed: Callable[[], None] = lambda: None
@@ -92,19 +91,32 @@ class ParameterDesk:
                 raise FieldError(("body", "preset"), str(error)) from error
         return change(self.current, changes, self._preset_values, start)
 
-    async def apply(self, revision: Revision, run_id: str | None) -> ParametersInForce:
+    async def change(self, changes: Mapping[str, Any]) -> ParametersInForce:
+        """Change parameters from the next frame on, all or nothing.
+
+        Raises:
+            ParameterError: naming every refused field and its range.
+        """
+        async with self._shared.lock:
+            result = await self._apply(self.plan(None, changes))
+        self._shared.followers.status_changed()
+        return result
+
+    async def _apply(self, revision: Revision) -> ParametersInForce:
         """Put a planned change into force, in the engine first."""
         if not revision.difference:
             return self.current
-        after = revision.after
+        after, run = revision.after, self._shared.run()
         try:
-            reply = await ask(self._engine, SetParameters(after.values.flat(), after.revision))
+            reply = await ask(
+                self._shared.engine, SetParameters(after.values.flat(), after.revision)
+            )
         except NotAvailable as error:
-            if not isinstance(error.__cause__, EngineUnavailable):
+            if not isinstance(error.__cause__, ProcessUnavailable):
                 raise
             # The next engine gets them together with its source.
             reply = {}
-        return self.adopt(revision, reply.get("frame"), run_id)
+        return self.adopt(revision, reply.get("frame"), None if run is None else run.id)
 
     def adopt(self, revision: Revision, frame: int | None, run_id: str | None) -> ParametersInForce:
         """Note that a change is in force from ``frame`` on."""

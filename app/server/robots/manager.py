@@ -1,4 +1,4 @@
-"""What the station knows of the robots, and what it asks the drive process for."""
+"""What the server knows of the robots, and what it asks the drive process for."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from app.server.asking import ask_drive
 from app.server.background import Background
 from app.server.contracts import Drive
 from app.server.errors import Conflict, NotAvailable
-from app.server.robots.check_desk import CheckDesk
+from app.server.robots.check_manager import CheckManager
 from app.server.robots.circumstances import Circumstances
 from app.server.robots.connecting import Connecting
 from app.server.robots.incidents import IncidentKeeper, Incidents
@@ -59,15 +59,14 @@ class RunKeeper(IncidentKeeper, Protocol):
         ...
 
 
-class DrivingDesk:
+class RobotManager:
     """Follows the drive process, gives it robots and guard parameters, and asks it for others.
 
-    Belongs to the event loop's thread and holds no lock of the station: a stop waits for nobody.
+    Belongs to the event loop's thread and holds no lock of the server: a stop waits for nobody.
 
     Attributes:
         operators: who drives. wheels: speeds sent and measured. incidents: the newest ones.
         checks: of what stops them.
-        newest: observation of the open source, by which speeds get their time.
     """
 
     def __init__(
@@ -78,6 +77,7 @@ class DrivingDesk:
         guard: Callable[[], dict[str, Any]],
         changed: Callable[[], None],
         run: Callable[[], RunKeeper | None],
+        newest: Callable[[], ObservationEvent | None],
         circumstances: Callable[[], Circumstances],
         check_folder: Path | None,
         clock: Callable[[], float],
@@ -86,6 +86,7 @@ class DrivingDesk:
         Args:
             rig: the one in force. guard: its parameters, by dotted name.
             changed: called when ``facts`` are others. run: the one that is kept.
+            newest: observation of the open source, by which speeds get their time.
             circumstances: with what a check is made. check_folder: of its records, if any.
             clock: the host's monotonic clock.
         """
@@ -93,6 +94,7 @@ class DrivingDesk:
         self._rig = rig
         self._changed = changed
         self._run = run
+        self._newest = newest
         self._clock = clock
         self._background = Background()
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -104,14 +106,13 @@ class DrivingDesk:
         self.operators = Operators(self.ask, self._background.start)
         self.wheels = WheelLog()
         self.incidents = Incidents(clock, run)
-        self.checks = CheckDesk(
+        self.checks = CheckManager(
             check_folder,
             circumstances,
             changed=changed,
             soon=self._background.start,
             clock=clock,
         )
-        self.newest: ObservationEvent | None = None
 
     # --- life ------------------------------------------------------------------------------
 
@@ -165,10 +166,10 @@ class DrivingDesk:
                 self.checks.drive_said(self._facts["robots"])
                 self._connecting.stopped = self._facts["stopped"]
                 if (keeper := self._run()) is not None:
-                    keeper.heard(self._facts["robots"], self.newest)
+                    keeper.heard(self._facts["robots"], self._newest())
                 self._changed()
             case WheelSpeedEvent():
-                sample, run = self.wheels.take(event, self.newest), self._run()
+                sample, run = self.wheels.take(event, self._newest()), self._run()
                 if sample is not None and run is not None:
                     run.measured(sample)
             case IncidentEvent():

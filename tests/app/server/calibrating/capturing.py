@@ -1,4 +1,4 @@
-"""A station with a calibration begun, over the peer engine, and what stands for its worker."""
+"""A server with a calibration begun, over the peer engine, and what stands for its worker."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from app.messages import BeginCalibration, ChangeCalibration
 from app.runtime.jobs import Progress
-from app.server import Station
+from app.server import Server
 from app.workers.calibration.messages import BoardsFound, Fitted, FitViews
 from observer.calibration.board import Board
 from observer.calibration.views import BoardView
@@ -20,16 +20,16 @@ CAMERAS = "simulated:calibration"
 CAPTURE = ChangeCalibration(capture=True)
 
 
-async def captured(peer: Any, station: Station, count: int = 3) -> None:
+async def captured(peer: Any, server: Server, count: int = 3) -> None:
     """Calibrate the cameras, with so many views already taken."""
-    await station.begin_calibration(CAMERAS, BOARD)
+    await server.calibrating.begin(CAMERAS, BOARD)
     peer.board_seen = True
     for _ in range(count):
-        await station.change_calibration(CAPTURE)
+        await server.calibrating.change(CAPTURE)
 
 
-def names(station: Station) -> list[str]:
-    facts = station.calibrating.facts()
+def names(server: Server) -> list[str]:
+    facts = server.calibrating.session.facts()
     assert facts is not None
     return [view["name"] for view in facts["views"]]
 
@@ -64,9 +64,9 @@ class Computing:
         return BoardsFound((view,), ((b"left", b"right"),), 640, 480, ("b: blurred",))
 
 
-async def computed(peer: Any, station: Station, computing: Computing) -> None:
+async def computed(peer: Any, server: Server, computing: Computing) -> None:
     """Calibrate the cameras and have a result."""
-    await captured(peer, station)
+    await captured(peer, server)
     computing.release.set()
-    station.calibrating.compute("radtan")
-    await until(lambda: station.calibrating.result)
+    server.calibrating.session.compute("radtan")
+    await until(lambda: server.calibrating.session.computation.result)

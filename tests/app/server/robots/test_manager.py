@@ -1,4 +1,4 @@
-"""Driving at the station: which robots the drive process is given, and what it is told."""
+"""Driving at the server: which robots the drive process is given, and what it is told."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from app.drive.messages import (
     WheelSpeedEvent,
 )
 from app.messages import EngineState, StateEvent
-from app.server import NotAvailable, Station
+from app.server import NotAvailable, Server
 from app.server.robots.connecting import wanted_robots
-from app.server.robots.desk import finite
 from app.server.robots.incidents import Incidents
+from app.server.robots.manager import finite
 from app.server.robots.operators import Operators
 from app.server.robots.wheels import WheelLog
 from app.server.runs.current_run import speed_rows, wheel_rows
@@ -50,10 +50,10 @@ def shows(world: str | None, robots: Any = ()) -> StateEvent:
 
 
 @pytest.fixture
-async def station(peer: Any, drive: Any, storage: Storage) -> AsyncIterator[Station]:
-    """A station with a drive process, over a source without robots."""
-    async with started(peer, storage, drive=drive) as station:
-        yield station
+async def server(peer: Any, drive: Any, storage: Storage) -> AsyncIterator[Server]:
+    """A server with a drive process, over a source without robots."""
+    async with started(peer, storage, drive=drive) as server:
+        yield server
 
 
 def test_robots_belong_to_the_world_that_is_seen() -> None:
@@ -76,15 +76,15 @@ def test_robots_belong_to_the_world_that_is_seen() -> None:
 
 async def test_each_source_brings_its_own_robots(peer: Any, drive: Any, storage: Storage) -> None:
     peer.world, peer.robots = "simulated:lab/1", OWN
-    async with started(peer, storage, drive=drive) as station:
+    async with started(peer, storage, drive=drive) as server:
         await until(lambda: len(drive.robots) == 2)
-        station.rig.rig = RIG
+        server.rig.rig = RIG
         peer.world, peer.robots = "real", ()
-        await station.open_source("camera:0,1", None)
+        await server.source.open("camera:0,1", None)
         await until(lambda: set(drive.robots) == {"observer"})
         assert drive.robots["observer"].port == "/dev/ttyUSB0"
         peer.world = None
-        await station.open_source("recorded", None)
+        await server.source.open("recorded", None)
         await until(lambda: not drive.robots)
         assert {c.role for c in drive.of(DisconnectRobot)} == {"observer", "obstacle"}
         # Nothing of it is repeated.
@@ -116,24 +116,24 @@ async def test_the_guard_is_told_first_and_of_every_change(
     assert names
 
     peer.world, peer.robots = "simulated:lab/1", OWN
-    async with started(peer, storage, drive=drive) as station:
+    async with started(peer, storage, drive=drive) as server:
         await until(lambda: len(drive.robots) == 2)
         assert isinstance(drive.commands[0], SetGuard)
         assert sorted(drive.commands[0].parameters) == sorted(names)
-        await station.change_parameters({"guard.speed_max_mps": 0.4})
+        await server.parameters.change({"guard.speed_max_mps": 0.4})
         await until(lambda: len(drive.of(SetGuard)) == 2)
         assert drive.of(SetGuard)[1].parameters["guard.speed_max_mps"] == 0.4
         # Another parameter is nothing to it.
-        await station.change_parameters({"ego_motion.ransac_threshold_px": 2.0})
+        await server.parameters.change({"ego_motion.ransac_threshold_px": 2.0})
         drive.lose()
         drive.start_process()
         await until(lambda: len(drive.robots) == 2)
         assert len(drive.of(SetGuard)) == 3
         assert drive.of(SetGuard)[2] == drive.of(SetGuard)[1]
         drive.refuse[SetGuard] = ("input", "guard.speed_max_mps is too high")
-        await station.change_parameters({"guard.speed_max_mps": 0.5})
-        await until(lambda: station.driving.warnings)
-        assert station.driving.warnings == ["guard.speed_max_mps is too high"]
+        await server.parameters.change({"guard.speed_max_mps": 0.5})
+        await until(lambda: server.driving.warnings)
+        assert server.driving.warnings == ["guard.speed_max_mps is too high"]
 
 
 async def test_what_cannot_be_connected_is_said_and_not_repeated(
@@ -141,11 +141,11 @@ async def test_what_cannot_be_connected_is_said_and_not_repeated(
 ) -> None:
     peer.world, peer.robots = "simulated:lab/1", OWN
     drive.refuse[ConnectRobot] = ("input", "nothing answers there")
-    async with started(peer, storage, drive=drive) as station:
-        await until(lambda: len(station.driving.warnings) == 2)
-        warnings = status(station)["warnings"]
+    async with started(peer, storage, drive=drive) as server:
+        await until(lambda: len(server.driving.warnings) == 2)
+        warnings = status(server)["warnings"]
         assert "the obstacle is not connected: nothing answers there" in warnings
-        trouble = station.driving.facts()["trouble"]
+        trouble = server.driving.facts()["trouble"]
         assert trouble["observer"] == "the observer is not connected: nothing answers there"
         told = len(drive.of(ConnectRobot))
         await asyncio.sleep(0.1)
@@ -153,9 +153,9 @@ async def test_what_cannot_be_connected_is_said_and_not_repeated(
         drive.refuse.clear()
         # Another source's robots are another wish.
         peer.world = "simulated:lab/2"
-        await station.open_source("simulated:other", None)
+        await server.source.open("simulated:other", None)
         await until(lambda: len(drive.robots) == 2)
-        assert station.driving.warnings == []
+        assert server.driving.warnings == []
 
 
 async def test_who_does_not_answer_is_asked_again(
@@ -165,12 +165,12 @@ async def test_who_does_not_answer_is_asked_again(
 
     peer.world, peer.robots = "simulated:lab/1", OWN
     drive.refuse[ConnectRobot] = ("failure", "the port is busy")
-    async with started(peer, storage, drive=drive) as station:
+    async with started(peer, storage, drive=drive) as server:
         await until(lambda: len(drive.of(ConnectRobot)) > 5)
-        assert "the port is busy" in station.driving.warnings[0]
+        assert "the port is busy" in server.driving.warnings[0]
         drive.refuse.clear()
         await until(lambda: len(drive.robots) == 2)
-        assert station.driving.warnings == []
+        assert server.driving.warnings == []
 
 
 async def test_a_robot_that_did_not_answer_is_let_go_where_it_is_not_wanted_any_more(
@@ -178,19 +178,19 @@ async def test_a_robot_that_did_not_answer_is_let_go_where_it_is_not_wanted_any_
 ) -> None:
     peer.world, peer.robots = "simulated:lab/1", OWN
     drive.refuse[ConnectRobot] = ("failure", "it took too long")
-    async with started(peer, storage, drive=drive) as station:
-        await until(lambda: len(station.driving.warnings) == 2)
+    async with started(peer, storage, drive=drive) as server:
+        await until(lambda: len(server.driving.warnings) == 2)
         assert not drive.of(DisconnectRobot)
         peer.world, peer.robots = None, ()
-        await station.open_source("simulated:other", None)
+        await server.source.open("simulated:other", None)
         # For all that is known, it may be connected by now.
         await until(lambda: len(drive.of(DisconnectRobot)) == 2)
-        await until(lambda: station.driving.warnings == [])
+        await until(lambda: server.driving.warnings == [])
 
 
-async def test_a_stop_while_another_one_is_reset_holds(drive: Any, station: Station) -> None:
+async def test_a_stop_while_another_one_is_reset_holds(drive: Any, server: Server) -> None:
     await until(lambda: drive.health.alive)
-    await station.driving.stop_robots("Anna")
+    await server.driving.stop_robots("Anna")
     request = drive.request
 
     async def slow(command: Any, timeout_s: float = 1.0) -> dict[str, Any]:
@@ -198,29 +198,29 @@ async def test_a_stop_while_another_one_is_reset_holds(drive: Any, station: Stat
         if isinstance(command, ResetStop):
             drive.lose()
             with pytest.raises(NotAvailable):
-                await station.driving.stop_robots("Bert")
+                await server.driving.stop_robots("Bert")
         return answer
 
     drive.request = slow
-    await station.driving.reset("Anna")
+    await server.driving.reset("Anna")
     drive.start_process()
     await until(lambda: drive.stopped)
     assert drive.stopped["by"] == "Bert"
 
 
 async def test_a_stop_that_nobody_heard_is_told_the_next_process(
-    drive: Any, station: Station
+    drive: Any, server: Server
 ) -> None:
     await until(lambda: drive.health.alive)
     drive.lose()
     with pytest.raises(NotAvailable, match="begins stopped"):
-        await station.driving.stop_robots("Anna")
+        await server.driving.stop_robots("Anna")
     assert not drive.of(StopRobots)
     drive.start_process()
     await until(lambda: drive.stopped)
     assert drive.stopped["by"] == "Anna"
     # Once undone, it is not brought back.
-    await station.driving.reset("Anna")
+    await server.driving.reset("Anna")
     drive.lose()
     drive.start_process()
     await asyncio.sleep(0.05)
@@ -315,9 +315,9 @@ def test_incidents_are_kept_with_their_run_and_go_with_it(storage: Storage) -> N
 
 
 async def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
-    drive: Any, station: Station
+    drive: Any, server: Server
 ) -> None:
-    first = (await begin(station)).id
+    first = (await begin(server)).id
     now = time.monotonic()
     drive.publish(IncidentEvent(None, "stop", "all robots were stopped", now, 0.3))
     stopped = StoppedEvent(
@@ -328,13 +328,13 @@ async def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
     # What is told again, or of an incident that nobody knows, is nobody's.
     drive.publish(replace(stopped, distance_m=5.0))
     drive.publish(replace(stopped, incident_time=now + 1.0))
-    await station.stop_run(first)
-    second = (await begin(station)).id
+    await server.runs.stop(first)
+    second = (await begin(server)).id
     # This one stood only when its run was over, and tells next to nothing.
     late = replace(stopped, role="obstacle", zero_time=None, stood_time=None)
     drive.publish(replace(late, speed_mps=None, distance_m=float("nan")))
     drive.publish(IncidentEvent("observer", "fault", "a wheel stalled", now, None))
-    (incident,) = station.driving.facts()["incidents"][:1]
+    (incident,) = server.driving.facts()["incidents"][:1]
     assert incident["stops"] == {
         "observer": {
             "zero_ms": pytest.approx(12.4),
@@ -345,17 +345,17 @@ async def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
         },
         "obstacle": dict.fromkeys(incident["stops"]["observer"]),
     }
-    await station.stop_run(second)
-    (kept,) = await station.runs.incidents(first)
+    await server.runs.stop(second)
+    (kept,) = await server.runs.archive.incidents(first)
     assert {role: asdict(each) for role, each in kept.stops.items()} == incident["stops"]
-    (other,) = await station.runs.incidents(second)
+    (other,) = await server.runs.archive.incidents(second)
     assert (other.sentence, other.stops) == ("a wheel stalled", {})
 
 
 async def test_what_wheels_tell_is_kept_while_no_frame_comes(
-    peer: Any, drive: Any, storage: Storage, station: Station
+    peer: Any, drive: Any, storage: Storage, server: Server
 ) -> None:
-    record = await begin(station)
+    record = await begin(server)
     peer.observe()
     told = 0
     while not any(row.source == "encoder" for row in storage.speeds(record.id)):

@@ -1,0 +1,173 @@
+"""Making a calibration out of what cameras see, or of images, and using those that are kept."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from app.messages import ChangeCalibration, EngineState
+from app.server.calibrating.session import CalibrationSession
+from app.server.calibrations.library import calibration_facts, find_calibration
+from app.server.errors import Conflict, FieldError, NotAvailable
+from app.server.shared import Shared
+from app.server.source.manager import SourceManager
+from app.server.source.opening import Opening, check_spec
+from app.storage import CalibrationRecord
+from app.workers.calibration.image_archive import check_archive
+from app.workers.calibration.messages import FindBoards
+from observer.calibration.board import Board
+from observer.calibration.formats.opencv_file import read_calibration
+
+
+class CalibrationManager:
+    """Used in the event loop.
+
+    Attributes:
+        session: what is being calibrated.
+    """
+
+    def __init__(self, shared: Shared, source: SourceManager) -> None:
+        self.session = CalibrationSession(shared.engine, shared.followers.status_changed)
+        self._shared = shared
+        self._storage = shared.storage
+        self._source = source
+
+    # --- making one ------------------------------------------------------------------------
+
+    async def begin(self, source: str | None, board: Board) -> None:
+        """Look for a board in the images of a source; None is what is open.
+
+        Raises:
+            Conflict: a run is going. FieldError: the source cannot be opened; what was open
+                stays open. NotAvailable: there is no engine at the moment.
+        """
+        async with self._shared.lock:
+            self._shared.refuse_in_run("stop it before you calibrate")
+            source = source or self.session.source or self._source.wanted.source
+            check_spec(source)
+            await self.session.begin(source, board)
+            self._source.fruitless_losses = 0
+
+    async def end(self) -> None:
+        """Forget what was captured and observe again what was open before."""
+        async with self._shared.lock:
+            live = self.session.source is not None
+            await self.session.end()
+            if live:
+                await self._source.reopen()
+
+    async def swap(self) -> None:
+        """Take left for right from now on, in the views so far as well.
+
+        Raises:
+            Conflict: no cameras are calibrated. FieldError: they cannot be opened again.
+        """
+        async with self._shared.lock:
+            await self.session.swap()
+
+    async def change(self, command: ChangeCalibration) -> None:
+        """Capture, undo, remove; see ``CalibrationSession.change``."""
+        async with self._shared.lock:
+            await self.session.change(command)
+
+    async def take_images(self, archive: Path, board: Board) -> None:
+        """Find the board in images that were sent in, and go on with what was found.
+
+        Args:
+            archive: a ZIP file, which stays as it is.
+
+        Raises:
+            CalibrationError: the archive cannot be used; nothing is forgotten then.
+            Conflict: a computation is going, or it was cancelled.
+        """
+        await asyncio.to_thread(check_archive, archive)
+        found = await self.session.computation.find_boards(FindBoards(archive, board))
+        async with self._shared.lock:
+            live = self.session.source is not None
+            await self.session.take_images(found, board)
+            if live:
+                await self._source.reopen()
+
+    async def save(self, name: str, *, activate: bool) -> CalibrationRecord:
+        """Keep the computed calibration; ``activate`` observes its cameras with it from now on.
+
+        Raises:
+            Conflict: nothing has been computed. StorageError: it could not be kept.
+            FieldError, NotAvailable: it is kept, but cannot be used now. Whatever is raised, what
+                was captured and computed stays.
+        """
+        async with self._shared.lock:
+            record = await asyncio.to_thread(self._keep, name)
+            if not activate:
+                return record
+            if self.session.source is None:
+                opening = replace(self._source.wanted, calibration=record)
+            else:
+                opening = Opening(self.session.source, record)
+            kept = f"{record.name} is saved, but not in use"
+            try:
+                await self._source.use(opening)
+            except (FieldError, Conflict) as error:
+                raise FieldError(("body", "activate"), f"{kept}: {error}") from error
+            except NotAvailable as error:
+                raise NotAvailable(f"{kept}: {error}") from error
+            await self.session.end()
+            return record
+
+    def _keep(self, name: str) -> CalibrationRecord:
+        """With its report and the cameras it belongs to."""
+        fitted, cameras = self.session.computation.finished.fitted, self.session.cameras
+        calibration = read_calibration(fitted.calibration_yaml, name=name)
+        info = {
+            **calibration_facts(calibration),
+            "origin": "calibrated here",
+            "report": fitted.report,
+            "bound": {
+                "source": cameras.source,
+                "devices": list(cameras.devices),
+                "settings": [dict(settings) for settings in cameras.settings],
+            },
+        }
+        return self._storage.save_calibration(fitted.calibration_yaml, name=name, info=info)
+
+    # --- those that are kept ---------------------------------------------------------------
+
+    async def activate(self, id: str | None) -> None:
+        """Use this calibration with the open source; None goes back to the source's own.
+
+        Raises:
+            Conflict: a run is going. FieldError: it does not fit the source's images.
+        """
+        async with self._shared.lock:
+            self._shared.refuse_in_run("stop it before you change the calibration")
+            self._shared.refuse_calibrating()
+            record = None
+            if id is not None:
+                record = await asyncio.to_thread(find_calibration, self._storage, id)
+            wanted, state = self._source.wanted, self._source.state.state
+            if record == wanted.calibration and state is EngineState.PREVIEW:
+                return
+            await self._source.use(replace(wanted, calibration=record))
+
+    async def rename(self, id: str, name: str) -> CalibrationRecord:
+        """Call a listed calibration by another name."""
+        async with self._shared.lock:
+            await asyncio.to_thread(find_calibration, self._storage, id)
+            rename = partial(self._storage.change_calibration, id, name=name)
+            record = await asyncio.to_thread(rename)
+            wanted = self._source.wanted
+            if wanted.calibration is not None and wanted.calibration.id == id:
+                self._source.wanted = replace(wanted, calibration=record)
+        self._shared.followers.status_changed()
+        return record
+
+    async def delete(self, id: str) -> None:
+        """Take a calibration off the list."""
+        async with self._shared.lock:
+            active = self._source.wanted.calibration
+            if active is not None and active.id == id:
+                raise Conflict(f"the calibration {active.name} is in use; deactivate it first")
+            await asyncio.to_thread(find_calibration, self._storage, id)
+            await asyncio.to_thread(self._storage.delete_calibration, id)

@@ -1,0 +1,1 @@
+"""Calibrations that are kept: uploaded, made here, checked, exported."""

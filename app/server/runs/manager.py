@@ -1,0 +1,324 @@
+"""The run that is kept: begun, ended, observed again; and those that were kept before."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from dataclasses import replace
+from functools import partial
+from typing import Any, Literal
+
+from app.drive.messages import StartProgramme
+from app.messages import MAX_PLAYBACK_RATE, ObservationEvent, StateEvent
+from app.server.calibrations.library import keep_own_calibration
+from app.server.errors import Conflict, FieldError, NotAvailable
+from app.server.parameters.in_force import ParametersInForce
+from app.server.parameters.manager import ParameterManager
+from app.server.rig.store import RigStore
+from app.server.robots import RobotManager
+from app.server.runs.archive import RunArchive
+from app.server.runs.current_run import CurrentRun
+from app.server.runs.ending import end_recording, write_end
+from app.server.runs.files import RunFiles
+from app.server.runs.history import RunHistory
+from app.server.runs.recording import (
+    complete_recording,
+    keep_telling,
+    record_order,
+    tell_robots,
+)
+from app.server.runs.saved_clips import SavedClips
+from app.server.runs.truths import TruthFiles
+from app.server.shared import Shared
+from app.server.source.live_truth import LiveTruthManager
+from app.server.source.manager import SourceManager
+from app.server.source.opening import Opening, make_opening
+from app.storage import RunRecord, RunState, StorageError
+from app.versions import versions
+from observer.opening import shown_spec
+from observer.rig.rig import ROLES
+
+
+class RunManager:
+    """Used in the event loop; at most one run is kept at a time.
+
+    Attributes:
+        running: the run that is kept at this moment.
+        archive, history, files: the runs that were kept. truths: laid over them.
+        clips: saves the last half minute.
+    """
+
+    def __init__(
+        self,
+        shared: Shared,
+        source: SourceManager,
+        parameters: ParameterManager,
+        rig: RigStore,
+        robots: RobotManager,
+        live_truth: LiveTruthManager,
+        *,
+        clips_at_guard_stops: bool,
+    ) -> None:
+        """
+        Args:
+            clips_at_guard_stops: whether the last half minute is saved at a stop of the guard.
+        """
+        storage = shared.storage
+        self.running: CurrentRun | None = None
+        self.archive = RunArchive(storage, lambda: self.current)
+        self.history = RunHistory(storage, lambda: self.running, shared.clock)
+        self.files = RunFiles(storage, self.archive)
+        self.truths = TruthFiles(storage, self.archive, self.files.quick)
+        self.clips = SavedClips(shared, automatic=clips_at_guard_stops)
+        self._shared = shared
+        self._engine = shared.engine
+        self._storage = storage
+        self._writer = shared.writer
+        self._soon = shared.background.start
+        self._source = source
+        self._parameters = parameters
+        self._rig = rig
+        self._robots = robots
+        self._live_truth = live_truth
+        # Runs that the end of the server before cut short.
+        self._interrupted: list[str] = []
+
+    @property
+    def current(self) -> RunRecord | None:
+        """The run that is kept, as it stands."""
+        return None if self.running is None else self.running.snapshot()
+
+    # --- life ------------------------------------------------------------------------------
+
+    def load(self) -> None:
+        """Tidy up behind a server that was ended in a run; the server's start is another thread."""
+        self.files.quick.tidy()
+        self._interrupted = [run.id for run in self._storage.mark_interrupted_runs()]
+
+    def begin(self) -> None:
+        """Have done what goes on beside runs, and what was left undone."""
+        self._soon(keep_telling(self._engine, lambda: self.running))
+        self._soon(asyncio.to_thread(self.history.purge))
+        for run_id in self._interrupted:
+            complete = partial(complete_recording, self._storage.folder, run_id)
+            self._soon(asyncio.to_thread(complete))
+
+    # --- beginning -------------------------------------------------------------------------
+
+    async def start(
+        self,
+        *,
+        name: str | None,
+        source: str | None,
+        calibration_id: str | None,
+        preset: str | None,
+        parameters: dict[str, Any],
+        programme: StartProgramme | None = None,
+        record: Literal["none", "jpeg", "lossless"] = "jpeg",
+        rerun_of: str | None = None,
+    ) -> RunRecord:
+        """Keep what is observed from now on, from the source's beginning.
+
+        Args:
+            record: which images the recording keeps.
+            source: what is open if left out. calibration_id: the source's own if left out
+                together with a source, otherwise the one in use.
+            programme: started once the run has begun, and ended with it.
+            rerun_of: the run whose recording ``source`` is, played as fast as it goes.
+
+        Raises:
+            Conflict: a run is going, or the programme cannot be driven. FieldError,
+                ParameterError: nothing was changed.
+            NotAvailable, StorageError: nothing was changed; ``StorageFull`` also where the disk
+                has no room for a recording.
+        """
+        async with self._shared.lock:
+            self._shared.refuse_in_run("stop it first")
+            self._shared.refuse_calibrating()
+            if programme is not None:
+                self._robots.check_programme(programme)
+            revision = self._parameters.plan(preset, parameters)
+            opening = self._source.wanted
+            if source is not None or calibration_id is not None:
+                opening = await asyncio.to_thread(
+                    make_opening, self._storage, source or opening.source, calibration_id
+                )
+            opening = replace(opening, run_rate=None if rerun_of is None else MAX_PLAYBACK_RATE)
+            created = await self._create(name, opening, revision.after, record, rerun_of)
+            run = self.running = CurrentRun(
+                created, self._storage, self._writer, self._shared.clock
+            )
+            try:
+                text = await self._observe(opening, run, parameters=revision.after)
+                if opening.calibration is None:
+                    run.record = await asyncio.to_thread(
+                        keep_own_calibration, self._storage, text, created
+                    )
+            except BaseException:
+                self.running = None
+                await self._forget(created.id)
+                raise
+            self._source.wanted = opening
+            self._parameters.adopt(revision, 0, run.id)
+            if programme is not None:
+                await self._start_programme(run, programme)
+            self._shared.followers.status_changed()
+            return run.snapshot()
+
+    async def _create(
+        self,
+        name: str | None,
+        opening: Opening,
+        parameters: ParametersInForce,
+        record: str,
+        rerun_of: str | None,
+    ) -> RunRecord:
+        create = partial(
+            self._storage.create_run,
+            name=name or f"Run of {shown_spec(opening.source)}"[:100],
+            source=shown_spec(opening.source),
+            parameters=dict(parameters.values.flat()),
+            versions=versions(),
+            calibration_id=None if opening.calibration is None else opening.calibration.id,
+            preset=parameters.preset,
+            rig=self._rig.observed_text,
+            record=record,
+            rerun_of=rerun_of,
+        )
+        return await asyncio.to_thread(create)
+
+    async def _observe(
+        self,
+        opening: Opening,
+        run: CurrentRun,
+        *,
+        segment: int = 0,
+        parameters: ParametersInForce | None = None,
+    ) -> str:
+        return await self._source.observe(
+            opening,
+            run_id=run.id,
+            segment=segment,
+            record=record_order(self._storage.folder, run.record),
+            parameters=parameters,
+        )
+
+    async def _start_programme(self, run: CurrentRun, programme: StartProgramme) -> None:
+        """Have a run's programme driven; a run that cannot begin with it does not begin."""
+        try:
+            await self._robots.arm_again(programme)
+            await self._robots.start_programme(programme)
+        except BaseException:
+            await self.close(RunState.FAILED, "its programme could not be driven")
+            await self._forget(run.id)
+            raise
+        run.programme = True
+
+    async def _forget(self, run_id: str) -> None:
+        """A run that never began is not kept."""
+        with contextlib.suppress(NotAvailable, StorageError):
+            await self._writer.submit(partial(self._storage.delete_run, run_id), timeout_s=2.0)
+
+    async def rerun(
+        self, run_id: str, *, name: str | None, preset: str | None, parameters: dict[str, Any]
+    ) -> RunRecord:
+        """Observe a run's recording again, once through, without keeping its images twice.
+
+        Where truth was laid over the run, it is laid over the new one when that has ended.
+
+        Args:
+            preset: None for the parameters that the run began with; those of the guard stay as
+                they are. parameters: made to these.
+
+        Raises:
+            NotThere: there is no such run, or none of its images. As ``start``.
+        """
+        original = await self.archive.find(run_id)
+        recording = await self.archive.images(run_id)
+        if preset is None:
+            known = self._parameters.current.values.vision.flat()
+            own = {key: value for key, value in original.parameters.items() if key in known}
+            parameters = {**own, **parameters}
+        return await self.start(
+            name=name or f"{original.name}, observed again"[:100],
+            source=str(recording),
+            calibration_id=None,
+            preset=preset,
+            parameters=parameters,
+            record="none",
+            rerun_of=run_id,
+        )
+
+    async def resume(self) -> None:
+        """Have a new engine go on with the run, as a new segment."""
+        run = self.running
+        assert run is not None
+        segment = run.segments
+        await self._observe(self._source.wanted, run, segment=segment)
+        run.segments = max(run.segments, segment + 1)
+
+    # --- while it is kept ------------------------------------------------------------------
+
+    def observed(self, event: ObservationEvent) -> None:
+        """A frame was observed."""
+        run = self.running
+        if run is not None and event.run_id == run.id:
+            run.observed(event, [role for role in ROLES if self._robots.is_driven(role)])
+
+    def state_changed(self, event: StateEvent) -> None:
+        """A recording's run ends with the recording."""
+        run = self.running
+        if run is not None and event.run_id == run.id and (event.playback or {}).get("ended"):
+            self._soon(self._finish_played(run))
+
+    # --- ending ----------------------------------------------------------------------------
+
+    async def stop(self, run_id: str) -> RunRecord:
+        """End the run; its source stays open.
+
+        Raises:
+            NotThere: there is no such run. Conflict: it has ended already.
+        """
+        async with self._shared.lock:
+            if self.running is None or self.running.id != run_id:
+                record = await self.archive.find(run_id)
+                raise Conflict(f"the run {record.name} has ended already ({record.state.value})")
+            return await self.close(RunState.FINISHED, None)
+
+    async def delete(self, run_id: str) -> None:
+        """Hide a run that has ended; ``history.recover`` has it back."""
+        async with self._shared.lock:
+            if self.running is not None and self.running.id == run_id:
+                self._shared.refuse_in_run("stop it before you delete it")
+            await self.history.discard(run_id)
+
+    async def _finish_played(self, run: CurrentRun) -> None:
+        async with self._shared.lock:
+            if self.running is run:
+                await self.close(RunState.FINISHED, None)
+
+    async def close(self, state: RunState, reason: str | None) -> RunRecord:
+        """End the run that is kept; the shared lock is held, or everything ends.
+
+        Args:
+            reason: why it ended, in a sentence; None where somebody ended it.
+        """
+        run = self.running
+        assert run is not None
+        if run.programme:
+            with contextlib.suppress(NotAvailable, Conflict, FieldError):
+                await self._robots.stop_programme()
+        await tell_robots(self._engine, run)
+        recording = await end_recording(self._engine, self._source.wanted)
+        # A finished run tells why its recording is not whole.
+        ended = run.ended(state, reason or recording.get("trouble"))
+        write = partial(run.write_end, ended, recording.get("bytes"))
+        try:
+            written = await write_end(self._writer, write, run.id, self._soon)
+        finally:
+            # Only now: until it is written, the database says that the run is going.
+            self.running = None
+        if state is RunState.FINISHED:
+            self._soon(self.truths.run_ended(run.record, self._live_truth.order))
+        self._shared.followers.status_changed()
+        return written or ended

@@ -1,0 +1,84 @@
+"""Engines that are lost: the next one goes on where they were."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from app.messages import EngineState
+from app.server import NotAvailable, Server
+from app.storage import RunState
+
+from .servers import begin, opens, until
+
+
+async def test_a_lost_engine_is_given_the_source_again(peer: Any, server: Server) -> None:
+    await server.source.open("a/folder", None)
+    peer.lose("the engine gave no sign of life for 1.5 s")
+    assert server.source.state.state is EngineState.FAILED
+    assert "being restarted" in str(server.source.state.reason)
+    peer.start_process()
+    # Not idle: what is missing is told until it is back.
+    assert server.source.state.state is EngineState.FAILED
+    await until(lambda: server.source.state.state is EngineState.PREVIEW)
+    assert [o.source for o in opens(peer)] == ["simulated:lab", "a/folder", "a/folder"]
+
+
+async def test_a_run_goes_on_as_a_new_segment(peer: Any, server: Server) -> None:
+    record = await begin(server)
+    for _ in range(5):
+        peer.observe()
+    peer.lose()
+    peer.start_process()
+    await until(lambda: peer.opened is not None)
+    assert peer.opened.run_id == record.id
+    assert peer.opened.segment == 1
+    for _ in range(5):
+        peer.observe()
+    peer.lose()
+    peer.start_process()
+    await until(lambda: peer.opened is not None and peer.opened.segment == 2)
+    ended = await server.runs.stop(record.id)
+    assert (ended.state, ended.frames, ended.segments) == (RunState.FINISHED, 10, 3)
+    rows = await server.runs.archive.speeds(record.id)
+    assert {row.segment for row in rows} == {0, 1}
+
+
+async def test_a_run_that_kills_every_engine_is_given_up(peer: Any, server: Server) -> None:
+    record = await begin(server)
+    for _ in range(2):
+        peer.lose()
+        peer.start_process()
+        await until(lambda: peer.opened is not None)
+    peer.lose()
+    peer.start_process()
+    await until(lambda: server.runs.current is None)
+    found = await server.runs.archive.find(record.id)
+    assert found.state is RunState.FAILED
+    assert "3 times in a row over simulated:lab" in str(found.reason)
+    assert peer.opened is None
+    assert server.source.state.state is EngineState.FAILED
+    await server.source.open("simulated:lab", None)
+    assert server.source.state.state is EngineState.PREVIEW
+
+
+async def test_parameters_in_force_go_with_the_source(peer: Any, server: Server) -> None:
+    await server.parameters.change({"flow.window_px": 21})
+    peer.lose()
+    peer.start_process()
+    await until(lambda: peer.opened is not None)
+    assert peer.opened.parameters["flow.window_px"] == 21
+    assert peer.opened.parameters_revision == 1
+
+
+async def test_without_an_engine_requests_are_refused_for_the_moment(
+    peer: Any, server: Server
+) -> None:
+    peer.lose()
+    with pytest.raises(NotAvailable):
+        await server.source.open("x", None)
+    with pytest.raises(NotAvailable):
+        await begin(server)
+    assert server.runs.current is None
+    assert await server.runs.archive.newest() == []

@@ -1,0 +1,85 @@
+"""The way into the database, also when it does not answer."""
+
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.server import Server
+from app.server.status import status
+from app.server.writer import Writer
+from app.storage import RunState, Storage, StorageBusy, StorageError
+
+from .servers import begin, until
+
+
+async def test_a_locked_database_holds_nothing_up(
+    peer: Any, storage: Storage, tmp_path: Path, server: Server
+) -> None:
+    record = await begin(server)
+    with_lock = sqlite3.connect(tmp_path / "observer.sqlite", isolation_level=None)
+    with_lock.execute("BEGIN IMMEDIATE")
+    try:
+        longest = 0.0
+        for _ in range(60):
+            before = time.monotonic()
+            peer.observe()
+            await asyncio.sleep(0.02)
+            longest = max(longest, time.monotonic() - before)
+        # The loop never waited for the lock (its timeout is half a second).
+        assert longest < 0.4
+        await until(lambda: status(server)["warnings"])
+        with pytest.raises(StorageBusy):
+            await server.parameters.save_preset("x", "")
+        # Stopping works, whatever the database does.
+        ended = await server.runs.stop(record.id)
+        assert ended.state is RunState.FINISHED
+    finally:
+        with_lock.execute("ROLLBACK")
+        with_lock.close()
+    await until(lambda: not status(server)["warnings"])
+    await until(lambda: storage.get_run(record.id).state is RunState.FINISHED)
+    assert storage.get_run(record.id).frames == 60
+    assert len(storage.speeds(record.id)) == 180
+    assert server.shared.writer.dropped == 0
+
+
+def test_the_writers_queue_is_bounded() -> None:
+    def busy() -> None:
+        raise StorageBusy("locked")
+
+    writer = Writer(queue_length=5, patience_s=60)
+    writer.start()
+    posted = [writer.post(busy) for _ in range(20)]
+    assert posted.count(False) >= 14
+    assert writer.dropped == posted.count(False)
+    assert writer.trouble == "locked" or writer.trouble is None
+    started = time.monotonic()
+    writer.stop()
+    assert time.monotonic() - started < 5
+
+
+async def test_a_failing_write_ends_neither_the_thread_nor_the_next_write() -> None:
+    def full() -> None:
+        raise StorageError("no space")
+
+    def broken() -> None:
+        raise ZeroDivisionError
+
+    writer = Writer()
+    writer.start()
+    try:
+        with pytest.raises(StorageError):
+            await writer.submit(full)
+        assert writer.trouble == "no space"
+        with pytest.raises(ZeroDivisionError):
+            await writer.submit(broken)
+        assert await writer.submit(lambda: 5) == 5
+        assert writer.trouble is None
+    finally:
+        await asyncio.to_thread(writer.stop)
