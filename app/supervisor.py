@@ -8,20 +8,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from app.drive.messages import SIGHT_NAME, WHEELS_NAME
-from app.messages import (
-    CLOUD_NAME,
-    VIEW_NAMES,
-    Command,
+from app.contract.commands import Shutdown, ToEngine
+from app.contract.drive import SIGHT_NAME, WHEELS_NAME
+from app.contract.events import (
     EngineLostEvent,
     EngineStartedEvent,
     Event,
     HeartbeatEvent,
-    Shutdown,
     StateEvent,
 )
+from app.contract.views import CLOUD_NAME, VIEW_NAMES
 from app.runtime.child import ChildProcess
 from app.runtime.environment import module_command
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
@@ -46,7 +44,7 @@ class EngineUnavailable(ProcessUnavailable):
     """There is no engine that could answer at this moment."""
 
 
-class Supervisor(ProcessSupervisor[Command, Event]):
+class Supervisor(ProcessSupervisor[ToEngine[Any], Event]):
     """Owns the engine processes. All methods belong to the event loop's thread.
 
     ``views`` and ``cloud`` read the latest images and cloud of whichever engine writes them.
@@ -81,7 +79,7 @@ class Supervisor(ProcessSupervisor[Command, Event]):
         self.cloud: LatestReader = readers.pop(CLOUD_NAME)
         self.views: Mapping[str, LatestReader] = readers
 
-    def _farewell(self) -> Command:
+    def _farewell(self) -> ToEngine[Any]:
         return Shutdown()
 
     def _started_event(self, generation: int, pid: int) -> Event:

@@ -3,16 +3,68 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from enum import Enum
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import TypedDict
 
 from observer.geometry import Pose
 from observer.types import Observation, Obstacle
 
 
-def observation_line(observation: Observation, *, tentative: bool = False) -> dict[str, Any]:
+class PoseEntry(TypedDict):
+    """``T_world_camera``."""
+
+    position: list[float]
+    orientation_wxyz: list[float]
+
+
+class ObstacleEntry(TypedDict):
+    """One obstacle, SI units; world quantities are null where the pose is unknown.
+
+    ``velocity_time``: the instant on the source's clock to which the speed belongs. ``bearing``:
+    positive to the right. ``closing_speed``: positive while the range shrinks. ``why``: one
+    sentence of why it counts as dynamic.
+    """
+
+    id: int
+    state: Literal["tentative", "confirmed", "coasting"]
+    motion: Literal["moving", "stopped"]
+    position: list[float] | None
+    velocity: list[float] | None
+    speed: float
+    speed_std: float | None
+    position_cov: list[list[float]] | None
+    velocity_cov: list[list[float]] | None
+    velocity_time: float
+    size: list[float]
+    orientation_wxyz: list[float] | None
+    range: float
+    bearing: float
+    closing_speed: float | None
+    points: int
+    significance: float
+    box_px: list[float]
+    why: str
+
+
+class ObservationLine(TypedDict):
+    """One observation; ``time`` is the source's clock."""
+
+    frame: int
+    time: float
+    segment: int
+    status: Literal["ok", "degraded", "lost"]
+    reasons: list[str]
+    parameters_revision: int
+    pose: PoseEntry | None
+    obstacles: list[ObstacleEntry]
+    timings_ms: dict[str, float]
+
+
+def observation_line(observation: Observation, *, tentative: bool = False) -> ObservationLine:
     """One observation as the plain dictionary of one JSON line; no NaN, unknown is None.
 
     Args:
@@ -23,7 +75,7 @@ def observation_line(observation: Observation, *, tentative: bool = False) -> di
         "frame": observation.frame,
         "time": observation.time,
         "segment": observation.segment,
-        "status": observation.status.value,
+        "status": _word(observation.status),
         "reasons": list(observation.reasons),
         "parameters_revision": observation.parameters_revision,
         "pose": None
@@ -52,12 +104,12 @@ def line_pose(line: Mapping[str, Any]) -> Pose | None:
     return Pose.from_quaternion(pose["orientation_wxyz"], pose["position"])
 
 
-def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
-    """One obstacle of a JSON line. World quantities are null where the pose is unknown."""
+def obstacle_entry(obstacle: Obstacle) -> ObstacleEntry:
+    """One obstacle of a JSON line."""
     return {
         "id": obstacle.id,
-        "state": obstacle.state.value,
-        "motion": obstacle.motion.value,
+        "state": _word(obstacle.state),
+        "motion": _word(obstacle.motion),
         "position": _listed(obstacle.position),
         "velocity": _listed(obstacle.velocity),
         "speed": obstacle.speed,
@@ -75,6 +127,10 @@ def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
         "box_px": list(obstacle.box_px),
         "why": obstacle.reason,
     }
+
+
+def _word(member: Enum) -> Any:
+    return member.value
 
 
 def _listed(array: NDArray[np.float64] | None) -> Any:

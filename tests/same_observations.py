@@ -88,7 +88,7 @@ def record_source(name: str, seed: int, limit: int, folder: Path, models: list[s
         count = 0
         while count < limit and isinstance(frame := source.read(), StereoFrame):
             for model, observer in observers.items():
-                line = observation_line(observer.observe(frame), tentative=True)
+                line = {**observation_line(observer.observe(frame), tentative=True)}
                 del line["timings_ms"]
                 lines[model].append(json.dumps(line))
             count += 1

@@ -21,7 +21,7 @@ from observer.recording.payloads import Images, ParameterRevision, RunFacts
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.truth.contract import Truth
-from observer.truth.matching import TruthMatcher
+from observer.truth.matching import TrueBodyEntry, TruthMatcher
 from observer.types import Observation, StereoFrame
 from observer.vision.rectification import Rectification
 
@@ -63,7 +63,7 @@ class Keeper:
     ) -> None:
         """What was found in it."""
         if self._writer is not None:
-            bodies: list[dict[str, Any]] = []
+            bodies: list[TrueBodyEntry] = []
             if self._truth is not None:
                 sample = self._truth.sample(frame.index, frame.time, frame.time)
                 self._writer.truth(sample, frame.received)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from app.drive.messages import COMMAND_FRESH_S
+from app.contract.drive import COMMAND_FRESH_S
 from app.runtime.errors import ProcessRefused
 
 Velocity = tuple[float, float]

@@ -12,11 +12,11 @@ from __future__ import annotations
 import logging
 from typing import Literal
 
+from app.contract.drive import IncidentEvent, IncidentKind
 from app.drive import reasons
 from app.drive.connection import Connection, Tick
 from app.drive.consent import ZERO, Consent, Velocity
 from app.drive.guarding import Guarding, least
-from app.drive.messages import IncidentEvent, IncidentKind
 from app.drive.ramp import ramped
 from app.runtime.errors import ProcessRefused
 from observer.guard.guard import Verdict, sight_trouble

@@ -1,17 +1,21 @@
-"""The drive process as plain values, as ``DriveEvent.facts`` describes them."""
+"""The drive process as ``DriveEvent.facts`` tells it."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import fields, is_dataclass
-from enum import Enum
-from typing import Any
 
-from app.drive.consent import Velocity
+from app.contract.robots import (
+    DriveFacts,
+    DriveLoop,
+    GuardVerdict,
+    RobotNow,
+    SightNow,
+    Velocity,
+)
+from app.contract.values import filled
 from app.drive.driven_role import DrivenRole
 from app.drive.jitter import Lateness
 from app.drive.roles import Roles
-from observer.guard.guard import Verdict
 from observer.robots.contract import RobotPhase, RobotReport
 
 _NOTHING = RobotReport(RobotPhase.CONNECTING)
@@ -19,51 +23,44 @@ _NOTHING = RobotReport(RobotPhase.CONNECTING)
 
 def drive_facts(
     roles: Roles, now: float, ticks: int, lateness: Lateness, priority: str
-) -> dict[str, Any]:
+) -> DriveFacts:
     """Everything at this instant."""
-    stopped, sight, playing = roles.stopped, roles.sight, roles.playing
-    return {
-        "stopped": None if stopped is None else {"by": stopped.by, "since": stopped.since},
-        "sight": {
-            "age_s": None if sight is None else now - sight.received,
-            "status": None if sight is None else sight.status.value,
-            "world": None if sight is None else sight.world,
-        },
-        "loop": {
-            "ticks": ticks,
-            "late_p99_ms": lateness.p99_ms,
-            "late_max_ms": lateness.max_ms,
-            "priority": priority,
-        },
-        "programme": None if playing is None else playing.facts(now),
-        "robots": {
+    sight, playing = roles.sight, roles.playing
+    return DriveFacts(
+        stopped=roles.stopped,
+        sight=SightNow(None, None, None)
+        if sight is None
+        else SightNow(now - sight.received, sight.status.value, sight.world),
+        loop=DriveLoop(ticks, lateness.p99_ms, lateness.max_ms, priority),
+        programme=None if playing is None else playing.facts(now),
+        robots={
             role: role_facts(driven, roles.leases.holder(role))
             for role, driven in roles.driven.items()
         },
-    }
+    )
 
 
-def role_facts(driven: DrivenRole, operator: str | None) -> dict[str, Any] | None:
+def role_facts(driven: DrivenRole, operator: str | None) -> RobotNow | None:
     """One role; None without a robot."""
-    connection = driven.connection
-    if connection is None:
+    connection, state, verdict = driven.connection, driven.state, driven.verdict
+    if connection is None or state is None:
         return None
     report = driven.report or _NOTHING
     if connection.trouble is not None:
         report = RobotReport(RobotPhase.REFUSED, trouble=connection.trouble)
-    return {
-        "port": connection.port,
-        "name": connection.name or report.name,
-        "world": connection.world,
-        "state": driven.state,
-        "operator": operator,
-        "present": driven.consent.present,
-        "why": driven.hindrance,
-        "commanded": _velocity(driven.asked),
-        "sent": _velocity(driven.sent),
-        "guard": None if driven.verdict is None else _guard(driven.verdict),
-        "report": _plain(report),
-    }
+    return RobotNow(
+        port=connection.port,
+        name=connection.name or report.name,
+        world=connection.world,
+        state=state,
+        operator=operator,
+        present=driven.consent.present,
+        why=driven.hindrance,
+        commanded=Velocity(*driven.asked),
+        sent=Velocity(*driven.sent),
+        guard=None if verdict is None else filled(GuardVerdict, verdict),
+        report=report,
+    )
 
 
 def outline_of_facts(roles: Roles) -> Hashable:
@@ -102,27 +99,3 @@ def _outline(driven: DrivenRole, operator: str | None) -> Hashable:
             report.charging,
         ),
     )
-
-
-def _velocity(velocity: Velocity) -> dict[str, float]:
-    return {"speed_mps": velocity[0], "turn_rate_radps": velocity[1]}
-
-
-def _guard(verdict: Verdict) -> dict[str, Any]:
-    return {
-        "level": verdict.level,
-        "reason": verdict.reason,
-        "limit_mps": verdict.limit_mps,
-        "stop_zone": [list(point) for point in verdict.stop_zone],
-        "slow_zone": [list(point) for point in verdict.slow_zone],
-    }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Enum):
-        return value.value
-    if is_dataclass(value):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
-    return dict(value) if hasattr(value, "items") else value

@@ -12,10 +12,16 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from app.drive.driven_role import DrivenRole
+from app.contract.drive import (
+    ArmRobot,
+    DisarmRobot,
+    DriveEvent,
+    LeaveDrive,
+    ReallySent,
+    WheelSpeedEvent,
+)
 from app.drive.facts import drive_facts, outline_of_facts, role_facts
 from app.drive.jitter import Jitter, Lateness
-from app.drive.messages import ArmRobot, DisarmRobot, DriveEvent, LeaveDrive, WheelSpeedEvent
 from app.drive.priority import Priority, tidy
 from app.drive.robot_opener import AttendantThread
 from app.drive.roles import DriveAnswer, Roles
@@ -125,9 +131,9 @@ class DriveLoop:
 
     # --- requests --------------------------------------------------------------------------
 
-    def _take_requests(self, now: float) -> list[tuple[int, Callable[[], dict[str, Any]]]]:
+    def _take_requests(self, now: float) -> list[tuple[int, Callable[[], object]]]:
         """Take all that came; the answers that are known behind the tick only."""
-        answers: list[tuple[int, Callable[[], dict[str, Any]]]] = []
+        answers: list[tuple[int, Callable[[], object]]] = []
         while True:
             try:
                 request = self._inbox.get_nowait()
@@ -150,19 +156,19 @@ class DriveLoop:
                 if answer is not None:
                     answers.append((request.number, answer))
 
-    def _take(self, request: Request, now: float) -> Callable[[], dict[str, Any]] | None:
+    def _take(self, request: Request, now: float) -> Callable[[], object] | None:
         command = request.command
         if isinstance(command, LeaveDrive):
             self.leaving = True
-            return dict
+            return lambda: None
         taken = self._roles.take(command, now)
         if isinstance(taken, DriveAnswer):
             driven, age = self._roles.driven[taken.role], taken.age_s
-            return lambda: _drive_answer(driven, age)
+            return lambda: ReallySent(*driven.sent, driven.hindrance, age)
         if isinstance(command, ArmRobot | DisarmRobot):
             role, driven = command.role, self._roles.driven[command.role]
             holder = self._roles.leases.holder(role)
-            return lambda: {"robot": role_facts(driven, holder)}
+            return lambda: role_facts(driven, holder)
         return lambda: taken
 
     # --- telling ---------------------------------------------------------------------------
@@ -210,13 +216,3 @@ class DriveLoop:
                 each.opened()
             self._jitter.add(0.0)
             self._tell(self._clock())
-
-
-def _drive_answer(driven: DrivenRole, age_s: float) -> dict[str, Any]:
-    speed, turn_rate = driven.sent
-    return {
-        "speed_mps": speed,
-        "turn_rate_radps": turn_rate,
-        "limited_by": driven.hindrance,
-        "age_s": age_s,
-    }

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
+from app.contract.robots import ProgrammeNow
+from app.contract.values import filled
 from app.drive.consent import ZERO, Velocity
 from observer.motion_profiles.playing import progress_at, velocity_at
 from observer.motion_profiles.profile import Programme
@@ -37,15 +38,16 @@ class Playing:
         """What the role shall drive at this instant; zero behind the end."""
         return self._sample(role, now) or ZERO
 
-    def facts(self, now: float) -> dict[str, Any]:
+    def facts(self, now: float) -> ProgrammeNow:
         """As ``DriveEvent.facts`` has it."""
         progress = progress_at(self.programme, now - self.started, self.repeat)
-        return {
-            "name": self.programme.name,
-            **asdict(progress),
-            "repeat": self.repeat,
-            "reverse": self.reverse,
-        }
+        return filled(
+            ProgrammeNow,
+            progress,
+            name=self.programme.name,
+            repeat=self.repeat,
+            reverse=self.reverse,
+        )
 
     def _sample(self, role: Role, now: float) -> Velocity | None:
         return velocity_at(

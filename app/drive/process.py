@@ -9,8 +9,7 @@ import signal
 import time
 from typing import NoReturn
 
-from app.drive.loop import DriveLoop, Inbox
-from app.drive.messages import (
+from app.contract.drive import (
     SIGHT_NAME,
     WHEELS_NAME,
     DriveEvent,
@@ -18,6 +17,7 @@ from app.drive.messages import (
     StoppedEvent,
     WheelSpeedEvent,
 )
+from app.drive.loop import DriveLoop, Inbox
 from app.drive.priority import calm_interpreter, raise_priority
 from app.drive.robot_opener import AttendantThread, RobotOpener
 from app.drive.roles import Roles

@@ -8,16 +8,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 from pydantic import ValidationError
 
-from app.drive.connection import Connection, Tick
-from app.drive.consent import ZERO
-from app.drive.driven_role import DrivenRole
-from app.drive.guarding import Guarding
-from app.drive.leases import Leases
-from app.drive.messages import (
+from app.contract.drive import (
     ArmRobot,
     ConnectRobot,
     DisarmRobot,
@@ -33,6 +28,12 @@ from app.drive.messages import (
     StopRobots,
     TakeLease,
 )
+from app.contract.robots import Latch
+from app.drive.connection import Connection, Tick
+from app.drive.consent import ZERO
+from app.drive.driven_role import DrivenRole
+from app.drive.guarding import Guarding
+from app.drive.leases import Leases
 from app.drive.playing import Playing
 from app.runtime.errors import ProcessRefused
 from observer.guard.parameters import GuardParameters
@@ -69,14 +70,6 @@ class Attendant(Protocol):
 
 
 @dataclass(frozen=True)
-class StopLatch:
-    """By whom all robots were stopped, and when on the host's monotonic clock."""
-
-    by: str
-    since: float
-
-
-@dataclass(frozen=True)
 class DriveAnswer:
     """A drive command that was taken; what is sent for it is known behind the tick."""
 
@@ -102,7 +95,7 @@ class Roles:
         self._parameters = parameters
         self.driven: dict[Role, DrivenRole] = {role: DrivenRole(role, guard) for role in ROLES}
         self.leases = Leases()
-        self.stopped: StopLatch | None = None
+        self.stopped: Latch | None = None
         self.playing: Playing | None = None
         self.sight: Sight | None = None
         self._before: float | None = None
@@ -178,7 +171,7 @@ class Roles:
 
     # --- commands --------------------------------------------------------------------------
 
-    def take(self, command: object, now: float) -> dict[str, Any] | DriveAnswer:
+    def take(self, command: object, now: float) -> str | float | DriveAnswer | None:
         """Do what is asked for; the answer, or what it will be known by.
 
         Raises:
@@ -186,47 +179,43 @@ class Roles:
         """
         match command:
             case StopRobots():
-                return self.stop(command.by, now)
+                self.stop(command.by, now)
             case DriveCommand():
                 return self._drive(command, now)
             case Presence():
                 self._check_lease(command.role, command.lease)
                 consent = self.driven[command.role].consent
                 consent.take(command.sequence, command.issued, None, now)
-                return {}
             case ConnectRobot():
-                return self._connect(command, now)
+                self._connect(command, now)
             case DisconnectRobot():
-                return self._disconnect(command, now)
+                self._disconnect(command, now)
             case TakeLease():
                 return self._take_lease(command, now)
             case ReleaseLease():
                 self.leases.release(_checked(command.role), command.lease)
                 self._lose_lease(command.role, now, "its operator gave the lease back")
-                return {}
             case ArmRobot():
-                return self._arm(command, now)
+                self._arm(command, now)
             case DisarmRobot():
                 self._end_programme_of(_checked(command.role), now, "was disarmed")
                 self.driven[command.role].disarm(now)
-                return {}
             case ResetStop():
                 self.stopped = None
                 for driven in self.driven.values():
                     driven.clear()
-                return {}
             case StartProgramme():
                 return self._start_programme(command, now)
             case StopProgramme():
                 self._end_programme(now, None)
-                return {}
             case SetGuard():
-                return self._set_guard(command)
-        raise ProcessRefused(
-            f"{type(command).__name__} is nothing the drive process knows", "input"
-        )
+                self._set_guard(command)
+            case _:
+                name = type(command).__name__
+                raise ProcessRefused(f"{name} is nothing the drive process knows", "input")
+        return None
 
-    def stop(self, by: str, now: float) -> dict[str, Any]:
+    def stop(self, by: str, now: float) -> None:
         """Stop all robots; it latches."""
         for role, driven in self.driven.items():
             try:
@@ -236,13 +225,12 @@ class Roles:
                 _log.exception("the %s could not be told to stop", role)
         self.playing = None
         if self.stopped is None:
-            self.stopped = StopLatch(by, now)
+            self.stopped = Latch(by, now)
             speeds = [driven.report.speed_mps for driven in self.driven.values() if driven.report]
             fastest = max((speed for speed in speeds if speed is not None), key=abs, default=None)
             self._incidents.append(
                 IncidentEvent(None, "stop", f"all robots were stopped by {by}", now, fastest)
             )
-        return {}
 
     def _drive(self, command: DriveCommand, now: float) -> DriveAnswer:
         self._check_lease(command.role, command.lease)
@@ -254,7 +242,7 @@ class Roles:
             self._end_programme(now, f"the {command.role} was driven by hand meanwhile")
         return DriveAnswer(command.role, age)
 
-    def _connect(self, command: ConnectRobot, now: float) -> dict[str, Any]:
+    def _connect(self, command: ConnectRobot, now: float) -> None:
         role = _checked(command.role)
         check_port(command.port)
         # What is told of it from here on goes to people and into records.
@@ -272,27 +260,25 @@ class Roles:
         attendant = self._attendants[role]
         attendant.close(before)
         attendant.open(command.port, command.model)
-        return {}
 
-    def _disconnect(self, command: DisconnectRobot, now: float) -> dict[str, Any]:
+    def _disconnect(self, command: DisconnectRobot, now: float) -> None:
         role = _checked(command.role)
         self._end_programme_of(role, now, "was disconnected")
         self._attendants[role].close(self.driven[role].connect(None))
-        return {}
 
-    def _take_lease(self, command: TakeLease, now: float) -> dict[str, Any]:
+    def _take_lease(self, command: TakeLease, now: float) -> str:
         role = _checked(command.role)
         lease, before = self.leases.take(role, command.operator, command.takeover)
         if before is not None:
             self._lose_lease(role, now, f"{command.operator} took the {role} over from {before}")
-        return {"lease": lease.id}
+        return lease.id
 
     def _lose_lease(self, role: Role, now: float, sentence: str) -> None:
         self._end_programme_of(role, now, "lost its operator")
         self.driven[role].disarm(now, "lease", sentence)
         self.driven[role].new_operator()
 
-    def _arm(self, command: ArmRobot, now: float) -> dict[str, Any]:
+    def _arm(self, command: ArmRobot, now: float) -> None:
         role = _checked(command.role)
         holder = self.leases.holder(role)
         if command.lease is not None:
@@ -302,12 +288,11 @@ class Roles:
                 f"{holder} drives the {role}; only who drives it may arm it", "state"
             )
         self.driven[role].arm(self._tick(now))
-        return {}
 
     def _check_lease(self, role: Role, lease: str) -> None:
         self.leases.check(_checked(role), lease)
 
-    def _set_guard(self, command: SetGuard) -> dict[str, Any]:
+    def _set_guard(self, command: SetGuard) -> None:
         values = {name.removeprefix(_GUARD): value for name, value in command.parameters.items()}
         try:
             parameters = GuardParameters.model_validate({**self._parameters.model_dump(), **values})
@@ -317,11 +302,10 @@ class Roles:
             raise ProcessRefused(f"{_GUARD}{name}: {first['msg']}", "input") from None
         self._parameters = parameters
         self._guard.use(parameters)
-        return {}
 
     # --- programmes ------------------------------------------------------------------------
 
-    def _start_programme(self, command: StartProgramme, now: float) -> dict[str, Any]:
+    def _start_programme(self, command: StartProgramme, now: float) -> float:
         programme = command.programme
         # Refuses what cannot be repeated so often, as ``InputError``.
         duration = duration_s(programme, command.repeat)
@@ -350,7 +334,7 @@ class Roles:
                     f"the {role} is being driven by hand; let go of the controls first", "state"
                 )
         self.playing = Playing(programme, command.repeat, command.reverse, now)
-        return {"duration_s": duration}
+        return duration
 
     def _end_programme_of(self, role: Role, now: float, why: str) -> None:
         if self.playing is not None and role in self.playing.roles:

@@ -11,9 +11,9 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from app.contract.drive import IncidentEvent, StoppedEvent
 from app.drive.consent import ZERO
 from app.drive.driven_role import DrivenRole
-from app.drive.messages import IncidentEvent, StoppedEvent
 from app.drive.roles import Roles
 from app.drive.separation import is_heard, separation
 from observer.guard.guard import Verdict, sight_trouble

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
-from app.drive.messages import (
+from app.contract.drive import (
     DriveEvent,
     DriveEvents,
     DriveLostEvent,
-    DriveProcessCommand,
     DriveStartedEvent,
     LeaveDrive,
+    ToDrive,
 )
 from app.runtime.child import ChildProcess
 from app.runtime.environment import module_command
@@ -28,7 +28,7 @@ DRIVE_LIMITS = SupervisorLimits(
 )
 
 
-class DriveSupervisor(ProcessSupervisor[DriveProcessCommand, DriveEvents]):
+class DriveSupervisor(ProcessSupervisor[ToDrive[Any], DriveEvents]):
     """Fulfils ``app.server.contracts.Drive``. All methods belong to the event loop's thread."""
 
     what: ClassVar[str] = "drive process"
@@ -50,7 +50,7 @@ class DriveSupervisor(ProcessSupervisor[DriveProcessCommand, DriveEvents]):
         """
         super().__init__(command, slots, limits)
 
-    async def request(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> dict[str, Any]:
+    async def request(self, command: ToDrive[Any], timeout_s: float = 1.0) -> Any:
         """Ask the drive process and wait for its answer's value.
 
         Raises:
@@ -59,7 +59,7 @@ class DriveSupervisor(ProcessSupervisor[DriveProcessCommand, DriveEvents]):
         """
         return await super().request(command, timeout_s)
 
-    def _farewell(self) -> DriveProcessCommand:
+    def _farewell(self) -> ToDrive[Any]:
         return LeaveDrive()
 
     def _started_event(self, generation: int, pid: int) -> DriveEvents:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Any
-
+from app.contract.status import AgeingStatus, RowDriftStatus, VergenceStatus
+from app.contract.values import filled
 from app.engine.watched import Observed
 from observer.calibration.ageing.watch import AgeingWatch, CalibrationAge
 from observer.camera import StereoCamera
@@ -19,7 +18,7 @@ class CalibrationAgeing:
         self._watch = AgeingWatch(camera, mount)
         self._age: CalibrationAge | None = None
         self._told: CalibrationAge | None = None
-        self._facts: dict[str, Any] | None = None
+        self._facts: AgeingStatus | None = None
 
     def look(self, observed: Observed) -> None:
         """Note one frame."""
@@ -30,13 +29,13 @@ class CalibrationAgeing:
         """Pairs of the last half minute as taken, (H, W) grey."""
         return self._watch.pairs
 
-    def facts(self) -> dict[str, Any] | None:
+    def facts(self) -> AgeingStatus | None:
         """As ``StateEvent.ageing`` holds it."""
         age, told = self._age, self._told
         # Asked several times a frame, while the watch finds something new once a second.
         if age is None or (told and age.rows is told.rows and age.vergence is told.vergence):
             return self._facts
-        rows = asdict(age.rows)
-        rows["history"] = [[round(t, 1), round(px, 4)] for t, px in age.rows.history]
-        self._told, self._facts = age, {"rows": rows, "vergence": asdict(age.vergence)}
+        history = [(round(t, 1), round(px, 4)) for t, px in age.rows.history]
+        rows = filled(RowDriftStatus, age.rows, history=history)
+        self._told, self._facts = age, AgeingStatus(rows, filled(VergenceStatus, age.vergence))
         return self._facts

@@ -7,18 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from app.contract.calibrating import BoardLook
+from app.contract.commands import BeginCalibration, ChangeCalibration
+from app.contract.events import BoardLookEvent, BoardViewsEvent, EngineState
+from app.contract.views import CAMERA_NAMES
 from app.engine.errors import NotNow
 from app.engine.playback import Player
 from app.engine.played_source import PlayedSource, SourceOpener, close_opened, read_first
 from app.engine.replies import unexpected
-from app.messages import (
-    CAMERA_NAMES,
-    BeginCalibration,
-    BoardLookEvent,
-    BoardViewsEvent,
-    ChangeCalibration,
-    EngineState,
-)
 from observer.calibration.board import Board
 from observer.calibration.board_pictures import draw_board, small_picture
 from observer.calibration.collecting import Look, ViewCollector
@@ -130,7 +126,7 @@ class BoardWatch:
         """Whether new poses are captured by themselves."""
         return self._collector.automatic
 
-    def change(self, command: ChangeCalibration) -> dict[str, Any]:
+    def change(self, command: ChangeCalibration) -> tuple[str, ...]:
         """Carry it out; see ``ChangeCalibration``.
 
         Raises:
@@ -155,7 +151,7 @@ class BoardWatch:
             collector.automatic = command.automatic
         if command.cover_check is not None:
             (self._cover.ask if command.cover_check else self._cover.end)()
-        return {"views": [view.name for view in collector.views]}
+        return tuple(view.name for view in collector.views)
 
     def look(self, frame: StereoFrame) -> None:
         """Look at one pair; what comes of it goes to the publisher."""
@@ -165,7 +161,7 @@ class BoardWatch:
             # One image that a detector cannot stand must not end the looking.
             _log.exception("looking for the board failed")
             words = f"Looking for the board failed: {unexpected(error)}"
-            self._publisher.send(BoardLookEvent({"words": words}, frame.received))
+            self._publisher.send(BoardLookEvent(BoardLook(words), frame.received))
 
     def _look_at(self, frame: StereoFrame) -> None:
         left = detect_board(as_gray(frame.left), self.board, quick=True)
@@ -187,20 +183,20 @@ class BoardWatch:
         look: Look,
         left: BoardSighting | None,
         right: BoardSighting | None,
-    ) -> dict[str, Any]:
-        return {
-            "frame": frame.index,
-            "words": look.words,
-            "next": look.next_words or None,
-            "coverage": {name: round(bar, 3) for name, bar in look.coverage.bars.items()},
-            "missing": list(look.coverage.missing),
-            "seen": [0 if seen is None else len(seen) for seen in (left, right)],
-            "views": len(self._collector.views),
-            "enough": look.coverage.enough,
-            "automatic": self._collector.automatic,
-            "cover_asked": self._cover.asked,
-            "covered": self._cover.answer,
-        }
+    ) -> BoardLook:
+        return BoardLook(
+            frame=frame.index,
+            words=look.words,
+            next=look.next_words or None,
+            coverage={name: round(bar, 3) for name, bar in look.coverage.bars.items()},
+            missing=look.coverage.missing,
+            seen=[0 if seen is None else len(seen) for seen in (left, right)],
+            views=len(self._collector.views),
+            enough=look.coverage.enough,
+            automatic=self._collector.automatic,
+            cover_asked=self._cover.asked,
+            covered=self._cover.answer,
+        )
 
     def _tell_captured(self, view: BoardView) -> None:
         frame = self._newest

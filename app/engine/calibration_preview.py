@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 
+from app.contract.answers import CalibrationPreview
 from app.engine.views import encode_jpeg
 from observer.calibration.ageing.row_refinement import matched_points
 from observer.calibration.board import Board
@@ -30,29 +29,6 @@ _MAX_ROW_DIFFERENCE = 0.15
 _NEAR_PX = 4.0
 # Below this many matches a median says nothing.
 _MIN_MATCHES = 12
-
-
-@dataclass(frozen=True, eq=False)
-class CalibrationPreview:
-    """A rectified pair side by side with lines along its rows.
-
-    Attributes:
-        jpeg: left and right image beside each other.
-        vertical_error_px: median of ``|v_left - v_right|`` over matched features, None where too
-            few were found.
-        matches: number of features that were matched.
-    """
-
-    jpeg: bytes
-    vertical_error_px: float | None
-    matches: int
-
-    def reply(self) -> dict[str, Any]:
-        return {
-            "jpeg": self.jpeg,
-            "vertical_error_px": self.vertical_error_px,
-            "matches": self.matches,
-        }
 
 
 def preview_calibration(

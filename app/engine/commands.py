@@ -7,17 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.engine.calibration_preview import preview_calibration
-from app.engine.current_source import CurrentSource
-from app.engine.depth_measuring import measure_depth
-from app.engine.errors import NotNow
-from app.engine.explaining import Explainer
-from app.engine.floor_looking import look_at_floor
-from app.engine.live_truth import LiveTruth
-from app.engine.publishing import Publisher
-from app.engine.replies import refusal, unexpected
-from app.engine.session_opening import parse_parameters
-from app.messages import (
+from app.contract.answers import CalibrationPreview, KeptClip, ScenePairs
+from app.contract.calibrating import PlaceDepth
+from app.contract.commands import (
     BeginCalibration,
     ChangeCalibration,
     CloseSource,
@@ -36,10 +28,20 @@ from app.messages import (
     TakeScenePairs,
     WatchViews,
 )
+from app.contract.status import PlaybackStatus
+from app.engine.calibration_preview import preview_calibration
+from app.engine.current_source import CurrentSource
+from app.engine.depth_measuring import measure_depth
+from app.engine.errors import NotNow
+from app.engine.explaining import Explainer
+from app.engine.floor_looking import look_at_floor
+from app.engine.live_truth import LiveTruth
+from app.engine.publishing import Publisher
+from app.engine.replies import refusal, unexpected
+from app.engine.session_opening import parse_parameters
 from app.runtime.requests import Reply, Request
 from observer.errors import DynamicObserverError, InputError
 from observer.recording.errors import RecordingError
-from observer.recording.payloads import Incident, RobotRow
 from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
@@ -99,7 +101,7 @@ class CommandHandler:
             _log.exception("%s failed", type(command).__name__)
             return Reply(request.number, error=unexpected(error), refusal="failure")
 
-    def _handle(self, command: object) -> dict[str, Any]:
+    def _handle(self, command: object) -> Any:
         match command:
             case RecordRobots():
                 return self._record_robots(command)
@@ -111,12 +113,11 @@ class CommandHandler:
                 return self._set_parameters(command)
             case SetTruth():
                 self._truth.use(command.truth)
-                return {"truth": self._truth.facts()}
+                return self._truth.facts()
             case SetPlayback():
                 return self._set_playback(command)
             case WatchViews():
-                self._publisher.watch(command.names)
-                return {}
+                return self._publisher.watch(command.names)
             case PreviewCalibration():
                 return self._preview(command.calibration_yaml)
             case MeasureDepth():
@@ -129,7 +130,7 @@ class CommandHandler:
                 return self._explainer.explain(command.u, command.v)
             case Shutdown():
                 self.leaving = True
-                return {}
+                return None
         raise InputError(f"the engine knows no command {type(command).__name__}")
 
     def _stop_run(self, number: int) -> Reply | None:
@@ -141,8 +142,8 @@ class CommandHandler:
         recorder = None if observing is None else observing.end_run()
         session.run_id = None
         if recorder is None:
-            return Reply(number, value={"recording": None})
-        recorder.end(lambda: self._send(Reply(number, value={"recording": recorder.facts()})))
+            return Reply(number)
+        recorder.end(lambda: self._send(Reply(number, value=recorder.facts())))
         return None
 
     def _save_ring(self, number: int, command: SaveRing) -> None:
@@ -158,44 +159,39 @@ class CommandHandler:
             if isinstance(seconds, RecordingError):
                 self._send(refusal(number, seconds))
             else:
-                value = {"bytes": path.stat().st_size, "seconds": round(seconds, 1)}
-                self._send(Reply(number, value=value))
+                clip = KeptClip(path.stat().st_size, round(seconds, 1))
+                self._send(Reply(number, value=clip))
 
         session.recorder.save_ring(path, command.reserve_bytes, done)
 
-    def _record_robots(self, command: RecordRobots) -> dict[str, Any]:
+    def _record_robots(self, command: RecordRobots) -> None:
         session = self._current.observing
         if session is not None and session.recorder is not None:
-            session.recorder.robots(
-                [RobotRow(**row) for row in command.rows],
-                [Incident(**incident) for incident in command.incidents],
-            )
-        return {}
+            session.recorder.robots(command.rows, command.incidents)
 
-    def _close_source(self) -> dict[str, Any]:
+    def _close_source(self) -> None:
         given_up = self._current.give_up_opening()
         if given_up is not None:
             self._send(given_up)
         self._current.close()
-        return {}
 
-    def _change_calibration(self, command: ChangeCalibration) -> dict[str, Any]:
+    def _change_calibration(self, command: ChangeCalibration) -> tuple[str, ...]:
         session = self._current.calibrating
         if session is None:
             raise NotNow("nothing is being calibrated; begin a calibration first")
         return session.watch.change(command)
 
-    def _set_parameters(self, command: SetParameters) -> dict[str, Any]:
+    def _set_parameters(self, command: SetParameters) -> int | None:
         parameters = parse_parameters(command.parameters)
         opening, session = self._current.opening, self._current.observing
         if opening is not None:
             opening.parameters = (parameters, command.revision)
         if session is None:
-            return {"frame": None}
+            return None
         session.use(parameters, command.revision)
-        return {"frame": session.player.next_index}
+        return session.player.next_index
 
-    def _set_playback(self, command: SetPlayback) -> dict[str, Any]:
+    def _set_playback(self, command: SetPlayback) -> PlaybackStatus:
         session = self._current.session
         if session is None:
             raise NotNow("no source is open, so there is nothing to play; open one first")
@@ -209,21 +205,21 @@ class CommandHandler:
         )
         return session.playback_facts(self._clock())
 
-    def _take_scene_pairs(self) -> dict[str, Any]:
+    def _take_scene_pairs(self) -> ScenePairs:
         session = self._current.observing
         if session is None:
             raise NotNow("nothing is observed whose calibration could be refined; open a source")
-        return {"pairs": session.ageing.pairs, "calibration_yaml": session.calibration_yaml}
+        return ScenePairs(session.ageing.pairs, session.calibration_yaml)
 
-    def _measure(self, command: MeasureDepth) -> dict[str, Any]:
+    def _measure(self, command: MeasureDepth) -> PlaceDepth:
         pair = self._newest_pair()
         return measure_depth(pair, command.calibration_yaml, command.u, command.v, self._beat)
 
-    def _preview(self, calibration_yaml: str) -> dict[str, Any]:
+    def _preview(self, calibration_yaml: str) -> CalibrationPreview:
         session = self._current.calibrating
         board = None if session is None else session.watch.board
         pair = self._newest_pair()
-        return preview_calibration(pair, calibration_yaml, self._beat, board).reply()
+        return preview_calibration(pair, calibration_yaml, self._beat, board)
 
     def _newest_pair(self) -> StereoFrame:
         session, pair = self._current.session, self._current.raw_pair

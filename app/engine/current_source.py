@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 
+from app.contract.answers import Opened
+from app.contract.commands import BeginCalibration, OpenSource
+from app.contract.events import EngineState, StateEvent
 from app.engine.calibrating import BoardPublisher, CalibrationSession, open_calibration
 from app.engine.errors import NotNow
 from app.engine.lending import LentRobots, LentSource, lent
@@ -16,7 +19,6 @@ from app.engine.recorders import Recorders
 from app.engine.replies import refusal, unexpected
 from app.engine.session import Session
 from app.engine.session_opening import NotCalibrated, ObserverFactory, open_session
-from app.messages import BeginCalibration, EngineState, OpenSource, StateEvent
 from app.runtime.requests import Reply, Request
 from observer.errors import DynamicObserverError
 from observer.opening import exclusive_world, live_devices, shown_spec
@@ -158,12 +160,12 @@ class CurrentSource:
             self._truth.observing(
                 ObservedSource(session.source.info, session.mount, session.T_body_base)
             )
-        facts = asdict(self.state())
+        opened = Opened(self.state(), None)
         if isinstance(session, Session):
             if opening.parameters is not None:
                 session.use(*opening.parameters)
-            facts["calibration_yaml"] = session.calibration_yaml
-        return Reply(opening.request.number, value=facts)
+            opened = replace(opened, calibration_yaml=session.calibration_yaml)
+        return Reply(opening.request.number, value=opened)
 
     def _not_opened(self, opening: Opening) -> Reply:
         number, command, error = opening.request.number, opening.command, opening.error
@@ -237,7 +239,7 @@ class CurrentSource:
         return StateEvent(
             state=session.state,
             reason=None,
-            source=asdict(session.source.info),
+            source=session.source.info,
             playback=session.playback_facts(self._clock()),
             camera=session.camera_facts(),
             run_id=session.run_id,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from app.contract.calibrating import PlaceDepth
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import as_gray
 from observer.errors import InputError
@@ -37,15 +37,11 @@ _NO_DEPTH = "this place has no depth: choose one with texture that both cameras 
 
 def measure_depth(
     frame: StereoFrame, calibration_yaml: str, u: float, v: float, beat: Callable[[], None]
-) -> dict[str, Any]:
+) -> PlaceDepth:
     """Depth at a pixel of the rectified left image.
 
     Args:
         beat: called between the steps, each of which takes some ten milliseconds.
-
-    Returns:
-        ``depth_m`` along the camera's axis, ``range_m`` straight from the left camera, as a tape
-        measures it, and ``disparity_px``.
 
     Raises:
         InputError: the pixel is outside the image, or has no depth.
@@ -72,11 +68,7 @@ def measure_depth(
     disparity = _disparity_of_place(strip, row - first, column)
     point = camera.triangulate((u, v), disparity)
     distance = float(np.linalg.norm(point))
-    return {
-        "range_m": distance,
-        "depth_m": float(point[2]),
-        "disparity_px": disparity,
-    }
+    return PlaceDepth(range_m=distance, depth_m=float(point[2]), disparity_px=disparity)
 
 
 def _disparity_of_place(strip: NDArray[np.float32], row: int, column: int) -> float:

@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from app.contract.pixel import Pixel, PixelObstacle
+from app.contract.status import CameraMotion, Decomposition, EgoMotionStatus
+from app.contract.values import word
 from app.engine.errors import NotNow
 from app.engine.watched import Observed
 from observer.errors import InputError
@@ -35,8 +38,8 @@ class Explainer:
         """The source is closed."""
         self._newest = None
 
-    def explain(self, u: float, v: float) -> dict[str, Any]:
-        """The answer as ``app.messages.ExplainPixel`` tells it.
+    def explain(self, u: float, v: float) -> Pixel:
+        """Why a pixel counts as what it does.
 
         Raises:
             NotNow: no frame was observed yet. InputError: the pixel is outside the image.
@@ -49,23 +52,21 @@ class Explainer:
         if answer.verdict is PixelVerdict.OUTSIDE:
             raise InputError(f"{answer.sentence} {answer.would_change}")
         obstacle = _obstacle_at(answer, observed.observation.obstacles)
-        return {
-            "frame": observed.frame.index,
-            "segment": newest.segment,
-            "u": answer.px[0],
-            "v": answer.px[1],
-            "verdict": answer.verdict.value,
-            "sentence": answer.sentence,
-            "numbers": dict(answer.numbers),
-            "would_change": answer.would_change,
-            "obstacle": None
+        return Pixel(
+            frame=observed.frame.index,
+            segment=newest.segment,
+            u=answer.px[0],
+            v=answer.px[1],
+            verdict=word(answer.verdict),
+            sentence=answer.sentence,
+            numbers=dict(answer.numbers),
+            would_change=answer.would_change,
+            obstacle=None
             if obstacle is None
-            else {
-                "id": obstacle.id,
-                "reported": obstacle.state is not TrackState.TENTATIVE,
-                "why": obstacle.reason,
-            },
-        }
+            else PixelObstacle(
+                obstacle.id, obstacle.state is not TrackState.TENTATIVE, obstacle.reason
+            ),
+        )
 
 
 def _obstacle_at(answer: PixelAnswer, obstacles: tuple[Obstacle, ...]) -> Obstacle | None:
@@ -85,35 +86,32 @@ def _obstacle_at(answer: PixelAnswer, obstacles: tuple[Obstacle, ...]) -> Obstac
     return min(here, key=lambda o: o.range, default=None)
 
 
-def ego_motion_facts(trace: Mapping[str, Any], parameters: Parameters) -> dict[str, Any] | None:
+def ego_motion_facts(trace: Mapping[str, Any], parameters: Parameters) -> EgoMotionStatus | None:
     """The camera's motion between the two frames as ``ObservationEvent.ego_motion`` holds it."""
     ego = trace.get("ego_motion")
     if ego is None:
         return None
     parts, pose = trace.get("decomposition"), ego.T_current_previous
     dt = trace["time"] - trace["previous_time"] if "previous_time" in trace else None
-    return {
-        "model": parameters.ego_motion.model,
-        "status": ego.status.value,
-        "matches": len(ego.inliers),
-        "inliers": int(ego.inliers.sum()),
-        "dt": dt,
-        "decomposition": None
+    return EgoMotionStatus(
+        model=parameters.ego_motion.model,
+        status=word(ego.status),
+        matches=len(ego.inliers),
+        inliers=int(ego.inliers.sum()),
+        dt=dt,
+        decomposition=None
         if parts is None
-        else {
-            "translation_px": [float(c) for c in parts["translation_px"]],
-            "rotation_rad": float(parts["rotation_rad"]),
-            "shear": _known(parts["shear"]),
-            "scale": [float(c) for c in parts["scale"]],
-        },
+        else Decomposition(
+            translation_px=[float(c) for c in parts["translation_px"]],
+            rotation_rad=float(parts["rotation_rad"]),
+            shear=_known(parts["shear"]),
+            scale=[float(c) for c in parts["scale"]],
+        ),
         # Where the camera went, in its own axes at t: the inverse of how points seem to move.
-        "motion": None
+        motion=None
         if pose is None
-        else {
-            "rotation_rad": pose.inverse().rotvec.tolist(),
-            "translation_m": pose.inverse().translation.tolist(),
-        },
-    }
+        else CameraMotion(pose.inverse().rotvec.tolist(), pose.inverse().translation.tolist()),
+    )
 
 
 def _known(value: float) -> float | None:

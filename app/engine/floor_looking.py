@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from app.contract.answers import FloorPoints
 from app.engine.errors import NotNow
 from app.engine.watched import Observed
 from observer.camera import as_gray
@@ -16,7 +15,7 @@ from observer.vision.stereo import disparity_map
 _MOST_POINTS = 20_000
 
 
-def look_at_floor(observed: Observed | None) -> dict[str, Any]:
+def look_at_floor(observed: Observed | None) -> FloorPoints:
     """Points of the newest pair, ``(N, 3)`` float64 metres in the camera frame, and its frame.
 
     Raises:
@@ -32,4 +31,4 @@ def look_at_floor(observed: Observed | None) -> dict[str, Any]:
     if len(points) > _MOST_POINTS:
         rng = np.random.default_rng(observed.frame.index)
         points = points[rng.permutation(len(points))[:_MOST_POINTS]]
-    return {"frame": observed.frame.index, "points": points}
+    return FloorPoints(observed.frame.index, points)

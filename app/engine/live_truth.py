@@ -12,11 +12,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from app.contract.commands import LiveTruthOrder
+from app.contract.live_truth import LiveTruthStatus
 from app.engine.aligning import Aligned, AlignmentThread
 from app.engine.motion_listening import MotionListener
 from app.engine.recording import RunRecorder
 from app.engine.truth_facts import truth_facts
-from app.messages import LiveTruthOrder
 from app.workers.alignment.messages import Choices
 from observer.geometry import Pose
 from observer.mount import CameraMount
@@ -24,7 +25,7 @@ from observer.sources.contract import SourceInfo
 from observer.truth.alignment.newest import NewestTruth
 from observer.truth.live.contract import LiveCaptureReport
 from observer.truth.live.opening import check_live
-from observer.truth.matching import assign, entry
+from observer.truth.matching import TrueBodyEntry, assign, entry
 from observer.types import Observation
 
 _log = logging.getLogger(__name__)
@@ -104,7 +105,7 @@ class LiveTruth:
         self._first: deque[tuple[int, float, Pose]] = deque(maxlen=_FIRST_FRAMES)
         self._broken: str | None = None
         self._told: tuple[object, ...] = ()
-        self._facts: dict[str, Any] | None = None
+        self._facts: LiveTruthStatus | None = None
 
     def use(self, order: LiveTruthOrder | None) -> None:
         """Listen to this from now on; what is listened to already goes on.
@@ -149,7 +150,7 @@ class LiveTruth:
         line: Mapping[str, Any],
         received: float,
         recorder: RunRecorder | None,
-    ) -> list[dict[str, Any]]:
+    ) -> list[TrueBodyEntry]:
         """The entries of ``ObservationEvent.truth`` for a frame that was observed.
 
         Args:
@@ -169,7 +170,7 @@ class LiveTruth:
             self._broken = f"comparing with motion capture failed: {type(error).__name__}: {error}"
             return []
 
-    def facts(self) -> dict[str, Any] | None:
+    def facts(self) -> LiveTruthStatus | None:
         """As ``StateEvent.truth`` holds it."""
         order, listening = self.order, self._listening
         if order is None or listening is None:
@@ -224,7 +225,7 @@ class LiveTruth:
         observation: Observation,
         line: Mapping[str, Any],
         received: float,
-    ) -> list[dict[str, Any]]:
+    ) -> list[TrueBodyEntry]:
         newest = listening.newest
         newest.add(listening.listener.for_frames())
         if not self.in_place:

@@ -10,9 +10,9 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
-from typing import Any
+from dataclasses import replace
 
+from app.contract.events import HeartbeatEvent, ObservationEvent, SkippedFrameEvent, StateEvent
 from app.engine.calibrating import BoardPublisher, CalibrationSession
 from app.engine.commands import CommandHandler
 from app.engine.current_source import CurrentSource
@@ -26,7 +26,6 @@ from app.engine.session import Session
 from app.engine.session_opening import ObserverFactory
 from app.engine.sight import SightTeller
 from app.engine.watched import Observed
-from app.messages import HeartbeatEvent, ObservationEvent, SkippedFrameEvent, StateEvent
 from app.runtime.requests import Request
 from observer.guard.sight import REAL_WORLD
 from observer.jsonl import observation_line
@@ -261,7 +260,7 @@ class Engine:
             frame_skips=session.player.skipped,
             run_id=session.run_id,
             ego_motion=ego_motion_facts(trace, observer.parameters),
-            odometry=None if frame.odometry is None else asdict(frame.odometry),
+            odometry=frame.odometry,
         )
         self._send(event)
         self._sequence += 1
@@ -300,15 +299,12 @@ class Engine:
 
 def _without_position(state: StateEvent) -> StateEvent:
     """The state without what changes with every frame."""
+    playback, live, recording, truth = state.playback, state.live, state.recording, state.truth
     return replace(
         state,
-        playback=_without(state.playback, "frame", "achieved_rate"),
-        live=_without(state.live, "pairs", "dropped", "skew_median_s", "skew_p95_s"),
+        playback=playback and replace(playback, frame=None, achieved_rate=None),
+        live=live and replace(live, pairs=0, dropped=0, skew_median_s=None, skew_p95_s=None),
         ageing=None,
-        recording=_without(state.recording, "bytes", "seconds", "dropped"),
-        truth=_without(state.truth, "bodies", "clock", "sentence", "alignment"),
+        recording=recording and replace(recording, bytes=0, seconds=0.0, dropped=0),
+        truth=truth and replace(truth, bodies=(), clock=None, sentence="", alignment=None),
     )
-
-
-def _without(facts: dict[str, Any] | None, *names: str) -> dict[str, Any] | None:
-    return None if facts is None else {k: v for k, v in facts.items() if k not in names}

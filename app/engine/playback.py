@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, replace
 
+from app.contract.commands import MAX_PLAYBACK_RATE, MIN_PLAYBACK_RATE
 from app.engine.errors import NotNow
-from app.messages import MAX_PLAYBACK_RATE, MIN_PLAYBACK_RATE
 from observer.errors import InputError, SourceError
 from observer.sources.contract import NoFrame, SeekableSource, SkippedFrame, Source
 from observer.types import StereoFrame

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict
-from typing import Any
 
+from app.contract.commands import BeginCalibration, OpenSource
+from app.contract.events import EngineState
+from app.contract.status import (
+    AgeingStatus,
+    LiveCamera,
+    LiveStatus,
+    PlaybackStatus,
+    RecordingStatus,
+)
+from app.contract.values import filled
 from app.engine.playback import Player
-from app.messages import BeginCalibration, EngineState, OpenSource
+from observer.camera import StereoCamera
+from observer.mount import CameraMount
 from observer.opening import OpenedSource
-from observer.robots.contract import RobotWorld
+from observer.robots.contract import RobotPort, RobotWorld
 from observer.sources.contract import LiveSource, SkippedFrame, Source
 
 # How many unreadable frames are passed over while opening to find the first readable one.
@@ -59,19 +68,19 @@ class PlayedSource:
         """What the engine does with this source."""
         return EngineState.PREVIEW
 
-    def camera_facts(self) -> dict[str, Any] | None:
+    def camera_facts(self) -> StereoCamera | None:
         """The rectified camera as ``StateEvent.camera`` holds it."""
         return None
 
-    def mount_facts(self) -> dict[str, Any] | None:
+    def mount_facts(self) -> CameraMount | None:
         """As ``StateEvent.mount`` holds it."""
         return None
 
-    def ageing_facts(self) -> dict[str, Any] | None:
+    def ageing_facts(self) -> AgeingStatus | None:
         """As ``StateEvent.ageing`` holds it."""
         return None
 
-    def recording_facts(self) -> dict[str, Any] | None:
+    def recording_facts(self) -> RecordingStatus | None:
         """As ``StateEvent.recording`` holds it."""
         return None
 
@@ -80,35 +89,37 @@ class PlayedSource:
         """As ``StateEvent.world`` holds it."""
         return None
 
-    def robot_facts(self) -> tuple[dict[str, Any], ...]:
+    def robot_facts(self) -> tuple[RobotPort, ...]:
         """As ``StateEvent.robots`` holds it."""
         return ()
 
-    def playback_facts(self, now: float) -> dict[str, Any]:
+    def playback_facts(self, now: float) -> PlaybackStatus:
         """As ``StateEvent.playback`` holds it."""
         player = self.player
         achieved = player.achieved_rate(now)
-        return {
-            "paused": player.paused,
-            "rate": player.rate,
-            "loop": player.loop,
-            "frame": player.position,
-            "frame_count": self.source.info.frame_count,
-            "ended": player.ended,
-            "seekable": player.seekable,
-            "achieved_rate": None if achieved is None else round(achieved, 2),
-        }
+        return PlaybackStatus(
+            paused=player.paused,
+            rate=player.rate,
+            loop=player.loop,
+            frame=player.position,
+            frame_count=self.source.info.frame_count,
+            ended=player.ended,
+            seekable=player.seekable,
+            achieved_rate=None if achieved is None else round(achieved, 2),
+        )
 
     def tend(self) -> None:
         """Let a live source decode ahead; for the thread that reads, between two reads."""
         if self._live is not None:
             self._live.tend()
 
-    def live_facts(self) -> dict[str, Any] | None:
+    def live_facts(self) -> LiveStatus | None:
         """As ``StateEvent.live`` holds it."""
         if self._live is None:
             return None
-        return {**asdict(self._live.report()), "trouble": self.player.trouble}
+        report = self._live.report()
+        cameras = [filled(LiveCamera, camera) for camera in report.cameras]
+        return filled(LiveStatus, report, cameras=cameras, trouble=self.player.trouble)
 
     def again(self) -> OpeningCommand:
         """What would open it anew as it is now."""

@@ -10,19 +10,19 @@ import signal
 import time
 from typing import NoReturn
 
-from app.drive.messages import SIGHT_NAME, WHEELS_NAME
-from app.engine.loop import Engine, Inbox
-from app.engine.played_source import SourceOpener
-from app.engine.publishing import Publisher
-from app.engine.session_opening import ObserverFactory
-from app.engine.sight import SightTeller
-from app.messages import (
+from app.contract.drive import SIGHT_NAME, WHEELS_NAME
+from app.contract.events import (
     BoardLookEvent,
     DenseStereoEvent,
     HeartbeatEvent,
     ObservationEvent,
     SkippedFrameEvent,
 )
+from app.engine.loop import Engine, Inbox
+from app.engine.played_source import SourceOpener
+from app.engine.publishing import Publisher
+from app.engine.session_opening import ObserverFactory
+from app.engine.sight import SightTeller
 from app.runtime.arguments import ProcessArguments
 from app.runtime.heap import keep_for_good
 from app.runtime.latest import LatestReader, LatestWriter

@@ -7,17 +7,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from app.contract.events import DenseStereoEvent
+from app.contract.views import CAMERA_NAMES, CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES
 from app.engine.dense_stereo import DensePair, DenseStereo, PairKeeper, cloud_value, dense_stereo
 from app.engine.latest_worker import LatestWorker
 from app.engine.views import draw_disparity, draw_view, encode_jpeg, jpeg_size
 from app.engine.watched import Observed
-from app.messages import (
-    CAMERA_NAMES,
-    CLOUD_NAME,
-    DISPARITY_NAME,
-    VIEW_NAMES,
-    DenseStereoEvent,
-)
 from app.runtime.latest import LatestWriter
 from observer.errors import InputError
 from observer.types import Image

@@ -7,8 +7,8 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
+from app.contract.commands import OpenSource, RecordOrder
 from app.engine.recording import RunRecorder, make_room
-from app.messages import OpenSource, RecordOrder
 from observer.errors import SourceError
 from observer.mount import CameraMount
 from observer.recording.errors import RecordingError

@@ -13,11 +13,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from app.contract.commands import RecordOrder
+from app.contract.status import EgoMotionStatus, RecordingStatus
 from app.engine.errors import NotNow
-from app.messages import RecordOrder
 from observer.guard.parameters import AllParameters
 from observer.recording.errors import RecordingError
 from observer.recording.payloads import Begins, Incident, ParameterRevision, RobotRow
@@ -91,15 +93,17 @@ class RunRecorder:
         self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
         self._thread.start()
 
-    def facts(self) -> dict[str, Any]:
-        """As ``StateEvent.recording`` holds it."""
-        return {
-            "images": None if self._order is None else self._order.images,
-            "bytes": self._bytes,
-            "seconds": round(self._seconds, 1),
-            "dropped": self._dropped,
-            "trouble": self._trouble,
-        }
+    def facts(self) -> RecordingStatus | None:
+        """As ``StateEvent.recording`` holds it; None where the last half minute alone is kept."""
+        if self._order is None:
+            return None
+        return RecordingStatus(
+            images=self._order.images,
+            bytes=self._bytes,
+            seconds=round(self._seconds, 1),
+            dropped=self._dropped,
+            trouble=self._trouble,
+        )
 
     # --- what is recorded --------------------------------------------------------------------
 
@@ -123,11 +127,16 @@ class RunRecorder:
         self,
         line: Mapping[str, Any],
         received: float,
-        ego_motion: Mapping[str, Any] | None,
+        ego_motion: EgoMotionStatus | None,
         truth: Sequence[Mapping[str, Any]],
     ) -> None:
         """What was found in a frame, as in the ``ObservationEvent``."""
-        self._give(lambda w: w.observation(line, received, ego_motion=ego_motion, truth=truth))
+
+        def write(writer: RecordingWriter) -> None:
+            motion = None if ego_motion is None else asdict(ego_motion)
+            writer.observation(line, received, ego_motion=motion, truth=truth)
+
+        self._give(write)
 
     def truth(self, sample: TruthSample, received: float) -> None:
         """What is truly known at a frame, in the truth's own world."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Protocol
 
+from app.contract.commands import OpenSource
+from app.contract.events import EngineState
+from app.contract.status import AgeingStatus, RecordingStatus
 from app.engine.ageing import CalibrationAgeing
 from app.engine.playback import PlayedFrame, Player
 from app.engine.played_source import PlayedSource
 from app.engine.recording import RunRecorder
-from app.messages import EngineState, OpenSource
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.guard.parameters import AllParameters
@@ -138,7 +140,7 @@ class Session(PlayedSource):
         recorder, self.recorder = self.recorder, None
         return recorder
 
-    def recording_facts(self) -> dict[str, Any] | None:
+    def recording_facts(self) -> RecordingStatus | None:
         """As ``StateEvent.recording`` holds it."""
         if self.run_id is None or self.recorder is None:
             return None
@@ -150,15 +152,15 @@ class Session(PlayedSource):
             recorder.end()
         super().close()
 
-    def camera_facts(self) -> dict[str, Any]:
+    def camera_facts(self) -> StereoCamera:
         """The rectified camera as ``StateEvent.camera`` holds it."""
-        return asdict(self.observer.camera)
+        return self.observer.camera
 
-    def mount_facts(self) -> dict[str, Any] | None:
+    def mount_facts(self) -> CameraMount | None:
         """As ``StateEvent.mount`` holds it."""
-        return None if self.mount is None else asdict(self.mount)
+        return self.mount
 
-    def ageing_facts(self) -> dict[str, Any] | None:
+    def ageing_facts(self) -> AgeingStatus | None:
         """As ``StateEvent.ageing`` holds it."""
         return self.ageing.facts()
 
@@ -169,6 +171,6 @@ class Session(PlayedSource):
             return self.robots.world
         return REAL_WORLD if self.source.info.live else None
 
-    def robot_facts(self) -> tuple[dict[str, Any], ...]:
+    def robot_facts(self) -> tuple[RobotPort, ...]:
         """As ``StateEvent.robots`` holds it."""
-        return tuple(asdict(port) for port in self._ports)
+        return self._ports

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Protocol
 
+from app.contract.commands import OpenSource
 from app.engine.playback import Player
 from app.engine.played_source import (
     FIRST_PAIR_S,
@@ -18,7 +19,6 @@ from app.engine.played_source import (
 )
 from app.engine.recorders import Recorders
 from app.engine.session import FrameObserver, Session
-from app.messages import OpenSource
 from observer.calibration.formats.opencv_file import (
     calibration_id,
     calibration_text,

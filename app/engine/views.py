@@ -44,7 +44,7 @@ RESIDUAL_SCALE = 4.0
 
 
 def draw_view(name: str, observed: Observed) -> bytes:
-    """The named view (of ``app.messages.VIEW_NAMES`` all but the disparity) as a JPEG."""
+    """The named view (of ``app.contract.VIEW_NAMES`` all but the disparity) as a JPEG."""
     return encode_jpeg(_VIEWS[name](observed), fine_colors=name in _FINELY_DRAWN)
 
 

@@ -10,8 +10,8 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_late
 from prometheus_client.registry import Collector, CollectorRegistry
 from starlette.responses import Response
 
+from app.contract.events import EngineState
 from app.http.api.common import TheServer
-from app.messages import EngineState
 from app.server import Server
 from app.server.status import status
 from observer.rig.rig import ROLES
@@ -35,50 +35,50 @@ class _StatusCollector(Collector):
 
     def collect(self) -> Iterator[Metric]:
         now = status(self._server)
-        engine, drops, latency = now["engine"], now["drops"], now["latency_ms"]
+        engine, drops, latency = now.engine, now.drops, now.latency_ms
         yield CounterMetricFamily(
             "dynamic_observer_frames_observed",
             "Frames observed since the server's start.",
-            value=now["frames_observed"],
+            value=now.frames_observed,
         )
         yield GaugeMetricFamily(
             "dynamic_observer_frames_per_second",
             "Unique frames observed per second, lately.",
-            value=now["rates"]["unique_frames_per_s"],
+            value=now.rates.unique_frames_per_s,
         )
-        dense = now["dense_stereo"]
+        dense = now.dense_stereo
         yield GaugeMetricFamily(
             "dynamic_observer_dense_stereo_per_second",
             "Clouds or disparity views made per second, lately; 0 while nobody watches.",
-            value=dense["per_s"],
+            value=dense.per_s,
         )
-        if dense["age_s"] is not None:
+        if dense.age_s is not None:
             yield GaugeMetricFamily(
                 "dynamic_observer_dense_stereo_age_seconds",
                 "Since the reception of the pair that the newest one was made of.",
-                value=dense["age_s"],
+                value=dense.age_s,
             )
         yield CounterMetricFamily(
             "dynamic_observer_engine_restarts",
             "How often the engine process was replaced.",
-            value=engine["restarts"],
+            value=engine.restarts,
         )
         state = GaugeMetricFamily(
             "dynamic_observer_engine_state", "1 for the state it is in.", labels=["state"]
         )
         for each in EngineState:
-            state.add_metric([each.value], float(engine["state"] == each.value))
+            state.add_metric([each.value], float(engine.state == each.value))
         yield state
         lost = CounterMetricFamily(
             "dynamic_observer_drops", "What was left out, by kind.", labels=["kind"]
         )
-        for kind, count in drops.items():
+        for kind, count in vars(drops).items():
             lost.add_metric([kind], count)
         yield lost
         stages = GaugeMetricFamily(
             "dynamic_observer_stage_ms", "Median of each stage, lately.", labels=["stage"]
         )
-        for stage, ms in now["timings_ms"].items():
+        for stage, ms in now.timings_ms.items():
             stages.add_metric([stage], ms)
         yield stages
         painted = GaugeMetricFamily(
@@ -86,11 +86,11 @@ class _StatusCollector(Collector):
             "From reception to the page's acknowledgement after painting.",
             labels=["quantile"],
         )
-        for quantile in ("median", "p95"):
-            if latency[quantile] is not None:
-                painted.add_metric([quantile], latency[quantile])
+        for quantile, value in (("median", latency.median), ("p95", latency.p95)):
+            if value is not None:
+                painted.add_metric([quantile], value)
         yield painted
-        yield GaugeMetricFamily("dynamic_observer_viewers", "Open pages.", value=now["viewers"])
+        yield GaugeMetricFamily("dynamic_observer_viewers", "Open pages.", value=now.viewers)
         yield from self._driving()
 
     def _driving(self) -> Iterator[Metric]:

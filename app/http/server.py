@@ -10,6 +10,7 @@ from typing import Any
 
 from fastapi import APIRouter, FastAPI, WebSocket
 
+from app.contract.views import VIEW_NAMES
 from app.http import metrics
 from app.http.api import (
     boards,
@@ -45,7 +46,6 @@ from app.http.sockets.drive import DriveSocket
 from app.http.sockets.live import LiveHub
 from app.http.sockets.view_feed import ViewFeed
 from app.http.sockets.viewer_proxy import ViewerDoor
-from app.messages import VIEW_NAMES
 from app.server import Engine, Server
 from app.server.contracts import Drive
 from app.server.robots import check_records, profile_library

@@ -168,7 +168,7 @@ def alignment_facts(alignment: Alignment) -> dict[str, Any]:
 def gather_compared(
     path: Path,
     comparison: Comparison | None,
-    lines: Iterable[dict[str, Any]] | None = None,
+    lines: Iterable[Mapping[str, Any]] | None = None,
 ) -> Gathered:
     """As ``gather``, with this truth instead of the recorded one.
 

@@ -48,7 +48,7 @@ class Gathered:
     alignment: of motion capture with this run, None where there is none.
     """
 
-    lines: tuple[dict[str, Any], ...]
+    lines: tuple[Mapping[str, Any], ...]
     matched: tuple[MatchedTruth, ...]
     true: tuple[TrueMotion, ...]
     seen: tuple[SeenMotion, ...]
@@ -62,7 +62,7 @@ class Gathered:
 def gather(
     recording: Recording,
     alignment: Alignment | None = None,
-    lines: Iterable[dict[str, Any]] | None = None,
+    lines: Iterable[Mapping[str, Any]] | None = None,
 ) -> Gathered:
     """Read everything but images.
 

@@ -23,6 +23,6 @@ class Reply:
     """Answer to one request: a value, or one sentence of why not and the kind of refusal."""
 
     number: int
-    value: dict[str, Any] | None = None
+    value: Any = None
     error: str | None = None
     refusal: Refusal | None = None

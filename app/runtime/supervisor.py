@@ -174,7 +174,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
                 _log.error("%s process %d hangs inside the kernel", self.what, child.pid)
         self._release()
 
-    async def request(self, command: _Command, timeout_s: float = 10.0) -> dict[str, Any]:
+    async def request(self, command: _Command, timeout_s: float = 10.0) -> Any:
         """Ask the process and wait for its answer's value.
 
         Raises:
@@ -197,7 +197,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             raise self.unavailable(f"the {self.what} ended before it answered {what}") from None
         if reply.refusal is not None:
             raise self.refused(reply.error or f"{what} was refused", reply.refusal)
-        return reply.value or {}
+        return reply.value
 
     def subscribe(self, callback: Callable[[_Event], None]) -> Callable[[], None]:
         """Call ``callback`` in the event loop for every event, in order.

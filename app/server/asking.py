@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
-from app.drive.messages import DriveProcessCommand
-from app.messages import Command
+from app.contract.commands import Answer, ToEngine
+from app.contract.drive import ToDrive
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.server.contracts import Drive, Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
@@ -15,8 +14,12 @@ from app.storage import StorageFull
 
 
 async def ask(
-    engine: Engine, command: Command, *, field: tuple[str, ...] = ("body",), timeout_s: float = 10.0
-) -> dict[str, Any]:
+    engine: Engine,
+    command: ToEngine[Answer],
+    *,
+    field: tuple[str, ...] = ("body",),
+    timeout_s: float = 10.0,
+) -> Answer:
     """Send the engine a command and return its reply's value.
 
     Args:
@@ -31,12 +34,7 @@ async def ask(
         return await engine.request(command, timeout_s)
 
 
-async def ask_drive(
-    drive: Drive,
-    command: DriveProcessCommand,
-    *,
-    timeout_s: float = 1.0,
-) -> dict[str, Any]:
+async def ask_drive(drive: Drive, command: ToDrive[Answer], *, timeout_s: float = 1.0) -> Answer:
     """Send the drive process a command; as ``ask`` in all else."""
     with _own_errors(("body",)):
         return await drive.request(command, timeout_s)

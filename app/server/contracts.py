@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
-from app.drive.messages import DriveEvents, DriveProcessCommand
-from app.messages import Command, Event, ObservationEvent
+from app.contract.commands import Answer, ToEngine
+from app.contract.drive import DriveEvents, ToDrive
+from app.contract.events import Event, ObservationEvent
 from app.runtime.latest import Latest
 
 
@@ -51,7 +52,7 @@ class Engine(Protocol):
         """End the process; safe to call twice."""
         ...
 
-    async def request(self, command: Command, timeout_s: float = 10.0) -> dict[str, Any]:
+    async def request(self, command: ToEngine[Answer], timeout_s: float = 10.0) -> Answer:
         """Send a command and wait for its reply's value.
 
         Raises:
@@ -85,7 +86,7 @@ class Drive(Protocol):
         """Stop all robots and end the process; safe to call twice."""
         ...
 
-    async def request(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> dict[str, Any]:
+    async def request(self, command: ToDrive[Answer], timeout_s: float = 1.0) -> Answer:
         """Send a command and wait for its reply's value.
 
         Raises:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import structlog
 
-from app.messages import (
+from app.contract.events import (
     BoardLookEvent,
     BoardViewsEvent,
     DenseStereoEvent,

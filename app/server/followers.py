@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 
-from app.messages import ObservationEvent
+from app.contract.events import ObservationEvent
 from app.server.contracts import Listener
 
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from app.messages import EngineState
+from app.contract.events import EngineState
 from app.server.calibrating.manager import CalibrationManager
 from app.server.contracts import Drive, Engine
 from app.server.engine_events import EngineEvents

@@ -5,42 +5,15 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from statistics import median
-from typing import Any
 
-from app.messages import DenseStereoEvent, ObservationEvent, SkippedFrameEvent
+from app.contract.events import DenseStereoEvent, ObservationEvent, SkippedFrameEvent
+from app.contract.status import DenseStereoStatus, LatencyStatus, SkippedFrame
 
 _RATE_WINDOW_S = 2.0
 _TIMED_FRAMES = 90
 _LATENCY_SAMPLES = 600
 _SKIPPED_SHOWN = 5
-
-
-@dataclass(frozen=True)
-class Latency:
-    """From a frame's reception to its acknowledgement after painting, milliseconds."""
-
-    median: float | None
-    p95: float | None
-    count: int
-
-
-@dataclass(frozen=True)
-class DenseStereo:
-    """What the thread of dense stereo does beside the loop.
-
-    Attributes:
-        per_s: clouds (or disparity views) lately; 0 while nobody watches.
-        age_s: since the reception of the newest one's pair; None before the first.
-        median_ms: to make one; None where none was made lately.
-        coarseness: how many pixels lie along one that is matched; None before the first.
-    """
-
-    per_s: float
-    age_s: float | None
-    median_ms: float | None
-    coarseness: int | None
 
 
 class Telemetry:
@@ -66,9 +39,9 @@ class Telemetry:
         return self._observed_before + self._observed_now
 
     @property
-    def skipped(self) -> list[dict[str, Any]]:
+    def skipped(self) -> list[SkippedFrame]:
         """The frames last skipped, oldest first."""
-        return [{"index": event.index, "reason": event.reason} for event in self._skipped]
+        return [SkippedFrame(event.index, event.reason) for event in self._skipped]
 
     def new_engine(self) -> None:
         """The engine counts from 0 again."""
@@ -91,7 +64,7 @@ class Telemetry:
         """Count one observation; a frame that is observed twice counts once."""
         self._observed_now = max(self._observed_now, event.sequence + 1)
         self.frame_skips = event.frame_skips
-        unique = (int(event.line["segment"]), int(event.line["frame"]))
+        unique = (event.line["segment"], event.line["frame"])
         if unique != self._last:
             self._last = unique
             self._arrivals.append(now)
@@ -106,12 +79,12 @@ class Telemetry:
             self._dense.append((now, event))
         return changed
 
-    def dense(self, now: float) -> DenseStereo:
+    def dense(self, now: float) -> DenseStereoStatus:
         """Rate and cost of the last 2 s, and the newest one's age."""
         while self._dense and self._dense[0][0] < now - _RATE_WINDOW_S:
             self._dense.popleft()
         newest, lately = self._newest_dense, [event for _, event in self._dense]
-        return DenseStereo(
+        return DenseStereoStatus(
             per_s=_per_second([arrival for arrival, _ in self._dense], now),
             age_s=None if newest is None else round(max(0.0, now - newest.received), 3),
             median_ms=round(1e3 * median(e.seconds for e in lately), 1) if lately else None,
@@ -141,11 +114,13 @@ class Telemetry:
         }
 
     @property
-    def latency(self) -> Latency:
+    def latency(self) -> LatencyStatus:
         values = sorted(self._latency)
         if not values:
-            return Latency(None, None, 0)
-        return Latency(round(median(values), 1), round(_percentile(values, 0.95), 1), len(values))
+            return LatencyStatus(None, None, 0)
+        return LatencyStatus(
+            round(median(values), 1), round(_percentile(values, 0.95), 1), len(values)
+        )
 
 
 def _per_second(arrivals: Sequence[float], now: float) -> float:

@@ -27,7 +27,6 @@ from app.storage.records import (
     RunState,
     SavedParameters,
     SpeedRow,
-    StopFigures,
     TruthRecord,
     utc_now,
 )
@@ -47,7 +46,6 @@ __all__ = [
     "RunState",
     "SavedParameters",
     "SpeedRow",
-    "StopFigures",
     "Storage",
     "StorageBusy",
     "StorageCorrupt",

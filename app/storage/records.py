@@ -13,6 +13,8 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any, Literal
 
+from app.contract.robots import StopMeasured
+
 SpeedSource = Literal["estimate", "truth", "commanded", "encoder"]
 
 
@@ -142,29 +144,12 @@ class SpeedRow:
 
 
 @dataclass(frozen=True)
-class StopFigures:
-    """How a robot that moved was stopped, measured; None is not known.
-
-    Attributes:
-        zero_ms, stood_ms: from the cause until zero went out, and until it stood.
-        distance_m: driven from the cause until it stood. speed_mps: at the cause.
-        separation_m: what was left to the nearest ahead, behind a stop of the guard.
-    """
-
-    zero_ms: float | None
-    stood_ms: float | None
-    distance_m: float | None
-    speed_mps: float | None
-    separation_m: float | None
-
-
-@dataclass(frozen=True)
 class IncidentRecord:
     """Something stopped a robot during a run, or took its motors away.
 
     Attributes:
         at: wall clock. role: None where all robots were meant.
-        kind: as ``app.drive.messages.IncidentEvent``. sentence: for people.
+        kind: as ``app.contract.drive.IncidentEvent``. sentence: for people.
         speed_mps: at that moment, None where unknown.
         stops: by role, of each robot that moved and whose stop was measured.
     """
@@ -175,7 +160,7 @@ class IncidentRecord:
     kind: str
     sentence: str
     speed_mps: float | None
-    stops: Mapping[str, StopFigures] = field(default_factory=dict)
+    stops: Mapping[str, StopMeasured] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

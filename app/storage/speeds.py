@@ -8,6 +8,7 @@ from typing import Any, cast
 
 from sqlalchemy import delete, insert, select
 
+from app.contract.robots import StopMeasured
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
 from app.storage.models import Incident, IncidentStop, Run, Speed
@@ -15,7 +16,6 @@ from app.storage.records import (
     IncidentRecord,
     SpeedRow,
     SpeedSource,
-    StopFigures,
 )
 
 _SPEED_COLUMNS = (
@@ -114,7 +114,7 @@ class SpeedTables(Database):
             )
             return row.id
 
-    def append_stop(self, incident: int, role: str, figures: StopFigures) -> None:
+    def append_stop(self, incident: int, role: str, figures: StopMeasured) -> None:
         """Keep how a robot that an incident stopped came to stand.
 
         Raises:
@@ -127,10 +127,10 @@ class SpeedTables(Database):
         """Those of a run, oldest first; empty for an unknown run."""
         query = select(Incident).where(Incident.run_id == run_id).order_by(Incident.id)
         of_them = select(IncidentStop).join(Incident).where(Incident.run_id == run_id)
-        stops: dict[int, dict[str, StopFigures]] = {}
+        stops: dict[int, dict[str, StopMeasured]] = {}
         with self._reading() as session:
             for stop in session.scalars(of_them):
-                figures = StopFigures(
+                figures = StopMeasured(
                     zero_ms=stop.zero_ms,
                     stood_ms=stop.stood_ms,
                     distance_m=stop.distance_m,

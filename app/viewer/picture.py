@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.messages import EngineState, ObservationEvent, StateEvent
+from app.contract.events import EngineState, ObservationEvent, StateEvent
+from app.contract.robots import RobotsNow
 from app.runtime.latest import Latest
 from app.viewer.robot_marks import RobotMarks, robot_marks
 from app.viewer.shapes import box_edges, rig_edges, upright_rotation
+from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.mount import CameraMount, level_pose
+from observer.mount import level_pose
 
 STALE_AFTER_S = 1.0
 # An arrow shows where the obstacle will be after this time.
@@ -76,14 +78,14 @@ def make_picture(
     state: StateEvent,
     generation: int,
     now: float,
-    driving: Mapping[str, Any] | None = None,
+    driving: RobotsNow | None = None,
 ) -> Picture:
     """The picture of the newest observation, and how fresh it is at ``now``.
 
     Args:
-        driving: as ``app.drive.messages.DriveEvent.facts``.
+        driving: how the robots are, as far as known.
     """
-    mount = None if state.mount is None else CameraMount(**state.mount)
+    mount = state.mount
     T_display_world = level_pose(mount)
     line: Mapping[str, Any] = event.line if event is not None else {"segment": 0, "obstacles": []}
     placed = [o for o in line["obstacles"] if o["position"] is not None]
@@ -105,15 +107,12 @@ def make_picture(
         arrows=_stacked([a for o in placed if (a := _arrow(o)) is not None], None),
         tags=tuple(_tag(o, up) for o in placed),
         positions={int(o["id"]): np.array(o["position"]) for o in placed},
-        robot=robot_marks(_observing(driving), mount, T_world_camera),
+        robot=robot_marks(
+            None if driving is None else driving.robots["observer"], mount, T_world_camera
+        ),
         notice=notice,
         stale=stale,
     )
-
-
-def _observing(driving: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-    found = ((driving or {}).get("robots") or {}).get("observer")
-    return found if isinstance(found, Mapping) else None
 
 
 def read_cloud(value: Latest) -> Cloud:
@@ -136,19 +135,19 @@ def _freshness(
     age = now - event.received
     if age <= STALE_AFTER_S:
         return None, False
-    playback = state.playback or {}
-    if playback.get("paused"):
+    playback = state.playback
+    if playback is not None and playback.paused:
         return "paused", False
-    if playback.get("ended"):
+    if playback is not None and playback.ended:
         return "the source has ended", False
     return f"stale: {age:.0f} s old", True
 
 
-def _optics(camera: Mapping[str, Any] | None) -> tuple[float | None, float | None]:
+def _optics(camera: StereoCamera | None) -> tuple[float | None, float | None]:
     if camera is None:
         return None, None
-    fov = 2 * np.arctan(float(camera["height"]) / 2 / float(camera["fy"]))
-    return float(fov), float(camera["width"]) / float(camera["height"])
+    fov = 2 * np.arctan(camera.height / 2 / camera.fy)
+    return float(fov), camera.width / camera.height
 
 
 def _pose(entry: Mapping[str, Any]) -> Pose:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
+from app.contract.robots import GuardVerdict, RobotNow
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
+from observer.robots.contract import RobotReport, SonarReading
 
 Level = Literal["clear", "slow", "stop"]
 MOST_OUTLINE_LINES = 7
@@ -53,43 +55,41 @@ class RobotMarks:
 
 
 def robot_marks(
-    robot: Mapping[str, Any] | None, mount: CameraMount | None, T_world_camera: Pose | None
+    robot: RobotNow | None, mount: CameraMount | None, T_world_camera: Pose | None
 ) -> RobotMarks | None:
     """What is drawn of the observing robot; None where nothing is known of it or its place.
 
     Args:
-        robot: ``robots.observer`` of ``app.drive.messages.DriveEvent.facts``.
+        robot: the observer's.
     """
     if robot is None or mount is None or T_world_camera is None:
         return None
     T_world_base = T_world_camera @ mount.T_base_camera.inverse()
-    report = robot.get("report") or {}
-    guard = robot.get("guard") or {}
+    report, guard = robot.report, robot.guard
 
     def world(lines: Float64Array) -> Float64Array:
         return np.asarray(T_world_base.apply(lines.reshape(-1, 3)).reshape(-1, 2, 3))
 
-    level = guard.get("level")
     return RobotMarks(
         outline=world(_outline(report)),
-        stop_zone=world(_zone(guard.get("stop_zone") or ())),
-        slow_zone=world(_zone(guard.get("slow_zone") or ())),
-        sonar=world(_sonar(report.get("sonars") or (), report.get("received"))),
-        level=level,
-        text=_text(level, guard.get("reason")),
+        stop_zone=world(_zone(() if guard is None else guard.stop_zone)),
+        slow_zone=world(_zone(() if guard is None else guard.slow_zone)),
+        sonar=world(_sonar(report.sonars, report.received)),
+        level=None if guard is None else guard.level,
+        text=None if guard is None else _text(guard),
         place=np.asarray(T_world_base.apply(np.array([0.0, 0.0, _TEXT_HEIGHT_M]))),
     )
 
 
-def _text(level: Level | None, reason: str | None) -> str | None:
-    if level not in ("slow", "stop"):
+def _text(guard: GuardVerdict) -> str | None:
+    if guard.level == "clear":
         return None
-    word = "slowed" if level == "slow" else "stopped"
-    return word if reason is None else f"{word}: {reason}"
+    word = "slowed" if guard.level == "slow" else "stopped"
+    return word if guard.reason is None else f"{word}: {guard.reason}"
 
 
-def _outline(report: Mapping[str, Any]) -> Float64Array:
-    width, length = report.get("width_m"), report.get("length_m")
+def _outline(report: RobotReport) -> Float64Array:
+    width, length = report.width_m, report.length_m
     if width is None or length is None:
         return np.zeros((0, 2, 3))
     ahead, side = length / 2, width / 2
@@ -110,20 +110,20 @@ def _zone(corners: Sequence[Sequence[float]]) -> Float64Array:
     return _raised(_closed(corners[::step]), _ZONE_HEIGHT_M)
 
 
-def _sonar(sonars: Sequence[Mapping[str, Any]], received: float | None) -> Float64Array:
+def _sonar(sonars: Sequence[SonarReading], received: float | None) -> Float64Array:
     """Chords along the arc of each echo; the newest word of the robot tells how old one is."""
-    newest = max([received or -math.inf, *(each["received"] for each in sonars)])
+    newest = max([received or -math.inf, *(each.received for each in sonars)])
     lines = []
     for each in sonars:
-        distance = each["range_m"]
-        old = newest - each["received"] > _SONAR_OLD_S
+        distance = each.range_m
+        old = newest - each.received > _SONAR_OLD_S
         if distance is None or distance > _SONAR_REACH_M or old:
             continue
-        angle = each["heading"] + np.linspace(
+        angle = each.heading + np.linspace(
             -_SONAR_HALF_CONE_RAD, _SONAR_HALF_CONE_RAD, LINES_OF_A_SONAR + 1
         )
         arc = np.stack([np.cos(angle), np.sin(angle)], axis=1) * distance
-        arc += (each["x"], each["y"])
+        arc += (each.x, each.y)
         lines.append(np.stack([arc[:-1], arc[1:]], axis=1))
     if not lines:
         return np.zeros((0, 2, 3))

@@ -12,11 +12,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import structlog
 
-from app.messages import CLOUD_NAME
+from app.contract.robots import RobotsNow
+from app.contract.views import CLOUD_NAME
 from app.server import Server
 from app.viewer.picture import make_picture, read_cloud
 
@@ -105,7 +106,7 @@ class ViserViewer:
         self._cloud_sequence = 0
         self._image_sequence = 0
         self._image_due = 0.0
-        self._driving: dict[str, Any] | None = None
+        self._driving: RobotsNow | None = None
         self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
         self._thread.start()
 

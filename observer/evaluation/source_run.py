@@ -18,7 +18,7 @@ from observer.evaluation.lines import checked_lines
 from observer.evaluation.opencv_time import OpenCvRecorder
 from observer.evaluation.sources import BenchmarkSource
 from observer.evaluation.tally import Tally, tally
-from observer.jsonl import observation_line
+from observer.jsonl import ObservationLine, observation_line
 from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
 from observer.parameters import Parameters
@@ -106,7 +106,7 @@ def run_opened(
         name: Observer(calibration, parameters, mount=opened.source.info.mount, clock=clock)
         for name, parameters in presets.items()
     }
-    lines: dict[str, list[dict[str, Any]]] = {name: [] for name in presets}
+    lines: dict[str, list[ObservationLine]] = {name: [] for name in presets}
     times: dict[str, dict[str, list[float]]] = {name: defaultdict(list) for name in presets}
     opencv: dict[str, list[Mapping[str, float]]] = {name: [] for name in presets}
     whole: dict[str, list[float]] = {name: [] for name in presets}

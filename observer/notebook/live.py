@@ -12,7 +12,7 @@ import numpy as np
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 from observer.exporting.overlay import draw_overlay
-from observer.jsonl import observation_line
+from observer.jsonl import ObservationLine, observation_line
 from observer.observer import Observer
 from observer.opening import OpenedSource
 from observer.parameters import Parameters, effective
@@ -48,7 +48,7 @@ class Step:
         return self.observation.reported
 
     @cached_property
-    def line(self) -> dict[str, Any]:
+    def line(self) -> ObservationLine:
         """As ``observe`` writes it, see ``observer.jsonl``."""
         return observation_line(self.observation)
 

@@ -18,7 +18,7 @@ from observer.exporting.errors import ExportError
 from observer.exporting.overlay import draw_overlay
 from observer.exporting.tables import TABLES, find_table
 from observer.geometry import Float64Array
-from observer.jsonl import observation_line
+from observer.jsonl import ObservationLine, observation_line
 from observer.parameters import effective
 from observer.recording.reader import Recording
 from observer.recording.replay import replay, replay_revisions
@@ -249,7 +249,9 @@ class LoadedRun:
         """
         return cloud_at(self.recording, position, frame)
 
-    def observe_again(self, changes: Mapping[str, Any] | None = None) -> tuple[dict[str, Any], ...]:
+    def observe_again(
+        self, changes: Mapping[str, Any] | None = None
+    ) -> tuple[ObservationLine, ...]:
         """Observe the recorded images once more: lines as of ``lines``.
 
         Without changes and with lossless images they are the run's, but for the timings.

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import msgspec
 from msgspec import inspect
 
+_Object = inspect.StructType | inspect.TypedDictType
 _PLAIN: dict[type[inspect.Type], str] = {
     inspect.BoolType: "boolean",
     inspect.IntType: "integer",
@@ -21,10 +21,10 @@ _PLAIN: dict[type[inspect.Type], str] = {
 }
 
 
-def json_schema(payload: type[msgspec.Struct]) -> dict[str, Any]:
+def json_schema(payload: type[Any]) -> dict[str, Any]:
     """The schema of a payload's JSON."""
     described = inspect.type_info(payload)
-    assert isinstance(described, inspect.StructType)
+    assert isinstance(described, _Object)
     title = {"title": payload.__name__, "description": (payload.__doc__ or "").partition("\n")[0]}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **title, **_of(described)}
 
@@ -33,7 +33,7 @@ def _of(kind: inspect.Type) -> dict[str, Any]:
     if isinstance(kind, inspect.UnionType):
         (known,) = (one for one in kind.types if not isinstance(one, inspect.NoneType))
         return {**_of(known), "nullable": True}
-    if isinstance(kind, inspect.StructType):
+    if isinstance(kind, _Object):
         return _object(kind)
     if isinstance(kind, inspect.ListType):
         return {"type": "array", "items": _of(kind.item_type)}
@@ -44,14 +44,16 @@ def _of(kind: inspect.Type) -> dict[str, Any]:
     return {"type": _PLAIN[type(kind)]}
 
 
-def _object(kind: inspect.StructType) -> dict[str, Any]:
-    properties, nested = {}, {}
+def _object(kind: inspect.StructType | inspect.TypedDictType) -> dict[str, Any]:
+    properties, nested, required = {}, {}, []
     for field in kind.fields:
+        name = getattr(field, "encode_name", field.name)
         schema = _of(field.type)
         if schema.get("items", {}).get("type") == "array":
-            nested[f"^{field.encode_name}$"] = schema
+            nested[f"^{name}$"] = schema
         else:
-            properties[field.encode_name] = schema
-    required = [field.encode_name for field in kind.fields if field.required]
+            properties[name] = schema
+        if field.required:
+            required.append(name)
     result = {"type": "object", "properties": properties, "required": required}
     return {**result, "patternProperties": nested} if nested else result

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-import msgspec
-
+from observer.jsonl import ObservationLine
 from observer.recording import payloads
 from observer.recording.json_schema import json_schema
 
@@ -36,7 +36,7 @@ class Topic:
     latched: bool = False
 
 
-def _own(name: str, payload: type[msgspec.Struct], *, latched: bool = False) -> Topic:
+def _own(name: str, payload: type[Any], *, latched: bool = False) -> Topic:
     def schema() -> bytes:
         return json.dumps(json_schema(payload)).encode()
 
@@ -57,7 +57,7 @@ def _foxglove(name: str, message: str, *, bulk: bool = False, latched: bool = Fa
 
 RUN = _own("/run", payloads.RunFacts, latched=True)
 FRAME = _own("/frame", payloads.RecordedFrame)
-OBSERVATION = _own("/observation", payloads.ObservationLine)
+OBSERVATION = _own("/observation", ObservationLine)
 EGO_MOTION = _own("/ego_motion", payloads.EgoMotionPayload)
 PARAMETERS = _own("/parameters", payloads.ParameterRevision, latched=True)
 TRUTH = _own("/truth", payloads.TruthPayload)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NotRequired
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from typing_extensions import TypedDict
 
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody, Truth
@@ -14,6 +15,27 @@ from observer.types import Observation, Obstacle
 
 # An obstacle further than this from a body's surface (its half length) is not taken for it.
 GATE_M = 1.0
+
+
+class TrueBodyEntry(TypedDict):
+    """What is truly known of one body, in the world frame of the observation.
+
+    ``time``: only of motion capture, the instant on the source's clock at which it was measured,
+    up to 0.1 s before the frame. ``track_id``: the reported obstacle it was matched to.
+    """
+
+    id: int
+    name: str
+    role: str
+    position: list[float]
+    velocity: list[float]
+    speed: float
+    size: list[float]
+    yaw: float
+    visible: float | None
+    commanded_speed: float | None
+    track_id: int | None
+    time: NotRequired[float]
 
 
 class TruthMatcher:
@@ -30,7 +52,7 @@ class TruthMatcher:
         self._T_world_truth: Pose | None = None
         self._newest: tuple[float, tuple[TrueBody, ...]] | None = None
 
-    def match(self, observation: Observation, source_time: float) -> list[dict[str, Any]]:
+    def match(self, observation: Observation, source_time: float) -> list[TrueBodyEntry]:
         """One entry per true body at ``source_time``, as in ``ObservationEvent.truth``.
 
         Empty as long as the two world frames cannot be aligned.
@@ -96,7 +118,7 @@ def assign(
     }
 
 
-def entry(body: TrueBody, T_world_truth: Pose, track_id: int | None) -> dict[str, Any]:
+def entry(body: TrueBody, T_world_truth: Pose, track_id: int | None) -> TrueBodyEntry:
     """As in ``ObservationEvent.truth``."""
     ahead = T_world_truth.rotate([np.sin(body.yaw), 0.0, np.cos(body.yaw)])
     return {

@@ -9,6 +9,8 @@ import { duration, sentence } from "./words.js";
 
 /** @type {Record<string, string>} */
 const STATES = {
+  connecting: "Connecting",
+  closed: "Reconnecting",
   idle: "Idle",
   preview: "Preview",
   running: "Running",
@@ -80,9 +82,7 @@ class RunBar extends Part {
   #render() {
     const { status, connection } = this.hub;
     const state = connection === "open" && status ? status.engine.state : connection;
-    const words =
-      { connecting: "Connecting", closed: "Reconnecting" }[state] ?? STATES[state] ?? state;
-    setText(this.#state, words);
+    setText(this.#state, STATES[state] ?? state);
     setAttribute(this.#state, "data-state", state);
     setAttribute(this.#state, "title", status?.engine.reason ?? null);
     if (status) this.#tellRestart(status.engine.restarts);

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from app.drive.messages import SIGHT_NAME, WHEELS_NAME
+from app.contract.drive import SIGHT_NAME, WHEELS_NAME
 from app.runtime.latest import create_slot
 from app.server import Server
 from app.storage import Storage

@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from app.drive.messages import (
+from app.contract.drive import (
     COMMAND_FRESH_S,
     ArmRobot,
     ConnectRobot,
@@ -18,10 +18,10 @@ from app.drive.messages import (
     DriveEvent,
     DriveEvents,
     DriveLostEvent,
-    DriveProcessCommand,
     DriveStartedEvent,
     IncidentEvent,
     Presence,
+    ReallySent,
     ReleaseLease,
     ResetStop,
     StartProgramme,
@@ -29,10 +29,21 @@ from app.drive.messages import (
     StopProgramme,
     StopRobots,
     TakeLease,
+    ToDrive,
     WheelSpeedEvent,
+)
+from app.contract.robots import (
+    DriveFacts,
+    DriveLoop,
+    Latch,
+    ProgrammeNow,
+    RobotNow,
+    SightNow,
+    Velocity,
 )
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from observer.rig.rig import ROLES, Role
+from observer.robots.contract import RobotPhase, RobotReport
 from observer.robots.ports import shown_port
 
 
@@ -57,7 +68,7 @@ class FakeDrive:
     """
 
     def __init__(self) -> None:
-        self.commands: list[DriveProcessCommand] = []
+        self.commands: list[ToDrive[Any]] = []
         self.subscribers: list[Callable[[DriveEvents], None]] = []
         self.health = FakeHealth()
         self.refuse: dict[type, tuple[Any, str]] = {}
@@ -72,7 +83,7 @@ class FakeDrive:
         self.armed: set[Role] = set()
         self.leases: dict[Role, tuple[str, str]] = {}
         self.sequences: dict[str, int] = {}
-        self.stopped: dict[str, Any] | None = None
+        self.stopped: Latch | None = None
         self.programme: StartProgramme | None = None
 
     # --- as the supervisor -----------------------------------------------------------------
@@ -106,7 +117,7 @@ class FakeDrive:
         for callback in tuple(self.subscribers):
             callback(event)
 
-    async def request(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> dict[str, Any]:
+    async def request(self, command: ToDrive[Any], timeout_s: float = 1.0) -> Any:
         if not self.health.alive:
             raise ProcessUnavailable("the drive process is being replaced")
         self.commands.append(command)
@@ -122,13 +133,13 @@ class FakeDrive:
 
     # --- as the process --------------------------------------------------------------------
 
-    def _do(self, command: DriveProcessCommand) -> dict[str, Any]:
+    def _do(self, command: ToDrive[Any]) -> Any:
         match command:
             case ConnectRobot():
                 self.robots[command.role] = command
                 self.armed.discard(command.role)
                 if self.stops_at_connecting:
-                    self.stopped = {"by": "somebody", "since": time.monotonic()}
+                    self.stopped = Latch("somebody", time.monotonic())
             case DisconnectRobot():
                 self.robots.pop(command.role, None)
                 self.armed.discard(command.role)
@@ -144,7 +155,7 @@ class FakeDrive:
                 self.armed.discard(command.role)
             case StopRobots():
                 self.armed.clear()
-                self.stopped = {"by": command.by, "since": time.monotonic()}
+                self.stopped = Latch(command.by, time.monotonic())
             case ResetStop():
                 self.stopped = None
             case DriveCommand() | Presence():
@@ -156,9 +167,9 @@ class FakeDrive:
                 self.programme = command
             case StopProgramme():
                 self.programme = None
-        return {}
+        return None
 
-    def _take(self, command: TakeLease) -> dict[str, Any]:
+    def _take(self, command: TakeLease) -> str:
         held = self.leases.get(command.role)
         if held is not None and not command.takeover:
             raise ProcessRefused(f"{held[1]} drives the {command.role}", "state")
@@ -166,7 +177,7 @@ class FakeDrive:
         lease = f"lease-{self._leases}"
         self.leases[command.role] = (lease, command.operator)
         self.armed.discard(command.role)
-        return {"lease": lease}
+        return lease
 
     def _check(self, role: Role, lease: str) -> None:
         if self.leases.get(role, ("", ""))[0] != lease:
@@ -181,7 +192,7 @@ class FakeDrive:
             self._check(command.role, command.lease or "")
         self.armed.add(command.role)
 
-    def _drive(self, command: DriveCommand | Presence) -> dict[str, Any]:
+    def _drive(self, command: DriveCommand | Presence) -> ReallySent | None:
         self._check(command.role, command.lease)
         age = time.monotonic() - command.issued
         if age > COMMAND_FRESH_S:
@@ -190,50 +201,52 @@ class FakeDrive:
             raise ProcessRefused("the command's number is old", "state")
         self.sequences[command.lease] = command.sequence
         if isinstance(command, Presence):
-            return {}
+            return None
         moves = command.role in self.armed
-        return {
-            "speed_mps": max(-0.3, min(0.3, command.speed_mps)) if moves else 0.0,
-            "turn_rate_radps": command.turn_rate_radps if moves else 0.0,
-            "limited_by": None if moves else "not armed",
-            "age_s": age,
-        }
+        return ReallySent(
+            speed_mps=max(-0.3, min(0.3, command.speed_mps)) if moves else 0.0,
+            turn_rate_radps=command.turn_rate_radps if moves else 0.0,
+            limited_by=None if moves else "not armed",
+            age_s=age,
+        )
 
     # --- what it tells ---------------------------------------------------------------------
 
     def tell(self, **more: Any) -> None:
         """Publish how everything is."""
-        self.publish(DriveEvent({**self.facts(), **more}, time.monotonic()))
+        self.publish(DriveEvent(replace(self.facts(), **more), time.monotonic()))
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> DriveFacts:
         programme = self.programme
-        return {
-            "stopped": self.stopped,
-            "sight": {"age_s": 0.05, "status": "ok", "world": "real"},
-            "loop": {"ticks": 5, "late_p99_ms": 0.4, "late_max_ms": 1.5, "priority": "normal"},
-            "programme": None
+        return DriveFacts(
+            stopped=self.stopped,
+            sight=SightNow(0.05, "ok", "real"),
+            loop=DriveLoop(5, 0.4, 1.5, "normal"),
+            programme=None
             if programme is None
-            else {"name": programme.programme.name, "repeat": programme.repeat},
-            "robots": {role: self._robot(role) for role in ROLES},
-        }
+            else ProgrammeNow(
+                programme.programme.name, "driving", 1, 0.0, 1.0, programme.repeat, False
+            ),
+            robots={role: self._robot(role) for role in ROLES},
+        )
 
-    def _robot(self, role: Role) -> dict[str, Any] | None:
+    def _robot(self, role: Role) -> RobotNow | None:
         robot = self.robots.get(role)
         if robot is None:
             return None
-        return {
-            "port": shown_port(robot.port),
-            "name": robot.name,
-            "world": robot.world,
-            "state": "armed" if role in self.armed else "disarmed",
-            "operator": self.leases.get(role, (None, None))[1],
-            "present": False,
-            "why": None if role in self.armed else "not armed",
-            "commanded": {"speed_mps": 0.0, "turn_rate_radps": 0.0},
-            "sent": {"speed_mps": 0.0, "turn_rate_radps": 0.0},
-            "guard": None,
-            "report": {"phase": "connected", "battery_v": 12.3, "watchdog_s": 2.0},
-        }
+        return RobotNow(
+            port=shown_port(robot.port),
+            name=robot.name,
+            world=robot.world,
+            state="armed" if role in self.armed else "disarmed",
+            operator=self.leases.get(role, (None, None))[1],
+            present=False,
+            why=None if role in self.armed else "not armed",
+            commanded=Velocity(0.0, 0.0),
+            sent=Velocity(0.0, 0.0),
+            guard=None,
+            report=RobotReport(RobotPhase.CONNECTED, battery_v=12.3, watchdog_s=2.0),
+        )
 
     def measure(self, role: Role, sent: float, encoder: float | None, ago_s: float = 0.0) -> None:
         """The speeds of a robot, as ten times a second while it is armed."""

@@ -10,42 +10,51 @@ from typing import Any
 
 import numpy as np
 
-from app.engine.truth_facts import truth_facts
-from app.messages import (
-    CLOUD_NAME,
-    VIEW_NAMES,
+from app.contract.answers import CalibrationPreview, FloorPoints, KeptClip, Opened, ScenePairs
+from app.contract.calibrating import BoardLook, PlaceDepth
+from app.contract.commands import (
     BeginCalibration,
-    BoardLookEvent,
-    BoardViewsEvent,
     ChangeCalibration,
     CloseSource,
-    Command,
-    EngineLostEvent,
-    EngineStartedEvent,
-    EngineState,
-    Event,
     ExplainPixel,
     LookAtFloor,
     MeasureDepth,
-    ObservationEvent,
     OpenSource,
     PreviewCalibration,
     SaveRing,
     SetParameters,
     SetPlayback,
     SetTruth,
-    StateEvent,
     StopRun,
     TakeScenePairs,
+    ToEngine,
     WatchViews,
 )
+from app.contract.events import (
+    BoardLookEvent,
+    BoardViewsEvent,
+    EngineLostEvent,
+    EngineStartedEvent,
+    EngineState,
+    Event,
+    ObservationEvent,
+    StateEvent,
+)
+from app.contract.pixel import Pixel, PixelObstacle
+from app.contract.status import PlaybackStatus, RecordingStatus
+from app.contract.views import CLOUD_NAME, VIEW_NAMES
+from app.engine.truth_facts import truth_facts
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from app.supervisor import EngineHealth, EngineRefused, EngineUnavailable
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.calibration.views import BoardSighting, BoardView
-from observer.camera import StereoCalibration
+from observer.camera import StereoCalibration, StereoCamera
+from observer.jsonl import ObservationLine
 from observer.mount import CameraMount
+from observer.robots.contract import RobotPort
+from observer.sources.contract import SourceInfo
+from observer.truth.matching import TrueBodyEntry
 
 # The smallest JPEG there is would do; the bytes are only carried.
 JPEG = b"\xff\xd8\xff\xe0 not a picture, but carried like one \xff\xd9"
@@ -64,7 +73,7 @@ class PeerEngine:
         readers = {name: LatestReader(fd) for name, fd in self._slots.items()}
         self.cloud = readers.pop(CLOUD_NAME)
         self.views = readers
-        self.commands: list[Command] = []
+        self.commands: list[ToEngine[Any]] = []
         self.subscribers: list[Callable[[Event], None]] = []
         self.generation = 0
         self.alive = False
@@ -76,7 +85,7 @@ class PeerEngine:
         self.devices: tuple[str, ...] = ()
         # The world that the source shows, and the robots in it.
         self.world: str | None = None
-        self.robots: tuple[dict[str, Any], ...] = ()
+        self.robots: tuple[RobotPort, ...] = ()
         self.parameters: dict[str, Any] = {}
         self.watched: tuple[str, ...] = ()
         self.frame = 0
@@ -125,7 +134,7 @@ class PeerEngine:
         pid = 1000 + self.generation if self.alive else None
         return EngineHealth(self.generation, pid, self.alive, max(0, self.generation - 1), 0.01, 0)
 
-    async def request(self, command: Command, timeout_s: float = 10.0) -> dict[str, Any]:
+    async def request(self, command: ToEngine[Any], timeout_s: float = 10.0) -> Any:
         assert timeout_s > 0
         if not self.alive:
             raise EngineUnavailable("the engine is being replaced")
@@ -140,18 +149,18 @@ class PeerEngine:
             case CloseSource():
                 self.opened = self.calibrating = None
                 self.publish(self.state())
-                return {}
+                return None
             case MeasureDepth():
                 return self._measure(command)
             case LookAtFloor():
                 self.frame += 1
-                return {"frame": self.frame, "points": floor_points(self.frame)}
+                return FloorPoints(self.frame, floor_points(self.frame))
             case TakeScenePairs():
                 text = self.opened and self.opened.calibration_yaml
-                return {"pairs": (), "calibration_yaml": text or rectified_calibration()}
+                return ScenePairs((), text or rectified_calibration())
             case SetParameters():
                 self.parameters = dict(command.parameters)
-                return {"frame": self.frame + 1 if self.opened else None}
+                return self.frame + 1 if self.opened else None
             case SetPlayback():
                 if self.opened is None:
                     raise EngineRefused("no source is open", "state")
@@ -160,53 +169,53 @@ class PeerEngine:
                     if changes[name] is not None:
                         self.playback[name] = changes[name]
                 self.publish(self.state())
-                return dict(self.playback)
+                return PlaybackStatus(**self.playback)
             case SetTruth():
                 assert self.opened is not None
                 self.opened = replace(self.opened, truth=command.truth)
                 self.publish(self.state())
-                return {"truth": self.state().truth}
+                return self.state().truth
             case StopRun():
                 if self.opened is None or self.opened.run_id is None:
                     raise EngineRefused("no run is going", "state")
                 record, self.opened = self.opened.record, replace(self.opened, run_id=None)
                 self.publish(self.state())
-                return {"recording": record and self.recording(bytes=4096)}
+                return record and self.recording(bytes=4096)
             case SaveRing():
                 if self.opened is None or self.opened.run_id is None:
                     raise EngineRefused("what is open can be played again", "state")
-                return {"bytes": 512, "seconds": 29.9}
+                return KeptClip(512, 29.9)
             case WatchViews():
                 new = set(command.names) - set(self.watched)
                 self.watched = command.names
                 if self.draw_on_watch:
                     for name in new & set(VIEW_NAMES):
                         self.draw(name)
-                return {}
+                return None
             case PreviewCalibration():
-                return {"jpeg": JPEG, "vertical_error_px": 0.125, "matches": 42}
+                return CalibrationPreview(JPEG, 0.125, 42)
             case ExplainPixel():
                 return self._explain(command)
-        return {}
+        return None
 
-    def _explain(self, command: ExplainPixel) -> dict[str, Any]:
+    def _explain(self, command: ExplainPixel) -> Pixel:
         if self.sequence == 0:
             raise EngineRefused("no frame has been observed yet", "state")
         if not (0 <= command.u < 512 and 0 <= command.v < 256):
             raise EngineRefused("the pixel is outside the image of 512 x 256 pixels", "input")
-        return {
-            "frame": self.frame - 1,
-            "segment": 0,
-            "u": command.u,
-            "v": command.v,
-            "verdict": "dynamic",
-            "sentence": "It moves at 0.40 m/s.",
-            "numbers": {"residual_px": 4.2, "depth_m": None},
-            "would_change": "With flow.residual_threshold_px at 4.21 px or above it would not.",
-            "obstacle": {"id": 7, "reported": True, "why": "its flow differs"},
-        }
+        return Pixel(
+            frame=self.frame - 1,
+            segment=0,
+            u=command.u,
+            v=command.v,
+            verdict="dynamic",
+            sentence="It moves at 0.40 m/s.",
+            numbers={"residual_px": 4.2, "depth_m": None},
+            would_change="With flow.residual_threshold_px at 4.21 px or above it would not.",
+            obstacle=PixelObstacle(7, True, "its flow differs"),
+        )
 
-    def _begin(self, command: BeginCalibration) -> dict[str, Any]:
+    def _begin(self, command: BeginCalibration) -> Opened:
         if command.source == "missing":
             raise EngineRefused("there is no folder missing; name one that exists", "input")
         if self.opened is not None and self.opened.run_id is not None:
@@ -214,9 +223,9 @@ class PeerEngine:
         self.opened, self.calibrating = None, command
         self.captured = list(command.views)
         self.publish(self.state())
-        return asdict(self.state())
+        return Opened(self.state(), None)
 
-    def _change(self, command: ChangeCalibration) -> dict[str, Any]:
+    def _change(self, command: ChangeCalibration) -> tuple[str, ...]:
         if self.calibrating is None:
             raise EngineRefused("nothing is being calibrated", "state")
         if command.capture:
@@ -231,7 +240,7 @@ class PeerEngine:
         if command.remove is not None:
             self.captured = [view for view in self.captured if view.name != command.remove]
             self.publish(BoardViewsEvent(self._names()))
-        return {"views": list(self._names())}
+        return self._names()
 
     def _names(self) -> tuple[str, ...]:
         return tuple(view.name for view in self.captured)
@@ -248,15 +257,15 @@ class PeerEngine:
 
     def look(self, **more: Any) -> None:
         """One more pair was looked at."""
-        look = {"frame": self.frame, "words": "Hold it still", "next": None, "seen": [54, 54]}
-        self.publish(BoardLookEvent({**look, **more}, time.monotonic()))
+        look = BoardLook(words="Hold it still", frame=self.frame, seen=[54, 54])
+        self.publish(BoardLookEvent(replace(look, **more), time.monotonic()))
 
-    def _measure(self, command: MeasureDepth) -> dict[str, Any]:
+    def _measure(self, command: MeasureDepth) -> PlaceDepth:
         if command.u >= 512 or command.v >= 256:
             raise EngineRefused("the pixel is outside the image of 512 x 256", "input")
-        return {"range_m": 2.0, "depth_m": 1.9, "disparity_px": 28.0}
+        return PlaceDepth(range_m=2.0, depth_m=1.9, disparity_px=28.0)
 
-    def _open(self, command: OpenSource) -> dict[str, Any]:
+    def _open(self, command: OpenSource) -> Opened:
         if command.source == "missing":
             raise EngineRefused("there is no folder missing; name one that exists", "input")
         if command.source == "uncalibrated" and command.calibration_yaml is None:
@@ -276,46 +285,39 @@ class PeerEngine:
             "achieved_rate": 1.0,
         }
         self.publish(self.state())
-        return {"calibration_yaml": command.calibration_yaml or rectified_calibration()}
+        return Opened(self.state(), command.calibration_yaml or rectified_calibration())
 
     def state(self, **more: Any) -> StateEvent:
         opened = self.opened
         if opened is None and self.calibrating is None:
             return StateEvent(EngineState.IDLE, None)
-        source = {
-            "spec": (opened or self.calibrating).source,
-            "kind": "simulated",
-            "width": 512,
-            "height": 256,
-            "frame_rate": 15.0,
-            "frame_count": 100,
-            "live": False,
-            "mount_height_m": 0.4,
-            "mount_tilt_rad": 0.1,
-            "devices": self.devices,
-        }
+        shown = opened or self.calibrating
+        assert shown is not None
+        source = SourceInfo(
+            spec=shown.source,
+            kind="simulated",
+            width=512,
+            height=256,
+            frame_rate=15.0,
+            frame_count=100,
+            mount_height_m=0.4,
+            mount_tilt_rad=0.1,
+            devices=self.devices,
+        )
         if opened is None:
             return StateEvent(EngineState.CALIBRATING, None, source=source)
-        camera = {
-            "width": 512,
-            "height": 256,
-            "fx": 443.0,
-            "fy": 443.0,
-            "cx": 255.5,
-            "cy": 127.5,
-            "baseline": 0.12,
-        }
+        camera = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
         return (
             StateEvent(
                 EngineState.PREVIEW if opened.run_id is None else EngineState.RUNNING,
                 None,
                 source=source,
-                playback=dict(self.playback),
+                playback=PlaybackStatus(**self.playback),
                 camera=camera,
                 run_id=opened.run_id,
                 segment=opened.segment,
                 has_truth=True,
-                mount=asdict(CameraMount(0.4, 0.1)),
+                mount=CameraMount(0.4, 0.1),
                 world=self.world,
                 robots=self.robots,
                 truth=None
@@ -327,10 +329,9 @@ class PeerEngine:
         )
 
     @staticmethod
-    def recording(**more: Any) -> dict[str, Any]:
+    def recording(**more: Any) -> RecordingStatus:
         """How a recording is, as the engine tells it."""
-        facts = {"images": "jpeg", "bytes": 0, "seconds": 0.0, "dropped": 0, "trouble": None}
-        return {**facts, **more}
+        return replace(RecordingStatus("jpeg", 0, 0.0, 0, None), **more)
 
     def draw(self, name: str) -> None:
         header = {
@@ -381,7 +382,7 @@ class PeerEngine:
         return event
 
 
-def line(frame: int, segment: int, revision: int, padding: str) -> dict[str, Any]:
+def line(frame: int, segment: int, revision: int, padding: str) -> ObservationLine:
     """A JSON line with one obstacle that drives to the right at 0.4 m/s."""
     at = [0.4 * frame / 15, 0.1, 3.0]
     return {
@@ -419,7 +420,7 @@ def line(frame: int, segment: int, revision: int, padding: str) -> dict[str, Any
     }
 
 
-def truth(frame: int) -> dict[str, Any]:
+def truth(frame: int) -> TrueBodyEntry:
     return {
         "id": 1,
         "name": "P3-DX",

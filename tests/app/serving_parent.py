@@ -11,7 +11,7 @@ import sys
 
 import psutil
 
-from app.messages import OpenSource
+from app.contract.commands import OpenSource
 from app.runtime.supervisor import SupervisorLimits
 from app.supervisor import Supervisor
 

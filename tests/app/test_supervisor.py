@@ -17,22 +17,23 @@ import numpy as np
 import psutil
 import pytest
 
-from app.messages import (
-    CLOUD_NAME,
-    VIEW_NAMES,
+from app.contract.commands import (
+    OpenSource,
+    PreviewCalibration,
+    SetParameters,
+    SetPlayback,
+    StopRun,
+    WatchViews,
+)
+from app.contract.events import (
     EngineLostEvent,
     EngineStartedEvent,
     EngineState,
     HeartbeatEvent,
     ObservationEvent,
-    OpenSource,
-    PreviewCalibration,
-    SetParameters,
-    SetPlayback,
     StateEvent,
-    StopRun,
-    WatchViews,
 )
+from app.contract.views import CLOUD_NAME, VIEW_NAMES
 from app.runtime.supervisor import SupervisorLimits
 from app.supervisor import EngineRefused, EngineUnavailable, Supervisor
 from observer.calibration.formats.opencv_file import calibration_text

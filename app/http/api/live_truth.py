@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter
 from pydantic import Field
 
+from app.contract.commands import LiveTruthOrder
+from app.contract.live_truth import LiveTruthStatus
 from app.http.api.common import TheServer
-from app.http.api.live_truth_models import LiveTruthStatus
 from app.http.api.refusals import refusals
 from app.http.api.values import In, Name, Spec
-from app.messages import LiveTruthOrder
 
 router = APIRouter(prefix="/truth/live", tags=["truth"])
 
@@ -31,7 +31,7 @@ class LiveTruthChoice(In):
 
 
 @router.get("", response_model=LiveTruthStatus | None, summary="Live motion capture")
-async def get_live_truth(server: TheServer) -> dict[str, Any] | None:
+async def get_live_truth(server: TheServer) -> LiveTruthStatus | None:
     """As in the status; null where none is listened to."""
     return server.source.state.truth
 
@@ -42,7 +42,7 @@ async def get_live_truth(server: TheServer) -> dict[str, Any] | None:
     summary="Listen to live motion capture",
     responses=refusals(413, 415, 422, 503, 507),
 )
-async def put_live_truth(choice: LiveTruthChoice, server: TheServer) -> dict[str, Any] | None:
+async def put_live_truth(choice: LiveTruthChoice, server: TheServer) -> LiveTruthStatus | None:
     """What is open stays open, also in a run. It is kept over restarts of the server."""
     order = None
     if choice.spec is not None:

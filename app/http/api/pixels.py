@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 
+from app.contract.commands import ExplainPixel
+from app.contract.pixel import Pixel
 from app.http.api.common import TheServer
-from app.http.api.models import Pixel
 from app.http.api.refusals import refusals
-from app.messages import ExplainPixel
 from app.server.asking import ask
 
 router = APIRouter(tags=["pixels"])
@@ -24,6 +24,6 @@ Coordinate = Annotated[float, Query(ge=-_MOST_PX, le=_MOST_PX, allow_inf_nan=Fal
     summary="Why a pixel counts as moving, as standing, or as neither",
     responses=refusals(409, 422, 503),
 )
-async def get_pixel(u: Coordinate, v: Coordinate, server: TheServer) -> dict[str, Any]:
+async def get_pixel(u: Coordinate, v: Coordinate, server: TheServer) -> Pixel:
     """Of the newest observed frame: u to the right and v down in the rectified left image."""
     return await ask(server.engine, ExplainPixel(u, v), field=("query",))

@@ -6,6 +6,7 @@ from typing import Any
 
 from fastapi import Response
 
+from app.contract.answers import CalibrationPreview
 from app.http.api.refusals import refusals
 
 PREVIEW_RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -24,9 +25,9 @@ PREVIEW_RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
-def preview_response(preview: dict[str, Any]) -> Response:
+def preview_response(preview: CalibrationPreview) -> Response:
     """The reply of ``PreviewCalibration`` as HTTP."""
-    headers = {"X-Matches": str(preview["matches"])}
-    if preview["vertical_error_px"] is not None:
-        headers["X-Vertical-Error-Px"] = f"{preview['vertical_error_px']:.3f}"
-    return Response(preview["jpeg"], media_type="image/jpeg", headers=headers)
+    headers = {"X-Matches": str(preview.matches)}
+    if preview.vertical_error_px is not None:
+        headers["X-Vertical-Error-Px"] = f"{preview.vertical_error_px:.3f}"
+    return Response(preview.jpeg, media_type="image/jpeg", headers=headers)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Path
 
-from app.drive.messages import StartProgramme
+from app.contract.drive import StartProgramme
+from app.contract.robots import ProgrammeDetail, ProgrammeEntry
+from app.contract.values import filled
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
-from app.http.api.robot_models import (
-    ProgrammeDetail,
-    ProgrammeEntry,
-    ProgrammeStart,
-    ProgrammeText,
-)
+from app.http.api.robot_models import ProgrammeStart, ProgrammeText
 from app.server import FieldError, Server
 from app.server.robots.profile_library import LibraryProgramme
 from observer.motion_profiles import duration_s, programme_text
@@ -41,20 +38,17 @@ async def programme_command(server: Server, wanted: ProgrammeStart) -> StartProg
     return StartProgramme(found.programme, leases, wanted.repeat, wanted.reverse)
 
 
-def _entry(found: LibraryProgramme) -> dict[str, Any]:
+def _entry(found: LibraryProgramme) -> ProgrammeEntry:
     programme = found.programme
-    return {
-        "name": programme.name,
-        "title": programme.title,
-        "help": programme.help,
-        "roles": list(programme.roles),
-        "duration_s": duration_s(programme),
-        "own": found.own,
-    }
+    return filled(ProgrammeEntry, programme, duration_s=duration_s(programme), own=found.own)
+
+
+def _detail(found: LibraryProgramme) -> ProgrammeDetail:
+    return ProgrammeDetail(**vars(_entry(found)), text=programme_text(found.programme))
 
 
 @router.get("", response_model=list[ProgrammeEntry], summary="All programmes")
-async def list_programmes(server: TheServer) -> list[dict[str, Any]]:
+async def list_programmes(server: TheServer) -> list[ProgrammeEntry]:
     """Those that come with the project first."""
     return [_entry(each) for each in await asyncio.to_thread(server.programmes.all)]
 
@@ -66,19 +60,17 @@ async def list_programmes(server: TheServer) -> list[dict[str, Any]]:
     summary="Keep a programme",
     responses=refusals(409, 415, 422, 507),
 )
-async def keep_programme(wanted: ProgrammeText, server: TheServer) -> dict[str, Any]:
+async def keep_programme(wanted: ProgrammeText, server: TheServer) -> ProgrammeDetail:
     """Under the name it gives itself; your own of the same name is replaced."""
-    found = await asyncio.to_thread(server.programmes.save, wanted.text)
-    return {**_entry(found), "text": programme_text(found.programme)}
+    return _detail(await asyncio.to_thread(server.programmes.save, wanted.text))
 
 
 @router.get(
     "/{name}", response_model=ProgrammeDetail, summary="One programme", responses=refusals(404)
 )
-async def get_programme(name: ProgrammeName, server: TheServer) -> dict[str, Any]:
+async def get_programme(name: ProgrammeName, server: TheServer) -> ProgrammeDetail:
     """With its YAML."""
-    found = await asyncio.to_thread(server.programmes.find, name)
-    return {**_entry(found), "text": programme_text(found.programme)}
+    return _detail(await asyncio.to_thread(server.programmes.find, name))
 
 
 @router.delete(

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Path
 from fastapi.responses import FileResponse
-from pydantic import BaseModel, Field
 
+from app.contract.runs import RingEntry, RingFile
+from app.contract.values import filled
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
-from app.storage.saved_clips import SavedClip
 
 router = APIRouter(prefix="/recording", tags=["runs"])
 
 
 Name = Annotated[str, Path(max_length=100)]
-
-
-class RingFile(BaseModel):
-    file: str = Field(description="Within the data folder; it opens as any recording does.")
-    bytes: int
-    seconds: float = Field(description="How far back it reaches.")
 
 
 @router.post(
@@ -31,25 +25,17 @@ class RingFile(BaseModel):
     summary="Save the last half minute",
     responses=refusals(409, 503, 507),
 )
-async def save_ring(server: TheServer) -> dict[str, Any]:
+async def save_ring(server: TheServer) -> RingFile:
     """Of live cameras at any time, and of every run; beside the run, or in the folder rings."""
     return await server.runs.clips.save()
 
 
-class RingEntry(BaseModel):
-    """A saved half minute."""
-
-    name: str
-    run_id: str | None = Field(description="Of the run that was going.")
-    saved_at: str
-    bytes: int
-    source: str = Field(description="Opens it as a source.")
-
-
 @router.get("/rings", response_model=list[RingEntry], summary="All saved half minutes")
-async def list_rings(server: TheServer) -> list[dict[str, Any]]:
+async def list_rings(server: TheServer) -> list[RingEntry]:
     """Newest first."""
-    return [_entry(ring) for ring in await server.runs.clips.all()]
+    return [
+        filled(RingEntry, ring, source=str(ring.path)) for ring in await server.runs.clips.all()
+    ]
 
 
 @router.get(
@@ -73,10 +59,3 @@ async def get_ring(name: Name, server: TheServer) -> FileResponse:
 async def delete_ring(name: Name, server: TheServer) -> None:
     """The recording of the run that was going stays."""
     await server.runs.clips.delete(name)
-
-
-def _entry(ring: SavedClip) -> dict[str, Any]:
-    return {
-        "name": ring.name, "run_id": ring.run_id, "saved_at": ring.saved_at, "bytes": ring.bytes,
-        "source": str(ring.path),
-    }  # fmt: skip

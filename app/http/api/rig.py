@@ -3,44 +3,44 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any
 
 from fastapi import APIRouter, Response
 
+from app.contract.rig import DriveNow, FloorEstimate, RigNow, RigNumber
+from app.contract.status import MountStatus
+from app.contract.values import filled, known
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
-from app.http.api.rig_models import DriveNow, FloorEstimate, RigChange, RigFile, RigNow
+from app.http.api.rig_models import RigChange, RigFile
 from app.server import Conflict, Server
 from app.server.rig.ground_survey import survey_floor
-from observer.mount import CameraMount
 from observer.rig.rig import Rig
 
 router = APIRouter(prefix="/rig", tags=["rig"])
 
 
-def _facts(server: Server) -> dict[str, Any]:
+def _facts(server: Server) -> RigNow:
     rig, path = server.rig.rig, server.rig.path
-    known = rig.mount.values()
-    return {
-        "mount": {key: {"value": v.value, "sigma": v.sigma} for key, v in known.items()},
-        "models": dict(rig.models),
-        "bodies": sorted(rig.T_body_base),
-        "for_simulated": rig.for_simulated,
-        "calibration": rig.calibration,
-        "file": None if path is None else str(path),
-        "in_use": server.source.state.mount,
-    }
+    return RigNow(
+        mount={key: filled(RigNumber, value) for key, value in rig.mount.values().items()},
+        models=dict(rig.models.items()),
+        bodies=sorted(rig.T_body_base),
+        for_simulated=rig.for_simulated,
+        calibration=rig.calibration,
+        file=None if path is None else str(path),
+        in_use=known(MountStatus, server.source.state.mount),
+    )
 
 
 @router.get("", response_model=RigNow, summary="The rig in force")
-async def get_rig(server: TheServer) -> dict[str, Any]:
+async def get_rig(server: TheServer) -> RigNow:
     return _facts(server)
 
 
 @router.put(
     "", response_model=RigNow, summary="Change the rig", responses=refusals(409, 415, 422, 503, 507)
 )
-async def put_rig(change: RigChange, server: TheServer) -> dict[str, Any]:
+async def put_rig(change: RigChange, server: TheServer) -> RigNow:
     """The open source begins again with it; bodies of a mocap system stay as they are."""
 
     def changed() -> Rig:
@@ -75,7 +75,7 @@ async def get_file(server: TheServer) -> Response:
     summary="Take a rig.yaml",
     responses=refusals(409, 415, 422, 503, 507),
 )
-async def put_file(file: RigFile, server: TheServer) -> dict[str, Any]:
+async def put_file(file: RigFile, server: TheServer) -> RigNow:
     rig = await asyncio.to_thread(server.rig.parsed, file.text)
     await server.change_rig(lambda: rig)
     return _facts(server)
@@ -87,7 +87,7 @@ async def put_file(file: RigFile, server: TheServer) -> dict[str, Any]:
     summary="Estimate height, tilt and roll from the floor",
     responses=refusals(409, 503),
 )
-async def post_floor(server: TheServer) -> dict[str, Any]:
+async def post_floor(server: TheServer) -> FloorEstimate:
     """Looks for about two seconds; nothing is changed."""
     return await survey_floor(server.engine, server.source.state.camera)
 
@@ -99,7 +99,7 @@ async def post_floor(server: TheServer) -> dict[str, Any]:
     summary="Note a drive, by which the offset from the axle is estimated",
     responses=refusals(409),
 )
-async def post_drive(server: TheServer) -> dict[str, Any]:
+async def post_drive(server: TheServer) -> DriveNow:
     """Drive some metres straight and turn on the spot; wheel odometry must come with the frames."""
     if server.source.state.camera is None:
         raise Conflict("nothing is observed by which a drive could be followed; open a source")
@@ -108,17 +108,16 @@ async def post_drive(server: TheServer) -> dict[str, Any]:
 
 
 @router.get("/drive", response_model=DriveNow, summary="What the drive says so far")
-async def get_drive(server: TheServer) -> dict[str, Any]:
+async def get_drive(server: TheServer) -> DriveNow:
     return await _drive(server)
 
 
 @router.delete("/drive", response_model=DriveNow, summary="End the drive")
-async def delete_drive(server: TheServer) -> dict[str, Any]:
+async def delete_drive(server: TheServer) -> DriveNow:
     """What it says stays; nothing is changed."""
     server.survey.end()
     return await _drive(server)
 
 
-async def _drive(server: Server) -> dict[str, Any]:
-    mount = server.source.state.mount
-    return await server.survey.estimate(None if mount is None else CameraMount(**mount))
+async def _drive(server: Server) -> DriveNow:
+    return await server.survey.estimate(server.source.state.mount)

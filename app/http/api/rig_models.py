@@ -4,20 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field, StrictBool
+from pydantic import Field, StrictBool
 
-from app.http.api.models import MountStatus
-from app.http.api.values import Finite, In
+from app.contract.rig import RigNumber
+from app.http.api.values import In
 from observer.rig.rig import MOUNT_KEYS
 
 RobotModel = Literal["p3dx-sh", "p3dx", "amigo-sh", "amigo"]
-
-
-class RigNumber(In):
-    value: Finite
-    sigma: Annotated[Finite, Field(gt=0)] | None = Field(
-        None, description="One standard deviation of an estimate; None: it was typed."
-    )
 
 
 class RigMount(In):
@@ -48,29 +41,3 @@ class RigChange(In):
 
 class RigFile(In):
     text: Annotated[str, Field(strict=True, max_length=100_000)]
-
-
-class RigNow(BaseModel):
-    mount: dict[str, RigNumber]
-    models: dict[str, str]
-    bodies: list[str] = Field(description="Of a mocap system, whose place on the robot is known.")
-    for_simulated: bool
-    calibration: str | None
-    file: str | None
-    in_use: MountStatus | None = Field(description="What the open source is observed with.")
-
-
-class FloorEstimate(BaseModel):
-    height_m: RigNumber
-    tilt_deg: RigNumber
-    roll_deg: RigNumber
-    share: float = Field(description="Of all points, those on the floor.")
-    views: int
-    sentence: str
-
-
-class DriveNow(BaseModel):
-    noting: bool
-    values: dict[str, RigNumber] = Field(description="By the rig's keys, as far as told.")
-    still_needed: list[str] = Field(description="What to drive so that the rest can be told.")
-    sentence: str

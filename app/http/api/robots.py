@@ -7,19 +7,13 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Body, Request
 from fastapi.responses import Response
 
-from app.drive.messages import ArmRobot, DisarmRobot
+from app.contract.drive import ArmRobot, DisarmRobot
+from app.contract.robots import RobotNow, RobotsNow
 from app.http.api.common import TheServer, who
 from app.http.api.programmes import programme_command
 from app.http.api.refusals import refusals
-from app.http.api.robot_models import (
-    Arming,
-    PortChoice,
-    ProgrammeStart,
-    RobotNow,
-    RobotsNow,
-    RoleName,
-)
-from app.http.errors import SafeJSON
+from app.http.api.robot_models import Arming, PortChoice, ProgrammeStart, RoleName
+from app.http.errors import answer
 from app.server import NotThere, Server
 
 router = APIRouter(prefix="/robots", tags=["robots"])
@@ -29,7 +23,7 @@ _ROBOTS: dict[int | str, dict[str, Any]] = {200: {"model": RobotsNow}}
 
 
 def _facts(server: Server) -> Response:
-    return SafeJSON(server.driving.facts())
+    return answer(server.driving.facts())
 
 
 @router.get("", response_model=None, responses=_ROBOTS, summary="How the robots are")
@@ -141,4 +135,4 @@ def _robot(server: Server, role: RoleName) -> Response:
     robot = server.driving.robot(role)
     if robot is None:
         raise NotThere(f"no {role} is connected")
-    return SafeJSON(robot)
+    return answer(robot)

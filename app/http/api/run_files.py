@@ -7,9 +7,10 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 
+from app.contract.runs import Run, RunChart
+from app.contract.values import filled, json_text
 from app.http.api.common import RunId, TheServer
 from app.http.api.refusals import refusals
-from app.http.api.run_models import Run, RunChart
 from app.http.cancel_on_disconnect import while_there
 from app.http.gate.headers import REPORT_POLICY
 from app.http.made_file import MadeFileResponse
@@ -58,7 +59,7 @@ async def get_chart(id: RunId, server: TheServer, request: Request) -> Response:
     """Gaps are null. While the run is going, and without a recording, there are no errors."""
     run = await server.runs.archive.find(id)
     values = await while_there(request, server.runs.files.chart(run))
-    about = Run.model_validate(run, from_attributes=True).model_dump_json().encode()
+    about = json_text(filled(Run, run)).encode()
     choices = None
     if run.alignment is not None:
         choices = AlignChoices.of_alignment(run.alignment).as_dict()

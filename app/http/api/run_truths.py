@@ -6,9 +6,12 @@ from typing import Any
 
 from fastapi import APIRouter, Request
 
+from app.contract.runs import AlignedRunEntry, Run, StartedRun
+from app.contract.values import filled
 from app.http.api.common import RunId, TheServer
 from app.http.api.refusals import refusals
-from app.http.api.run_models import AlignedRunEntry, AlignStart, RerunStart, Run, StartedRun
+from app.http.api.run_models import AlignStart, RerunStart
+from app.http.api.values import notes_on
 from app.http.cancel_on_disconnect import while_there
 from app.server.runs.truths import AlignChoices
 from observer.truth.alignment.camera_on_body import CameraOnBody
@@ -38,8 +41,11 @@ async def align_run(
     )
     work = server.runs.truths.align(id, wanted.truth_id, choices)
     found = await while_there(request, work)
-    about = Run.model_validate(found.run, from_attributes=True).model_dump()
-    return {**about, "alignment": found.alignment, "sentence": found.sentence}
+    return {
+        **vars(filled(Run, found.run)),
+        "alignment": found.alignment,
+        "sentence": found.sentence,
+    }
 
 
 @router.post(
@@ -57,4 +63,5 @@ async def rerun(id: RunId, wanted: RerunStart, server: TheServer) -> StartedRun:
     run = await server.runs.rerun(
         id, name=wanted.name, preset=wanted.preset, parameters=wanted.parameters
     )
-    return StartedRun.of(run, wanted.parameters)
+    notes = notes_on(wanted.parameters, run.parameters)
+    return filled(StartedRun, run, parameter_notes=notes)

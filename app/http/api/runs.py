@@ -12,12 +12,15 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import FileResponse
 
+from app.contract.robots import RobotIncident
+from app.contract.runs import Run, SpeedEntry, StartedRun
+from app.contract.values import filled
 from app.http.api.common import RunId, TheServer
 from app.http.api.programmes import programme_command
 from app.http.api.refusals import refusals
-from app.http.api.robot_models import RobotIncident
-from app.http.api.run_models import Run, RunChange, RunStart, SpeedEntry, StartedRun
-from app.storage import IncidentRecord, RunRecord, SpeedRow
+from app.http.api.run_models import RunChange, RunStart
+from app.http.api.values import notes_on
+from app.storage import SpeedRow
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -48,18 +51,19 @@ async def start_run(wanted: RunStart, server: TheServer) -> StartedRun:
         programme=programme,
         record=wanted.record,
     )
-    return StartedRun.of(run, wanted.parameters)
+    notes = notes_on(wanted.parameters, run.parameters)
+    return filled(StartedRun, run, parameter_notes=notes)
 
 
 @router.get("", response_model=list[Run], summary="All runs", responses=refusals(503))
-async def list_runs(server: TheServer) -> list[RunRecord]:
+async def list_runs(server: TheServer) -> list[Run]:
     """Newest first."""
-    return await server.runs.archive.newest()
+    return [filled(Run, run) for run in await server.runs.archive.newest()]
 
 
 @router.get("/{id}", response_model=Run, summary="One run", responses=refusals(404, 503))
-async def get_run(id: RunId, server: TheServer) -> RunRecord:
-    return await server.runs.archive.find(id)
+async def get_run(id: RunId, server: TheServer) -> Run:
+    return filled(Run, await server.runs.archive.find(id))
 
 
 @router.patch(
@@ -68,10 +72,11 @@ async def get_run(id: RunId, server: TheServer) -> RunRecord:
     summary="Name, tags and notes of a run",
     responses=refusals(404, 415, 422, 503, 507),
 )
-async def change_run(id: RunId, change: RunChange, server: TheServer) -> RunRecord:
-    return await server.runs.history.annotate(
+async def change_run(id: RunId, change: RunChange, server: TheServer) -> Run:
+    run = await server.runs.history.annotate(
         id, name=change.name, tags=change.tags, notes=change.notes
     )
+    return filled(Run, run)
 
 
 @router.delete(
@@ -88,16 +93,16 @@ async def delete_run(id: RunId, server: TheServer) -> None:
 @router.post(
     "/{id}/recover", response_model=Run, summary="Undo a deletion", responses=refusals(404, 503)
 )
-async def recover_run(id: RunId, server: TheServer) -> RunRecord:
-    return await server.runs.history.recover(id)
+async def recover_run(id: RunId, server: TheServer) -> Run:
+    return filled(Run, await server.runs.history.recover(id))
 
 
 @router.post(
     "/{id}/stop", response_model=Run, summary="End a run", responses=refusals(404, 409, 503)
 )
-async def stop_run(id: RunId, server: TheServer) -> RunRecord:
+async def stop_run(id: RunId, server: TheServer) -> Run:
     """Its source stays open."""
-    return await server.runs.stop(id)
+    return filled(Run, await server.runs.stop(id))
 
 
 @router.get(
@@ -146,9 +151,9 @@ async def get_speeds(
     summary="What stopped robots during a run",
     responses=refusals(404, 503),
 )
-async def get_incidents(id: RunId, server: TheServer) -> list[IncidentRecord]:
+async def get_incidents(id: RunId, server: TheServer) -> list[RobotIncident]:
     """Oldest first."""
-    return await server.runs.archive.incidents(id)
+    return [filled(RobotIncident, each) for each in await server.runs.archive.incidents(id)]
 
 
 def _entries(rows: Sequence[SpeedRow]) -> list[dict[str, Any]]:

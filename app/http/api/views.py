@@ -8,11 +8,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response, WebSocket
 
+from app.contract.views import VIEW_NAMES
 from app.http.api.common import Feeds, TheServer
 from app.http.api.refusals import refusals
 from app.http.errors import SafeJSON
 from app.http.sockets.connections import BadMessage, receive_text, until_one_ends
-from app.messages import VIEW_NAMES
 from app.server import NotAvailable, NotThere
 
 router = APIRouter(tags=["views"])

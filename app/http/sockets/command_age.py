@@ -20,7 +20,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from app.drive.messages import COMMAND_FRESH_S
+from app.contract.drive import COMMAND_FRESH_S
 
 Quality = Literal["good", "slow", "lost"]
 

@@ -8,12 +8,20 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
-from typing import Any
 
 from fastapi import WebSocket
 
-from app.drive.messages import COMMAND_FRESH_S, DriveCommand, Presence
+from app.contract.drive import COMMAND_FRESH_S, DriveCommand, Presence
+from app.contract.sockets import (
+    DriveMessage,
+    LeaseMessage,
+    LinkMessage,
+    OperatorMessage,
+    PingMessage,
+    RefusedMessage,
+    SentMessage,
+)
+from app.contract.values import filled, json_text
 from app.http.sockets.command_age import TOO_SLOW, Link
 from app.http.sockets.connections import GOING_AWAY, TRY_LATER, close, receive_text, until_one_ends
 from app.http.sockets.drive_messages import (
@@ -47,7 +55,7 @@ class DriveSocket:
         self._driving = server.driving
         self._clock = server.clock
         self._link = Link()
-        self._waiting: asyncio.Queue[dict[str, Any]] = asyncio.Queue(_MOST_WAITING)
+        self._waiting: asyncio.Queue[DriveMessage] = asyncio.Queue(_MOST_WAITING)
         self._overrun = asyncio.Event()
         self._background = Background()
         self._unanswered = 0
@@ -59,7 +67,7 @@ class DriveSocket:
 
     async def serve(self) -> None:
         """Until the client leaves."""
-        self._say({"type": "operator", "name": self._operator.name})
+        self._say(OperatorMessage(self._operator.name))
         try:
             await until_one_ends(
                 self._socket, self._read(), self._send(), self._ping(), self._watch()
@@ -71,7 +79,7 @@ class DriveSocket:
 
     # --- out -------------------------------------------------------------------------------
 
-    def _say(self, message: dict[str, Any]) -> None:
+    def _say(self, message: DriveMessage) -> None:
         try:
             self._waiting.put_nowait(message)
         except asyncio.QueueFull:
@@ -80,7 +88,7 @@ class DriveSocket:
     async def _send(self) -> None:
         while True:
             message = await self._waiting.get()
-            await self._socket.send_text(json.dumps(message, allow_nan=False))
+            await self._socket.send_text(json_text(message))
 
     async def _watch(self) -> None:
         """End the connection of a client that takes nothing or answers nothing."""
@@ -100,25 +108,20 @@ class DriveSocket:
         while True:
             number += 1
             now = self._clock()
-            self._say(self._link_facts(now))
+            self._say(self._link_message(now))
             self._link.pinged(number, now)
-            self._say({"type": "ping", "id": number})
+            self._say(PingMessage(number))
             await asyncio.sleep(_PING_S)
 
-    def _link_facts(self, now: float) -> dict[str, Any]:
+    def _link_message(self, now: float) -> LinkMessage:
         state = self._link.state(now)
         stops = state.quality != "good" and bool(self._operator.leases)
-        return {
-            "type": "link",
-            "quality": state.quality,
-            "rtt_ms": _ms(state.rtt_s),
-            "delay_ms": _ms(state.delay_s),
-            "sentence": TOO_SLOW if stops else None,
-        }
+        rtt_ms, delay_ms = _ms(state.rtt_s), _ms(state.delay_s)
+        return LinkMessage(state.quality, rtt_ms, delay_ms, TOO_SLOW if stops else None)
 
     def _lost(self, role: Role, sentence: str) -> None:
         holder = self._driving.operators.holder(role)
-        self._say(_lease(role, "lost", holder=holder, sentence=sentence))
+        self._say(LeaseMessage(role, "lost", holder=holder, sentence=sentence))
 
     # --- in --------------------------------------------------------------------------------
 
@@ -141,7 +144,7 @@ class DriveSocket:
                     self._background.start(self._change_lease(message))
 
     def _refuse(self, role: Role | None, sequence: int | None, sentence: str) -> None:
-        self._say({"type": "refused", "role": role, "sequence": sequence, "sentence": sentence})
+        self._say(RefusedMessage(role, sequence, sentence))
 
     async def _stop(self) -> None:
         try:
@@ -159,9 +162,9 @@ class DriveSocket:
                 lease = await operators.take(self._operator, role, takeover=message.takeover)
             except _REFUSALS as error:
                 holder = operators.holder(role)
-                self._say(_lease(role, "refused", holder=holder, sentence=str(error)))
+                self._say(LeaseMessage(role, "refused", holder=holder, sentence=str(error)))
             else:
-                self._say(_lease(role, "yours", lease=lease, holder=self._operator.name))
+                self._say(LeaseMessage(role, "yours", lease=lease, holder=self._operator.name))
 
     def _command(self, command: Command, now: float) -> None:
         """Pass a command on, or say why not; it is never kept for later."""
@@ -198,36 +201,17 @@ class DriveSocket:
             self._refuse(role, sequence, str(error))
         else:
             self._say(
-                {
-                    "type": "sent",
-                    "role": role,
-                    "sequence": sequence,
-                    "speed_mps": reply["speed_mps"],
-                    "turn_rate_radps": reply["turn_rate_radps"],
-                    "limited_by": reply["limited_by"],
-                    "age_ms": _ms(reply["age_s"]),
-                }
+                filled(
+                    SentMessage,
+                    reply,
+                    role=role,
+                    sequence=sequence,
+                    age_ms=_ms(reply.age_s),
+                    type="sent",
+                )
             )
         finally:
             self._unanswered -= 1
-
-
-def _lease(
-    role: Role,
-    state: str,
-    *,
-    lease: str | None = None,
-    holder: str | None = None,
-    sentence: str | None = None,
-) -> dict[str, Any]:
-    return {
-        "type": "lease",
-        "role": role,
-        "state": state,
-        "lease": lease,
-        "holder": holder,
-        "sentence": sentence,
-    }
 
 
 def _ms(seconds: float | None) -> float | None:

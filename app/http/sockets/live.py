@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 from dataclasses import dataclass
 
 from fastapi import WebSocket
 
+from app.contract.events import ObservationEvent
+from app.contract.robots import WheelSpeed
+from app.contract.sockets import HeartbeatMessage, ObservationTold, RobotsTold, StatusMessage
+from app.contract.values import filled, json_text, word
 from app.http.sockets.connections import BadMessage, json_object, receive_text, until_one_ends
-from app.messages import ObservationEvent
 from app.server import Server
 from app.server.status import observation_age_s, status
 
@@ -119,13 +121,7 @@ class LiveHub:
         """The newest observation; encoded when the first page wants it."""
         if self._newest is None and self._event is not None:
             event = self._event
-            body = {
-                "type": "observation",
-                "sequence": self._sequence,
-                "line": event.line,
-                "truth": event.truth,
-            }
-            text = json.dumps(body, allow_nan=False, separators=(",", ":"))
+            text = json_text(ObservationTold(self._sequence, event.line, event.truth))
             self._newest = _Observation(self._sequence, event.received, text[:-1])
         return self._newest
 
@@ -133,8 +129,7 @@ class LiveHub:
     def status_text(self) -> str:
         """The status, as one message."""
         if self._status_text is None:
-            body = {"type": "status", **status(self._server)}
-            self._status_text = json.dumps(body, allow_nan=False, separators=(",", ":"))
+            self._status_text = json_text(StatusMessage(**vars(status(self._server))))
         return self._status_text
 
     def robots_text(self, after: int) -> tuple[str, int]:
@@ -145,20 +140,13 @@ class LiveHub:
         """
         driving = self._server.driving
         if self._robots_text is None:
-            body = {"type": "robots", **driving.facts()}
-            self._robots_text = json.dumps(body, allow_nan=False, separators=(",", ":"))
-        wheels = [
-            {
-                "role": sample.role,
-                "time": round(sample.time, 4),
-                "sent_mps": sample.sent_mps,
-                "encoder_mps": sample.encoder_mps,
-            }
-            for sample in driving.wheels.since(after)
-        ]
+            self._robots_text = json_text(RobotsTold(**vars(driving.facts())))
         # What every page is told is encoded once, what differs is small.
-        told = json.dumps(wheels, allow_nan=False, separators=(",", ":"))
-        return f'{self._robots_text[:-1]},"wheels":{told}}}', driving.wheels.newest
+        wheels = ",".join(
+            json_text(filled(WheelSpeed, sample, time=round(sample.time, 4)))
+            for sample in driving.wheels.since(after)
+        )
+        return f'{self._robots_text[:-1]},"wheels":[{wheels}]}}', driving.wheels.newest
 
     async def serve(self, socket: WebSocket) -> None:
         """One page, until it leaves."""
@@ -249,14 +237,8 @@ class _Page:
             del self._unacknowledged[sequence]
 
     def _heartbeat(self, now: float) -> str:
-        return json.dumps(
-            {
-                "type": "heartbeat",
-                "time": round(now, 3),
-                "observation_age_s": observation_age_s(self._server),
-                "engine": self._server.source.state.state.value,
-            }
-        )
+        state = word(self._server.source.state.state)
+        return json_text(HeartbeatMessage(round(now, 3), observation_age_s(self._server), state))
 
     async def read(self) -> None:
         """Take acknowledgements."""

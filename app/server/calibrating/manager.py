@@ -7,7 +7,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from app.messages import ChangeCalibration, EngineState
+from app.contract.commands import ChangeCalibration
+from app.contract.events import EngineState
 from app.server.calibrating.session import CalibrationSession
 from app.server.calibrations.library import calibration_facts, find_calibration
 from app.server.errors import Conflict, FieldError, NotAvailable

@@ -8,9 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
-from app.messages import BeginCalibration, BoardLookEvent, BoardViewsEvent, ChangeCalibration
+from app.contract.answers import Opened
+from app.contract.calibrating import (
+    BoardFacts,
+    BoardLook,
+    CalibratingFacts,
+    CapturedView,
+    Computing,
+)
+from app.contract.commands import BeginCalibration, ChangeCalibration
+from app.contract.events import BoardLookEvent, BoardViewsEvent
+from app.contract.values import filled
 from app.server.asking import ask
 from app.server.calibrating.computation import Computation
 from app.server.contracts import Engine
@@ -75,7 +84,7 @@ class CalibrationSession:
         self._size: tuple[int, int] | None = None
         self._frame_rate = _USUAL_RATE
         self._views: dict[str, KeptView] = {}
-        self._look: dict[str, Any] | None = None
+        self._look: BoardLook | None = None
         self._refused: tuple[str, ...] = ()
         self.cameras = CalibratedCameras(None, (), ())
         self.computation.clear()
@@ -132,20 +141,18 @@ class CalibrationSession:
 
     async def _ask_to_begin(
         self, source: str, board: Board, views: tuple[BoardView, ...]
-    ) -> dict[str, Any]:
+    ) -> Opened:
         command = BeginCalibration(source, board, views, self.automatic)
         return await ask(self._engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
 
-    def _note_source(self, facts: dict[str, Any]) -> None:
-        info = facts["source"]
-        self._size = (info["width"], info["height"])
-        self._frame_rate = info["frame_rate"]
-        cameras = (facts.get("live") or {}).get("cameras", ())
-        self.cameras = CalibratedCameras(
-            info["spec"],
-            tuple(info["devices"]),
-            tuple(dict(camera["settings"]) for camera in cameras),
-        )
+    def _note_source(self, opened: Opened) -> None:
+        info, live = opened.state.source, opened.state.live
+        assert info is not None
+        self._size = (info.width, info.height)
+        self._frame_rate = info.frame_rate
+        cameras = () if live is None else live.cameras
+        settings = tuple(dict(camera.settings) for camera in cameras)
+        self.cameras = CalibratedCameras(info.spec, info.devices, settings)
 
     async def end(self) -> None:
         """Forget everything; safe to call when nothing is calibrated."""
@@ -236,31 +243,26 @@ class CalibrationSession:
 
     # --- what is shown -----------------------------------------------------------------------
 
-    def facts(self) -> dict[str, Any] | None:
+    def facts(self) -> CalibratingFacts | None:
         """All that the page shows of it but the result; None where nothing is calibrated."""
-        if self.board is None:
+        board = self.board
+        if board is None:
             return None
         progress, result = self.computation.progress, self.computation.result
-        return {
-            "source": self.cameras.source,
-            "board": {
-                "kind": self.board.kind,
-                "columns": self.board.columns,
-                "rows": self.board.rows,
-                "square_mm": round(1e3 * self.board.square_m, 4),
-                "words": self.board.words,
-            },
-            "size": self._size,
-            "automatic": self.automatic,
-            "look": self._look,
-            "views": [_view_facts(kept) for kept in self._views.values()],
-            "refused": list(self._refused),
-            "computing": None
+        return CalibratingFacts(
+            source=self.cameras.source,
+            board=filled(BoardFacts, board, square_mm=round(1e3 * board.square_m, 4)),
+            size=self._size,
+            automatic=self.automatic,
+            look=self._look,
+            views=[_view_facts(kept) for kept in self._views.values()],
+            refused=list(self._refused),
+            computing=None
             if progress is None
-            else {"words": progress.words, "share": round(progress.share, 3)},
-            "trouble": self.computation.trouble,
-            "result": None if result is None else list(result.names),
-        }
+            else Computing(progress.words, round(progress.share, 3)),
+            trouble=self.computation.trouble,
+            result=None if result is None else list(result.names),
+        )
 
     def _refuse_closed(self) -> None:
         if not self.open:
@@ -288,11 +290,11 @@ def _swapped(kept: KeptView) -> KeptView:
     )
 
 
-def _view_facts(kept: KeptView) -> dict[str, Any]:
+def _view_facts(kept: KeptView) -> CapturedView:
     view = kept.view
-    return {
-        "name": view.name,
-        "left": 0 if view.left is None else len(view.left),
-        "right": 0 if view.right is None else len(view.right),
-        "picture": kept.pictures is not None,
-    }
+    return CapturedView(
+        name=view.name,
+        left=0 if view.left is None else len(view.left),
+        right=0 if view.right is None else len(view.right),
+        picture=kept.pictures is not None,
+    )

@@ -10,7 +10,9 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, Literal
 
-from app.messages import MeasureDepth, PreviewCalibration, TakeScenePairs
+from app.contract.answers import CalibrationPreview
+from app.contract.calibrating import PlaceDepth
+from app.contract.commands import MeasureDepth, PreviewCalibration, TakeScenePairs
 from app.runtime.jobs import Progress
 from app.server.asking import ask
 from app.server.contracts import Engine
@@ -152,7 +154,7 @@ async def measure_depth(
     v: float,
     *,
     field: tuple[str, ...] = ("body", "u"),
-) -> dict[str, Any]:
+) -> PlaceDepth:
     """How far a place of the newest pair is by a calibration; see ``MeasureDepth``.
 
     Args:
@@ -184,7 +186,7 @@ async def check_by_tape(
     try:
         check = tape_check(
             calibration,
-            place["range_m"],
+            place.range_m,
             tape_m,
             square_m=board.get("square_m"),
             bias=bias,
@@ -194,7 +196,7 @@ async def check_by_tape(
         raise FieldError(("body", "measured_m"), str(error)) from error
     entry = {
         "measured_m": tape_m,
-        "stated_m": place["range_m"],
+        "stated_m": place.range_m,
         "expected_m": check.expected_m,
         "agrees": check.agrees,
         "sentence": check.sentence,
@@ -219,7 +221,7 @@ async def refine_rows(
     name = "the source's own" if active is None else active.name
     seen = await ask(engine, TakeScenePairs())
     try:
-        refined = await work(RefineRows(seen["calibration_yaml"], name, seen["pairs"]), _unheard)
+        refined = await work(RefineRows(seen.calibration_yaml, name, seen.pairs), _unheard)
     except CalibrationError as error:
         raise Conflict(str(error)) from error
     assert isinstance(refined, Refined)
@@ -243,7 +245,7 @@ async def refine_rows(
     )
 
 
-async def preview_text(engine: Engine, calibration_yaml: str) -> dict[str, Any]:
+async def preview_text(engine: Engine, calibration_yaml: str) -> CalibrationPreview:
     """The newest pair rectified with a calibration; see ``PreviewCalibration``.
 
     Raises:

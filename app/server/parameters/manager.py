@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from app.messages import SetParameters
+from app.contract.commands import SetParameters
 from app.runtime.errors import ProcessUnavailable
 from app.server.asking import ask
 from app.server.errors import Conflict, FieldError, NotAvailable, NotThere
@@ -108,15 +108,14 @@ class ParameterManager:
             return self.current
         after, run = revision.after, self._shared.run()
         try:
-            reply = await ask(
-                self._shared.engine, SetParameters(after.values.flat(), after.revision)
-            )
+            command = SetParameters(after.values.flat(), after.revision)
+            frame = await ask(self._shared.engine, command)
         except NotAvailable as error:
             if not isinstance(error.__cause__, ProcessUnavailable):
                 raise
             # The next engine gets them together with its source.
-            reply = {}
-        return self.adopt(revision, reply.get("frame"), None if run is None else run.id)
+            frame = None
+        return self.adopt(revision, frame, None if run is None else run.id)
 
     def adopt(self, revision: Revision, frame: int | None, run_id: str | None) -> ParametersInForce:
         """Note that a change is in force from ``frame`` on."""

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from dataclasses import asdict
-from typing import Any
 
-from app.messages import ObservationEvent
+from app.contract.events import ObservationEvent
+from app.contract.rig import DriveNow, RigNumber
+from app.contract.values import filled
 from observer.jsonl import line_pose
 from observer.mount import CameraMount
 from observer.rig.drive_estimate import estimate_drive
 from observer.rig.drive_stretches import DriveSample
 from observer.rig.estimates import Refused
-from observer.types import Odometry
 
 # Ten minutes at 15 frames a second; a survey takes one.
 _MOST_SAMPLES = 9000
@@ -44,45 +43,24 @@ class DriveSurvey:
         if not self.noting:
             return
         line, wheels = event.line, event.odometry
-        self._samples.append(
-            DriveSample(
-                line["time"],
-                line["segment"],
-                line_pose(line),
-                None if wheels is None else Odometry(**wheels),
-            )
-        )
+        self._samples.append(DriveSample(line["time"], line["segment"], line_pose(line), wheels))
 
-    async def estimate(self, standing: CameraMount | None) -> dict[str, Any]:
+    async def estimate(self, standing: CameraMount | None) -> DriveNow:
         """What the drive says so far.
 
         Args:
             standing: tilt and roll as known otherwise.
-
-        Returns:
-            ``noting``, ``values`` (by the rig's keys, each ``{"value", "sigma"}``),
-            ``still_needed`` and ``sentence``.
         """
         samples = list(self._samples)
         found = await asyncio.to_thread(estimate_drive, samples, standing)
         if isinstance(found, Refused):
-            return {
-                "noting": self.noting,
-                "values": {},
-                "still_needed": [],
-                "sentence": found.sentence,
-            }
+            return DriveNow(self.noting, {}, [], found.sentence)
         lengths = {"forward_m": found.forward_m, "left_m": found.left_m}
         angles = {
             "pan_deg": found.pan_rad,
             "tilt_deg": found.tilt_rad,
             "roll_deg": found.roll_rad,
         }
-        values = {key: asdict(each) for key, each in lengths.items() if each is not None}
-        values |= {key: asdict(each.degrees) for key, each in angles.items() if each is not None}
-        return {
-            "noting": self.noting,
-            "values": values,
-            "still_needed": list(found.still_needed),
-            "sentence": found.sentence,
-        }
+        numbers = lengths | {key: each and each.degrees for key, each in angles.items()}
+        values = {key: filled(RigNumber, each) for key, each in numbers.items() if each is not None}
+        return DriveNow(self.noting, values, found.still_needed, found.sentence)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import asdict
-from typing import Any
 
-from app.messages import LookAtFloor
+from app.contract.commands import LookAtFloor
+from app.contract.rig import FloorEstimate, RigNumber
+from app.contract.values import filled
 from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import Conflict
@@ -18,15 +18,11 @@ _LOOKS = 6
 _PAUSE_S = 0.25
 
 
-async def survey_floor(engine: Engine, camera: dict[str, Any] | None) -> dict[str, Any]:
+async def survey_floor(engine: Engine, camera: StereoCamera | None) -> FloorEstimate:
     """Look at the floor a few times and estimate how the camera stands above it.
 
     Args:
         camera: the rectified camera as the engine's state tells it.
-
-    Returns:
-        ``height_m``, ``tilt_deg`` and ``roll_deg``, each as ``{"value", "sigma"}``, ``share``,
-        ``views`` and ``sentence``.
 
     Raises:
         Conflict: nothing is open, or the floor cannot be told; one sentence says what would help.
@@ -40,17 +36,16 @@ async def survey_floor(engine: Engine, camera: dict[str, Any] | None) -> dict[st
             await asyncio.sleep(_PAUSE_S)
         reply = await ask(engine, LookAtFloor())
         # While paused it is always the same frame, and that once is all there is to know.
-        if reply["frame"] not in seen:
-            seen.add(reply["frame"])
-            views.append(reply["points"])
-    estimate = await asyncio.to_thread(estimate_floor, views, StereoCamera(**camera))
+        if reply.frame not in seen:
+            seen.add(reply.frame)
+            views.append(reply.points)
+    estimate = await asyncio.to_thread(estimate_floor, views, camera)
     if isinstance(estimate, Refused):
         raise Conflict(estimate.sentence)
-    return {
-        "height_m": asdict(estimate.height_m),
-        "tilt_deg": asdict(estimate.tilt_rad.degrees),
-        "roll_deg": asdict(estimate.roll_rad.degrees),
-        "share": estimate.share,
-        "views": estimate.views,
-        "sentence": estimate.sentence,
-    }
+    return filled(
+        FloorEstimate,
+        estimate,
+        height_m=filled(RigNumber, estimate.height_m),
+        tilt_deg=filled(RigNumber, estimate.tilt_rad.degrees),
+        roll_deg=filled(RigNumber, estimate.roll_rad.degrees),
+    )

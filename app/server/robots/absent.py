@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from app.drive.messages import DriveEvents, DriveProcessCommand
+from app.contract.drive import DriveEvents, ToDrive
 from app.runtime.errors import ProcessUnavailable
 from app.runtime.supervisor import ProcessHealth
 
@@ -23,7 +23,7 @@ class AbsentDrive:
     async def stop(self) -> None:
         pass
 
-    async def request(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> dict[str, Any]:
+    async def request(self, command: ToDrive[Any], timeout_s: float = 1.0) -> Any:
         """Always refused.
 
         Raises:

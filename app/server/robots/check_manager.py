@@ -10,7 +10,8 @@ from typing import Any
 
 import structlog
 
-from app.drive.messages import StoppedEvent
+from app.contract.drive import StoppedEvent
+from app.contract.robots import CheckNow, ChecksNow, Robots
 from app.server.errors import Conflict, FieldError
 from app.server.robots.check_records import CheckRecords, advice
 from app.server.robots.circumstances import Circumstances
@@ -56,7 +57,7 @@ class CheckManager:
 
     # --- what the drive process tells ------------------------------------------------------
 
-    def drive_said(self, robots: dict[str, Any]) -> None:
+    def drive_said(self, robots: Robots) -> None:
         """How the robots are, as in ``DriveEvent.facts``."""
         if self._check is not None:
             self._check.robot_said(robots.get(self._check.role))
@@ -73,20 +74,17 @@ class CheckManager:
 
     # --- what people ask for ---------------------------------------------------------------
 
-    def facts(self) -> dict[str, Any] | None:
-        """The check that goes on, or the one that ended last; None where there is none.
-
-        Beside ``GuardCheck.facts``: ``record``, the name under which it is kept, and ``trouble``,
-        one sentence of why it could not be.
-        """
+    def facts(self) -> CheckNow | None:
+        """The check that goes on, or the one that ended last; None where there is none."""
         if self._check is None:
             return None
-        return {**self._check.facts(), "record": self._saved, "trouble": self._trouble}
+        facts = self._check.facts()
+        return CheckNow(**vars(facts), record=self._saved, trouble=self._trouble)
 
-    async def outlook(self, role: Role) -> dict[str, Any]:
-        """When to check again: ``advice``, one sentence or None."""
+    async def outlook(self, role: Role) -> ChecksNow:
+        """The check, and why to check (again)."""
         newest = await asyncio.to_thread(self.records.newest, role)
-        return {"advice": advice(newest, self._circumstances(), datetime.now(UTC))}
+        return ChecksNow(self.facts(), advice(newest, self._circumstances(), datetime.now(UTC)))
 
     def start(self, role: Role, note: str | None, by: str) -> None:
         """Begin one.

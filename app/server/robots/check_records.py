@@ -9,6 +9,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from app.contract.robots import CheckEntry
 from app.server.errors import Conflict, NotThere
 from app.server.robots.circumstances import Circumstances
 from app.server.whole_files import told_as_ours, write_whole
@@ -66,7 +67,7 @@ class CheckRecords:
                     return name
         raise Conflict(f"there are {_MOST_ALIKE} records {stem}; wait a minute")
 
-    def all(self) -> list[dict[str, Any]]:
+    def all(self) -> list[CheckEntry]:
         """The newest hundred as they are listed, newest first; what is no record is left out."""
         found = [self._entry(name) for name in self._names()[:_LISTED]]
         return [entry for entry in found if entry is not None]
@@ -93,7 +94,7 @@ class CheckRecords:
                     return text
         raise NotThere(f"there is no check {name[:80]!r}; GET /api/robots/checks lists them")
 
-    def _entry(self, name: str) -> dict[str, Any] | None:
+    def _entry(self, name: str) -> CheckEntry | None:
         record = self._read(name)
         return None if record is None else entry_of(name, record)
 
@@ -132,16 +133,16 @@ def _age(name: str) -> tuple[str, int, str]:
     return stem, int(last) if last.isdigit() else 1, number
 
 
-def entry_of(name: str, record: dict[str, Any]) -> dict[str, Any]:
+def entry_of(name: str, record: dict[str, Any]) -> CheckEntry:
     """A record as it is listed."""
-    return {
-        "name": name,
-        "role": record["role"],
-        "started_at": str(record["started_at"]),
-        "outcome": record["outcome"],
-        "note": None if record.get("note") is None else str(record["note"]),
-        "states": {str(step["name"]): str(step["state"]) for step in record["steps"]},
-    }
+    return CheckEntry(
+        name,
+        record["role"],
+        str(record["started_at"]),
+        record["outcome"],
+        None if record.get("note") is None else str(record["note"]),
+        {str(step["name"]): str(step["state"]) for step in record["steps"]},
+    )
 
 
 def advice(newest: dict[str, Any] | None, now: Circumstances, today: datetime) -> str | None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
-from app.drive.messages import StoppedEvent
+from app.contract.drive import StoppedEvent
+from app.contract.robots import CheckStep, StopMeasured
+from app.contract.values import filled
 from app.server.robots.stop_figures import stop_figures
-from app.storage import StopFigures
 from observer.rig.rig import Role
 
 # Zero is on the robot's port so soon behind whatever forbids to move.
@@ -92,7 +93,7 @@ class Step:
     sentence: str | None = None
     at: str | None = None
     operator: str | None = None
-    figures: StopFigures | None = None
+    figures: StopMeasured | None = None
     verdict: str | None = None
     told: str | None = None
     skipped_by: str | None = None
@@ -128,22 +129,12 @@ class Step:
             told=None,
         )
 
-    def facts(self) -> dict[str, Any]:
-        """As plain values, for JSON."""
-        return {
-            "name": self.plan.name,
-            "title": self.plan.title,
-            "instruction": self.plan.instruction,
-            "state": self.state,
-            "kind": self.kind,
-            "sentence": self.sentence,
-            "at": self.at,
-            "operator": self.operator,
-            "figures": None if self.figures is None else asdict(self.figures),
-            "verdict": self.verdict,
-            "told": self.told,
-            "skipped_by": self.skipped_by,
-        }
+    def facts(self) -> CheckStep:
+        """As it is told."""
+        plan = self.plan
+        return filled(
+            CheckStep, self, name=plan.name, title=plan.title, instruction=plan.instruction
+        )
 
 
 def steps_of(role: Role) -> list[Step]:
@@ -151,7 +142,7 @@ def steps_of(role: Role) -> list[Step]:
     return [Step(plan) for plan in _PLANS[role]]
 
 
-def judged(kind: str, figures: StopFigures, margin_m: float | None) -> tuple[bool, str]:
+def judged(kind: str, figures: StopMeasured, margin_m: float | None) -> tuple[bool, str]:
     """Whether a stop is as promised, and one sentence that says so.
 
     Args:

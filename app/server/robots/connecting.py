@@ -10,20 +10,20 @@ from typing import Any
 
 import structlog
 
-from app.drive.messages import (
+from app.contract.drive import (
     ConnectRobot,
     DisconnectRobot,
-    DriveProcessCommand,
     SetGuard,
     StopRobots,
+    ToDrive,
 )
-from app.messages import StateEvent
+from app.contract.events import StateEvent
+from app.contract.robots import Latch
 from app.server.asking import ask_drive
 from app.server.contracts import Drive
 from app.server.errors import Conflict, FieldError, NotAvailable
 from observer.guard.sight import REAL_WORLD
 from observer.rig.rig import ROLES, Rig, Role
-from observer.robots.contract import RobotPort
 
 log = structlog.get_logger(__name__)
 
@@ -49,10 +49,9 @@ def wanted_robots(state: StateEvent, rig: Rig) -> dict[Role, ConnectRobot]:
             for role in ROLES
             if role in rig.ports
         }
-    own = [RobotPort(**fields) for fields in state.robots]
     return {
         robot.role: ConnectRobot(robot.role, robot.port, robot.model, world, robot.name)
-        for robot in own
+        for robot in state.robots
     }
 
 
@@ -84,7 +83,7 @@ class Connecting:
         self.trouble: dict[Role, str] = {}
         self.complaint: str | None = None
         self.stop_due: str | None = None
-        self.stopped: dict[str, Any] | None = None
+        self.stopped: Latch | None = None
 
     def want(self, state: StateEvent, rig: Rig) -> None:
         """Have these robots from now on."""
@@ -99,7 +98,7 @@ class Connecting:
     def drive_started(self, generation: int) -> None:
         """A new process has nothing; a stop holds all the same."""
         if self.stop_due is None and self.stopped is not None:
-            self.stop_due = str(self.stopped.get("by") or "the stop before")
+            self.stop_due = self.stopped.by
         self._generation = generation
         self._forget()
         self._settings_due.set()
@@ -165,7 +164,7 @@ class Connecting:
         if complaint is not None:
             self.trouble[role] = f"the {role} is not connected: {complaint}"
 
-    async def _refusal(self, command: DriveProcessCommand, timeout_s: float = 1.0) -> str | None:
+    async def _refusal(self, command: ToDrive[None], timeout_s: float = 1.0) -> str | None:
         """Why a command was refused for good, None where it was not."""
         try:
             await ask_drive(self._drive, command, timeout_s=timeout_s)

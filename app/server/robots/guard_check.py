@@ -8,7 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, Literal
 
-from app.drive.messages import StoppedEvent
+from app.contract.drive import StoppedEvent
+from app.contract.robots import CheckFacts, RobotNow
+from app.contract.values import filled, plain
 from app.server.robots.check_steps import MOVING_MPS, PROMISED_MS, Step, steps_of
 from app.server.robots.circumstances import Circumstances
 from observer.rig.rig import Role
@@ -43,7 +45,7 @@ class GuardCheck:
         self.steps: list[Step] = steps_of(role)
         self.ended_at: str | None = None
         self.given_up_by: str | None = None
-        self._robot: dict[str, Any] = {}
+        self._robot: dict[str, str | float | None] = {}
         self._operator: str | None = None
 
     @property
@@ -68,21 +70,21 @@ class GuardCheck:
         """Whether it has ended."""
         return self.ended_at is not None
 
-    def robot_said(self, robot: dict[str, Any] | None) -> None:
+    def robot_said(self, robot: RobotNow | None) -> None:
         """How its robot is, as in ``DriveEvent.facts``."""
         present = self.present
         if present is None:
             return
         speed = None
         if robot is not None:
-            report = robot.get("report") or {}
-            speed = report.get("speed_mps")
+            report = robot.report
+            speed = report.speed_mps
             self._robot = {
-                "name": robot.get("name") or report.get("name"),
-                "model": report.get("model"),
-                "watchdog_s": report.get("watchdog_s"),
+                "name": robot.name or report.name,
+                "model": report.model,
+                "watchdog_s": report.watchdog_s,
             }
-            self._operator = robot.get("operator") or self._operator
+            self._operator = robot.operator or self._operator
         step = self.steps[present]
         drives = speed is not None and abs(speed) >= MOVING_MPS
         self.steps[present] = replace(step, state="driving" if drives else "waiting")
@@ -114,20 +116,10 @@ class GuardCheck:
         if self.present is None:
             self.ended_at = at
 
-    def facts(self) -> dict[str, Any]:
-        """As plain values, for JSON."""
-        return {
-            "role": self.role,
-            "note": self.note,
-            "started_at": self.started_at,
-            "started_by": self.started_by,
-            "ended_at": self.ended_at,
-            "outcome": self.outcome,
-            "given_up_by": self.given_up_by,
-            "present": self.present,
-            "promised_ms": PROMISED_MS,
-            "steps": [step.facts() for step in self.steps],
-        }
+    def facts(self) -> CheckFacts:
+        """As it is told."""
+        steps = [step.facts() for step in self.steps]
+        return filled(CheckFacts, self, promised_ms=PROMISED_MS, steps=steps)
 
     def record(self, now: Circumstances) -> dict[str, Any]:
         """What is kept of it.
@@ -137,7 +129,7 @@ class GuardCheck:
         """
         operators = {step.operator: None for step in self.steps if step.operator is not None}
         return {
-            **self.facts(),
+            **plain(self.facts()),
             "robot": self._robot,
             "operators": list(operators),
             **self.circumstances.facts(),

@@ -3,43 +3,29 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Protocol
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
 
-from app.drive.messages import IncidentEvent, StoppedEvent
+from app.contract.drive import IncidentEvent, StoppedEvent
+from app.contract.robots import RobotIncident
 from app.server.robots.stop_figures import stop_figures
 from app.server.robots.time_of_day import time_of_day
-from app.storage import StopFigures
 from observer.rig.rig import Role
 
 _SHOWN = 20
 
 
 @dataclass(frozen=True)
-class Incident:
-    """See ``app.drive.messages.IncidentEvent``.
+class Incident(RobotIncident):
+    """See ``app.contract.drive.IncidentEvent``.
 
     Attributes:
-        number: counted from 1.
-        at: wall clock, ISO 8601 in UTC. time: host's monotonic clock.
-        stops: by role, how each robot that moved came to stand; empty until it does.
+        number: counted from 1. time: host's monotonic clock.
     """
 
     number: int
-    role: Role | None
-    kind: str
-    sentence: str
-    speed_mps: float | None
-    at: str
     time: float
-    stops: Mapping[Role, StopFigures] = field(default_factory=dict)
-
-    def facts(self) -> dict[str, Any]:
-        """As plain values, for JSON."""
-        values = asdict(self)
-        del values["number"], values["time"]
-        return values
 
     def is_ended_by(self, event: StoppedEvent) -> bool:
         """Whether a robot's stop is one of its own."""
@@ -86,13 +72,14 @@ class Incidents:
         """Keep one."""
         self._numbered += 1
         incident = Incident(
-            self._numbered,
-            event.role,
-            event.kind,
-            event.sentence,
-            event.speed_mps,
-            time_of_day(self._clock() - event.time),
-            event.time,
+            at=time_of_day(self._clock() - event.time),
+            role=event.role,
+            kind=event.kind,
+            sentence=event.sentence,
+            speed_mps=event.speed_mps,
+            stops={},
+            number=self._numbered,
+            time=event.time,
         )
         run = self._run()
         if run is not None:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
 import structlog
 
-from app.drive.messages import (
+from app.contract.commands import Answer
+from app.contract.drive import (
     ArmRobot,
     DriveEvent,
     DriveEvents,
     DriveLostEvent,
-    DriveProcessCommand,
     DriveStartedEvent,
     IncidentEvent,
     ResetStop,
@@ -23,9 +23,11 @@ from app.drive.messages import (
     StoppedEvent,
     StopProgramme,
     StopRobots,
+    ToDrive,
     WheelSpeedEvent,
 )
-from app.messages import ObservationEvent, StateEvent
+from app.contract.events import ObservationEvent, StateEvent
+from app.contract.robots import DriveFacts, DriveProcess, RobotNow, RobotPortNow, Robots, RobotsNow
 from app.runtime.errors import ProcessUnavailable
 from app.server.asking import ask_drive
 from app.server.background import Background
@@ -47,6 +49,7 @@ _ARM_WITHIN_S = 8.0
 _ARM_AGAIN_S = 0.1
 _NO_PROCESS = "there is no drive process yet"
 _DRIVEN = ("armed", "moving")
+_NOTHING_KNOWN = DriveFacts(None, None, None, None, dict.fromkeys(ROLES))
 
 
 class RunKeeper(IncidentKeeper, Protocol):
@@ -54,7 +57,7 @@ class RunKeeper(IncidentKeeper, Protocol):
 
     def measured(self, sample: WheelSample) -> None: ...
 
-    def heard(self, robots: Mapping[str, Any], newest: ObservationEvent | None) -> None:
+    def heard(self, robots: Robots, newest: ObservationEvent | None) -> None:
         """How each robot is, as in ``DriveEvent.facts``."""
         ...
 
@@ -99,7 +102,7 @@ class RobotManager:
         self._background = Background()
         self._unsubscribe: Callable[[], None] = lambda: None
         self._connecting = Connecting(drive, guard)
-        self._facts = _nothing_known()
+        self._facts = _NOTHING_KNOWN
         self._trouble: str | None = None
         self._generation = 0
         self._world: str | None = None
@@ -161,12 +164,12 @@ class RobotManager:
     def _on_event(self, event: DriveEvents) -> None:
         match event:
             case DriveEvent():
-                self._facts = {**_nothing_known(), **finite(event.facts)}
-                self.operators.drive_said(self._facts["robots"])
-                self.checks.drive_said(self._facts["robots"])
-                self._connecting.stopped = self._facts["stopped"]
+                self._facts = event.facts
+                self.operators.drive_said(self._facts.robots)
+                self.checks.drive_said(self._facts.robots)
+                self._connecting.stopped = self._facts.stopped
                 if (keeper := self._run()) is not None:
-                    keeper.heard(self._facts["robots"], self._newest())
+                    keeper.heard(self._facts.robots, self._newest())
                 self._changed()
             case WheelSpeedEvent():
                 sample, run = self.wheels.take(event, self._newest()), self._run()
@@ -199,35 +202,35 @@ class RobotManager:
         )
         log.error("drive_lost", reason=event.reason)
         # Robots that nobody hears are not shown as connected.
-        self._facts = {**_nothing_known(), "stopped": self._facts["stopped"]}
+        self._facts = replace(_NOTHING_KNOWN, stopped=self._facts.stopped)
         self._connecting.drive_lost()
         self.operators.drive_lost(event.reason)
         self._changed()
 
     # --- what is known ---------------------------------------------------------------------
 
-    def facts(self) -> dict[str, Any]:
-        """Everything of driving as plain values, ready for JSON."""
+    def facts(self) -> RobotsNow:
+        """Everything of driving."""
         health, rig = self._drive.health, self._rig()
-        return {
-            **self._facts,
-            "process": {
-                "alive": health.alive,
-                "pid": health.pid,
-                "restarts": health.restarts,
-                "trouble": self._trouble or (None if health.alive else _NO_PROCESS),
-            },
-            "world": self._world,
-            "ports": {
-                role: {"port": shown_port(rig.ports[role]), "model": rig.models.get(role)}
+        return RobotsNow(
+            **vars(self._facts),
+            process=DriveProcess(
+                health.alive,
+                health.pid,
+                health.restarts,
+                self._trouble or (None if health.alive else _NO_PROCESS),
+            ),
+            world=self._world,
+            ports={
+                role: RobotPortNow(shown_port(rig.ports[role]), rig.models.get(role))
                 if role in rig.ports
                 else None
                 for role in ROLES
             },
-            "trouble": {role: self._connecting.trouble.get(role) for role in ROLES},
-            "incidents": [incident.facts() for incident in self.incidents.newest],
-            "check": self.checks.facts(),
-        }
+            trouble={role: self._connecting.trouble.get(role) for role in ROLES},
+            incidents=self.incidents.newest,
+            check=self.checks.facts(),
+        )
 
     @property
     def warnings(self) -> list[str]:
@@ -238,23 +241,21 @@ class RobotManager:
     @property
     def connected(self) -> bool:
         """Whether there is any robot, or shall be one."""
-        return any(self._facts["robots"].values())
+        return any(self._facts.robots.values())
 
-    def robot(self, role: Role) -> dict[str, Any] | None:
+    def robot(self, role: Role) -> RobotNow | None:
         """How one is, as in ``facts``; None where there is none."""
-        robot: dict[str, Any] | None = self._facts["robots"].get(role)
-        return robot
+        return self._facts.robots.get(role)
 
     def is_driven(self, role: Role) -> bool:
         """Whether a robot of this role is armed."""
         robot = self.robot(role)
-        return robot is not None and robot.get("state") in _DRIVEN
+        return robot is not None and robot.state in _DRIVEN
 
     @property
     def loop_late_p99_ms(self) -> float | None:
         """Of the drive loop; None where it tells none."""
-        late = (self._facts["loop"] or {}).get("late_p99_ms")
-        return late if isinstance(late, (int, float)) else None
+        return None if self._facts.loop is None else self._facts.loop.late_p99_ms
 
     @property
     def alive(self) -> bool:
@@ -268,7 +269,7 @@ class RobotManager:
 
     # --- what is asked for -----------------------------------------------------------------
 
-    async def ask(self, command: DriveProcessCommand) -> dict[str, Any]:
+    async def ask(self, command: ToDrive[Answer]) -> Answer:
         """Send a command.
 
         Raises:
@@ -335,14 +336,14 @@ class RobotManager:
 
     async def _armed(self, role: Role, lease: str | None, deadline: float) -> bool:
         late = self._clock() > deadline
-        if self._facts["stopped"] is not None:
+        if self._facts.stopped is not None:
             raise Conflict("all robots were stopped; reset the stop first")
         given, robot = self._connecting.given(role), self.robot(role)
         if given is None or robot is None:
             if late:
                 raise Conflict(f"the {role} was not connected again in time")
             return False
-        if (robot.get("port"), robot.get("world")) != (shown_port(given.port), given.world):
+        if (robot.port, robot.world) != (shown_port(given.port), given.world):
             # What was told last is of the robot before.
             return False
         if self.is_driven(role):
@@ -366,24 +367,3 @@ class RobotManager:
     async def stop_programme(self) -> None:
         """End it, if one is going."""
         await self.ask(StopProgramme())
-
-
-def _nothing_known() -> dict[str, Any]:
-    return {
-        "stopped": None,
-        "sight": None,
-        "loop": None,
-        "programme": None,
-        "robots": dict.fromkeys(ROLES),
-    }
-
-
-def finite(value: Any) -> Any:
-    """Plain values with None in place of what is no JSON: NaN and the infinities."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {str(key): finite(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(each) for each in value]
-    return value

@@ -8,7 +8,8 @@ from typing import Any
 
 import structlog
 
-from app.drive.messages import DriveProcessCommand, ReleaseLease, TakeLease
+from app.contract.drive import ReleaseLease, TakeLease, ToDrive
+from app.contract.robots import Robots
 from app.server.errors import Conflict, FieldError, NotAvailable
 from observer.rig.rig import Role
 
@@ -46,7 +47,7 @@ class Operators:
 
     def __init__(
         self,
-        ask: Callable[[DriveProcessCommand], Awaitable[dict[str, Any]]],
+        ask: Callable[[ToDrive[Any]], Awaitable[Any]],
         soon: Callable[[Awaitable[None]], None],
     ) -> None:
         self._ask = ask
@@ -83,8 +84,7 @@ class Operators:
         """
         if role in operator.leases:
             return operator.leases[role]
-        reply = await self._ask(TakeLease(role, operator.name, takeover))
-        lease = str(reply["lease"])
+        lease: str = await self._ask(TakeLease(role, operator.name, takeover))
         if operator.gone:
             # The socket closed while the drive process answered.
             self._soon(self._release(role, lease))
@@ -108,7 +108,7 @@ class Operators:
         """The name of who has the role."""
         return next((each.name for each in self._present if role in each.leases), None)
 
-    def drive_said(self, robots: dict[str, Any]) -> None:
+    def drive_said(self, robots: Robots) -> None:
         """End leases that the drive process does not know of.
 
         Args:
@@ -117,12 +117,12 @@ class Operators:
         for operator in tuple(self._present):
             for role in tuple(operator.leases):
                 robot = robots.get(role)
-                if robot is None or robot.get("operator") == operator.name:
+                if robot is None or robot.operator == operator.name:
                     operator.unnamed.pop(role, None)
                     continue
                 operator.unnamed[role] = operator.unnamed.get(role, 0) + 1
                 if operator.unnamed[role] >= _TIMES_UNNAMED:
-                    self._lose(operator, role, robot.get("why") or f"the {role} was given up")
+                    self._lose(operator, role, robot.why or f"the {role} was given up")
 
     def drive_lost(self, sentence: str) -> None:
         """All leases went with the drive process."""

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 
-from app.drive.messages import StoppedEvent
-from app.storage import StopFigures
+from app.contract.drive import StoppedEvent
+from app.contract.robots import StopMeasured
 
 
-def stop_figures(event: StoppedEvent) -> StopFigures:
+def stop_figures(event: StoppedEvent) -> StopMeasured:
     """Those of a stop, rounded to what can be told apart: 0.1 ms and 1 mm."""
 
     def since_cause(moment: float | None) -> float | None:
         return None if moment is None else _rounded(1e3 * (moment - event.cause_time), 1)
 
-    return StopFigures(
+    return StopMeasured(
         since_cause(event.zero_time),
         since_cause(event.stood_time),
         _rounded(event.distance_m, 3),

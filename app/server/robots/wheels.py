@@ -6,30 +6,24 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from app.drive.messages import WheelSpeedEvent
-from app.messages import ObservationEvent
-from observer.rig.rig import Role
+from app.contract.drive import WheelSpeedEvent
+from app.contract.events import ObservationEvent
+from app.contract.robots import WheelSpeed
 
 # Ten a second of two robots: ten seconds.
 _KEPT = 200
 
 
 @dataclass(frozen=True)
-class WheelSample:
+class WheelSample(WheelSpeed):
     """One measurement.
 
     Attributes:
-        number: counted from 1, without gaps.
-        time: of the source. segment: that of the newest observation.
-        sent_mps: as it was commanded. encoder_mps: None where the robot tells none.
+        number: counted from 1, without gaps. segment: that of the newest observation.
     """
 
     number: int
-    role: Role
-    time: float
     segment: int
-    sent_mps: float
-    encoder_mps: float | None
 
 
 class WheelLog:

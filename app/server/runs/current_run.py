@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
 from typing import Any, ClassVar
 
-from app.messages import ObservationEvent
+from app.contract.events import ObservationEvent
+from app.contract.robots import Robots, StopMeasured
 from app.server.robots.incidents import Incident
 from app.server.robots.wheels import WheelSample
 from app.server.runs.pending_rows import PendingRows
@@ -19,7 +20,6 @@ from app.storage import (
     RunRecord,
     RunState,
     SpeedRow,
-    StopFigures,
     Storage,
     StorageMissing,
 )
@@ -82,7 +82,7 @@ class CurrentRun:
         if self.frames:
             self._collect(wheel_rows(self.id, sample))
 
-    def heard(self, robots: Mapping[str, Any], newest: ObservationEvent | None) -> None:
+    def heard(self, robots: Robots, newest: ObservationEvent | None) -> None:
         """Have recorded how robots are; see ``RobotFeed.heard``."""
         if self.record.record is not None:
             self.robots.heard(robots, newest if self.frames else None)
@@ -178,7 +178,7 @@ class CurrentRun:
     def _write_incident(self, number: int, record: IncidentRecord) -> None:
         self._incidents[number] = self._storage.append_incident(record)
 
-    def _write_stop(self, number: int, role: Role, figures: StopFigures) -> None:
+    def _write_stop(self, number: int, role: Role, figures: StopMeasured) -> None:
         incident = self._incidents.get(number)
         # None: the incident could not be written, which was told then.
         if incident is not None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable
-from typing import Any
 
 import structlog
 
-from app.messages import StopRun
+from app.contract.commands import StopRun
+from app.contract.status import RecordingStatus
 from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
@@ -23,11 +23,11 @@ _PATIENCE_S = 2.0
 _AGAIN_S = 2.0
 
 
-async def end_recording(engine: Engine, opening: Opening) -> dict[str, Any]:
-    """Have the engine end the run; what became of its recording, empty where it cannot tell."""
-    recording: dict[str, Any] = {}
+async def end_recording(engine: Engine, opening: Opening) -> RecordingStatus | None:
+    """Have the engine end the run; what became of its recording, None where it cannot tell."""
+    recording = None
     with contextlib.suppress(NotAvailable, Conflict, FieldError, StorageFull):
-        recording = (await ask(engine, StopRun())).get("recording") or {}
+        recording = await ask(engine, StopRun())
         if not opening.endless:
             # Its run ended with the recording; the preview goes round.
             await ask(engine, opening.preview_playback)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import timedelta
 from functools import partial
 from typing import Protocol
 
 import structlog
 
+from app.contract.runs import DiskUse, History, Run
+from app.contract.values import filled
 from app.server.errors import NotThere
 from app.server.runs.archive import no_such_run
 from app.storage import UNDO, RunRecord, Storage, StorageError, StorageMissing
@@ -19,31 +21,6 @@ log = structlog.get_logger(__name__)
 
 # Every file of the data folder is looked at; whoever types a search asks many times a second.
 _DISK_AGE_S = 5.0
-
-
-@dataclass(frozen=True)
-class Disk:
-    """Bytes: what the data folder takes, and what may still be written."""
-
-    used_bytes: int
-    free_bytes: int
-
-
-@dataclass(frozen=True)
-class HistoryPage:
-    """What a person sees of the history.
-
-    Attributes:
-        runs: newest first. total: how many there are of them in all.
-        tags: every tag of runs that are not deleted, with their number.
-        undo_days: how long what was deleted can be had back.
-    """
-
-    runs: tuple[RunRecord, ...]
-    total: int
-    tags: dict[str, int]
-    disk: Disk
-    undo_days: float
 
 
 class KeptRun(Protocol):
@@ -71,7 +48,7 @@ class RunHistory:
         self._current = current
         self._clock = clock
         self._undo = undo
-        self._disk: tuple[float, Disk] | None = None
+        self._disk: tuple[float, DiskUse] | None = None
 
     async def page(
         self,
@@ -81,7 +58,7 @@ class RunHistory:
         deleted: bool = False,
         limit: int = 50,
         offset: int = 0,
-    ) -> HistoryPage:
+    ) -> History:
         """Runs with every word in name, notes or tags, and with every tag.
 
         Args:
@@ -91,13 +68,13 @@ class RunHistory:
             self._storage.find_runs, text, tags=tuple(tags), deleted=deleted,
             limit=limit, offset=offset,
         )  # fmt: skip
-        found, known = await asyncio.gather(
+        found, all_tags = await asyncio.gather(
             asyncio.to_thread(find), asyncio.to_thread(self._storage.run_tags)
         )
-        return HistoryPage(
-            runs=tuple(self._as_it_stands(run) for run in found.runs),
+        return History(
+            runs=tuple(filled(Run, self._as_it_stands(run)) for run in found.runs),
             total=found.total,
-            tags=known,
+            tags=all_tags,
             disk=await self._disk_now(),
             undo_days=self._undo / timedelta(days=1),
         )
@@ -168,9 +145,9 @@ class RunHistory:
         current = self._current()
         return current.snapshot() if current and current.record.id == record.id else record
 
-    async def _disk_now(self) -> Disk:
+    async def _disk_now(self) -> DiskUse:
         now = self._clock()
         if self._disk is None or now - self._disk[0] > _DISK_AGE_S:
             use = await asyncio.to_thread(self._storage.folder.disk_use, self._storage.file)
-            self._disk = now, Disk(use.total, use.free)
+            self._disk = now, DiskUse(use.total, use.free)
         return self._disk[1]

@@ -8,8 +8,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
-from app.drive.messages import StartProgramme
-from app.messages import MAX_PLAYBACK_RATE, ObservationEvent, StateEvent
+from app.contract.commands import MAX_PLAYBACK_RATE
+from app.contract.drive import StartProgramme
+from app.contract.events import ObservationEvent, StateEvent
 from app.server.calibrations.library import keep_own_calibration
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.in_force import ParametersInForce
@@ -268,7 +269,8 @@ class RunManager:
     def state_changed(self, event: StateEvent) -> None:
         """A recording's run ends with the recording."""
         run = self.running
-        if run is not None and event.run_id == run.id and (event.playback or {}).get("ended"):
+        playback = event.playback
+        if run is not None and event.run_id == run.id and playback and playback.ended:
             self._soon(self._finish_played(run))
 
     # --- ending ----------------------------------------------------------------------------
@@ -311,8 +313,9 @@ class RunManager:
         await tell_robots(self._engine, run)
         recording = await end_recording(self._engine, self._source.wanted)
         # A finished run tells why its recording is not whole.
-        ended = run.ended(state, reason or recording.get("trouble"))
-        write = partial(run.write_end, ended, recording.get("bytes"))
+        ended = run.ended(state, reason or (None if recording is None else recording.trouble))
+        size = None if recording is None else recording.bytes
+        write = partial(run.write_end, ended, size)
         try:
             written = await write_end(self._writer, write, run.id, self._soon)
         finally:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import deque
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Protocol
 
 import structlog
 
-from app.messages import ObservationEvent, RecordOrder, RecordRobots
+from app.contract.commands import RecordOrder, RecordRobots
+from app.contract.events import ObservationEvent
+from app.contract.robots import RobotNow, Robots
 from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.robots.incidents import Incident
 from app.storage import DataFolder, RunRecord
 from observer.errors import DynamicObserverError
+from observer.recording import payloads
+from observer.recording.payloads import RobotRow
 from observer.recording.run_folder import RECORDING
 from observer.rig.rig import ROLES
 
@@ -46,11 +50,11 @@ class RobotFeed:
     """Collects what is heard of robots until the recording is told of it."""
 
     def __init__(self) -> None:
-        self._rows: deque[dict[str, Any]] = deque(maxlen=_MOST_ROWS)
-        self._incidents: deque[dict[str, Any]] = deque(maxlen=_MOST_INCIDENTS)
+        self._rows: deque[RobotRow] = deque(maxlen=_MOST_ROWS)
+        self._incidents: deque[payloads.Incident] = deque(maxlen=_MOST_INCIDENTS)
         self._newest: dict[str, float] = {}
 
-    def heard(self, robots: Mapping[str, Any], newest: ObservationEvent | None) -> None:
+    def heard(self, robots: Robots, newest: ObservationEvent | None) -> None:
         """Keep each robot's state, where it told a new one.
 
         Args:
@@ -61,7 +65,7 @@ class RobotFeed:
             robot = robots.get(role)
             if robot is None:
                 continue
-            received = robot["report"].get("received")
+            received = robot.report.received
             if received is None or self._newest.get(role) == received:
                 continue
             self._newest[role] = received
@@ -70,12 +74,12 @@ class RobotFeed:
     def happened(self, incident: Incident) -> None:
         """Keep that something stopped a robot."""
         self._incidents.append(
-            {
-                "kind": incident.kind,
-                "sentence": incident.sentence,
-                "received": incident.time,
-                "details": {"role": incident.role, "speed_mps": incident.speed_mps},
-            }
+            payloads.Incident(
+                kind=incident.kind,
+                sentence=incident.sentence,
+                received=incident.time,
+                details={"role": incident.role, "speed_mps": incident.speed_mps},
+            )
         )
 
     def take(self) -> RecordRobots | None:
@@ -122,25 +126,26 @@ def complete_recording(folder: DataFolder, run_id: str) -> None:
         log.warning("recording_not_completed", run=run_id, reason=str(error))
 
 
-def _row(role: str, robot: Mapping[str, Any], newest: ObservationEvent | None) -> dict[str, Any]:
-    report, sent = robot["report"], robot["sent"]
-    received, odometry = report["received"], report["odometry"] or {}
+def _row(role: str, robot: RobotNow, newest: ObservationEvent | None) -> RobotRow:
+    report, sent = robot.report, robot.sent
+    received, odometry = report.received, report.odometry
+    assert received is not None
     time = None if newest is None else float(newest.line["time"]) + received - newest.received
-    return {
-        "role": role,
-        "received": received,
-        "time": time,
-        "sent_speed": sent["speed_mps"],
-        "sent_turn_rate": sent["turn_rate_radps"],
-        "encoder_speed": report["speed_mps"],
-        "encoder_turn_rate": report["turn_rate_radps"],
-        "x": odometry.get("x"),
-        "y": odometry.get("y"),
-        "yaw": odometry.get("yaw"),
-        "facts": {
-            "state": robot["state"],
-            "operator": robot["operator"],
-            "why": robot["why"],
-            "battery_v": report["battery_v"],
+    return RobotRow(
+        role=role,
+        received=received,
+        time=time,
+        sent_speed=sent.speed_mps,
+        sent_turn_rate=sent.turn_rate_radps,
+        encoder_speed=report.speed_mps,
+        encoder_turn_rate=report.turn_rate_radps,
+        x=None if odometry is None else odometry.x,
+        y=None if odometry is None else odometry.y,
+        yaw=None if odometry is None else odometry.yaw,
+        facts={
+            "state": robot.state,
+            "operator": robot.operator,
+            "why": robot.why,
+            "battery_v": report.battery_v,
         },
-    }
+    )

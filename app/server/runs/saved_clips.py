@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any
 
 import structlog
 
-from app.drive.messages import IncidentEvent
-from app.messages import SaveRing
+from app.contract.commands import SaveRing
+from app.contract.drive import IncidentEvent
+from app.contract.runs import RingFile
 from app.server.asking import ask
 from app.server.errors import Conflict, NotThere
 from app.server.shared import Shared
@@ -37,11 +37,8 @@ class SavedClips:
         self._automatic = automatic
         self._saved_at: float | None = None
 
-    async def save(self) -> dict[str, Any]:
+    async def save(self) -> RingFile:
         """Save it beside the run, or in the folder ``rings`` where none goes.
-
-        Returns:
-            ``file`` within the data folder, its ``bytes``, and how many ``seconds`` it holds.
 
         Raises:
             Conflict: none is kept of what is open. StorageFull: there is no room for it.
@@ -50,7 +47,9 @@ class SavedClips:
         run = self._shared.run()
         file = new_clip(self._folder, None if run is None else run.id)
         saved = await ask(self._shared.engine, SaveRing(str(file)), timeout_s=_SAVE_TIMEOUT_S)
-        return {"file": str(file.relative_to(self._folder.path.absolute())), **saved}
+        return RingFile(
+            str(file.relative_to(self._folder.path.absolute())), saved.bytes, saved.seconds
+        )
 
     async def all(self) -> list[SavedClip]:
         """Those that were saved, newest first."""
@@ -91,7 +90,7 @@ class SavedClips:
         await asyncio.sleep(_BEHIND_STOP_S)
         try:
             saved = await self.save()
-            log.info("ring_saved", file=saved["file"])
+            log.info("ring_saved", file=saved.file)
         except Conflict:
             # Of what can be played again nothing is kept.
             pass

@@ -12,7 +12,7 @@ from typing import IO, Any
 
 import structlog
 
-from app.messages import LiveTruthOrder
+from app.contract.commands import LiveTruthOrder
 from app.server.errors import FieldError, NotThere
 from app.server.runs.archive import RunArchive
 from app.server.runs.commands import CommandRefused, RunCommands

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-from app.messages import StateEvent
+from app.contract.events import StateEvent
 from app.storage import CalibrationRecord, Storage
 from observer.opening import live_devices
 
@@ -31,7 +30,7 @@ def camera_match_warnings(state: StateEvent, calibration: CalibrationRecord | No
     bound = _devices(calibration)
     if not bound:
         return []
-    open_devices = tuple(state.source["devices"])
+    open_devices = state.source.devices
     name = calibration.name
     if open_devices == bound[::-1] != bound:
         return [
@@ -44,15 +43,14 @@ def camera_match_warnings(state: StateEvent, calibration: CalibrationRecord | No
             f"calibrate these, or plug those in"
         ]
     settings: Sequence[Mapping[str, str]] = calibration.info["bound"].get("settings", ())
-    cameras: Sequence[Mapping[str, Any]] = state.live["cameras"]
     warnings = []
-    for before, camera in zip(settings, cameras, strict=False):
-        now = camera["settings"]
+    for before, camera in zip(settings, state.live.cameras, strict=False):
+        now = camera.settings
         for key in _DECISIVE:
             if key in before and key in now and before[key] != now[key]:
                 warnings.append(
                     f"the calibration {name} was made with {key} {before[key]} of the "
-                    f"{camera['side']} camera, which is {now[key]} now: set it back, or "
+                    f"{camera.side} camera, which is {now[key]} now: set it back, or "
                     f"calibrate anew"
                 )
     return warnings

@@ -7,7 +7,8 @@ import contextlib
 from dataclasses import replace
 from typing import Any
 
-from app.messages import LiveTruthOrder, SetTruth
+from app.contract.commands import LiveTruthOrder, SetTruth
+from app.contract.live_truth import LiveTruthStatus
 from app.server.asking import ask
 from app.server.errors import FieldError, NotAvailable
 from app.server.shared import Shared
@@ -44,7 +45,7 @@ class LiveTruthManager:
             self._storage.set_setting(_KEY, _plain(kept))
         self.order = kept
 
-    async def choose(self, order: LiveTruthOrder | None) -> dict[str, Any] | None:
+    async def choose(self, order: LiveTruthOrder | None) -> LiveTruthStatus | None:
         """Listen to this from now on, and keep it; what is open stays open.
 
         Returns:
@@ -59,11 +60,10 @@ class LiveTruthManager:
                 order = checked(order)
             await asyncio.to_thread(self._storage.set_setting, _KEY, _plain(order))
             self.order = order
-            facts: dict[str, Any] | None = None
+            facts: LiveTruthStatus | None = None
             with contextlib.suppress(NotAvailable):
                 # An engine that is being started anew opens its source with it.
-                reply = await ask(self._shared.engine, SetTruth(order), field=("body", "spec"))
-                facts = reply["truth"]
+                facts = await ask(self._shared.engine, SetTruth(order), field=("body", "spec"))
             self._shared.followers.status_changed()
             return facts
 

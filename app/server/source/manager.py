@@ -5,17 +5,10 @@ from __future__ import annotations
 import asyncio
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
-from app.messages import (
-    CloseSource,
-    EngineLostEvent,
-    EngineState,
-    ObservationEvent,
-    RecordOrder,
-    SetPlayback,
-    StateEvent,
-)
+from app.contract.commands import CloseSource, RecordOrder, SetPlayback
+from app.contract.events import EngineLostEvent, EngineState, ObservationEvent, StateEvent
+from app.contract.status import PlaybackStatus
 from app.server.asking import ask
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.in_force import ParametersInForce
@@ -90,7 +83,7 @@ class SourceManager:
                 await asyncio.to_thread(make_opening, self._storage, source, calibration_id)
             )
 
-    async def play(self, change: SetPlayback) -> dict[str, Any]:
+    async def play(self, change: SetPlayback) -> PlaybackStatus:
         """Change the playback and return it as it is then."""
         return await ask(self._engine, change)
 
@@ -126,7 +119,8 @@ class SourceManager:
         Raises:
             FieldError, NotAvailable: as ``use``.
         """
-        same = (self.state.source or {}).get("spec") == shown_spec(opening.source)
+        before = self.state.source
+        same = before is not None and before.spec == shown_spec(opening.source)
         command = opening.command(
             parameters or self._parameters.current,
             playback=self.state.playback if same else None,
@@ -141,7 +135,7 @@ class SourceManager:
         )
         self._shared.telemetry.new_source()
         self.latest = None
-        return str(reply["calibration_yaml"])
+        return str(reply.calibration_yaml)
 
     async def restore(self) -> None:
         """Observe anew what was wanted, without its calibration if that is what does not fit.

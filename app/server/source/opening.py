@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from app.messages import LiveTruthOrder, OpenSource, RecordOrder, SetPlayback
+from app.contract.commands import LiveTruthOrder, OpenSource, RecordOrder, SetPlayback
+from app.contract.status import PlaybackStatus
 from app.server.calibrations.library import find_calibration
 from app.server.errors import FieldError, NotThere
 from app.server.parameters.in_force import ParametersInForce
@@ -45,7 +45,7 @@ class Opening:
         self,
         parameters: ParametersInForce,
         *,
-        playback: dict[str, Any] | None,
+        playback: PlaybackStatus | None,
         run_id: str | None = None,
         segment: int = 0,
         rig_yaml: str | None = None,
@@ -58,7 +58,7 @@ class Opening:
             playback: as it is now, whose rate is kept; None where something else was open.
             record: how the run is recorded. truth: live motion capture beside it.
         """
-        rate = float((playback or {}).get("rate", 1.0))
+        rate = 1.0 if playback is None else playback.rate
         if run_id is not None and self.run_rate is not None:
             rate = self.run_rate
         return OpenSource(

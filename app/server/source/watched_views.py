@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import structlog
 
-from app.messages import WatchViews
+from app.contract.commands import WatchViews
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.server.contracts import Engine
 

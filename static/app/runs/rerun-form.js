@@ -150,7 +150,8 @@ export class RerunForm extends Part {
     );
     const declared = Object.fromEntries(this.#schema.map((entry) => [entry.name, entry.default]));
     this.#draft.values = {};
-    this.#draft.defaults = { ...declared, ...this.#run?.parameters };
+    const own = /** @type {typeof declared | undefined} */ (this.#run?.parameters);
+    this.#draft.defaults = { ...declared, ...own };
     void this.#draft.change(this.#startingValues());
   }
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from app.drive.messages import SIGHT_NAME
+from app.contract.drive import SIGHT_NAME
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import serve_tcp
 

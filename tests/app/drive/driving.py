@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from app.drive.messages import (
+from app.contract.drive import (
     ArmRobot,
     ConnectRobot,
     DriveCommand,
@@ -26,6 +26,7 @@ from app.drive.messages import (
     StoppedEvent,
     TakeLease,
 )
+from app.contract.values import plain
 from app.drive.supervisor import DRIVE_COMMAND
 from app.runtime.arguments import ProcessArguments
 from app.runtime.environment import program_environment
@@ -117,7 +118,7 @@ class Drive:
             if isinstance(message, Reply):
                 self._replies[message.number] = message
             elif isinstance(message, DriveEvent):
-                self.facts = message.facts
+                self.facts = plain(message.facts)
             elif isinstance(message, StoppedEvent):
                 self.stops.append(message)
 
@@ -128,10 +129,10 @@ class Drive:
         reply: Reply = until(lambda: self._replies.pop(number, None), type(command).__name__)
         return reply
 
-    def value(self, command: Any) -> dict[str, Any]:
+    def value(self, command: Any) -> Any:
         reply = self.ask(command)
         assert reply.refusal is None, reply.error
-        return reply.value or {}
+        return reply.value
 
     def state(self, role: str) -> str | None:
         robot = self.facts["robots"][role]
@@ -145,7 +146,7 @@ class Drive:
         self.value(SetGuard({"guard.acceleration_mps2": 3.0}))
 
     def arm(self, role: str) -> None:
-        self.leases[role] = self.value(TakeLease(role, "Ann", takeover=True))["lease"]  # type: ignore[arg-type]
+        self.leases[role] = self.value(TakeLease(role, "Ann", takeover=True))  # type: ignore[arg-type]
         reply = None
         # A robot may have to come to rest before.
         for _ in range(100):
@@ -155,7 +156,7 @@ class Drive:
             time.sleep(0.02)
         raise AssertionError(reply)
 
-    def command(self, role: str, speed: float) -> tuple[float, dict[str, Any]]:
+    def command(self, role: str, speed: float) -> tuple[float, Any]:
         """When it was given, and the answer."""
         self._sequence += 1
         issued = time.monotonic()
@@ -170,9 +171,9 @@ class Drive:
             assert time.monotonic() < deadline, self.facts
             for role in roles:
                 issued, answer = self.command(role, SPEED_MPS)
-                if answer["speed_mps"] < SPEED_MPS - 0.01:
+                if answer.speed_mps < SPEED_MPS - 0.01:
                     begun = time.monotonic()
-                if "let go" in (answer["limited_by"] or ""):
+                if "let go" in (answer.limited_by or ""):
                     # This process stood still for too long.
                     self.command(role, 0.0)
             time.sleep(random.uniform(0.05, 0.1))
@@ -186,7 +187,7 @@ class Drive:
             if issued - before > 0.2:
                 self.speed_up([role])
                 return False
-            assert answer["speed_mps"] == pytest.approx(SPEED_MPS)
+            assert answer.speed_mps == pytest.approx(SPEED_MPS)
             before = issued
             time.sleep(0.05)
         return True

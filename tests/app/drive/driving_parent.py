@@ -11,7 +11,7 @@ import sys
 import time
 from contextlib import suppress
 
-from app.drive.messages import (
+from app.contract.drive import (
     SIGHT_NAME,
     WHEELS_NAME,
     ArmRobot,
@@ -40,11 +40,12 @@ async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
     leases = {}
     for role, port in ports.items():
         await supervisor.request(ConnectRobot(role, port, None, "real"), 10)  # type: ignore[arg-type]
-        leases[role] = (await supervisor.request(TakeLease(role, "Ann"), 10))["lease"]  # type: ignore[arg-type]
+        leases[role] = await supervisor.request(TakeLease(role, "Ann"), 10)  # type: ignore[arg-type]
 
     def all_in(*states: str) -> bool:
         return bool(newest) and all(
-            (newest[0].facts["robots"][role] or {}).get("state") in states for role in ports
+            getattr(newest[0].facts.robots[role], "state", None) in states  # type: ignore[index]
+            for role in ports
         )
 
     while not all_in("disarmed"):
@@ -71,9 +72,9 @@ async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
             except ProcessRefused:
                 # It stood still meanwhile, and goes on as if a key were still held.
                 continue
-            if answer["speed_mps"] < SPEED_MPS - 0.01:
+            if answer.speed_mps < SPEED_MPS - 0.01:
                 begun = time.monotonic()
-                limited = answer["limited_by"] or ""
+                limited = answer.limited_by or ""
                 wants_release = wants_release or "let go" in limited
                 if "not armed" in limited and not told:
                     with suppress(ProcessRefused):

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from app.drive.messages import (
+from app.contract.drive import (
     ArmRobot,
     ConnectRobot,
     DriveCommand,
@@ -174,11 +174,11 @@ class Bench:
         return self.roles.take(command, self.now)
 
     def connect(self, role: Role, world: str = "real") -> None:
-        assert self.take(ConnectRobot(role, self.robots[role].port, None, world)) == {}
+        assert self.take(ConnectRobot(role, self.robots[role].port, None, world)) is None
         self.tick()
 
     def lease(self, role: Role, operator: str = "Ann", takeover: bool = False) -> str:
-        self.leases[role] = self.take(TakeLease(role, operator, takeover))["lease"]
+        self.leases[role] = self.take(TakeLease(role, operator, takeover))
         return self.leases[role]
 
     def arm(self, role: Role) -> None:

@@ -12,10 +12,9 @@ from typing import Any
 
 import pytest
 
-from app.drive.messages import (
+from app.contract.drive import (
     ArmRobot,
     ConnectRobot,
-    DriveCommand,
     DriveEvent,
     DriveLostEvent,
     DriveStartedEvent,
@@ -23,6 +22,7 @@ from app.drive.messages import (
     StopRobots,
     TakeLease,
 )
+from app.contract.values import plain
 from app.drive.supervisor import DriveSupervisor
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.runtime.supervisor import SupervisorLimits
@@ -59,7 +59,7 @@ class Watched:
             await asyncio.sleep(0.01)
 
     def state(self, role: str) -> Any:
-        robot = self.all(DriveEvent)[-1].facts["robots"][role]
+        robot = plain(self.all(DriveEvent)[-1].facts)["robots"][role]
         return None if robot is None else robot["state"]
 
 
@@ -78,7 +78,8 @@ async def test_it_answers_refuses_and_leaves_nothing(slots: dict[str, int]) -> N
         with pytest.raises(ProcessRefused, match="'nonsense'") as refused:
             await watched.drive.request(ConnectRobot("observer", "nonsense", None, "real"))
         assert refused.value.refusal == "input"
-        assert await watched.drive.request(StopRobots("Ann")) == {}
+        answer: Any = await watched.drive.request(StopRobots("Ann"))
+        assert answer is None
         await watched.until(lambda: watched.all(IncidentEvent), "the incident")
         assert watched.all(IncidentEvent)[0].kind == "stop"
     await watched.drive.stop()
@@ -91,33 +92,27 @@ async def test_it_answers_refuses_and_leaves_nothing(slots: dict[str, int]) -> N
 async def test_one_that_dies_or_hangs_is_replaced_and_connects_nothing(
     slots: dict[str, int], number: signal.Signals
 ) -> None:
-    robot = serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic()))
-    with robot:
-        async with Watched(slots) as watched:
-            await watched.drive.request(ConnectRobot("obstacle", robot.port, None, "real"))
-            lease = (await watched.drive.request(TakeLease("obstacle", "Ann")))["lease"]
-            await watched.until(lambda: watched.state("obstacle") == "disarmed", "the robot")
-            await watched.drive.request(ArmRobot("obstacle", lease))
-            pid = watched.drive.health.pid
-            assert pid is not None
-            begun = time.monotonic()
-            os.kill(pid, number)
-            await watched.until(lambda: watched.all(DriveLostEvent), "the loss")
-            lost = time.monotonic() - begun
-            sys.stdout.write(f"\n{number.name}: known to be lost after {lost:.2f} s\n")
-            assert lost < 2.0
-            await watched.until(lambda: len(watched.all(DriveStartedEvent)) == 2, "another")
-            assert watched.all(DriveLostEvent)[0].reason == (
-                "the drive process ended by SIGKILL"
-                if number == signal.SIGKILL
-                else watched.all(DriveLostEvent)[0].reason
-            )
-            assert "the drive process" in watched.all(DriveLostEvent)[0].reason
-            await watched.until(lambda: watched.state("obstacle") is None, "its facts")
-            assert watched.drive.health.restarts == 1
-            with pytest.raises(ProcessRefused, match="not in force"):
-                await watched.drive.request(
-                    DriveCommand("obstacle", lease, 1, time.monotonic(), 0.3, 0.0)
+    async def work() -> None:
+        robot = serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic()))
+        with robot:
+            async with Watched(slots) as watched:
+                await watched.drive.request(ConnectRobot("obstacle", robot.port, None, "real"))
+                lease = await watched.drive.request(TakeLease("obstacle", "Ann"))
+                await watched.until(lambda: watched.state("obstacle") == "disarmed", "the robot")
+                await watched.drive.request(ArmRobot("obstacle", lease))
+                pid = watched.drive.health.pid
+                assert pid is not None
+                begun = time.monotonic()
+                os.kill(pid, number)
+                await watched.until(lambda: watched.all(DriveLostEvent), "the loss")
+                lost = time.monotonic() - begun
+                sys.stdout.write(f"\n{number.name}: known to be lost after {lost:.2f} s\n")
+                assert lost < 2.0
+                await watched.until(lambda: len(watched.all(DriveStartedEvent)) == 2, "another")
+                assert watched.all(DriveLostEvent)[0].reason == (
+                    "the drive process ended by SIGKILL"
+                    if number == signal.SIGKILL
+                    else watched.all(DriveLostEvent)[0].reason
                 )
 
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from app.drive.loop import DriveLoop, Inbox
-from app.drive.messages import (
+from app.contract.drive import (
     ArmRobot,
     ConnectRobot,
     DriveCommand,
@@ -20,6 +19,8 @@ from app.drive.messages import (
     TakeLease,
     WheelSpeedEvent,
 )
+from app.contract.values import plain
+from app.drive.loop import DriveLoop, Inbox
 from app.runtime.requests import Reply, Request
 from observer.rig.rig import ROLES
 from observer.robots.contract import SonarReading
@@ -73,11 +74,11 @@ class Turning:
 
     def ready(self, role: Any) -> str:
         port = self.bench.robots[role].port
-        assert self.ask(ConnectRobot(role, port, None, "real", "robot")).value == {}
-        lease = self.ask(TakeLease(role, "Ann")).value["lease"]
+        assert self.ask(ConnectRobot(role, port, None, "real", "robot")).value is None
+        lease = self.ask(TakeLease(role, "Ann")).value
         answer = self.ask(ArmRobot(role, lease)).value
         assert answer is not None
-        assert answer["robot"]["state"] == "armed"
+        assert answer.state == "armed"
         return str(lease)
 
 
@@ -93,8 +94,8 @@ def test_a_commands_answer_is_what_was_really_sent_in_the_same_turn(turning: Tur
         now = turning.bench.now
         command = DriveCommand("obstacle", lease, number, now, 0.9, 0.0)
         answers.append(turning.ask(command).value)
-        assert answers[-1]["speed_mps"] == turning.bench.robots["obstacle"].velocities[-1][0]
-    assert answers[0] == {
+        assert answers[-1].speed_mps == turning.bench.robots["obstacle"].velocities[-1][0]
+    assert plain(answers[0]) == {
         "speed_mps": pytest.approx(0.006),
         "turn_rate_radps": 0.0,
         "limited_by": "it is still getting faster",
@@ -102,7 +103,7 @@ def test_a_commands_answer_is_what_was_really_sent_in_the_same_turn(turning: Tur
     }
     turning.bench.robots["obstacle"].most = 0.2
     answer = turning.ask(DriveCommand("obstacle", lease, 99, turning.bench.now, 0.9, 0.0))
-    assert (answer.value["speed_mps"], answer.value["limited_by"]) == (
+    assert (answer.value.speed_mps, answer.value.limited_by) == (
         0.2,
         "the obstacle's robot takes no more",
     )
@@ -121,11 +122,11 @@ def test_a_stop_behind_many_commands_is_in_force_in_the_same_turn(turning: Turni
     turning.turn()
     answer = turning.reply(numbers[-1]).value
     assert answer is not None
-    assert answer["speed_mps"] == 0.0
-    assert "stopped by Bob" in answer["limited_by"]
+    assert answer.speed_mps == 0.0
+    assert "stopped by Bob" in answer.limited_by
     assert turning.bench.robots["obstacle"].calls[-1] == ("stop",)
     assert [e.kind for e in turning.events(IncidentEvent)] == ["stop"]
-    assert turning.events(DriveEvent)[-1].facts["stopped"]["by"] == "Bob"
+    assert plain(turning.events(DriveEvent)[-1].facts)["stopped"]["by"] == "Bob"
 
 
 def test_events_come_ten_times_a_second_and_at_once_on_a_change(turning: Turning) -> None:
@@ -137,7 +138,7 @@ def test_events_come_ten_times_a_second_and_at_once_on_a_change(turning: Turning
     turning.bench.robots["observer"].change(fault="a wheel stalled")
     turning.turn()
     assert len(turning.events(DriveEvent)) > before
-    robot = turning.events(DriveEvent)[-1].facts["robots"]["observer"]
+    robot = plain(turning.events(DriveEvent)[-1].facts)["robots"]["observer"]
     assert (robot["state"], robot["why"]) == ("disarmed", "a wheel stalled")
 
 
@@ -149,7 +150,7 @@ def test_facts_are_plain_and_complete(turning: Turning) -> None:
         counters={"packets": 3},
     )
     turning.turn(10)
-    facts = turning.events(DriveEvent)[-1].facts
+    facts = plain(turning.events(DriveEvent)[-1].facts)
     assert json.loads(json.dumps(facts, allow_nan=False)) == facts
     assert facts["robots"]["obstacle"] is None
     robot = facts["robots"]["observer"]

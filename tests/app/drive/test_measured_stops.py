@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from app.drive.messages import (
+from app.contract.drive import (
     DisarmRobot,
 )
 from observer.simulation.robots.emulated import EmulatedRobot

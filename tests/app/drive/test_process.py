@@ -10,7 +10,7 @@ import socket
 import sys
 import time
 
-from app.drive.messages import (
+from app.contract.drive import (
     WHEELS_NAME,
     ConnectRobot,
     DisarmRobot,

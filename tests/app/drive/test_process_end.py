@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from app.drive.messages import (
+from app.contract.drive import (
     SIGHT_NAME,
     WHEELS_NAME,
 )

@@ -6,13 +6,14 @@ from typing import Any
 
 import pytest
 
-from app.drive.messages import (
+from app.contract.drive import (
     DisarmRobot,
     ReleaseLease,
     StartProgramme,
     StopProgramme,
     StopRobots,
 )
+from app.contract.values import plain
 from app.runtime.errors import ProcessRefused
 from observer.motion_profiles.profile import Programme, Step
 from observer.robots.contract import RobotPhase
@@ -44,10 +45,10 @@ def start(bench: Any, **more: Any) -> dict[str, Any]:
 
 def test_both_robots_drive_what_is_written_and_stand_behind_it(bench: Any) -> None:
     prepare(bench)
-    assert start(bench, repeat=2) == {"duration_s": 4.0}
+    assert start(bench, repeat=2) == 4.0
     stay(bench, 0.9)
     assert bench.sent("obstacle")[0] > 0.2
-    facts = bench.roles.playing.facts(bench.now)
+    facts = plain(bench.roles.playing.facts(bench.now))
     assert facts["name"] == "pair"
     assert (facts["round"], facts["repeat"], facts["phase"]) == (1, 2, "driving")
     assert facts["elapsed_s"] == pytest.approx(0.9)

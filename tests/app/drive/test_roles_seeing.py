@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from app.drive.messages import (
+from app.contract.drive import (
     SetGuard,
 )
 from observer.guard.guard import Verdict

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from app.drive.messages import (
+from app.contract.drive import (
     ConnectRobot,
     IncidentEvent,
     ReleaseLease,

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from app.contract.commands import OpenSource, ToEngine
+from app.contract.events import StateEvent
 from app.engine.loop import Engine
-from app.messages import Command, OpenSource, StateEvent
 from app.runtime.requests import Reply, Request
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import SourceError
@@ -165,19 +166,18 @@ class Bench:
         self._thread.join(PATIENCE_S)
         assert not self._thread.is_alive()
 
-    def ask(self, command: Command) -> int:
+    def ask(self, command: ToEngine[Any]) -> int:
         self._number += 1
         self.inbox.put(Request(self._number, command))
         return self._number
 
-    def answer(self, command: Command) -> Reply:
+    def answer(self, command: ToEngine[Any]) -> Reply:
         number = self.ask(command)
         return self.wait(Reply, lambda reply: reply.number == number)
 
-    def value(self, command: Command) -> dict[str, Any]:
+    def value(self, command: ToEngine[Any]) -> Any:
         reply = self.answer(command)
         assert reply.refusal is None, reply.error
-        assert reply.value is not None
         return reply.value
 
     def wait(self, kind: type, fits: Callable[[Any], bool] = lambda _: True) -> Any:

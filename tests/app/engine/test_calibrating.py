@@ -12,21 +12,24 @@ import cv2
 import numpy as np
 import pytest
 
-from app.engine import calibrating
-from app.messages import (
+from app.contract.calibrating import BoardLook
+from app.contract.commands import (
     BeginCalibration,
-    BoardLookEvent,
-    BoardViewsEvent,
     ChangeCalibration,
     CloseSource,
+    PreviewCalibration,
+    SetParameters,
+    TakeScenePairs,
+)
+from app.contract.events import (
+    BoardLookEvent,
+    BoardViewsEvent,
     EngineState,
     HeartbeatEvent,
     ObservationEvent,
-    PreviewCalibration,
-    SetParameters,
     StateEvent,
-    TakeScenePairs,
 )
+from app.engine import calibrating
 from observer.calibration.board import Board
 from observer.calibration.board_pictures import draw_board, small_picture
 from observer.calibration.detection import detect_board
@@ -110,7 +113,7 @@ def begin(source: str = "board", **more: Any) -> BeginCalibration:
     return BeginCalibration(source, BOARD, **more)
 
 
-def looks(bench: Bench) -> list[dict[str, Any]]:
+def looks(bench: Bench) -> list[BoardLook]:
     return [event.look for event in bench.all(BoardLookEvent)]
 
 
@@ -122,8 +125,12 @@ def count_after(bench: Bench, kind: type, seconds: float) -> int:
 
 def test_new_poses_are_captured_and_told_with_their_pictures(bench: Bench) -> None:
     value = bench.value(begin())
-    assert (value["state"], value["camera"], value["run_id"]) == ("calibrating", None, None)
-    assert (value["source"]["width"], value["source"]["height"]) == SIZE
+    assert (value.state.state, value.state.camera, value.state.run_id) == (
+        "calibrating",
+        None,
+        None,
+    )
+    assert (value.state.source.width, value.state.source.height) == SIZE
     second = bench.wait(BoardViewsEvent, lambda event: event.names == ("1", "2"))
     first = bench.wait(BoardViewsEvent)
     assert first.names == ("1",)
@@ -137,12 +144,12 @@ def test_new_poses_are_captured_and_told_with_their_pictures(bench: Bench) -> No
         for jpeg in event.pictures:
             small = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
             assert small.shape == (120, 160, 3)
-    look = bench.wait(BoardLookEvent, lambda event: event.look["seen"] == [0, 0]).look
-    assert "to both cameras" in look["words"]
-    assert look["views"] == 2
-    seen = next(each for each in looks(bench) if each["views"] == 1 and each["seen"] == [54, 54])
-    assert all(0 <= bar <= 1 for bar in seen["coverage"].values())
-    assert not seen["enough"]
+    look = bench.wait(BoardLookEvent, lambda event: event.look.seen == [0, 0]).look
+    assert "to both cameras" in look.words
+    assert look.views == 2
+    seen = next(each for each in looks(bench) if each.views == 1 and each.seen == [54, 54])
+    assert all(0 <= bar <= 1 for bar in seen.coverage.values())
+    assert not seen.enough
     assert not bench.all(ObservationEvent)
     assert bench.state.state is EngineState.CALIBRATING
 
@@ -165,15 +172,15 @@ def test_the_images_are_shown_with_the_board_in_them(bench: Bench) -> None:
 
 def test_automatic_off_captures_nothing_but_what_is_asked_for(bench: Bench) -> None:
     bench.value(begin("held", automatic=False))
-    bench.wait(BoardLookEvent, lambda event: event.look["frame"] > 25)
+    bench.wait(BoardLookEvent, lambda event: event.look.frame > 25)
     assert not bench.all(BoardViewsEvent)
-    assert bench.value(ChangeCalibration(capture=True)) == {"views": ["1"]}
+    assert bench.value(ChangeCalibration(capture=True)) == ("1",)
     assert bench.wait(BoardViewsEvent).added.name == "1"
     # By hand also what is no new pose.
-    assert bench.value(ChangeCalibration(capture=True)) == {"views": ["1", "2"]}
-    assert bench.value(ChangeCalibration(automatic=True)) == {"views": ["1", "2"]}
+    assert bench.value(ChangeCalibration(capture=True)) == ("1", "2")
+    assert bench.value(ChangeCalibration(automatic=True)) == ("1", "2")
     bench.forget()
-    assert bench.wait(BoardLookEvent).look["automatic"] is True
+    assert bench.wait(BoardLookEvent).look.automatic is True
 
 
 def test_without_a_board_nothing_is_captured_and_nothing_else_changed(bench: Bench) -> None:
@@ -183,7 +190,7 @@ def test_without_a_board_nothing_is_captured_and_nothing_else_changed(bench: Ben
         "nothing is being calibrated; begin a calibration first",
     )
     bench.value(begin("none"))
-    bench.wait(BoardLookEvent, lambda event: event.look["frame"] > 3)
+    bench.wait(BoardLookEvent, lambda event: event.look.frame > 3)
     for command, words in (
         (ChangeCalibration(capture=True, automatic=False), "not in both views now"),
         (ChangeCalibration(undo=True, automatic=False), "no view to take back"),
@@ -194,7 +201,7 @@ def test_without_a_board_nothing_is_captured_and_nothing_else_changed(bench: Ben
         assert words in (refused.error or "")
     bench.forget()
     look = bench.wait(BoardLookEvent).look
-    assert (look["automatic"], look["cover_asked"]) == (True, False)
+    assert (look.automatic, look.cover_asked) == (True, False)
     assert not bench.all(BoardViewsEvent)
 
 
@@ -204,13 +211,13 @@ def test_views_taken_before_go_on_counting_and_can_be_taken_back(bench: Bench) -
     bench.forget()
     bench.value(begin("held", views=(view,)))
     # The same pose is not new, although this collector never saw it.
-    bench.wait(BoardLookEvent, lambda event: event.look["frame"] > 25)
+    bench.wait(BoardLookEvent, lambda event: event.look.frame > 25)
     assert not bench.all(BoardViewsEvent)
-    assert bench.value(ChangeCalibration(capture=True)) == {"views": ["1", "2"]}
-    assert bench.value(ChangeCalibration(remove="1")) == {"views": ["2"]}
+    assert bench.value(ChangeCalibration(capture=True)) == ("1", "2")
+    assert bench.value(ChangeCalibration(remove="1")) == ("2",)
     told = bench.wait(BoardViewsEvent, lambda event: event.names == ("2",))
     assert (told.added, told.pictures) == (None, None)
-    assert bench.value(ChangeCalibration(undo=True)) == {"views": []}
+    assert bench.value(ChangeCalibration(undo=True)) == ()
     # What was taken back is not taken again at once.
     time.sleep(0.6)
     assert bench.all(BoardViewsEvent)[-1].names == ()
@@ -231,15 +238,15 @@ def test_the_lens_that_is_covered_is_told_while_somebody_asks(bench: Bench) -> N
     source.read = read  # type: ignore[method-assign]
     bench.sources["covered"] = source
     bench.value(begin("covered"))
-    bench.wait(BoardLookEvent, lambda event: event.look["frame"] > 8)
+    bench.wait(BoardLookEvent, lambda event: event.look.frame > 8)
     bench.value(ChangeCalibration(cover_check=True))
     covered["left"] = True
-    told = bench.wait(BoardLookEvent, lambda event: event.look["covered"] is not None)
-    assert told.look["covered"] == "left"
+    told = bench.wait(BoardLookEvent, lambda event: event.look.covered is not None)
+    assert told.look.covered == "left"
     bench.value(ChangeCalibration(cover_check=False))
     bench.forget()
     look = bench.wait(BoardLookEvent).look
-    assert (look["covered"], look["cover_asked"]) == (None, False)
+    assert (look.covered, look.cover_asked) == (None, False)
 
 
 def test_another_begin_and_another_source_take_the_place(bench: Bench) -> None:
@@ -265,7 +272,7 @@ def test_what_was_open_stays_where_the_cameras_cannot_be_opened(bench: Bench) ->
     bench.value(begin("held"))
     bench.wait(BoardViewsEvent)
     assert bench.answer(begin("missing")).refusal == "input"
-    assert bench.value(ChangeCalibration(capture=True)) == {"views": ["1", "2"]}
+    assert bench.value(ChangeCalibration(capture=True)) == ("1", "2")
     bench.value(CloseSource())
     refused = bench.answer(begin("missing"))
     assert bench.state.state is EngineState.FAILED
@@ -284,13 +291,13 @@ def test_what_needs_an_observer_is_refused_or_waits(bench: Bench) -> None:
     bench.value(begin("held"))
     refused = bench.answer(TakeScenePairs())
     assert refused.refusal == "state"
-    assert bench.value(SetParameters({}, 3)) == {"frame": None}
+    assert bench.value(SetParameters({}, 3)) is None
     bench.wait(BoardLookEvent)
     # A result is tried out on the cameras that are being calibrated.
     text = calibration_text(StereoCalibration.rectified(*SIZE, 300.0, 300.0, 159.5, 119.5, 0.1))
     preview = bench.value(PreviewCalibration(text))
-    assert preview["jpeg"].startswith(b"\xff\xd8")
-    assert preview["vertical_error_px"] < 0.5
+    assert preview.jpeg.startswith(b"\xff\xd8")
+    assert preview.vertical_error_px < 0.5
 
 
 def test_an_image_that_breaks_the_search_ends_nothing(
@@ -306,9 +313,9 @@ def test_an_image_that_breaks_the_search_ends_nothing(
 
     monkeypatch.setattr(calibrating, "detect_board", moody)
     bench.value(begin("held"))
-    told = bench.wait(BoardLookEvent, lambda event: "frame" not in event.look)
-    assert told.look["words"].startswith("Looking for the board failed: ")
-    bench.wait(BoardLookEvent, lambda event: event.look.get("frame", 0) > 5)
+    told = bench.wait(BoardLookEvent, lambda event: event.look.frame is None)
+    assert told.look.words.startswith("Looking for the board failed: ")
+    bench.wait(BoardLookEvent, lambda event: (event.look.frame or 0) > 5)
     assert bench.state.state is EngineState.CALIBRATING
 
 

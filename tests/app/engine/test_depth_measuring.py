@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from app.contract.calibrating import PlaceDepth
 from app.engine.depth_measuring import measure_depth
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
@@ -35,7 +36,7 @@ def textured(disparity: np.ndarray, seed: int = 0) -> StereoFrame:
     return StereoFrame(0, 0.0, pair[0], pair[1], received=0.0)
 
 
-def at(frame: StereoFrame, u: float, v: float, text: str = TEXT) -> dict[str, float]:
+def at(frame: StereoFrame, u: float, v: float, text: str = TEXT) -> PlaceDepth:
     beats = []
     found = measure_depth(frame, text, u, v, lambda: beats.append(1))
     assert beats
@@ -58,25 +59,25 @@ def test_places_of_the_lab_are_where_they_are() -> None:
         hit = cast(world, world.T_room_left(0.0).inverse(), ray, 0.0)
         depth = 1 / hit.inverse_depth[0]
         found = at(frame, u, v, text)
-        assert found["depth_m"] == pytest.approx(depth, rel=0.03), (u, v)
+        assert found.depth_m == pytest.approx(depth, rel=0.03), (u, v)
         # A tape goes straight to the place.
         along = float(np.hypot(1, np.linalg.norm(ray)))
-        assert found["range_m"] == pytest.approx(depth * along, rel=0.03), (u, v)
+        assert found.range_m == pytest.approx(depth * along, rel=0.03), (u, v)
         f_b = K[0, 0] * world.calibration.baseline
-        assert found["disparity_px"] == pytest.approx(f_b / found["depth_m"])
+        assert found.disparity_px == pytest.approx(f_b / found.depth_m)
 
 
 @pytest.mark.parametrize("disparity", [3.4, 20.0, 77.25, 100.0])
 def test_known_disparity_is_depth(disparity: float) -> None:
     found = at(textured(np.full((HEIGHT, WIDTH), disparity)), 250, 100)
-    assert found["disparity_px"] == pytest.approx(disparity, abs=0.25)
-    assert found["depth_m"] == pytest.approx(FOCAL * BASELINE / found["disparity_px"])
+    assert found.disparity_px == pytest.approx(disparity, abs=0.25)
+    assert found.depth_m == pytest.approx(FOCAL * BASELINE / found.disparity_px)
 
 
 @pytest.mark.parametrize(("u", "v"), [(319, 199), (319, 0), (200.4, 0.4), (318.6, 100.5)])
 def test_places_at_the_images_border(u: float, v: float) -> None:
     found = at(textured(np.full((HEIGHT, WIDTH), 20.0)), u, v)
-    assert found["disparity_px"] == pytest.approx(20.0, abs=0.3)
+    assert found.disparity_px == pytest.approx(20.0, abs=0.3)
 
 
 def test_a_floor_below_a_low_camera_is_no_edge() -> None:
@@ -84,7 +85,7 @@ def test_a_floor_below_a_low_camera_is_no_edge() -> None:
     rows = np.maximum(np.arange(HEIGHT) - CENTRE[1], 0) * BASELINE / 0.3 + 2
     frame = textured(np.repeat(rows[:, None], WIDTH, axis=1))
     found = at(frame, 250, 170)
-    assert found["disparity_px"] == pytest.approx(rows[170], abs=0.3)
+    assert found.disparity_px == pytest.approx(rows[170], abs=0.3)
 
 
 def slab(first: int, end: int, near: float = 30.0, far: float = 10.0) -> StereoFrame:
@@ -103,7 +104,7 @@ def test_near_an_edge_a_place_is_refused_or_right(end: int) -> None:
     refused = []
     for u in range(180, min(end + 20, WIDTH)):
         try:
-            found = at(frame, u, 100)["disparity_px"]
+            found = at(frame, u, 100).disparity_px
         except InputError:
             refused.append(u)
             continue
@@ -111,9 +112,9 @@ def test_near_an_edge_a_place_is_refused_or_right(end: int) -> None:
         if abs(u - 199.5) > 4 and abs(u - end + 0.5) > 4:
             assert found == pytest.approx(30.0 if 200 <= u < end else 10.0, abs=0.5), u
     assert refused
-    assert at(frame, 160, 100)["disparity_px"] == pytest.approx(10.0, abs=0.2)
+    assert at(frame, 160, 100).disparity_px == pytest.approx(10.0, abs=0.2)
     if end == WIDTH:
-        assert at(frame, 250, 100)["disparity_px"] == pytest.approx(30.0, abs=0.2)
+        assert at(frame, 250, 100).disparity_px == pytest.approx(30.0, abs=0.2)
 
 
 def test_a_place_without_texture_is_refused() -> None:
@@ -123,7 +124,7 @@ def test_a_place_without_texture_is_refused() -> None:
     plain = StereoFrame(0, 0.0, left, right, received=0.0)
     with pytest.raises(InputError, match="no depth: choose one with texture"):
         at(plain, 230, 100)
-    assert at(plain, 230, 15)["disparity_px"] == pytest.approx(20.0, abs=0.2)
+    assert at(plain, 230, 15).disparity_px == pytest.approx(20.0, abs=0.2)
 
 
 def test_what_one_camera_sees_is_refused() -> None:

@@ -7,6 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from app.contract.pixel import PixelObstacle
+from app.contract.values import json_text
 from app.engine.errors import NotNow
 from app.engine.explaining import Explainer, ego_motion_facts
 from app.engine.watched import Observed
@@ -52,12 +54,12 @@ def test_the_obstacle_is_dynamic_where_it_is_seen_and_names_itself(planar: Obser
     low, high = np.split(np.array(obstacle.box_px), 2)
     inside = ((members >= low) & (members <= high)).all(axis=1)
     answers = [explainer.explain(float(u), float(v)) for u, v in members[inside]]
-    dynamic = [answer for answer in answers if answer["verdict"] == "dynamic"]
+    dynamic = [answer for answer in answers if answer.verdict == "dynamic"]
     assert len(dynamic) >= 0.9 * len(answers) > 3
     for answer in dynamic:
-        assert answer["obstacle"] == {"id": obstacle.id, "reported": True, "why": obstacle.reason}
-        assert (answer["frame"], answer["segment"]) == (FRAMES - 1, 3)
-        assert answer["numbers"]["speed_mps"] == pytest.approx(obstacle.speed, rel=0.01)
+        assert answer.obstacle == PixelObstacle(obstacle.id, True, obstacle.reason)
+        assert (answer.frame, answer.segment) == (FRAMES - 1, 3)
+        assert answer.numbers["speed_mps"] == pytest.approx(obstacle.speed, rel=0.01)
 
 
 def test_every_pixel_has_an_answer_that_is_json(planar: Observed) -> None:
@@ -67,11 +69,11 @@ def test_every_pixel_has_an_answer_that_is_json(planar: Observed) -> None:
     for v in range(0, planar.camera.height, 32):
         for u in range(0, planar.camera.width, 32):
             answer = explainer.explain(u, v)
-            json.dumps(answer, allow_nan=False)
-            for sentence in (answer["sentence"], answer["would_change"]):
+            json.loads(json_text(answer))
+            for sentence in (answer.sentence, answer.would_change):
                 assert sentence.endswith("."), sentence
                 assert "nan" not in sentence, sentence
-            verdicts.add(answer["verdict"])
+            verdicts.add(answer.verdict)
     assert "static" in verdicts
     assert "too_few_features" in verdicts
 
@@ -81,7 +83,7 @@ def test_nothing_to_ask_and_nowhere_to_look() -> None:
     with pytest.raises(NotNow, match="no frame"):
         explainer.explain(1.0, 1.0)
     explainer.remember(observe(Parameters(), 1), segment=0)
-    assert explainer.explain(1.0, 1.0)["verdict"] == "undecided"
+    assert explainer.explain(1.0, 1.0).verdict == "undecided"
     with pytest.raises(InputError, match="outside the image"):
         explainer.explain(-1.0, 1.0)
     explainer.forget()
@@ -92,20 +94,20 @@ def test_nothing_to_ask_and_nowhere_to_look() -> None:
 def test_a_planar_motion_is_told_in_its_parts(planar: Observed) -> None:
     facts = ego_motion_facts(planar.trace, planar.parameters)
     assert facts is not None
-    json.dumps(facts, allow_nan=False)
+    json.loads(json_text(facts))
     ego = planar.trace["ego_motion"]
-    assert facts["model"] == "affine"
-    assert facts["inliers"] == ego.inliers.sum() <= facts["matches"] == len(ego.inliers)
-    assert facts["dt"] == pytest.approx(2 / 15, abs=1e-3)
+    assert facts.model == "affine"
+    assert facts.inliers == ego.inliers.sum() <= facts.matches == len(ego.inliers)
+    assert facts.dt == pytest.approx(2 / 15, abs=1e-3)
     # Put together again by table I: rotation times scale with shear.
-    parts = facts["decomposition"]
-    c, s = np.cos(parts["rotation_rad"]), np.sin(parts["rotation_rad"])
-    (sx, sy), shear = parts["scale"], parts["shear"]
+    parts = facts.decomposition
+    c, s = np.cos(parts.rotation_rad), np.sin(parts.rotation_rad)
+    (sx, sy), shear = parts.scale, parts.shear
     linear = np.array([[c, s], [-s, c]]) @ np.array([[sx, shear * sy], [0, sy]])
     np.testing.assert_allclose(linear, ego.homography[:2, :2], atol=1e-9)
-    np.testing.assert_allclose(parts["translation_px"], ego.homography[:2, 2], atol=1e-9)
+    np.testing.assert_allclose(parts.translation_px, ego.homography[:2, 2], atol=1e-9)
     pose = ego.T_current_previous.inverse()
-    np.testing.assert_allclose(facts["motion"]["translation_m"], pose.translation)
+    np.testing.assert_allclose(facts.motion.translation_m, pose.translation)
 
 
 def test_a_first_frame_has_no_motion_of_the_camera() -> None:

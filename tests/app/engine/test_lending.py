@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.contract.commands import BeginCalibration, OpenSource
+from app.contract.events import EngineState
 from app.engine.calibrating import BoardPublisher
 from app.engine.current_source import CurrentSource
 from app.engine.opening import Opening
-from app.messages import BeginCalibration, EngineState, OpenSource
 from app.runtime.requests import Reply, Request
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text

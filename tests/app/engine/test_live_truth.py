@@ -10,21 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.contract.commands import LiveTruthOrder, RecordOrder, SetTruth, StopRun
+from app.contract.events import ObservationEvent, StateEvent
+from app.contract.live_truth import CaptureBody
 from app.engine.aligning import AlignmentThread
 from app.engine.live_truth import LiveTruth, ObservedSource
-from app.messages import (
-    LiveTruthOrder,
-    ObservationEvent,
-    RecordOrder,
-    SetTruth,
-    StateEvent,
-    StopRun,
-)
 from observer.geometry import Pose
 from observer.recording.reader import Recording
 from observer.sources.contract import SourceInfo
 from observer.truth.live.clock import ClockFit
 from observer.truth.live.contract import LiveCaptureReport
+from observer.truth.matching import TrueBodyEntry
 from observer.truth.motion_capture import BodySample
 from observer.types import Observation, Status
 
@@ -106,7 +102,7 @@ class Lab:
         index: int,
         hears: Callable[[float], bool] = lambda _: True,
         sees: Callable[[float], bool] = lambda _: True,
-    ) -> list[dict[str, Any]]:
+    ) -> list[TrueBodyEntry]:
         """Observe one, 0.15 s after it was exposed.
 
         Args:
@@ -166,14 +162,14 @@ def wait_until(what: str, true: Callable[[], Any], timeout_s: float = 30.0) -> A
     return value
 
 
-def facts(truth: LiveTruth) -> dict[str, Any]:
+def facts(truth: LiveTruth) -> Any:
     told = truth.facts()
     assert told is not None
     return told
 
 
 def sigma(truth: LiveTruth) -> float:
-    found: float = facts(truth)["alignment"]["sigma_s"]
+    found: float = facts(truth).alignment.sigma_s
     return found
 
 
@@ -182,29 +178,29 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
 ) -> None:
     assert truth.facts() is None
     truth.use(LiveTruthOrder("vrpn:mocap"))
-    assert facts(truth)["sentence"] == "not yet aligned: no source is observed"
+    assert facts(truth).sentence == "not yet aligned: no source is observed"
     truth.observing(ObservedSource(INFO, MOUNT))
-    assert facts(truth)["sentence"] == "not yet aligned: motion capture is being connected"
+    assert facts(truth).sentence == "not yet aligned: motion capture is being connected"
     lab = Lab(truth, lambda: listeners[-1])
     for index in range(270):
         entries = lab.frame(index)
-        assert entries == [] or facts(truth)["aligned"]
+        assert entries == [] or facts(truth).aligned
     # The first one may stand on a few seconds only.
-    wait_until("aligned well", lambda: facts(truth)["aligned"] and sigma(truth) < 0.01)
+    wait_until("aligned well", lambda: facts(truth).aligned and sigma(truth) < 0.01)
     told = facts(truth)
     # As exposed 15 ms before it is received, against motion capture 120 ms and 4 ms behind.
     expected = lab.BEHIND - DELAY + EXPOSED
-    alignment = told["alignment"]
-    assert alignment["offset_s"] == pytest.approx(expected, abs=3 * alignment["sigma_s"])
-    assert alignment["observer"] == "Amigo"
-    assert told["sentence"].startswith("aligned over ")
-    assert told["bodies"] == [
-        {"name": "Amigo", "role": "observer", "rate_hz": 100.0},
-        {"name": "P3DX", "role": "obstacle", "rate_hz": 100.0},
+    alignment = told.alignment
+    assert alignment.offset_s == pytest.approx(expected, abs=3 * alignment.sigma_s)
+    assert alignment.observer == "Amigo"
+    assert told.sentence.startswith("aligned over ")
+    assert told.bodies == [
+        CaptureBody("Amigo", "observer", 100.0),
+        CaptureBody("P3DX", "obstacle", 100.0),
     ]
 
     # Motion capture drops out: first it falls silent, then it does not see the bodies.
-    by_time: dict[float, list[dict[str, Any]]] = {}
+    by_time: dict[float, list[TrueBodyEntry]] = {}
     measured = []
     for index in range(270, 340):
         seen_at = lab.room.lines[index]["time"]
@@ -235,12 +231,12 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
 
     # The run begins: the same camera is opened anew, which begins another world.
     truth.observing(None)
-    assert facts(truth)["aligned"] is False
+    assert facts(truth).aligned is False
     truth.observing(ObservedSource(INFO, MOUNT))
     again = Lab(truth, lambda: listeners[-1])
     again.samples = lab.samples
     again._heard = lab._heard
-    told_again: list[list[dict[str, Any]]] = []
+    told_again: list[list[TrueBodyEntry]] = []
     for index in range(340, len(lab.room.lines)):
         told_again.append(again.frame(index))
         # As fast as frames come, the thread looks at them ten times a second.
@@ -248,15 +244,15 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
         if told_again[-1]:
             break
     assert told_again[-1], "the observer is seen, so nothing must be waited for"
-    assert "as before the source was opened anew" in facts(truth)["sentence"]
+    assert "as before the source was opened anew" in facts(truth).sentence
     place = next(e for e in told_again[-1] if e["name"] == "P3DX")
-    assert np.linalg.norm(place["position"] - lab.room.centre(place["time"])) < 0.4
+    assert np.linalg.norm(np.array(place["position"]) - lab.room.centre(place["time"])) < 0.4
 
     # What was recorded once is not what motion capture tells of now.
     truth.observing(ObservedSource(SourceInfo("run.mcap", "recording", 640, 480, 15.0, 9), None))
     assert not truth.in_place
     assert again.frame(len(lab.room.lines) - 1) == []
-    assert "run.mcap was recorded" in facts(truth)["sentence"]
+    assert "run.mcap was recorded" in facts(truth).sentence
     truth.use(None)
     assert truth.facts() is None
 
@@ -273,7 +269,7 @@ def test_what_goes_wrong_with_truth_ends_nothing(
 
     listeners[-1].for_frames = break_  # type: ignore[method-assign]
     assert lab.frame(0) == []
-    assert "ZeroDivisionError: a body broke" in facts(truth)["trouble"]
+    assert "ZeroDivisionError: a body broke" in facts(truth).trouble
 
 
 # --- over the wire ---------------------------------------------------------------------------
@@ -311,15 +307,15 @@ def test_a_run_records_what_motion_capture_tells(
 
     def receiving(event: StateEvent) -> bool:
         told = event.truth
-        return told is not None and told["state"] == "receiving" and len(told["bodies"]) == 2
+        return told is not None and told.state == "receiving" and len(told.bodies) == 2
 
     told = bench.wait(StateEvent, receiving).truth
-    assert told["spec"] == order.spec
-    assert told["bodies"][0]["name"] == "Amigo"
-    assert told["bodies"][0]["role"] == "observer"
-    assert not told["aligned"]
+    assert told.spec == order.spec
+    assert told.bodies[0].name == "Amigo"
+    assert told.bodies[0].role == "observer"
+    assert not told.aligned
     assert bench.state.has_truth
-    bench.wait(StateEvent, lambda e: e.truth is not None and e.truth["clock"] is not None)
+    bench.wait(StateEvent, lambda e: e.truth is not None and e.truth.clock is not None)
     # A hundred samples of each, on a machine that has time.
     time.sleep(1.0)
     # It drops out in the midst of it: nothing else changes.
@@ -337,9 +333,9 @@ def test_a_run_records_what_motion_capture_tells(
 
     # Without reopening, and the wrong way.
     value = bench.value(SetTruth(LiveTruthOrder(order.spec, ignore=("P3DX",))))
-    assert value["truth"]["ignore"] == ["P3DX"]
+    assert value.ignore == ("P3DX",)
     reply = bench.answer(SetTruth(LiveTruthOrder("vicon:1")))
     assert reply.refusal == "input"
     assert bench.state.truth is not None
-    assert bench.value(SetTruth(None)) == {"truth": None}
+    assert bench.value(SetTruth(None)) is None
     assert bench.answer(opening("camera", truth=LiveTruthOrder("vrpn:"))).refusal == "input"

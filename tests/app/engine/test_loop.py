@@ -8,20 +8,22 @@ import time
 
 import pytest
 
-from app.messages import (
+from app.contract.commands import (
     CloseSource,
-    EngineState,
     ExplainPixel,
-    HeartbeatEvent,
-    ObservationEvent,
     PreviewCalibration,
     SetParameters,
     SetPlayback,
     Shutdown,
-    SkippedFrameEvent,
-    StateEvent,
     StopRun,
     WatchViews,
+)
+from app.contract.events import (
+    EngineState,
+    HeartbeatEvent,
+    ObservationEvent,
+    SkippedFrameEvent,
+    StateEvent,
 )
 from app.runtime.requests import Reply
 from observer.calibration.formats.opencv_file import calibration_text
@@ -41,17 +43,17 @@ def test_it_begins_idle_and_beats(bench: Bench) -> None:
 
 def test_a_source_is_observed_to_its_end(bench: Bench) -> None:
     value = bench.value(opening())
-    assert value["state"] == "preview"
-    assert value["camera"]["width"] == 64
-    assert value["source"]["kind"] == "numbers"
-    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback["ended"])
+    assert value.state.state == "preview"
+    assert value.state.camera.width == 64
+    assert value.state.source.kind == "numbers"
+    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback.ended)
     events = bench.all(ObservationEvent)
     assert [e.line["frame"] for e in events] == [0, 1, 2, 3, 4]
     assert [e.sequence for e in events] == [0, 1, 2, 3, 4]
     assert all(e.published >= e.received > 0 for e in events)
     assert bench.state.state is EngineState.PREVIEW
     assert bench.state.playback is not None
-    assert bench.state.playback["frame"] == 4
+    assert bench.state.playback.frame == 4
     assert bench.publisher.published == 5
     assert bench.answer(StopRun()).refusal == "state"
 
@@ -61,12 +63,12 @@ def test_a_pixel_of_the_newest_frame_can_be_asked(bench: Bench) -> None:
     assert refused.refusal == "state"
     assert "no frame" in (refused.error or "")
     bench.value(opening(segment=2))
-    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback["ended"])
+    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback.ended)
     value = bench.value(ExplainPixel(3.0, 4.5))
-    assert (value["frame"], value["segment"]) == (4, 2)
-    assert (value["u"], value["v"]) == (3.0, 4.5)
+    assert (value.frame, value.segment) == (4, 2)
+    assert (value.u, value.v) == (3.0, 4.5)
     # The observer of these tests compares no frames.
-    assert value["verdict"] == "undecided"
+    assert value.verdict == "undecided"
     outside = bench.answer(ExplainPixel(64.0, 0.0))
     assert outside.refusal == "input"
     assert "64 x 48" in (outside.error or "")
@@ -102,7 +104,7 @@ def test_a_looped_source_goes_on_in_segments_with_its_own_truth(bench: Bench) ->
 def test_parameters_act_from_the_frame_that_is_named(bench: Bench) -> None:
     bench.value(opening("many"))
     bench.wait(ObservationEvent, lambda e: e.sequence == 3)
-    first = bench.value(SetParameters({"flow.residual_threshold_px": 2.5}, 7))["frame"]
+    first = bench.value(SetParameters({"flow.residual_threshold_px": 2.5}, 7))
     bench.wait(ObservationEvent, lambda e: e.line["frame"] == first + 2)
     for event in bench.all(ObservationEvent):
         revision = event.line["parameters_revision"]
@@ -121,7 +123,7 @@ def test_the_guards_parameters_never_reach_the_observer(bench: Bench) -> None:
 
 
 def test_refused_parameters_change_nothing(bench: Bench) -> None:
-    assert bench.value(SetParameters({}, 2)) == {"frame": None}
+    assert bench.value(SetParameters({}, 2)) is None
     bench.value(opening("many"))
     reply = bench.answer(SetParameters({"flow.residual_threshold_px": -1}, 9))
     assert reply.refusal == "input"
@@ -134,7 +136,7 @@ def test_pause_step_and_restart(bench: Bench) -> None:
     time.sleep(0.3)
     assert bench.all(ObservationEvent) == []
     playback = bench.value(SetPlayback(step=2))
-    assert playback["paused"] is True
+    assert playback.paused is True
     bench.wait(ObservationEvent, lambda e: e.sequence == 1)
     time.sleep(0.2)
     assert len(bench.all(ObservationEvent)) == 2
@@ -143,7 +145,7 @@ def test_pause_step_and_restart(bench: Bench) -> None:
     bench.value(SetPlayback(restart=True))
     bench.wait(ObservationEvent, lambda e: e.line["segment"] == 1)
     assert bench.answer(SetPlayback(rate=9.0)).refusal == "input"
-    assert bench.value(CloseSource()) == {}
+    assert bench.value(CloseSource()) is None
     assert bench.answer(SetPlayback(paused=True)).refusal == "state"
 
 
@@ -174,7 +176,7 @@ def test_an_opening_can_be_given_up(bench: Bench) -> None:
         time.sleep(0.01)
     assert bench.sources["numbers"].closed == 1
     assert bench.state.source is not None
-    assert bench.state.source["frame_count"] == 10_000
+    assert bench.state.source.frame_count == 10_000
 
 
 def test_the_heart_beats_between_slow_stages(bench: Bench) -> None:
@@ -214,7 +216,7 @@ def test_a_missing_or_unfit_calibration_is_one_sentence(bench: Bench, numbered: 
     assert "choose a calibration" in (reply.error or "")
     # With the images it was asked for, a calibration can be tried out all the same.
     fitting = calibration_text(numbered().own_calibration)
-    assert bench.value(PreviewCalibration(fitting))["jpeg"].startswith(b"\xff\xd8")
+    assert bench.value(PreviewCalibration(fitting)).jpeg.startswith(b"\xff\xd8")
     unfit = calibration_text(StereoCalibration.rectified(80, 60, 60, 60, 40, 30, 0.1))
     reply = bench.answer(opening("bare", calibration_yaml=unfit))
     assert "80x60" in (reply.error or "")
@@ -228,7 +230,7 @@ def test_a_calibration_cannot_be_tried_without_an_image(bench: Bench, numbered: 
     text = calibration_text(numbered().own_calibration)
     assert bench.answer(PreviewCalibration(text)).refusal == "state"
     bench.value(opening("many", paused=True))
-    assert bench.value(PreviewCalibration(text))["matches"] == 0
+    assert bench.value(PreviewCalibration(text)).matches == 0
     assert bench.answer(PreviewCalibration("nonsense")).refusal == "input"
 
 
@@ -239,10 +241,10 @@ def test_a_stage_that_breaks_fails_the_session_not_the_engine(bench: Bench) -> N
     failed = bench.wait(StateEvent, lambda s: s.state is EngineState.FAILED)
     assert "ZeroDivisionError: a stage broke" in failed.reason
     assert failed.run_id == "r2"
-    assert failed.source["frame_count"] == 10_000
+    assert failed.source.frame_count == 10_000
     assert bench.sources["many"].closed == 1
     bench.value(opening())
-    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback["ended"])
+    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback.ended)
 
 
 def test_a_read_that_breaks_fails_the_session_not_the_engine(

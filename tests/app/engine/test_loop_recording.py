@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from app.messages import (
-    EngineState,
-    ObservationEvent,
+from app.contract.commands import (
     RecordOrder,
     RecordRobots,
     SaveRing,
     SetParameters,
     SetPlayback,
     Shutdown,
-    StateEvent,
     StopRun,
 )
+from app.contract.events import EngineState, ObservationEvent, StateEvent
+from observer.recording.payloads import RobotRow
 from observer.recording.reader import Recording
 
 from .bench import PATIENCE_S, Bench, Numbered, StandingTruth, opening
@@ -29,15 +28,15 @@ def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> N
         opening(run_id="r1", record=RecordOrder(str(path), "lossless", "a run"), paused=True)
     )
     assert bench.state.recording is not None
-    assert bench.state.recording["images"] == "lossless"
+    assert bench.state.recording.images == "lossless"
     threshold = {"ego_motion.ransac_threshold_px": 3.0}
     bench.value(SetParameters(threshold, revision=2))
     bench.value(SetParameters({**threshold, "guard.margin_m": 0.3}, revision=2))
-    bench.value(RecordRobots(({"role": "observer", "received": 1.0, "sent_speed": 0.3},)))
+    bench.value(RecordRobots((RobotRow(role="observer", received=1.0, sent_speed=0.3),)))
     bench.value(SetPlayback(paused=False))
-    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback["ended"])
+    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback.ended)
     stopped = bench.value(StopRun())
-    assert stopped["recording"]["bytes"] == path.stat().st_size
+    assert stopped.bytes == path.stat().st_size
     assert bench.state.state is EngineState.PREVIEW
     assert bench.state.recording is None
     events = bench.all(ObservationEvent)
@@ -101,7 +100,7 @@ def test_the_last_half_minute_of_a_live_source_can_be_had(
     assert bench.state.recording is None
     path = tmp_path / "rings" / "ring.mcap"
     saved = bench.value(SaveRing(str(path)))
-    assert saved["bytes"] == path.stat().st_size
+    assert saved.bytes == path.stat().st_size
     with Recording(path) as recording:
         assert not recording.unfinished
         assert [f.index for f in recording.frames] == list(range(8))

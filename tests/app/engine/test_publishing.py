@@ -13,11 +13,12 @@ import cv2
 import numpy as np
 import pytest
 
+from app.contract.events import DenseStereoEvent
+from app.contract.views import CLOUD_NAME, VIEW_NAMES
 from app.engine import publishing
 from app.engine.dense_stereo import MAX_POINTS, DensePair, DenseStereo, dense_stereo
 from app.engine.publishing import Publisher
 from app.engine.watched import Observed
-from app.messages import CLOUD_NAME, VIEW_NAMES, DenseStereoEvent
 from app.runtime.latest import Latest, LatestReader, LatestWriter, create_slot
 from observer.camera import StereoCamera
 from observer.errors import InputError

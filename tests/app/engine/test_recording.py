@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.contract.commands import OpenSource, RecordOrder
 from app.engine.errors import NotNow
 from app.engine.recorders import Recorders
 from app.engine.recording import RunRecorder
-from app.messages import OpenSource, RecordOrder
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.recording.errors import RecordingError
@@ -116,8 +116,8 @@ def test_what_is_given_stands_in_the_file_in_order(tmp_path: Path) -> None:
     recorder.end(done.set)
     assert done.wait(20)
     facts = recorder.facts()
-    assert facts["bytes"] == path.stat().st_size
-    assert (facts["images"], facts["dropped"], facts["trouble"]) == ("lossless", 0, None)
+    assert facts.bytes == path.stat().st_size
+    assert (facts.images, facts.dropped, facts.trouble) == ("lossless", 0, None)
     with Recording(path) as recording:
         assert not recording.unfinished
         assert [f.begins for f in recording.frames] == ["observer", None, None, "segment", None]
@@ -136,7 +136,7 @@ def test_a_disk_that_stands_still_costs_frames_not_time(tmp_path: Path) -> None:
         give(recorder, index, "segment" if index == 50 else None)
     assert time.monotonic() - begun < 2.0
     # Three have room, the one that is being written among them.
-    assert recorder.facts()["dropped"] == 97
+    assert recorder.facts().dropped == 97
     slow.gate.set()
     eventually(lambda: not recorder._waiting and recorder._waiting_bytes == 0)
     give(recorder, 100)
@@ -161,13 +161,13 @@ def test_a_full_disk_ends_the_recording_alone(
     index = 1
     noise = np.random.default_rng(1)
     until = time.monotonic() + 20
-    while recorder.facts()["trouble"] is None and time.monotonic() < until:
+    while recorder.facts().trouble is None and time.monotonic() < until:
         image = noise.integers(0, 255, (HEIGHT, WIDTH), dtype=np.uint8)
         noisy = StereoFrame(index, index / 10, image, image, received=time.monotonic())
         recorder.frame(noisy, position=index, source_time=index / 10, begins=None)
         index += 1
         time.sleep(0.02)
-    assert "disk is full" in recorder.facts()["trouble"]
+    assert "disk is full" in recorder.facts().trouble
     give(recorder, index)
     ended(recorder)
     assert frames_in(path)[0] == 0
@@ -183,8 +183,8 @@ def test_it_ends_before_the_disk_is_full(tmp_path: Path) -> None:
     )
     give(recorder, 0)
     left[0] = 199 << 20
-    eventually(lambda: recorder.facts()["trouble"])
-    assert "199 MB are left" in recorder.facts()["trouble"]
+    eventually(lambda: recorder.facts().trouble)
+    assert "199 MB are left" in recorder.facts().trouble
     with Recording(path) as recording:
         assert not recording.unfinished
         assert [f.index for f in recording.frames] == [0]
@@ -198,7 +198,7 @@ def test_no_room_refuses_a_run_that_begins_but_not_one_that_goes_on(tmp_path: Pa
     assert refused.value.full
     assert not path.exists()
     going_on = begin(command(path, segment=1, reserve_bytes=1 << 60))
-    assert "kept free" in going_on.facts()["trouble"]
+    assert "kept free" in going_on.facts().trouble
     give(going_on, 0)
     ended(going_on)
     assert not path.exists()
@@ -215,15 +215,15 @@ def test_a_run_that_goes_on_is_recorded_in_the_same_file(tmp_path: Path) -> None
     path.write_bytes(b"no recording")
     recorder = begin(command(path, 2))
     ended(recorder)
-    assert recorder.facts()["trouble"] is None
+    assert recorder.facts().trouble is None
     assert path.with_suffix(".damaged.mcap").read_bytes() == b"no recording"
 
 
 def test_a_fault_in_what_is_recorded_ends_the_recording_with_a_sentence(tmp_path: Path) -> None:
     recorder = begin(command(tmp_path / "recording.mcap"))
     recorder.observation({"no": "line"}, time.monotonic(), None, [])
-    eventually(lambda: recorder.facts()["trouble"])
-    assert "KeyError" in recorder.facts()["trouble"]
+    eventually(lambda: recorder.facts().trouble)
+    assert "KeyError" in recorder.facts().trouble
     ended(recorder)
 
 
@@ -238,7 +238,7 @@ def test_an_ended_recording_lets_go_of_its_last_half_minute(tmp_path: Path) -> N
     del writer, ring
     recorder.end(lambda: told.append(recorder.facts()))
     recorder.join(20)
-    assert told[0]["bytes"] == path.stat().st_size
+    assert told[0].bytes == path.stat().st_size
     assert held() is None
     with pytest.raises(NotNow):
         recorder.save_ring(tmp_path / "ring.mcap", 0, told.append)

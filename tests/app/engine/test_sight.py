@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.drive.messages import SIGHT_NAME, WHEELS_NAME
+from app.contract.commands import OpenSource
+from app.contract.drive import SIGHT_NAME, WHEELS_NAME
 from app.engine.lending import LentRobots, lent
 from app.engine.recorders import Recorders
 from app.engine.session import Session
 from app.engine.session_opening import open_session
 from app.engine.sight import SightTeller
 from app.engine.watched import Observed
-from app.messages import OpenSource
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from observer.errors import SourceError
 from observer.guard.parameters import AllParameters, GuardParameters
@@ -198,9 +198,7 @@ def test_the_robots_of_a_world_are_served_while_it_is_observed(numbered: Any) ->
     robots, source = Robots(), numbered()
     opened = session(source, robots)
     assert opened.world == "simulated:numbers:1"
-    assert opened.robot_facts() == (
-        {"role": "observer", "port": "socket://127.0.0.1:1", "model": "amigo-sh", "name": "A"},
-    )
+    assert opened.robot_facts() == (RobotPort("observer", "socket://127.0.0.1:1", "amigo-sh", "A"),)
     opened.close()
     assert (robots.served, robots.closed, source.closed) == (1, 1, 1)
 

@@ -16,10 +16,10 @@ import pytest
 import uvicorn
 from websockets.asyncio.client import ClientConnection, connect
 
+from app.contract.events import EngineState
 from app.http import run_server
 from app.http.run_server import server_config
 from app.http.server import create_app
-from app.messages import EngineState
 from app.server import Server
 from app.settings import Settings
 from app.storage import Storage

@@ -17,7 +17,7 @@ import numpy as np
 import psutil
 import pytest
 
-from app.messages import BeginCalibration
+from app.contract.commands import BeginCalibration
 from app.runtime.jobs import Progress
 from app.server.calibrating import computation
 from app.workers.calibration.messages import Fitted, FitViews

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.messages import MeasureDepth
+from app.contract.commands import MeasureDepth
 from observer.calibration.formats.exporting import export_calibration
 from observer.calibration.formats.recognition import read_any
 from observer.calibration.formats.understanding import NamedFile

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.messages import OpenSource
+from app.contract.commands import OpenSource
 
 
 def upload(text: str | bytes, name: str = "cal.yaml") -> dict[str, Any]:

@@ -66,7 +66,7 @@ class OwnRobot:
 def own_robot(free_port: int, peer: Any) -> Iterator[OwnRobot]:
     peer.world = "simulated:own"
     port = f"external:127.0.0.1:{free_port}"
-    peer.robots = (vars(RobotPort("obstacle", port, "p3dx-sh", "Robbie")),)
+    peer.robots = (RobotPort("obstacle", port, "p3dx-sh", "Robbie"),)
     robot = OwnRobot(free_port)
     yield robot
     robot.close()

@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import TypeAdapter
 
-from app.http.api.robot_models import CheckNow, ChecksNow, RobotsNow
+from app.contract.robots import CheckNow, ChecksNow, RobotsNow
 from observer.robots.contract import RobotPort
 
 
 @pytest.fixture(autouse=True)
 def world(peer: Any) -> None:
     peer.world = "simulated:lab/1"
-    peer.robots = (vars(RobotPort("observer", "socket://127.0.0.1:5001", "amigo-sh", "amigo")),)
+    peer.robots = (RobotPort("observer", "socket://127.0.0.1:5001", "amigo-sh", "amigo"),)
 
 
 async def test_a_check_goes_from_step_to_step_into_a_record(
@@ -28,7 +29,7 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     assert "not checked yet" in now["advice"]
     begun = await http.post("/api/robots/check", json={"name": "Anna", "note": "new lens"})
     assert begun.status_code == 201
-    CheckNow.model_validate(begun.json())
+    TypeAdapter(CheckNow).validate_python(begun.json())
     assert begun.json()["started_by"] == "Anna (127.0.0.1)"
     assert (await http.post("/api/robots/check")).status_code == 409
     drive.leases["observer"] = ("lease", "Ben")
@@ -39,7 +40,7 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     assert (skipped.status_code, skipped.json()["present"]) == (200, 2)
     assert (await http.post("/api/robots/check/skip")).json()["present"] == 3
     robots = (await http.get("/api/robots")).json()
-    RobotsNow.model_validate(robots)
+    TypeAdapter(RobotsNow).validate_python(robots)
     assert "not sight" in robots["check"]["steps"][1]["told"]
     assert robots["check"]["steps"][0]["figures"]["zero_ms"] == pytest.approx(200, abs=1)
     # Any stop of a robot that moved is measured, checked or not.
@@ -49,7 +50,7 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     drive.come_to_rest("observer", "lease", "its operator is gone")
     await eventually(lambda: served.server.driving.facts()["check"]["record"])
     now = (await http.get("/api/robots/check")).json()
-    ChecksNow.model_validate(now)
+    TypeAdapter(ChecksNow).validate_python(now)
     assert now["check"]["outcome"] == "incomplete"
     assert now["advice"] == "Check again: steps of the newest check were skipped."
     name = now["check"]["record"]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from app.messages import LiveTruthOrder, OpenSource, SetTruth
+from app.contract.commands import LiveTruthOrder, OpenSource, SetTruth
 from app.settings import Settings
 
 PATH = "/api/truth/live"

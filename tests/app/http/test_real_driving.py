@@ -58,7 +58,7 @@ async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
 ) -> None:
     """The obstacle's robot, which needs no sight."""
     peer.world = "simulated:floor/1"
-    peer.robots = (vars(RobotPort("obstacle", robot.port, "p3dx-sh", "an emulated robot")),)
+    peer.robots = (RobotPort("obstacle", robot.port, "p3dx-sh", "an emulated robot"),)
     settings = Settings(data=tmp_path)
     log = robot.robot.log
 

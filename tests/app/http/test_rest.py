@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from app.messages import DenseStereoEvent, ExplainPixel
+from app.contract.commands import ExplainPixel
+from app.contract.events import DenseStereoEvent
 
 
 async def test_metrics_are_the_statuss_figures_as_prometheus_reads_them(

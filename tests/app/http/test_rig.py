@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from app.contract.commands import OpenSource
 from app.http.server import create_app
-from app.messages import OpenSource
 from app.settings import Settings
 from observer.rig.rig import LIMITS
 from observer.rig.rig_file import read_rig

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import TypeAdapter
 
-from app.drive.messages import (
+from app.contract.commands import OpenSource
+from app.contract.drive import (
     ArmRobot,
     ConnectRobot,
     DisconnectRobot,
@@ -19,8 +21,7 @@ from app.drive.messages import (
     StopRobots,
     TakeLease,
 )
-from app.http.api.robot_models import RobotsNow
-from app.messages import OpenSource
+from app.contract.robots import RobotsNow
 from observer.motion_profiles import programme_names
 from observer.rig.rig_file import read_rig
 from observer.robots.contract import RobotPort
@@ -42,7 +43,7 @@ steps:
 def world(peer: Any) -> None:
     peer.world = "simulated:lab/1"
     peer.robots = (
-        vars(RobotPort("observer", "socket://127.0.0.1:5001", "amigo-sh", "the cameras' robot")),
+        RobotPort("observer", "socket://127.0.0.1:5001", "amigo-sh", "the cameras' robot"),
     )
 
 
@@ -55,7 +56,7 @@ async def connected(world: None, served: Any, drive: Any, eventually: Any) -> No
 @pytest.mark.usefixtures("connected")
 async def test_arming_stopping_and_resetting(http: Any, drive: Any) -> None:
     told = (await http.get("/api/robots")).json()
-    RobotsNow.model_validate(told)
+    TypeAdapter(RobotsNow).validate_python(told)
     assert told["world"] == "simulated:lab/1"
     assert told["robots"]["observer"]["name"] == "the cameras' robot"
     assert told["robots"]["obstacle"] is None

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from app.drive.messages import IncidentEvent
-from app.messages import EngineState, RecordRobots, SaveRing
+from app.contract.commands import RecordRobots, SaveRing
+from app.contract.drive import IncidentEvent
+from app.contract.events import EngineState
 from app.server.runs import saved_clips as rings
 
 CONTENT = b"\x89MCAP0\r\n and so on"
@@ -110,10 +111,10 @@ async def test_robots_are_told_of_in_the_recording(
     # Told three times, but heard once.
     assert len(command.rows) == 1
     row = command.rows[0]
-    assert (row["role"], row["sent_speed"], row["encoder_speed"]) == ("observer", 0.3, 0.2)
-    assert (row["x"], row["y"], row["yaw"]) == (1.0, 2.0, 0.5)
-    assert abs(row["time"] - time - 0.5) < 1e-6
-    assert [(i["kind"], i["received"]) for i in command.incidents] == [("guard", 7.0)]
+    assert (row.role, row.sent_speed, row.encoder_speed) == ("observer", 0.3, 0.2)
+    assert (row.x, row.y, row.yaw) == (1.0, 2.0, 0.5)
+    assert abs(row.time - time - 0.5) < 1e-6
+    assert [(i.kind, i.received) for i in command.incidents] == [("guard", 7.0)]
 
 
 async def test_the_last_half_minute_is_saved_beside_the_run(

@@ -12,7 +12,8 @@ from typing import Any
 import psutil
 import pytest
 
-from app.messages import EngineState, LiveTruthOrder, OpenSource, SetPlayback
+from app.contract.commands import LiveTruthOrder, OpenSource, SetPlayback
+from app.contract.events import EngineState
 
 from ..planted_runs import OFFSET_S, plant_run, truth_csv
 

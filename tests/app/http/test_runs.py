@@ -6,7 +6,7 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
-from app.messages import SetPlayback, StopRun
+from app.contract.commands import SetPlayback, StopRun
 
 THRESHOLD = "ego_motion.ransac_threshold_px"
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from app.messages import VIEW_NAMES
+from app.contract.views import VIEW_NAMES
 
 from .wire import read_on
 

@@ -13,13 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.messages import (
+from app.contract.commands import StopRun
+from app.contract.events import (
     EngineState,
     HeartbeatEvent,
     ObservationEvent,
     SkippedFrameEvent,
     StateEvent,
-    StopRun,
 )
 from app.runtime import pipe
 from app.runtime.errors import ChannelError
@@ -35,7 +35,8 @@ def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
 
 
 def observation(sequence: int, size: int = 10) -> ObservationEvent:
-    return ObservationEvent(sequence, {"text": "x" * size}, [], 0.0, 0.0, 0, None)
+    line: Any = {"text": "x" * size}
+    return ObservationEvent(sequence, line, [], 0.0, 0.0, 0, None)
 
 
 def engine_sender(sock: socket.socket, backlog: int = pipe.DEFAULT_BACKLOG) -> MessageSender:

@@ -7,7 +7,8 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
 
-from app.messages import EngineState, OpenSource
+from app.contract.commands import OpenSource
+from app.contract.events import EngineState
 from app.server import Server
 from app.storage import Storage
 

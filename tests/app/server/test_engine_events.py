@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from app.messages import EngineState
+from app.contract.events import EngineState
 from app.server import NotAvailable, Server
 from app.storage import RunState
 

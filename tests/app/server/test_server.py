@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from app.messages import EngineState, OpenSource
+from app.contract.commands import OpenSource
+from app.contract.events import EngineState
 from app.storage import RunState, Storage
 
 from .servers import begin, started

@@ -6,10 +6,12 @@ from typing import Any
 
 import pytest
 
-from app.messages import DenseStereoEvent, OpenSource, SkippedFrameEvent
+from app.contract.commands import OpenSource
+from app.contract.events import DenseStereoEvent, SkippedFrameEvent
+from app.contract.status import DenseStereoStatus
 from app.server import Server
 from app.server.status import status
-from app.server.telemetry import DenseStereo, Telemetry
+from app.server.telemetry import Telemetry
 
 
 def test_unique_frames_are_counted_once(peer: Any) -> None:
@@ -38,7 +40,7 @@ def dense(frame: int, received: float, trouble: str | None = None) -> DenseStere
 
 def test_clouds_have_a_rate_and_an_age() -> None:
     telemetry = Telemetry()
-    assert telemetry.dense(5.0) == DenseStereo(0.0, None, None, None)
+    assert telemetry.dense(5.0) == DenseStereoStatus(0.0, None, None, None)
     for frame in range(21):
         telemetry.dense_made(dense(frame, 0.1 * frame), 0.1 * frame + 0.05)
     shown = telemetry.dense(2.05)
@@ -56,10 +58,10 @@ async def test_what_fails_in_dense_stereo_is_a_warning_until_it_works_again(
 ) -> None:
     peer.publish(dense(1, 0.1, "dense stereo failed: error: no sense"))
     shown = status(server)
-    assert "dense stereo failed: error: no sense" in shown["warnings"]
-    assert shown["dense_stereo"]["age_s"] is None
+    assert "dense stereo failed: error: no sense" in shown.warnings
+    assert shown.dense_stereo.age_s is None
     peer.publish(dense(2, 0.2))
-    assert status(server)["warnings"] == []
+    assert status(server).warnings == []
 
 
 def test_percentiles_are_of_the_last_samples() -> None:
@@ -73,5 +75,5 @@ def test_percentiles_are_of_the_last_samples() -> None:
 async def test_skipped_frames_are_told(peer: Any, server: Server) -> None:
     for index in range(8):
         peer.publish(SkippedFrameEvent(index, "left/0.png is cut off"))
-    shown = status(server)["skipped"]
-    assert [entry["index"] for entry in shown] == [3, 4, 5, 6, 7]
+    shown = status(server).skipped
+    assert [entry.index for entry in shown] == [3, 4, 5, 6, 7]

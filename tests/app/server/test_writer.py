@@ -33,7 +33,7 @@ async def test_a_locked_database_holds_nothing_up(
             longest = max(longest, time.monotonic() - before)
         # The loop never waited for the lock (its timeout is half a second).
         assert longest < 0.4
-        await until(lambda: status(server)["warnings"])
+        await until(lambda: status(server).warnings)
         with pytest.raises(StorageBusy):
             await server.parameters.save_preset("x", "")
         # Stopping works, whatever the database does.
@@ -42,7 +42,7 @@ async def test_a_locked_database_holds_nothing_up(
     finally:
         with_lock.execute("ROLLBACK")
         with_lock.close()
-    await until(lambda: not status(server)["warnings"])
+    await until(lambda: not status(server).warnings)
     await until(lambda: storage.get_run(record.id).state is RunState.FINISHED)
     assert storage.get_run(record.id).frames == 60
     assert len(storage.speeds(record.id)) == 180

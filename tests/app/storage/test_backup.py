@@ -18,7 +18,8 @@ from typing import Any
 
 import pytest
 
-from app.storage import IncidentRecord, SpeedRow, StopFigures, Storage, StorageError, copying
+from app.contract.robots import StopMeasured
+from app.storage import IncidentRecord, SpeedRow, Storage, StorageError, copying
 from app.storage.backup import write_backup
 from app.storage.bundle import BackupError, Manifest
 from app.storage.restore import Restored, restore_backup
@@ -52,7 +53,7 @@ def fill(storage: Storage) -> str:
     )  # fmt: skip
     storage.append_speeds(speeds(run.id, 2100))
     storage.align_run(run.id, {"offset_s": 0.05}, truth_id=truth.id)
-    stop = StopFigures(1.5, None, 0.1, 0.3, None)
+    stop = StopMeasured(1.5, None, 0.1, 0.3, None)
     storage.append_incident(IncidentRecord(run.id, "t", None, "guard", "Stop.", None, {"a": stop}))
     storage.record_parameter_revision(run.id, 3, 1, {"a": 2})
     (data / "rig.yaml").write_text("mount: {height_m: 0.5}\n")

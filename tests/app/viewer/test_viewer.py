@@ -12,8 +12,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.drive.messages import DriveEvent
-from app.messages import EngineState, OpenSource
+from app.contract.commands import OpenSource
+from app.contract.drive import DriveEvent
+from app.contract.events import EngineState
+from app.contract.robots import (
+    DriveFacts,
+    DriveProcess,
+    GuardVerdict,
+    RobotNow,
+    RobotsNow,
+    Velocity,
+)
 from app.runtime.latest import Latest
 from app.server import Server
 from app.storage import Storage
@@ -34,6 +43,7 @@ from app.viewer.shapes import (
 from app.viewer.trails import Trails
 from observer.geometry import Pose
 from observer.mount import CameraMount, level_pose
+from observer.robots.contract import RobotPhase, RobotReport, SonarReading
 
 ANGLES = st.floats(-1.4, 1.4)
 
@@ -181,10 +191,10 @@ def test_what_is_old_says_so(observed: Any) -> None:
     state = observed.state()
     old = make_picture(event, state, 1, event.received + 3.2)
     assert (old.stale, old.notice) == (True, "stale: 3 s old")
-    paused = replace(state, playback={**state.playback, "paused": True})
+    paused = replace(state, playback=replace(state.playback, paused=True))
     held = make_picture(event, paused, 1, event.received + 3.2)
     assert (held.stale, held.notice) == (False, "paused")
-    ended = replace(state, playback={**state.playback, "ended": True})
+    ended = replace(state, playback=replace(state.playback, ended=True))
     assert not make_picture(event, ended, 1, event.received + 3.2).stale
     failed = replace(paused, state=EngineState.FAILED)
     assert make_picture(event, failed, 1, event.received + 0.1).stale
@@ -217,24 +227,28 @@ def test_clouds_are_read_as_they_are_written(observed: Any) -> None:
 # --- the observing robot ---------------------------------------------------------------------
 
 _MOUNT = CameraMount(0.4, 0.3, 0.1, 0.06, pan_rad=0.2)
-_ROBOT: dict[str, Any] = {
-    "guard": {
-        "level": "slow",
-        "reason": "obstacle 3 is 1.2 m ahead",
-        "stop_zone": [[0.5, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.5, -0.2]],
-        "slow_zone": [[1.5, 0.3], [-0.2, 0.3], [-0.2, -0.3]],
-    },
-    "report": {
-        "width_m": 0.4,
-        "length_m": 0.6,
-        "received": 10.0,
-        "sonars": [
-            {"x": 0.1, "y": 0.0, "heading": 0.0, "range_m": 1.4, "received": 9.9},
-            {"x": 0.0, "y": 0.1, "heading": 1.5, "range_m": None, "received": 9.9},
-            {"x": 0.0, "y": 0.1, "heading": 1.5, "range_m": 0.8, "received": 8.0},
-        ],
-    },
-}
+_GUARD = GuardVerdict(
+    level="slow",
+    reason="obstacle 3 is 1.2 m ahead",
+    limit_mps=0.1,
+    stop_zone=[(0.5, 0.2), (-0.2, 0.2), (-0.2, -0.2), (0.5, -0.2)],
+    slow_zone=[(1.5, 0.3), (-0.2, 0.3), (-0.2, -0.3)],
+)
+_REPORT = RobotReport(
+    RobotPhase.CONNECTED,
+    width_m=0.4,
+    length_m=0.6,
+    received=10.0,
+    sonars=(
+        SonarReading(0, 0.1, 0.0, 0.0, 1.4, 9.9),
+        SonarReading(1, 0.0, 0.1, 1.5, None, 9.9),
+        SonarReading(1, 0.0, 0.1, 1.5, 0.8, 8.0),
+    ),
+)
+_STILL = Velocity(0.0, 0.0)
+_ROBOT = RobotNow(
+    "port", "name", "real", "armed", None, False, None, _STILL, _STILL, _GUARD, _REPORT
+)
 
 
 def _in_base(lines: Any, T_world_camera: Pose) -> Any:
@@ -247,7 +261,7 @@ def test_zones_and_outline_lie_on_the_floor_around_the_robot_wherever_it_is() ->
     marks = robot_marks(_ROBOT, _MOUNT, T)
     assert marks is not None
     zone = _in_base(marks.stop_zone, T)
-    np.testing.assert_allclose(zone[:, 0, :2], _ROBOT["guard"]["stop_zone"], atol=1e-9)
+    np.testing.assert_allclose(zone[:, 0, :2], _GUARD.stop_zone, atol=1e-9)
     np.testing.assert_array_equal(zone[:, 1], np.roll(zone[:, 0], -1, axis=0))
     assert (np.abs(zone[..., 2]) < 0.03).all()
     assert marks.slow_zone.shape == (3, 2, 3)
@@ -270,12 +284,14 @@ def test_a_robot_of_which_little_is_known_is_drawn_as_far_as_it_is() -> None:
     assert robot_marks(_ROBOT, None, Pose.identity()) is None
     assert robot_marks(_ROBOT, _MOUNT, None) is None
     assert robot_marks(None, _MOUNT, Pose.identity()) is None
-    marks = robot_marks({"guard": None, "report": None}, _MOUNT, Pose.identity())
+    unknown = replace(_ROBOT, guard=None, report=RobotReport(RobotPhase.CONNECTING))
+    marks = robot_marks(unknown, _MOUNT, Pose.identity())
     assert marks is not None
     assert len(marks.outline) == len(marks.stop_zone) == len(marks.sonar) == 0
     assert (marks.level, marks.text) == (None, None)
     around = np.linspace(0, 2 * math.pi, 200, endpoint=False)
-    many = {"guard": {"stop_zone": np.stack([np.cos(around), np.sin(around)], 1).tolist()}}
+    corners = np.stack([np.cos(around), np.sin(around)], 1).tolist()
+    many = replace(unknown, guard=replace(_GUARD, stop_zone=corners))
     circle = robot_marks(many, _MOUNT, Pose.identity())
     assert circle is not None
     assert 30 < len(circle.stop_zone) <= MOST_ZONE_LINES
@@ -283,9 +299,18 @@ def test_a_robot_of_which_little_is_known_is_drawn_as_far_as_it_is() -> None:
 
 def test_the_robot_comes_from_what_the_drive_process_tells(observed: Any) -> None:
     event, state = observed.observe(), observed.state()
-    told = {"robots": {"observer": _ROBOT, "obstacle": None}}
+    robots: Any = {"observer": _ROBOT, "obstacle": None}
+    told = RobotsNow(
+        *(None, None, None, None, robots),
+        process=DriveProcess(True, 1, 0, None),
+        world=None,
+        ports={},
+        trouble={},
+        incidents=[],
+        check=None,
+    )
     assert make_picture(event, state, 1, event.received, told).robot is not None
-    for nothing in (None, {}, {"robots": {"observer": None}}):
+    for nothing in (None, replace(told, robots={"observer": None, "obstacle": None})):
         assert make_picture(event, state, 1, event.received, nothing).robot is None
 
 
@@ -314,8 +339,8 @@ async def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
             assert scene._camera._image_data == peer.views["plain"].read(0).payload
             assert not scene._notice.visible
             assert not scene._outline.visible
-            told = {"stopped": None, "robots": {"observer": _ROBOT, "obstacle": None}}
-            drive.publish(DriveEvent(told, 0.0))
+            robots: Any = {"observer": _ROBOT, "obstacle": None}
+            drive.publish(DriveEvent(DriveFacts(None, None, None, None, robots), 0.0))
             while not scene._outline.visible:
                 peer.observe()
                 await asyncio.sleep(0.03)

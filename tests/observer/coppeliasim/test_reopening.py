@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from app.contract.commands import OpenSource
 from app.engine.calibrating import BoardPublisher
 from app.engine.current_source import CurrentSource
 from app.engine.opening import Opening
-from app.messages import OpenSource
 from app.runtime.requests import Reply, Request
 from observer.observer import Observer
 from observer.opening import open_source

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.drive.messages import SIGHT_FRESH_S as DRIVE_FRESH_S
+from app.contract.drive import SIGHT_FRESH_S as DRIVE_FRESH_S
 from observer.guard.guard import Guard, Verdict, sight_trouble
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import SIGHT_FRESH_S, FreeScan, SeenObstacle, Sight, sight_of

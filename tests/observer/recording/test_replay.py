@@ -30,7 +30,7 @@ NEW_SEGMENT = 5
 
 def comparable(observation: Observation) -> dict[str, Any]:
     """All of its results: without what depends on the clock."""
-    line = observation_line(observation, tentative=True)
+    line = {**observation_line(observation, tentative=True)}
     line.pop("timings_ms")
     return line
 

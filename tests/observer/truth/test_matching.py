@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody
-from observer.truth.matching import TruthMatcher
+from observer.truth.matching import TrueBodyEntry, TruthMatcher
 from observer.types import MotionState, Observation, Obstacle, Status, TrackState
 
 
@@ -64,7 +62,7 @@ def observation(*obstacles: Obstacle, pose: Pose | None = None, segment: int = 0
     return Observation(5, 0.5, 0.0, segment, Status.OK, (), 1, pose, obstacles)
 
 
-def tracks(entries: list[dict[str, Any]]) -> dict[int, int | None]:
+def tracks(entries: list[TrueBodyEntry]) -> dict[int, int | None]:
     return {entry["id"]: entry["track_id"] for entry in entries}
 
 

@@ -10,10 +10,19 @@ import { report, robot } from "../made.mjs";
 /** @param {Partial<DrivingFacts>} [changes] @returns {DrivingFacts} */
 function facts(changes) {
   return {
+    type: "robots",
     stopped: null,
+    sight: null,
+    loop: null,
     programme: null,
     robots: { observer: null, obstacle: null },
+    process: { alive: true, pid: 1, restarts: 0, trouble: null },
     world: "real",
+    ports: {},
+    trouble: {},
+    incidents: [],
+    check: null,
+    wheels: [],
     ...changes,
   };
 }

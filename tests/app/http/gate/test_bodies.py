@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from app.messages import SetParameters
+from app.contract.commands import SetParameters
 
 from ..wire import JSON
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from app.drive.messages import COMMAND_FRESH_S
+from app.contract.drive import COMMAND_FRESH_S
 from app.http.sockets.command_age import Link
 
 

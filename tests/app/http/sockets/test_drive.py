@@ -15,7 +15,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from app.drive.messages import DriveCommand, Presence, ReleaseLease, StopRobots, TakeLease
+from app.contract.drive import DriveCommand, Presence, ReleaseLease, StopRobots, TakeLease
 from observer.robots.contract import RobotPort
 
 # A page's clock begins when it is opened.
@@ -90,8 +90,8 @@ async def hand(served: Any, name: str | None = None) -> AsyncIterator[Hand]:
             await asyncio.gather(listening, return_exceptions=True)
 
 
-def robot(role: Any, port: str) -> dict[str, Any]:
-    return vars(RobotPort(role, f"socket://127.0.0.1:{port}", "amigo-sh", f"the {role}"))
+def robot(role: Any, port: str) -> RobotPort:
+    return RobotPort(role, f"socket://127.0.0.1:{port}", "amigo-sh", f"the {role}")
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from app.messages import BeginCalibration, ChangeCalibration
+from app.contract.commands import BeginCalibration, ChangeCalibration
 from app.runtime.jobs import Progress
 from app.server import Server
 from app.workers.calibration.messages import BoardsFound, Fitted, FitViews
@@ -31,7 +31,7 @@ async def captured(peer: Any, server: Server, count: int = 3) -> None:
 def names(server: Server) -> list[str]:
     facts = server.calibrating.session.facts()
     assert facts is not None
-    return [view["name"] for view in facts["views"]]
+    return [view.name for view in facts.views]
 
 
 def begun(peer: Any) -> list[BeginCalibration]:

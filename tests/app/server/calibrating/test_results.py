@@ -12,7 +12,8 @@ from typing import Any
 import psutil
 import pytest
 
-from app.messages import ChangeCalibration, EngineState, OpenSource
+from app.contract.commands import ChangeCalibration, OpenSource
+from app.contract.events import EngineState
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage, StorageBusy, StorageFull
@@ -63,7 +64,7 @@ async def test_a_computation_is_going_from_the_moment_it_is_asked_for(
         session.compute("radtan")
     with pytest.raises(Conflict, match="being computed"):
         await server.calibrating.take_images(Path("/nowhere"), BOARD)
-    await until(lambda: (session.facts() or {})["computing"]["share"] == 0.5)
+    await until(lambda: session.facts().computing.share == 0.5)
     (job,) = computing.jobs
     assert (job.width, job.height, job.frame_rate) == (512, 256, 15.0)
     assert job.distortion_model == "equidistant"
@@ -71,7 +72,7 @@ async def test_a_computation_is_going_from_the_moment_it_is_asked_for(
     await until(lambda: session.computation.result)
     facts = session.facts()
     assert facts is not None
-    assert (facts["computing"], facts["result"]) == (None, ["1", "2", "3"])
+    assert (facts.computing, facts.result) == (None, ["1", "2", "3"])
 
 
 async def test_cancelling_leaves_views_and_the_earlier_result(
@@ -86,8 +87,8 @@ async def test_cancelling_leaves_views_and_the_earlier_result(
         await session.computation.cancel()
         facts = session.facts()
         assert facts is not None
-        assert (facts["computing"], facts["trouble"]) == (None, None)
-        assert facts["result"] == ["1", "2", "3"]
+        assert (facts.computing, facts.trouble) == (None, None)
+        assert facts.result == ["1", "2", "3"]
     assert names(server) == ["1", "2", "3"]
     assert computing.cancelled == 2
     await session.computation.cancel()
@@ -108,14 +109,14 @@ async def test_a_computation_that_fails_says_why_until_the_next(
     computing.fails = error
     computing.release.set()
     session.compute("radtan")
-    await until(lambda: (session.facts() or {})["trouble"])
+    await until(lambda: session.facts().trouble)
     facts = session.facts()
     assert facts is not None
-    assert (facts["trouble"], facts["computing"]) == (words, None)
+    assert (facts.trouble, facts.computing) == (words, None)
     assert names(server) == ["1", "2", "3"]
     computing.fails = None
     session.compute("radtan")
-    assert (session.facts() or {})["trouble"] is None
+    assert session.facts().trouble is None
     await until(lambda: session.computation.result)
 
 
@@ -167,8 +168,8 @@ async def test_images_take_the_place_of_the_cameras(
     assert names(server) == ["a"]
     facts = server.calibrating.session.facts()
     assert facts is not None
-    assert (facts["source"], facts["refused"]) == (None, ["b: blurred"])
-    assert facts["size"] == (640, 480)
+    assert (facts.source, facts.refused) == (None, ["b: blurred"])
+    assert facts.size == (640, 480)
     # The cameras are observed again, and lost engines have nothing to go on with.
     assert server.source.state.state is EngineState.PREVIEW
     peer.lose()
@@ -308,7 +309,7 @@ async def test_a_new_name_is_told_everywhere(
     record = await server.calibrating.save("Bench", activate=True)
     before = len(opens(peer))
     renamed = await server.calibrating.rename(record.id, "Robot 3")
-    assert status(server)["calibration"] == {"id": record.id, "name": "Robot 3"}
+    assert status(server).calibration == {"id": record.id, "name": "Robot 3"}
     await server.calibrating.activate(record.id)
     assert len(opens(peer)) == before
     with pytest.raises(Conflict, match="Robot 3 is in use"):

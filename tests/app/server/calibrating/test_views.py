@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from app.messages import BeginCalibration, ChangeCalibration, CloseSource, EngineState, OpenSource
+from app.contract.commands import BeginCalibration, ChangeCalibration, CloseSource, OpenSource
+from app.contract.events import EngineState
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage
@@ -130,7 +131,7 @@ async def test_a_second_begin_replaces_the_first(peer: Any, server: Server) -> N
     assert names(server) == []
     facts = server.calibrating.session.facts()
     assert facts is not None
-    assert facts["board"]["kind"] == "charuco"
+    assert facts.board.kind == "charuco"
 
 
 async def test_a_begin_that_fails_leaves_everything_as_it_was(peer: Any, server: Server) -> None:
@@ -211,17 +212,17 @@ async def test_views_are_captured_taken_back_and_removed(peer: Any, server: Serv
 async def test_what_is_seen_is_in_the_status(peer: Any, server: Server) -> None:
     # Of a session that is over: nobody is told.
     peer.look()
-    assert status(server)["calibrating"] is None
+    assert status(server).calibrating is None
     await captured(peer, server, 1)
     peer.look(words="Captured 1", coverage={"X": 0.5}, covered="left")
     told = status(server)
-    assert told["engine"]["state"] == "calibrating"
-    facts = told["calibrating"]
-    assert facts["look"]["words"] == "Captured 1"
-    assert facts["look"]["covered"] == "left"
-    assert facts["size"] == (512, 256)
-    assert facts["views"] == [{"name": "1", "left": 54, "right": 54, "picture": True}]
-    assert (facts["computing"], facts["trouble"], facts["result"]) == (None, None, None)
+    assert told.engine.state == "calibrating"
+    facts = told.calibrating
+    assert facts.look.words == "Captured 1"
+    assert facts.look.covered == "left"
+    assert facts.size == (512, 256)
+    assert facts.views == [{"name": "1", "left": 54, "right": 54, "picture": True}]
+    assert (facts.computing, facts.trouble, facts.result) == (None, None, None)
 
 
 # --- left and right -------------------------------------------------------------------------

@@ -10,13 +10,15 @@ from typing import Any
 
 import pytest
 
-from app.drive.messages import StoppedEvent
+from app.contract.drive import StoppedEvent
+from app.contract.robots import RobotNow, StopMeasured, Velocity
 from app.server import Conflict, FieldError, NotThere
 from app.server.robots.check_manager import CheckManager
 from app.server.robots.check_records import CheckRecords, advice
 from app.server.robots.circumstances import Circumstances
 from app.server.robots.guard_check import GuardCheck
 from observer.rig.rig import Rig, RigMount, RigValue
+from observer.robots.contract import RobotPhase, RobotReport
 
 NOW = "2026-11-22T02:09:41.000+00:00"
 STOP = StoppedEvent(
@@ -34,12 +36,22 @@ STOP = StoppedEvent(
 )
 BLIND = replace(STOP, kind="sight", sentence="vision is none", separation_m=None)
 GONE = replace(STOP, kind="lease", sentence="its operator gave the lease back", separation_m=None)
-ROBOT: dict[str, Any] = {
-    "name": "amigo",
-    "port": "external:127.0.0.1:7700",
-    "operator": "Anna",
-    "report": {"model": "amigo-sh", "watchdog_s": 2.0, "speed_mps": 0.0, "name": "x"},
-}
+REPORT = RobotReport(
+    RobotPhase.CONNECTED, name="x", model="amigo-sh", watchdog_s=2.0, speed_mps=0.0
+)
+ROBOT = RobotNow(
+    port="external:127.0.0.1:7700",
+    name="amigo",
+    world="real",
+    state="armed",
+    operator="Anna",
+    present=True,
+    why=None,
+    commanded=Velocity(0.0, 0.0),
+    sent=Velocity(0.0, 0.0),
+    guard=None,
+    report=REPORT,
+)
 
 
 def circumstances(**changes: Any) -> Circumstances:
@@ -90,16 +102,13 @@ def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
     assert not check.over()
     check.stopped(GONE, NOW)
     assert (check.over(), check.present, check.outcome) == (True, None, "passed")
-    step = check.facts()["steps"][0]
-    assert step["figures"] == {
-        "zero_ms": 20.0, "stood_ms": 610.0, "distance_m": 0.123, "speed_mps": 0.04,
-        "separation_m": 0.42,
-    }  # fmt: skip
-    assert step["verdict"] == (
+    step = check.facts().steps[0]
+    assert step.figures == StopMeasured(20.0, 610.0, 0.123, 0.04, 0.42)
+    assert step.verdict == (
         "zero went out 20 ms after the guard's verdict, of the promised 300 ms; it stood after "
         "610 ms and 0.12 m, with 0.42 m left"
     )
-    assert (step["operator"], step["at"]) == ("Anna", NOW)
+    assert (step.operator, step.at) == ("Anna", NOW)
 
 
 @pytest.mark.parametrize(
@@ -123,8 +132,7 @@ def test_what_is_not_as_promised_fails(changes: dict[str, Any], words: str) -> N
 
 def test_driving_is_shown_and_skipping_and_giving_up_name_who() -> None:
     check = begun()
-    moving = {**ROBOT, "report": {**ROBOT["report"], "speed_mps": -0.2}}
-    check.robot_said(moving)
+    check.robot_said(replace(ROBOT, report=replace(REPORT, speed_mps=-0.2)))
     assert states(check)[0] == "driving"
     check.robot_said(None)
     assert states(check)[0] == "waiting"
@@ -132,7 +140,7 @@ def test_driving_is_shown_and_skipping_and_giving_up_name_who() -> None:
         check.skip("Bob (10.0.0.7)", NOW)
     check.stopped(GONE, NOW)
     assert check.outcome == "incomplete"
-    assert check.facts()["steps"][1]["skipped_by"] == "Bob (10.0.0.7)"
+    assert check.facts().steps[1].skipped_by == "Bob (10.0.0.7)"
     other = begun()
     other.give_up("Bob", NOW)
     other.stopped(STOP, NOW)
@@ -171,10 +179,10 @@ def test_a_record_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
     assert "| Walk in | passed | 0.26 | 20 | 610 | 0.123 | 0.42 | zero went out 20 ms" in text
     records.save(ended("given_up", "2026-12-01T10:00:00+00:00"))
     listed = records.all()
-    assert [entry["name"] for entry in listed] == [
+    assert [entry.name for entry in listed] == [
         "2026-12-01T1000-observer", *reversed(names),
     ]  # fmt: skip
-    assert (listed[0]["outcome"], listed[-1]["states"]["unplug"]) == ("given_up", "passed")
+    assert (listed[0].outcome, listed[-1].states["unplug"]) == ("given_up", "passed")
     # What was given up tells nothing of the guard.
     assert (records.newest("observer") or {})["name"] == names[-1]
     assert records.newest("obstacle") is None
@@ -245,18 +253,18 @@ async def test_a_record_that_cannot_be_written_is_not_lost(tmp_path: Path) -> No
         await checks.skip("Anna")
     checks.stopped(GONE)
     await work.pop()
-    facts = checks.facts() or {}
-    assert (facts["record"], facts["outcome"]) == (None, "incomplete")
-    assert "not kept" in facts["trouble"]
+    facts = checks.facts()
+    assert (facts.record, facts.outcome) == (None, "incomplete")
+    assert "not kept" in facts.trouble
     with pytest.raises(Conflict, match="not kept yet"):
         checks.start("observer", None, "Anna")
     with pytest.raises(FieldError):
         await checks.give_up("Anna")
     in_the_way.unlink()
     await checks.give_up("Anna")
-    facts = checks.facts() or {}
-    assert (facts["outcome"], facts["trouble"]) == ("incomplete", None)
-    assert (in_the_way / f"{facts['record']}.md").exists()
+    facts = checks.facts()
+    assert (facts.outcome, facts.trouble) == ("incomplete", None)
+    assert (in_the_way / f"{facts.record}.md").exists()
     with pytest.raises(Conflict, match="no check"):
         await checks.give_up("Anna")
     checks.start("observer", None, "Anna")
@@ -270,8 +278,8 @@ async def test_the_servers_end_keeps_what_there_is(tmp_path: Path) -> None:
     await checks.close()
     await checks.close()
     (entry,) = checks.records.all()
-    assert (entry["outcome"], entry["states"]["walk_in"]) == ("given_up", "passed")
-    record = json.loads(checks.records.text(entry["name"], "json"))
+    assert (entry.outcome, entry.states["walk_in"]) == ("given_up", "passed")
+    record = json.loads(checks.records.text(entry.name, "json"))
     assert record["given_up_by"] == "the end of the server"
     started = datetime.fromisoformat(record["started_at"])
     assert abs(datetime.now(UTC) - started) < timedelta(minutes=1)

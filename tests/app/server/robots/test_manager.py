@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections.abc import AsyncIterator
 from dataclasses import asdict, replace
@@ -11,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from app.drive.messages import (
+from app.contract.drive import (
     ConnectRobot,
     DisconnectRobot,
     IncidentEvent,
@@ -22,25 +23,26 @@ from app.drive.messages import (
     TakeLease,
     WheelSpeedEvent,
 )
-from app.messages import EngineState, StateEvent
+from app.contract.events import EngineState, StateEvent
+from app.contract.robots import StopMeasured
+from app.contract.values import json_text, plain
 from app.server import NotAvailable, Server
 from app.server.robots.connecting import wanted_robots
 from app.server.robots.incidents import Incidents
-from app.server.robots.manager import finite
 from app.server.robots.operators import Operators
 from app.server.robots.wheels import WheelLog
 from app.server.runs.current_run import speed_rows, wheel_rows
 from app.server.status import status
-from app.storage import IncidentRecord, StopFigures, Storage, StorageMissing
+from app.storage import IncidentRecord, Storage, StorageMissing
 from observer.guard.parameters import AllParameters
 from observer.rig.rig import Rig
-from observer.robots.contract import RobotPort
+from observer.robots.contract import RobotPhase, RobotPort, RobotReport
 
 from ..servers import begin, started, until
 
 RIG = Rig(ports={"observer": "/dev/ttyUSB0"}, models={"observer": "amigo-sh", "obstacle": "p3dx"})
 OWN = tuple(
-    vars(RobotPort(role, f"socket://127.0.0.1:{port}", model, f"the {role}"))  # type: ignore[arg-type]
+    RobotPort(role, f"socket://127.0.0.1:{port}", model, f"the {role}")  # type: ignore[arg-type]
     for role, port, model in (("observer", 5001, "amigo-sh"), ("obstacle", 5002, "p3dx-sh"))
 )
 
@@ -143,9 +145,9 @@ async def test_what_cannot_be_connected_is_said_and_not_repeated(
     drive.refuse[ConnectRobot] = ("input", "nothing answers there")
     async with started(peer, storage, drive=drive) as server:
         await until(lambda: len(server.driving.warnings) == 2)
-        warnings = status(server)["warnings"]
+        warnings = status(server).warnings
         assert "the obstacle is not connected: nothing answers there" in warnings
-        trouble = server.driving.facts()["trouble"]
+        trouble = server.driving.facts().trouble
         assert trouble["observer"] == "the observer is not connected: nothing answers there"
         told = len(drive.of(ConnectRobot))
         await asyncio.sleep(0.1)
@@ -193,8 +195,8 @@ async def test_a_stop_while_another_one_is_reset_holds(drive: Any, server: Serve
     await server.driving.stop_robots("Anna")
     request = drive.request
 
-    async def slow(command: Any, timeout_s: float = 1.0) -> dict[str, Any]:
-        answer: dict[str, Any] = await request(command, timeout_s)
+    async def slow(command: Any, timeout_s: float = 1.0) -> Any:
+        answer = await request(command, timeout_s)
         if isinstance(command, ResetStop):
             drive.lose()
             with pytest.raises(NotAvailable):
@@ -299,8 +301,8 @@ def test_incidents_are_kept_with_their_run_and_go_with_it(storage: Storage) -> N
     incident = IncidentRecord(record.id, at, None, "stop", "Stop.", 0.2)
     number = storage.append_incident(incident)
     assert storage.incidents(record.id) == [incident]
-    known = StopFigures(212.4, 603.1, 0.085, 0.25, 0.71)
-    unknown = StopFigures(None, None, None, None, None)
+    known = StopMeasured(212.4, 603.1, 0.085, 0.25, 0.71)
+    unknown = StopMeasured(None, None, None, None, None)
     storage.append_stop(number, "observer", known)
     storage.append_stop(number, "obstacle", unknown)
     stopped = replace(incident, stops={"observer": known, "obstacle": unknown})
@@ -334,8 +336,8 @@ async def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
     late = replace(stopped, role="obstacle", zero_time=None, stood_time=None)
     drive.publish(replace(late, speed_mps=None, distance_m=float("nan")))
     drive.publish(IncidentEvent("observer", "fault", "a wheel stalled", now, None))
-    (incident,) = server.driving.facts()["incidents"][:1]
-    assert incident["stops"] == {
+    (incident,) = server.driving.facts().incidents[:1]
+    assert {role: plain(stop) for role, stop in incident.stops.items()} == {
         "observer": {
             "zero_ms": pytest.approx(12.4),
             "stood_ms": pytest.approx(400.0),
@@ -343,11 +345,11 @@ async def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
             "speed_mps": 0.3,
             "separation_m": None,
         },
-        "obstacle": dict.fromkeys(incident["stops"]["observer"]),
+        "obstacle": dict.fromkeys(plain(incident.stops["observer"])),
     }
     await server.runs.stop(second)
     (kept,) = await server.runs.archive.incidents(first)
-    assert {role: asdict(each) for role, each in kept.stops.items()} == incident["stops"]
+    assert {role: asdict(each) for role, each in kept.stops.items()} == incident.stops
     (other,) = await server.runs.archive.incidents(second)
     assert (other.sentence, other.stops) == ("a wheel stalled", {})
 
@@ -397,6 +399,12 @@ def test_every_operator_has_a_name_of_their_own() -> None:
     assert len(set(names)) == len(given)
 
 
-def test_plain_values_are_json() -> None:
-    value = {"a": float("nan"), 3: [float("inf"), 1.5, (None, True, "x")]}
-    assert finite(value) == {"a": None, "3": [None, 1.5, [None, True, "x"]]}
+def test_what_is_told_is_json() -> None:
+    report = RobotReport(
+        RobotPhase.CONNECTED, speed_mps=float("nan"), battery_v=float("inf"), warnings=("x",)
+    )
+    told = json.loads(json_text(report))
+    assert (told["phase"], told["speed_mps"], told["battery_v"]) == ("connected", None, None)
+    assert told["warnings"] == ["x"]
+    # Half a surrogate pair, as a name may have it.
+    assert json.loads(json_text(replace(report, name="\ud800", speed_mps=0.5, battery_v=None)))

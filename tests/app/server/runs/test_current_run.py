@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from app.messages import OpenSource
+from app.contract.commands import OpenSource
 from app.server.robots.wheels import WheelSample
 from app.server.runs.current_run import CurrentRun, speed_rows
 from app.server.writer import Writer
@@ -35,9 +35,9 @@ def test_rows_are_written_once_although_the_database_was_locked(
     try:
         run = CurrentRun(record, storage, writer, lambda: 0.0)
         # On the clock of what was open before.
-        run.measured(WheelSample(0, "observer", 41.0, 0, 0.4, 0.4))
+        run.measured(WheelSample("observer", 41.0, 0.4, 0.4, number=0, segment=0))
         run.frames = 1
-        run.measured(WheelSample(1, "observer", 1.0, 0, 0.3, 0.25))
+        run.measured(WheelSample("observer", 1.0, 0.3, 0.25, number=1, segment=0))
         run.flush()
         assert written.wait(5.0)
     finally:

@@ -34,7 +34,7 @@ def drive(run: CurrentRun, times: Iterable[int]) -> None:
     # What robots do before a run's first frame is on no clock.
     run.frames = 1
     for at in times:
-        run.measured(WheelSample(1, "observer", float(at), 0, 0.01 * at, None))
+        run.measured(WheelSample("observer", float(at), 0.01 * at, None, number=1, segment=0))
         run.flush()
 
 

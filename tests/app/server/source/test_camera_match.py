@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Literal
 
 import pytest
 
-from app.messages import EngineState, StateEvent
+from app.contract.events import EngineState, StateEvent
+from app.contract.status import LiveCamera, LiveStatus
 from app.server.errors import FieldError
 from app.server.source.camera_match import calibration_of_cameras, camera_match_warnings
 from app.server.source.opening import make_opening
 from app.storage import CalibrationRecord, Storage
 from observer.recording.run_folder import RECORDING
+from observer.sources.contract import SourceInfo
 
 LEFT, RIGHT = "http://10.0.0.1/v", "http://10.0.0.2/v"
 SOURCE = f"http://me:secret@10.0.0.1/v,{RIGHT}"
@@ -30,13 +32,15 @@ def kept(storage: Storage, text: str, *devices: str, focus: str = "0") -> Calibr
 
 
 def state(*devices: str, focus: str = "0", live: bool = True) -> StateEvent:
-    cameras = [
-        {"side": side, "settings": {"size": "640x480", "focus": focus}}
-        for side in ("left", "right")
-    ]
-    source: dict[str, Any] = {"spec": "x", "devices": devices}
+    settings = {"size": "640x480", "focus": focus}
+    sides: tuple[Literal["left", "right"], ...] = ("left", "right")
+    cameras = [LiveCamera(side, "x", "open", None, settings, []) for side in sides]
+    source = SourceInfo("x", "camera", 640, 480, 15.0, None, live=True, devices=devices)
     return StateEvent(
-        EngineState.PREVIEW, None, source=source, live={"cameras": cameras} if live else None
+        EngineState.PREVIEW,
+        None,
+        source=source,
+        live=LiveStatus(cameras, 0, 0, None, None, 0, [], None) if live else None,
     )
 
 

@@ -7,8 +7,10 @@ Sight reaches the drive process from the engine directly, as a latest value in s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Generic, Literal
 
+from app.contract.commands import Answer
+from app.contract.robots import DriveFacts, RobotNow
 from observer.motion_profiles.profile import Programme
 from observer.rig.rig import Role
 
@@ -31,8 +33,22 @@ IncidentKind = Literal["stop", "expired", "sight", "guard", "fault", "lease", "p
 # --- commands, web to drive ------------------------------------------------------------------
 
 
+class ToDrive(Generic[Answer]):
+    """A command to the drive process, and what its reply's value is."""
+
+
 @dataclass(frozen=True)
-class ConnectRobot:
+class ReallySent:
+    """What really went out for a velocity that was asked for, and how old that was."""
+
+    speed_mps: float
+    turn_rate_radps: float
+    limited_by: str | None
+    age_s: float
+
+
+@dataclass(frozen=True)
+class ConnectRobot(ToDrive[None]):
     """Connect the robot of a role; one that was connected before is let go first.
 
     Attributes:
@@ -50,15 +66,15 @@ class ConnectRobot:
 
 
 @dataclass(frozen=True)
-class DisconnectRobot:
+class DisconnectRobot(ToDrive[None]):
     """Stop it, say goodbye and forget its port."""
 
     role: Role
 
 
 @dataclass(frozen=True)
-class TakeLease:
-    """Become the one who drives a role. The reply's value is ``{"lease": id}``.
+class TakeLease(ToDrive[str]):
+    """Become the one who drives a role. Answered by the lease's id.
 
     Refused (``state``) while somebody else holds it, unless ``takeover``; who takes over gets it
     with the robot at zero and disarmed.
@@ -70,7 +86,7 @@ class TakeLease:
 
 
 @dataclass(frozen=True)
-class ReleaseLease:
+class ReleaseLease(ToDrive[None]):
     """Give it back; the robot stops and is disarmed."""
 
     role: Role
@@ -78,7 +94,7 @@ class ReleaseLease:
 
 
 @dataclass(frozen=True)
-class ArmRobot:
+class ArmRobot(ToDrive[RobotNow | None]):
     """Switch the motors on, at zero. Refused (``state``) with one sentence of what is missing.
 
     ``lease``: of who arms; may be None where nobody holds the role.
@@ -89,32 +105,31 @@ class ArmRobot:
 
 
 @dataclass(frozen=True)
-class DisarmRobot:
+class DisarmRobot(ToDrive[RobotNow | None]):
     """Zero and motors off; anyone may."""
 
     role: Role
 
 
 @dataclass(frozen=True)
-class StopRobots:
+class StopRobots(ToDrive[None]):
     """Stop all robots; it latches until ``ResetStop``. ``by``: who, in words. Anyone may."""
 
     by: str
 
 
 @dataclass(frozen=True)
-class ResetStop:
+class ResetStop(ToDrive[None]):
     """Undo the latch and forget the robots' faults; all stay disarmed."""
 
     by: str
 
 
 @dataclass(frozen=True)
-class DriveCommand:
+class DriveCommand(ToDrive[ReallySent]):
     """A velocity while somebody holds a key: also a sign of presence.
 
-    The reply's value is ``{"speed_mps", "turn_rate_radps", "limited_by": str | None,
-    "age_s": float}``: what is really sent. One that is older than ``COMMAND_FRESH_S``, of an old
+    One that is older than ``COMMAND_FRESH_S``, of an old
     sequence number or of a lease that is not in force is refused (``state``) and changes nothing.
 
     Attributes:
@@ -132,8 +147,8 @@ class DriveCommand:
 
 
 @dataclass(frozen=True)
-class Presence:
-    """The operator is there and consents, without a velocity. The reply's value is ``{}``."""
+class Presence(ToDrive[None]):
+    """The operator is there and consents, without a velocity."""
 
     role: Role
     lease: str
@@ -142,8 +157,9 @@ class Presence:
 
 
 @dataclass(frozen=True)
-class StartProgramme:
-    """Drive timed velocities, as long as the operator of every role in it stays present.
+class StartProgramme(ToDrive[float]):
+    """Drive timed velocities, as long as the operator of every role in it stays present. Answered
+    by how long it takes, seconds.
 
     ``leases``: by role, for every role that the programme moves; each must be armed.
     """
@@ -155,38 +171,20 @@ class StartProgramme:
 
 
 @dataclass(frozen=True)
-class StopProgramme:
+class StopProgramme(ToDrive[None]):
     """End it at zero; the robots stay armed."""
 
 
 @dataclass(frozen=True)
-class SetGuard:
+class SetGuard(ToDrive[None]):
     """Use these ``guard.*`` parameters from the next tick on, by dotted name."""
 
     parameters: dict[str, Any]
 
 
 @dataclass(frozen=True)
-class LeaveDrive:
+class LeaveDrive(ToDrive[None]):
     """Stop all robots, let them go and leave."""
-
-
-DriveProcessCommand = (
-    ConnectRobot
-    | DisconnectRobot
-    | TakeLease
-    | ReleaseLease
-    | ArmRobot
-    | DisarmRobot
-    | StopRobots
-    | ResetStop
-    | DriveCommand
-    | Presence
-    | StartProgramme
-    | StopProgramme
-    | SetGuard
-    | LeaveDrive
-)
 
 
 # --- events, drive to web --------------------------------------------------------------------
@@ -194,30 +192,9 @@ DriveProcessCommand = (
 
 @dataclass(frozen=True)
 class DriveEvent:
-    """How everything is; ten times a second, and at once when anything but a figure changes.
+    """How everything is; ten times a second, and at once when anything but a figure changes."""
 
-    Attributes:
-        facts: plain values, ready for JSON::
-
-            stopped: None | {"by": str, "since": s}                    the latch
-            sight: {"age_s": s | None, "status": str | None, "world": str | None}
-            loop: {"ticks": n, "late_p99_ms": ms, "late_max_ms": ms, "priority": str}
-            programme: None | {"name", "elapsed_s", "duration_s", "round", "repeat", "reverse",
-                               "phase": "gesture" | "driving"}
-            robots: {"observer": None | {...}, "obstacle": None | {...}}, each with
-                port, name, world, state ("connecting" | "disarmed" | "armed" | "moving" |
-                    "waiting" | "refused"),
-                operator: None | str, present: bool,
-                why: None | str      one sentence: why it does not move as asked or is disarmed
-                commanded: {"speed_mps", "turn_rate_radps"}           as asked
-                sent: {"speed_mps", "turn_rate_radps"}                as really sent
-                guard: None | {"level": "clear" | "slow" | "stop", "reason": str | None,
-                    "limit_mps": float | None, "stop_zone": [[x, y], ...],
-                    "slow_zone": [[x, y], ...]}                       base frame, metres
-                report: the fields of ``RobotReport``
-    """
-
-    facts: dict[str, Any]
+    facts: DriveFacts
     monotonic: float
 
 

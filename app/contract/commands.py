@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Generic, Literal, TypeVar
 
+from app.contract.answers import CalibrationPreview, FloorPoints, KeptClip, Opened, ScenePairs
+from app.contract.calibrating import PlaceDepth
+from app.contract.live_truth import LiveTruthStatus
+from app.contract.pixel import Pixel
+from app.contract.status import PlaybackStatus, RecordingStatus
 from observer.calibration.board import Board
 from observer.calibration.views import BoardView
+from observer.recording.payloads import Incident, RobotRow
 
 # How much faster or slower than its recorded pace a source can be played.
 MIN_PLAYBACK_RATE = 0.1
 MAX_PLAYBACK_RATE = 4.0
+Answer = TypeVar("Answer")
+
+
+class ToEngine(Generic[Answer]):
+    """A command to the engine, and what its reply's value is."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +59,7 @@ class LiveTruthOrder:
 
 
 @dataclass(frozen=True)
-class OpenSource:
+class OpenSource(ToEngine[Opened]):
     """Open a source and observe it without keeping anything; ends in ``preview``.
 
     With ``run_id`` what is observed belongs to that run: the state becomes ``running``.
@@ -58,8 +69,6 @@ class OpenSource:
     ``truth`` is listened to from now on; what was listened to already goes on.
     With ``record`` the run is recorded; where that cannot begin, the source is refused, except
     where the run goes on: then it goes on without.
-    The reply's value has the fields of the ``StateEvent`` that goes before it, and
-    ``calibration_yaml``: the calibration that is used, also where it is the source's own.
     Refused, what was open before stays open.
     """
 
@@ -78,11 +87,10 @@ class OpenSource:
 
 
 @dataclass(frozen=True)
-class BeginCalibration:
+class BeginCalibration(ToEngine[Opened]):
     """Open a source, show its images as taken and look for a board; ends in ``calibrating``.
 
-    ``views`` were captured before and go on counting. The reply's value has the fields of the
-    ``StateEvent`` that goes before it. Refused, what was open before stays open.
+    ``views`` were captured before and go on counting. Refused, what was open before stays open.
     """
 
     source: str
@@ -92,13 +100,13 @@ class BeginCalibration:
 
 
 @dataclass(frozen=True)
-class ChangeCalibration:
+class ChangeCalibration(ToEngine[tuple[str, ...]]):
     """Change what is given, while calibrating.
 
     ``capture`` keeps the board as it is seen at this moment, ``undo`` forgets the last view,
     ``remove`` one by its name. ``automatic``: whether a new pose is captured by itself.
-    ``cover_check`` begins (True) or ends the question which camera is the left one. The reply's
-    value is ``{"views": [names]}``.
+    ``cover_check`` begins (True) or ends the question which camera is the left one. Answered by
+    the views' names.
     """
 
     capture: bool = False
@@ -109,20 +117,18 @@ class ChangeCalibration:
 
 
 @dataclass(frozen=True)
-class StopRun:
+class StopRun(ToEngine[RecordingStatus | None]):
     """End the run; the source stays open in ``preview``.
 
-    A recording is whole when the reply comes; its value is ``{"recording": facts}``, as in
-    ``StateEvent.recording``.
+    A recording is whole when the reply comes.
     """
 
 
 @dataclass(frozen=True)
-class SaveRing:
+class SaveRing(ToEngine[KeptClip]):
     """Write the last half minute, as a recording of its own, to ``path``.
 
-    It is kept in a run that is recorded, and of live sources always. The reply's value is
-    ``{"bytes", "seconds"}``: of the file, and how far back it reaches.
+    It is kept in a run that is recorded, and of live sources always.
     """
 
     path: str
@@ -130,51 +136,41 @@ class SaveRing:
 
 
 @dataclass(frozen=True)
-class RecordRobots:
-    """What was heard of robots since the last time, for the run's recording; none is no error.
+class RecordRobots(ToEngine[None]):
+    """What was heard of robots since the last time, for the run's recording; none is no error."""
 
-    Attributes:
-        rows: fields of ``observer.recording.payloads.RobotRow``.
-        incidents: fields of ``observer.recording.payloads.Incident``.
-    """
-
-    rows: tuple[dict[str, Any], ...] = ()
-    incidents: tuple[dict[str, Any], ...] = ()
+    rows: tuple[RobotRow, ...] = ()
+    incidents: tuple[Incident, ...] = ()
 
 
 @dataclass(frozen=True)
-class CloseSource:
+class CloseSource(ToEngine[None]):
     """Close the source; the state becomes ``idle``."""
 
 
 @dataclass(frozen=True)
-class SetParameters:
+class SetParameters(ToEngine[int | None]):
     """Use these parameters, the guard's among them, from the next frame on; the revision of before
-    leaves the observer alone. The reply's value is ``{"frame": int}``: the first frame they act on
-    (None without an open source)."""
+    leaves the observer alone. Answered by the first frame they act on, None without an open
+    source."""
 
     parameters: dict[str, Any]
     revision: int
 
 
 @dataclass(frozen=True)
-class SetTruth:
-    """Listen to this live motion capture from now on, None to none; the source stays open.
-
-    The reply's value is ``{"truth": facts}``, as in ``StateEvent.truth``.
-    """
+class SetTruth(ToEngine[LiveTruthStatus | None]):
+    """Listen to this live motion capture from now on, None to none; the source stays open."""
 
     truth: LiveTruthOrder | None
 
 
 @dataclass(frozen=True)
-class SetPlayback:
+class SetPlayback(ToEngine[PlaybackStatus]):
     """Change what is given; ``step`` shows that many further frames while paused.
 
     ``seek`` goes on with that frame, from 0, of a recording, and shows it also while paused; it
     begins a new segment.
-
-    The reply's value is the playback as in ``StateEvent.playback``.
     """
 
     paused: bool | None = None
@@ -186,28 +182,22 @@ class SetPlayback:
 
 
 @dataclass(frozen=True)
-class WatchViews:
+class WatchViews(ToEngine[None]):
     """The views (``VIEW_NAMES`` and ``CLOUD_NAME``) somebody watches now; only these are made."""
 
     names: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class PreviewCalibration:
-    """Rectify the newest raw pair with this calibration and draw epipolar lines over both.
-
-    The reply's value is ``{"jpeg": bytes, "vertical_error_px": float | None, "matches": int}``.
-    """
+class PreviewCalibration(ToEngine[CalibrationPreview]):
+    """Rectify the newest raw pair with this calibration and draw epipolar lines over both."""
 
     calibration_yaml: str
 
 
 @dataclass(frozen=True)
-class MeasureDepth:
-    """How far away a pixel of the newest pair is, rectified with this calibration.
-
-    The reply's value is that of ``app.engine.depth_measuring.measure_depth``.
-    """
+class MeasureDepth(ToEngine[PlaceDepth]):
+    """How far away a pixel of the newest pair is, rectified with this calibration."""
 
     calibration_yaml: str
     u: float
@@ -215,30 +205,20 @@ class MeasureDepth:
 
 
 @dataclass(frozen=True)
-class LookAtFloor:
-    """The newest pair's points by which the floor is found.
-
-    The reply's value is that of ``app.engine.floor_looking.look_at_floor``.
-    """
+class LookAtFloor(ToEngine[FloorPoints]):
+    """The newest pair's points by which the floor is found."""
 
 
 @dataclass(frozen=True)
-class TakeScenePairs:
-    """Pairs of the last half minute, by which the rows can be set straight.
-
-    The reply's value is ``{"pairs": ((left, right), ...), "calibration_yaml": str}``: images as
-    taken, (H, W) grey, and the calibration in use.
-    """
+class TakeScenePairs(ToEngine[ScenePairs]):
+    """Pairs of the last half minute, by which the rows can be set straight."""
 
 
 @dataclass(frozen=True)
-class ExplainPixel:
+class ExplainPixel(ToEngine[Pixel]):
     """Say why a pixel of the newest observed frame counts as moving, standing or neither.
 
-    ``u``, ``v`` are in the rectified left image. The reply's value is ``{"frame": int,
-    "segment": int, "u", "v", "verdict", "sentence", "numbers": {name: float | None},
-    "would_change"}`` as in ``observer.explanation.PixelAnswer``, and ``"obstacle"``: ``{"id",
-    "reported", "why"}`` of the obstacle at a dynamic pixel, or None.
+    ``u``, ``v`` are in the rectified left image.
     """
 
     u: float
@@ -246,26 +226,5 @@ class ExplainPixel:
 
 
 @dataclass(frozen=True)
-class Shutdown:
+class Shutdown(ToEngine[None]):
     """Close the source and leave."""
-
-
-Command = (
-    OpenSource
-    | BeginCalibration
-    | ChangeCalibration
-    | StopRun
-    | SaveRing
-    | RecordRobots
-    | CloseSource
-    | SetParameters
-    | SetTruth
-    | SetPlayback
-    | WatchViews
-    | PreviewCalibration
-    | MeasureDepth
-    | LookAtFloor
-    | TakeScenePairs
-    | ExplainPixel
-    | Shutdown
-)

@@ -1,0 +1,52 @@
+"""The cameras and serial ports of the server's machine, as they are told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from app.contract.values import means
+
+
+@dataclass(frozen=True)
+class DeviceMode:
+    pixel_format: Annotated[str, means("Four characters, as in MJPG.")]
+    width: int
+    height: int
+    rates: Annotated[Sequence[float], means("Images per second, the highest first.")]
+
+
+@dataclass(frozen=True)
+class DeviceControl:
+    name: str
+    minimum: int
+    maximum: int
+    step: int
+    default: int
+
+
+@dataclass(frozen=True)
+class VideoDevice:
+    path: str
+    by_path: Annotated[str | None, means("Its name by the port it is plugged into.")]
+    card: str | None
+    trouble: Annotated[str | None, means("Why it cannot be used, and what to do.")]
+    modes: Sequence[DeviceMode]
+    controls: Sequence[DeviceControl]
+
+
+@dataclass(frozen=True)
+class SerialPortNow:
+    path: str
+    by_id: Annotated[str | None, means("Its name by maker and serial number, which stays.")]
+    description: Annotated[str | None, means("What the product says of itself.")]
+    usable: Annotated[bool, means("Whether the server's user may open it.")]
+    trouble: Annotated[str | None, means("Why it cannot be used, and what to do.")]
+
+
+@dataclass(frozen=True)
+class Devices:
+    cameras: Sequence[VideoDevice]
+    serial_ports: Annotated[Sequence[SerialPortNow], means("On USB, by which robots are driven.")]
+    hints: Annotated[Sequence[str], means("Such as on what two cameras on one bus can carry.")]

@@ -1,0 +1,186 @@
+"""Events, engine to web: ordered and numbered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from app.contract.calibrating import BoardLook
+from app.contract.live_truth import LiveTruthStatus
+from app.contract.status import (
+    AgeingStatus,
+    EgoMotionStatus,
+    LiveStatus,
+    PlaybackStatus,
+    RecordingStatus,
+)
+from observer.calibration.views import BoardView
+from observer.camera import StereoCamera
+from observer.jsonl import ObservationLine
+from observer.mount import CameraMount
+from observer.robots.contract import RobotPort
+from observer.sources.contract import SourceInfo
+from observer.truth.matching import TrueBodyEntry
+from observer.types import Odometry
+
+
+class EngineState(StrEnum):
+    """What the engine does at this moment."""
+
+    IDLE = "idle"
+    PREVIEW = "preview"
+    RUNNING = "running"
+    CALIBRATING = "calibrating"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class ObservationEvent:
+    """One frame was observed.
+
+    Attributes:
+        sequence: counted from 0 within one engine process; a gap is a loss.
+        line: the JSON line of ``observe`` (see ``observer.jsonl``), confirmed and coasting
+            obstacles, each with ``why`` added: one sentence of why it counts as dynamic.
+        truth: one entry per true body; of live motion capture, what was not measured is left out,
+            and all of it as long as nothing is aligned.
+        received, published: the host's monotonic clock at reception and after observing.
+        frame_skips: frames the source could not read so far.
+        run_id: the run it belongs to, or None in preview.
+        ego_motion: None for a frame that was compared with none.
+        odometry: by the robot's wheels, where it tells any.
+    """
+
+    sequence: int
+    line: ObservationLine
+    truth: list[TrueBodyEntry]
+    received: float
+    published: float
+    frame_skips: int
+    run_id: str | None
+    ego_motion: EgoMotionStatus | None = None
+    odometry: Odometry | None = None
+
+
+@dataclass(frozen=True)
+class StateEvent:
+    """The engine's state, sent whenever any part of it changes.
+
+    While only the playback's position moves it is sent twice a second.
+
+    In ``failed`` all else tells of what failed.
+
+    Attributes:
+        camera: the rectified pair. mount: as the observer uses it, None where it is not known.
+        ageing: None before the first frame. live: None for what is not live.
+        world: that of ``observer.guard.sight.Sight``. robots: those of the source's own world.
+        recording: None where nothing was to be recorded. truth: live motion capture, None where
+            none is listened to.
+    """
+
+    state: EngineState
+    reason: str | None
+    source: SourceInfo | None = None
+    playback: PlaybackStatus | None = None
+    camera: StereoCamera | None = None
+    run_id: str | None = None
+    segment: int = 0
+    has_truth: bool = False
+    live: LiveStatus | None = None
+    mount: CameraMount | None = None
+    ageing: AgeingStatus | None = None
+    world: str | None = None
+    robots: tuple[RobotPort, ...] = ()
+    recording: RecordingStatus | None = None
+    truth: LiveTruthStatus | None = None
+
+
+@dataclass(frozen=True)
+class BoardLookEvent:
+    """While calibrating: what was made of one pair; sent about ten times a second.
+
+    ``received``: the pair, on the host's monotonic clock.
+    """
+
+    look: BoardLook
+    received: float
+
+
+@dataclass(frozen=True)
+class BoardViewsEvent:
+    """While calibrating: the captured views are others.
+
+    Attributes:
+        names: of all views, in order.
+        added: the new one, with a small JPEG of each image; None where one was taken away.
+    """
+
+    names: tuple[str, ...]
+    added: BoardView | None = None
+    pictures: tuple[bytes, bytes] | None = None
+
+
+@dataclass(frozen=True)
+class SkippedFrameEvent:
+    """A frame that the source could not read, and why."""
+
+    index: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class DenseStereoEvent:
+    """The thread of dense stereo made the cloud or the disparity view, or failed at it.
+
+    Attributes:
+        frame, received: of the pair it was made of.
+        published: the host's monotonic clock behind it.
+        seconds: from taking the pair to its last slot.
+        coarseness: how many pixels of the pair lie along one that was matched, each way; None
+            where nothing was.
+        trouble: one sentence of what failed, None where nothing did.
+    """
+
+    frame: int
+    received: float
+    published: float
+    seconds: float
+    coarseness: int | None
+    trouble: str | None
+
+
+@dataclass(frozen=True)
+class HeartbeatEvent:
+    """The engine's own loop is alive; sent at least every 100 ms, also while paused."""
+
+    monotonic: float
+    counters: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EngineStartedEvent:
+    """Made by the supervisor: a new engine process is ready. ``generation`` counts from 1."""
+
+    generation: int
+    pid: int
+
+
+@dataclass(frozen=True)
+class EngineLostEvent:
+    """Made by the supervisor: the engine process ended or hung, and why in one sentence."""
+
+    generation: int
+    reason: str
+
+
+Event = (
+    ObservationEvent
+    | StateEvent
+    | BoardLookEvent
+    | BoardViewsEvent
+    | SkippedFrameEvent
+    | DenseStereoEvent
+    | HeartbeatEvent
+    | EngineStartedEvent
+    | EngineLostEvent
+)

@@ -1,0 +1,58 @@
+"""Live motion capture as it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from app.contract.values import means
+
+
+@dataclass(frozen=True)
+class CaptureBody:
+    name: str
+    role: Literal["observer", "obstacle"] | None
+    rate_hz: float
+
+
+@dataclass(frozen=True)
+class ServerClock:
+    """The server's clock against the host's."""
+
+    offset_s: float
+    drift_ppm: Annotated[float | None, means("None: too short a time was seen.")]
+    sigma_s: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class LiveAlignment:
+    offset_s: Annotated[float, means("Delay of motion capture behind the frames.")]
+    sigma_s: float
+    drift_ppm: float
+    correlation: float
+    overlap_s: float
+    residual_mps: float
+    samples: int
+    observer: str | None
+    frame_residual_m: float | None
+    matches: Annotated[Mapping[str, str | None], means("The body of each SEGMENT:TRACK.")]
+    notes: Sequence[str]
+
+
+@dataclass(frozen=True)
+class LiveTruthStatus:
+    """Live motion capture that is listened to."""
+
+    spec: str
+    observer: str | None
+    ignore: Sequence[str]
+    state: Literal["connecting", "receiving", "waiting"]
+    trouble: str | None
+    notes: Sequence[str]
+    bodies: Sequence[CaptureBody]
+    clock: ServerClock | None
+    aligned: bool
+    sentence: Annotated[str, means("How it is aligned, or why it is not yet.")]
+    alignment: LiveAlignment | None

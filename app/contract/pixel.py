@@ -1,0 +1,36 @@
+"""Why one pixel counts as what it does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from app.contract.values import means
+
+
+@dataclass(frozen=True)
+class PixelObstacle:
+    id: int
+    reported: Annotated[bool, means("Whether it was seen often enough to be reported.")]
+    why: Annotated[str, means("Why it counts as dynamic.")]
+
+
+@dataclass(frozen=True)
+class Pixel:
+    """Why one pixel of the newest observed frame counts as what it does."""
+
+    frame: int
+    segment: int
+    u: float
+    v: float
+    verdict: Literal[
+        "dynamic", "static", "undecided", "too_far", "too_few_features", "ego_motion_lost"
+    ]
+    sentence: str
+    numbers: Annotated[
+        Mapping[str, float | None],
+        means("The figures behind it, by names that end with their unit; null = not known."),
+    ]
+    would_change: Annotated[str, means("What would give another answer, with its value.")]
+    obstacle: Annotated[PixelObstacle | None, means("The one that a dynamic pixel is part of.")]

@@ -1,0 +1,53 @@
+"""How the cameras stand on their robot, as it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+from pydantic import ConfigDict, Field
+
+from app.contract.status import MountStatus
+from app.contract.values import means
+
+
+@dataclass(frozen=True)
+class RigNumber:
+    # It is taken from clients as well, and checked there.
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    value: Annotated[float, Field(strict=True, allow_inf_nan=False)]
+    sigma: Annotated[
+        Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)] | None,
+        means("One standard deviation of an estimate; None: it was typed."),
+    ] = None
+
+
+@dataclass(frozen=True)
+class RigNow:
+    mount: Mapping[str, RigNumber]
+    models: Mapping[str, str]
+    bodies: Annotated[Sequence[str], means("Of a mocap system, whose place on the robot is known.")]
+    for_simulated: bool
+    calibration: str | None
+    file: str | None
+    in_use: Annotated[MountStatus | None, means("What the open source is observed with.")]
+
+
+@dataclass(frozen=True)
+class FloorEstimate:
+    height_m: RigNumber
+    tilt_deg: RigNumber
+    roll_deg: RigNumber
+    share: Annotated[float, means("Of all points, those on the floor.")]
+    views: int
+    sentence: str
+
+
+@dataclass(frozen=True)
+class DriveNow:
+    noting: bool
+    values: Annotated[Mapping[str, RigNumber], means("By the rig's keys, as far as told.")]
+    still_needed: Annotated[Sequence[str], means("What to drive so that the rest can be told.")]
+    sentence: str

@@ -1,0 +1,236 @@
+"""Robots, their guided check and programmes, as they are told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from app.contract.values import means
+from observer.rig.rig import Role
+from observer.robots.contract import RobotReport
+
+
+@dataclass(frozen=True)
+class Latch:
+    by: str
+    since: Annotated[float, means("The host's monotonic clock, s.")]
+
+
+@dataclass(frozen=True)
+class DriveProcess:
+    alive: bool
+    pid: int | None
+    restarts: int
+    trouble: Annotated[str | None, means("Why nothing can be driven, one sentence.")]
+
+
+@dataclass(frozen=True)
+class Velocity:
+    speed_mps: float
+    turn_rate_radps: float
+
+
+@dataclass(frozen=True)
+class GuardVerdict:
+    """What the guard permits; zones are corners in the robot's base frame, metres."""
+
+    level: Literal["clear", "slow", "stop"]
+    reason: str | None
+    limit_mps: Annotated[float | None, means("The highest speed along the present arc.")]
+    stop_zone: Sequence[tuple[float, float]]
+    slow_zone: Sequence[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class SightNow:
+    """The newest frame that the drive process was told of."""
+
+    age_s: float | None
+    status: str | None
+    world: str | None
+
+
+@dataclass(frozen=True)
+class DriveLoop:
+    """How punctual the drive loop is."""
+
+    ticks: int
+    late_p99_ms: float | None
+    late_max_ms: float | None
+    priority: str
+
+
+@dataclass(frozen=True)
+class ProgrammeNow:
+    """The programme that is driven."""
+
+    name: str
+    phase: Literal["gesture", "driving"]
+    round: Annotated[int, means("Of repeat, from 1.")]
+    elapsed_s: float
+    duration_s: float
+    repeat: int
+    reverse: bool
+
+
+@dataclass(frozen=True)
+class RobotNow:
+    """One robot that is connected, or shall be."""
+
+    port: str
+    name: str | None
+    world: str
+    state: Literal["connecting", "disarmed", "armed", "moving", "waiting", "refused"]
+    operator: str | None
+    present: bool
+    why: Annotated[str | None, means("Why it does not move as asked, or is disarmed.")]
+    commanded: Annotated[Velocity, means("As asked for.")]
+    sent: Annotated[Velocity, means("As really sent.")]
+    guard: GuardVerdict | None
+    report: Annotated[RobotReport, means("What the robot says of itself, SI units.")]
+
+
+@dataclass(frozen=True)
+class RobotPortNow:
+    port: str
+    model: str | None
+
+
+@dataclass(frozen=True)
+class StopMeasured:
+    """A stop of a robot that moved, from its cause (the last good frame, the operator's last
+    sign, the guard's verdict, the packet of a fault, the request) until it stood."""
+
+    zero_ms: Annotated[float | None, means("Until zero went out on its port.")]
+    stood_ms: Annotated[float | None, means("Until its encoders told that it stands.")]
+    distance_m: Annotated[float | None, means("Driven meanwhile, by odometry.")]
+    speed_mps: Annotated[float | None, means("At the cause, by its encoders.")]
+    separation_m: Annotated[
+        float | None,
+        means(
+            "Left to what is seen or echoes ahead, behind a stop of the guard; null where "
+            "what stopped it came nearer by itself."
+        ),
+    ]
+
+
+@dataclass(frozen=True)
+class RobotIncident:
+    """Something stopped a robot, or took its motors away."""
+
+    at: Annotated[str, means("Wall clock, UTC.")]
+    role: Annotated[Role | None, means("None: all robots.")]
+    kind: str
+    sentence: str
+    speed_mps: Annotated[float | None, means("At that moment, by its encoders.")]
+    stops: Annotated[
+        Mapping[Role, StopMeasured], means("Of each robot that moved, once it stands.")
+    ]
+
+
+@dataclass(frozen=True)
+class CheckStep:
+    name: str
+    title: str
+    instruction: str
+    state: Literal["waiting", "driving", "passed", "failed", "skipped"]
+    kind: Annotated[str | None, means("Of the stop that was taken.")]
+    sentence: str | None
+    at: Annotated[str | None, means("Wall clock of its cause, UTC.")]
+    operator: Annotated[str | None, means("Who drove.")]
+    figures: StopMeasured | None
+    verdict: Annotated[str | None, means("How that compares with what is promised.")]
+    told: Annotated[str | None, means("The newest stop that was not taken, and why.")]
+    skipped_by: str | None
+
+
+@dataclass(frozen=True)
+class CheckFacts:
+    """A guided check as it stands."""
+
+    role: Role
+    note: str | None
+    started_at: str
+    started_by: str
+    ended_at: str | None
+    outcome: Literal["passed", "failed", "incomplete", "given_up"] | None
+    given_up_by: str | None
+    present: Annotated[int | None, means("Which step it is at, from 0; None at its end.")]
+    promised_ms: float
+    steps: Sequence[CheckStep]
+
+
+@dataclass(frozen=True)
+class CheckNow(CheckFacts):
+    """A guided check that goes on, or the one that ended last."""
+
+    record: Annotated[str | None, means("The name under which it is kept.")]
+    trouble: Annotated[str | None, means("Why it could not be kept.")]
+
+
+@dataclass(frozen=True)
+class ChecksNow:
+    check: CheckNow | None
+    advice: Annotated[str | None, means("Why to check (again), one sentence.")]
+
+
+@dataclass(frozen=True)
+class CheckEntry:
+    name: str
+    role: Role
+    started_at: str
+    outcome: Literal["passed", "failed", "incomplete", "given_up"]
+    note: str | None
+    states: Annotated[Mapping[str, str], means("By step.")]
+
+
+Robots = Mapping[Role, RobotNow | None]
+
+
+@dataclass(frozen=True)
+class DriveFacts:
+    """What the drive process knows at one instant."""
+
+    stopped: Annotated[Latch | None, means("The stop holds until it is reset.")]
+    sight: SightNow | None
+    loop: DriveLoop | None
+    programme: ProgrammeNow | None
+    robots: Robots
+
+
+@dataclass(frozen=True)
+class RobotsNow(DriveFacts):
+    """Everything of driving."""
+
+    process: DriveProcess
+    world: Annotated[str | None, means("Of the open source; None: nothing to drive in.")]
+    ports: Annotated[Mapping[Role, RobotPortNow | None], means("Of real robots.")]
+    trouble: Annotated[Mapping[Role, str | None], means("Why a robot could not be connected.")]
+    incidents: Annotated[Sequence[RobotIncident], means("The last 20, oldest first.")]
+    check: Annotated[CheckNow | None, means("The guided check of the guard, if any.")]
+
+
+@dataclass(frozen=True)
+class WheelSpeed:
+    """Speeds of an armed robot at one instant of the source's clock."""
+
+    role: Role
+    time: Annotated[float, means("Of the source, s.")]
+    sent_mps: Annotated[float, means("As it was commanded.")]
+    encoder_mps: Annotated[float | None, means("None where the robot tells none.")]
+
+
+@dataclass(frozen=True)
+class ProgrammeEntry:
+    name: str
+    title: str
+    help: str
+    roles: Sequence[Role]
+    duration_s: Annotated[float, means("Once, with its gesture.")]
+    own: Annotated[bool, means("Brought by a person; the others come with the project.")]
+
+
+@dataclass(frozen=True)
+class ProgrammeDetail(ProgrammeEntry):
+    text: Annotated[str, means("YAML.")]

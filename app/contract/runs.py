@@ -1,0 +1,206 @@
+"""Kept runs: found again, compared with truth, drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from app.contract.values import means
+
+
+@dataclass(frozen=True)
+class Run:
+    id: str
+    name: str
+    state: Literal["running", "finished", "interrupted", "failed"]
+    source: str
+    calibration_id: str | None
+    preset: str | None
+    parameters: Mapping[str, Any]
+    started_at: str
+    updated_at: str
+    ended_at: str | None
+    frames: int
+    segments: int
+    versions: Mapping[str, str]
+    reason: str | None
+    record: Annotated[
+        Literal["none", "jpeg", "lossless"] | None,
+        means("Which images are recorded; None: nothing is."),
+    ]
+    recording_bytes: int | None
+    tags: Annotated[Sequence[str], means("In the order of their text.")]
+    notes: Annotated[str, means("A person's own words.")]
+    truth_id: Annotated[str | None, means("The truth file that it is compared with.")]
+    aligned: Annotated[bool, means("Whether motion capture was laid over it.")]
+    rerun_of: Annotated[str | None, means("The run whose recording it observed again.")]
+    deleted_at: Annotated[str | None, means("Since when it is hidden.")]
+
+
+@dataclass(frozen=True)
+class StartedRun(Run):
+    parameter_notes: Annotated[
+        Sequence[str],
+        means("One sentence on each given parameter that does not act with the method."),
+    ]
+
+
+@dataclass(frozen=True)
+class DiskUse:
+    used_bytes: Annotated[int, means("By the data folder.")]
+    free_bytes: int
+
+
+@dataclass(frozen=True)
+class History:
+    runs: Annotated[Sequence[Run], means("Newest first.")]
+    total: Annotated[int, means("How many there are in all.")]
+    tags: Annotated[Mapping[str, int], means("Every tag, and how many runs bear it.")]
+    disk: DiskUse
+    undo_days: Annotated[float, means("How long a deleted run can be had back.")]
+
+
+@dataclass(frozen=True)
+class SpeedEntry:
+    time: Annotated[float, means("Source time, s.")]
+    role: str
+    source: Literal["estimate", "truth", "commanded", "encoder"]
+    track_id: Annotated[int | None, means("None for what a robot says of itself.")]
+    speed: Annotated[float | None, means("m/s; None is a gap.")]
+    std: float | None
+    segment: int
+
+
+@dataclass(frozen=True)
+class ChartCurve:
+    """One curve: arrays of one length."""
+
+    kind: Literal["estimate", "truth", "commanded", "encoder"]
+    label: str
+    role: str
+    track_id: int | None
+    body: Annotated[str | None, means("Which body it is of, or was taken for.")]
+    segment: Annotated[int | None, means("None where it is of the whole run.")]
+    times: Annotated[Sequence[float], means("Source time, s.")]
+    speeds: Annotated[Sequence[float | None], means("m/s; None is a gap.")]
+    stds: Annotated[Sequence[float | None] | None, means("Standard deviations, m/s.")]
+
+
+@dataclass(frozen=True)
+class IdentityChange:
+    """Another track took a body's place; tracks are named SEGMENT:NUMBER."""
+
+    time: float
+    body: str
+    before: str
+    after: str
+
+
+@dataclass(frozen=True)
+class SpeedErrorsEntry:
+    """Errors of speed of one group of samples; None is what there is nothing to draw from."""
+
+    group: Literal["all", "body", "track", "direction", "way"]
+    label: str
+    body: str | None
+    samples: int
+    bias_mps: float | None
+    rmse_mps: float | None
+    maximum_mps: float | None
+    coverage: Annotated[float | None, means("Share within the band of 95 %.")]
+    covered_of: int
+    seen_share: float | None
+
+
+@dataclass(frozen=True)
+class AlignmentMatch:
+    body: Annotated[str | None, means("None: the track belongs to none.")]
+    by: str
+    distance_m: float | None
+
+
+@dataclass(frozen=True)
+class CameraOnBodyFacts:
+    """Where the left camera sits on a body of motion capture, in the body's axes."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    pan_deg: Annotated[float, means("About the body's z, from x towards y.")]
+    tilt_deg: Annotated[float, means("Away from the body's z, down where z is up.")]
+    roll_deg: Annotated[float, means("Clockwise as seen from behind the camera.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlignmentFacts:
+    """How truth was laid over a run."""
+
+    offset_s: Annotated[float, means("To be added to truth's times.")]
+    sigma_s: float
+    drift_ppm: float
+    drift_sigma_ppm: float | None
+    correlation: float
+    overlap_s: float
+    residual_mps: float
+    samples: int
+    frame_residual_m: Annotated[float | None, means("None: only the clocks are aligned.")]
+    observer: str | None
+    camera_on_body: Annotated[
+        CameraOnBodyFacts | None, means("Of the observer's body; None where it is not known.")
+    ] = None
+    roles: Mapping[str, str]
+    matches: Annotated[Mapping[str, AlignmentMatch], means("By track, SEGMENT:NUMBER.")]
+    notes: Sequence[str]
+
+
+@dataclass(frozen=True)
+class AlignedRunEntry(Run):
+    """A run with the truth that was just laid over it."""
+
+    alignment: Annotated[AlignmentFacts | None, means("None: truth was on the run's clock.")]
+    sentence: str
+
+
+@dataclass(frozen=True)
+class AlignChoicesEntry:
+    """What a person said before truth was laid over a run."""
+
+    observer: str | None
+    ignore: Sequence[str]
+    matches: Annotated[Mapping[str, str | None], means("By track, SEGMENT:NUMBER.")]
+    expected_offset_s: float | None
+    camera_on_body: CameraOnBodyFacts | None
+
+
+@dataclass(frozen=True)
+class RunChart:
+    run: Run
+    aligned: Annotated[bool, means("Whether there is truth to compare with.")]
+    sentence: Annotated[str | None, means("Where truth comes from, or why there is none.")]
+    alignment: AlignmentFacts | None
+    choices: Annotated[
+        AlignChoicesEntry | None,
+        means("What was said for the alignment; None where there is none."),
+    ]
+    curves: Sequence[ChartCurve]
+    changes: Sequence[IdentityChange]
+    errors: Sequence[SpeedErrorsEntry]
+
+
+@dataclass(frozen=True)
+class RingFile:
+    file: Annotated[str, means("Within the data folder; it opens as any recording does.")]
+    bytes: int
+    seconds: Annotated[float, means("How far back it reaches.")]
+
+
+@dataclass(frozen=True)
+class RingEntry:
+    """A saved half minute."""
+
+    name: str
+    run_id: Annotated[str | None, means("Of the run that was going.")]
+    saved_at: str
+    bytes: int
+    source: Annotated[str, means("Opens it as a source.")]

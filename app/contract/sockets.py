@@ -1,0 +1,136 @@
+"""What the server says on the sockets ``/api/live`` and ``/api/drive``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from app.contract.robots import RobotsNow, WheelSpeed
+from app.contract.status import EngineWord, Status
+from app.contract.values import means
+from observer.jsonl import ObservationLine
+from observer.rig.rig import Role
+from observer.truth.matching import TrueBodyEntry
+
+# --- /api/live -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatusMessage(Status):
+    """How everything is: at every change, and twice a second."""
+
+    type: Literal["status"] = "status"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotsTold(RobotsNow):
+    """What all pages are told of driving alike."""
+
+    type: Literal["robots"] = "robots"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotsMessage(RobotsTold):
+    """Everything of driving, ten times a second while there are robots."""
+
+    wheels: Annotated[Sequence[WheelSpeed], means("Since the last message, oldest first.")]
+
+
+@dataclass(frozen=True)
+class ObservationTold:
+    """What all pages are told of a frame alike."""
+
+    sequence: Annotated[int, means("Counted by the server over all engines, from 1.")]
+    line: ObservationLine
+    truth: Sequence[TrueBodyEntry]
+    type: Literal["observation"] = "observation"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservationMessage(ObservationTold):
+    """A frame was observed; it is answered with ``painted`` and its sequence."""
+
+    age_ms: Annotated[float, means("Since its reception, as it is sent.")]
+
+
+@dataclass(frozen=True)
+class HeartbeatMessage:
+    """The server lives."""
+
+    time: Annotated[float, means("The host's monotonic clock, s.")]
+    observation_age_s: float | None
+    engine: EngineWord
+    type: Literal["heartbeat"] = "heartbeat"
+
+
+LiveMessage = StatusMessage | RobotsMessage | ObservationMessage | HeartbeatMessage
+
+# --- /api/drive ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class OperatorMessage:
+    """The first one: how others see this operator."""
+
+    name: str
+    type: Literal["operator"] = "operator"
+
+
+@dataclass(frozen=True)
+class LinkMessage:
+    """How fast this connection is."""
+
+    quality: Literal["good", "slow", "lost"]
+    rtt_ms: float | None
+    delay_ms: float | None
+    sentence: Annotated[str | None, means("Why the robots stand; None while they need not.")]
+    type: Literal["link"] = "link"
+
+
+@dataclass(frozen=True)
+class PingMessage:
+    """To be answered at once by ``pong``."""
+
+    id: int
+    type: Literal["ping"] = "ping"
+
+
+@dataclass(frozen=True)
+class LeaseMessage:
+    """Who drives a role has changed, or has not."""
+
+    role: Role
+    state: Literal["yours", "refused", "lost"]
+    lease: str | None = None
+    holder: Annotated[str | None, means("Who has it.")] = None
+    sentence: str | None = None
+    type: Literal["lease"] = "lease"
+
+
+@dataclass(frozen=True)
+class SentMessage:
+    """What really went out for one command."""
+
+    role: Role
+    sequence: int
+    speed_mps: float
+    turn_rate_radps: float
+    limited_by: str | None
+    age_ms: float | None
+    type: Literal["sent"] = "sent"
+
+
+@dataclass(frozen=True)
+class RefusedMessage:
+    """A command, or a stop, that was not carried out."""
+
+    role: Role | None
+    sequence: int | None
+    sentence: str
+    type: Literal["refused"] = "refused"
+
+
+DriveMessage = (
+    OperatorMessage | LinkMessage | PingMessage | LeaseMessage | SentMessage | RefusedMessage
+)

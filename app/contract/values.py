@@ -1,0 +1,57 @@
+"""How values of the contract are declared, filled and written as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import fields
+from enum import Enum
+from functools import cache
+from typing import Any, TypeVar
+
+from pydantic import Field, TypeAdapter
+from pydantic_core import PydanticSerializationError
+
+Fact = TypeVar("Fact")
+
+
+def means(description: str) -> Any:
+    """Annotation that describes a field in OpenAPI and in the page's types; checks nothing."""
+    return Field(description=description)
+
+
+def filled(fact: type[Fact], source: object, /, **given: Any) -> Fact:
+    """Make a dataclass of the contract from an object with attributes of the same names.
+
+    Args:
+        given: fields that the object does not have, or has otherwise.
+    """
+    names = {field.name for field in fields(fact)} - given.keys()  # type: ignore[arg-type]
+    return fact(**{name: getattr(source, name) for name in names}, **given)
+
+
+def known(fact: type[Fact], source: object | None, /) -> Fact | None:
+    """Fill a dataclass as ``filled`` does; None of None."""
+    return None if source is None else filled(fact, source)
+
+
+def word(member: Enum) -> Any:
+    """Give the word that an enumeration's member is told as."""
+    return member.value
+
+
+def json_text(value: Any) -> str:
+    """Write one dataclass of the contract as JSON; what is not finite becomes null."""
+    try:
+        return _adapter(type(value)).dump_json(value).decode()
+    except PydanticSerializationError:
+        # Half a surrogate pair, of a robot's or a file's name, is no UTF-8.
+        return json.dumps(plain(value), allow_nan=False)
+
+
+def plain(value: Any) -> Any:
+    """Give one dataclass of the contract as plain values, as JSON has them."""
+    return _adapter(type(value)).dump_python(value, mode="json")
+
+
+_adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)

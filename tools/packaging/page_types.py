@@ -1,0 +1,57 @@
+"""Write the contract's schema, from which the page's types are made, to the standard output.
+
+    python -m tools.packaging.page_types
+
+``tools/packaging/frontend.py types`` makes the page's types of it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from app.contract.sockets import DriveMessage, LiveMessage
+
+_REFERENCE = "#/components/schemas/{model}"
+
+
+def page_schema() -> dict[str, Any]:
+    """The schemas of all that REST takes and answers and that the sockets say, as OpenAPI 3.1."""
+    from app.http.server import create_app
+    from app.settings import Settings
+
+    with TemporaryDirectory() as folder:
+        described = create_app(Settings(data=Path(folder)), "").openapi()
+    schemas = {
+        # What the server tells, unlike what it takes, is told whole.
+        name: schema
+        if schema.get("additionalProperties") is False
+        else {**schema, "required": list(schema.get("properties", ()))}
+        for name, schema in described["components"]["schemas"].items()
+    }
+    said: dict[str, Any] = {"LiveMessage": LiveMessage, "DriveMessage": DriveMessage}
+    for name, messages in said.items():
+        told = TypeAdapter(messages).json_schema(mode="serialization", ref_template=_REFERENCE)
+        schemas = {**told.pop("$defs"), **schemas, name: told}
+    page: dict[str, Any] = _untitled({**described, "paths": {}, "components": {"schemas": schemas}})
+    return page
+
+
+def _untitled(schema: Any) -> Any:
+    """Leave out the titles, which say the names once more."""
+    if isinstance(schema, list):
+        return [_untitled(each) for each in schema]
+    if not isinstance(schema, dict):
+        return schema
+    # A property that is called title is no text.
+    titled = isinstance(schema.get("title"), str)
+    return {k: _untitled(v) for k, v in schema.items() if not (titled and k == "title")}
+
+
+if __name__ == "__main__":
+    json.dump(page_schema(), sys.stdout)
