@@ -29,7 +29,7 @@ _LEAST_EIGENVALUE = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """What one camera saw of the board in all views, ordered by view.
+    """Corners of the board that one camera saw in all views, ordered by view.
 
     Attributes:
         view: (N,) number of the view. on_board: (N, 3) metres. px: (N, 2) as seen.
@@ -40,14 +40,14 @@ class Corners:
     px: Float64Array
 
     def of_views(self, chosen: NDArray[np.bool_]) -> Corners:
-        """Those of the chosen views (V,) alone; the views keep their numbers."""
+        """Return the corners of the chosen views (V,) alone; the views keep their numbers."""
         kept = chosen[self.view]
         return Corners(self.view[kept], self.on_board[kept], self.px[kept])
 
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Everything that is sought.
+    """Parameters that are estimated.
 
     Attributes:
         lenses: of the left camera, or of the left and the right one.
@@ -65,7 +65,7 @@ class Rig:
 
     @property
     def global_count(self) -> int:
-        """How many parameters are sought beside the poses of the board."""
+        """Number of parameters that are estimated beside the poses of the board."""
         each = int(np.count_nonzero(self.free))
         return each * len(self.lenses) + (_POSE if len(self.lenses) > 1 else 0)
 

@@ -45,7 +45,7 @@ class BoardPair:
 
 @dataclass(frozen=True)
 class RefusedImage:
-    """An image or a pair that was not looked at, and why."""
+    """Image or pair that is not used, and why."""
 
     name: str
     reason: str
@@ -53,7 +53,7 @@ class RefusedImage:
 
 @dataclass(frozen=True)
 class FoundBoards:
-    """What a row of pairs shows.
+    """Boards found in a sequence of pairs.
 
     Attributes:
         views: of all pairs that could be read, in their order, also where no board was found.
@@ -70,7 +70,7 @@ class FoundBoards:
 def read_board_pairs(
     left_glob: str, right_glob: str
 ) -> tuple[tuple[BoardPair, ...], tuple[RefusedImage, ...]]:
-    """Left and right files, paired by equal names, else by the last number in their names.
+    """Pair left and right files by equal names, else by the last number in their names.
 
     Where names tell nothing and there are as many left as right, they are paired in order.
 

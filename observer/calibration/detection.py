@@ -1,4 +1,4 @@
-"""Finding a board's corners in an image, to a fraction of a pixel and numbered the same always.
+"""Detection of a board's corners to a fraction of a pixel, always numbered alike.
 
 OpenCV's ``findChessboardCorners`` says where a chessboard is and ``cornerSubPix`` where its
 corners are. ``findChessboardCornersSB`` finds some boards the former misses, but places corners
@@ -33,7 +33,7 @@ _SECTORS = cv2.CALIB_CB_EXHAUSTIVE + cv2.CALIB_CB_NORMALIZE_IMAGE
 
 
 def detect_board(image: Image, board: Board, *, quick: bool = False) -> BoardSighting | None:
-    """The corners of the board in an image, or None where it is not to be seen.
+    """Return the corners of the board in an image, or None where it is not visible.
 
     A chessboard must be seen whole, of a ChArUco board ``FEWEST_CORNERS`` are enough. Corner 0
     is the one at a black square in the board's own upper left, so that a chessboard with an odd
@@ -71,7 +71,7 @@ def size_shown(image: Image) -> tuple[int, int] | None:
 
 
 def turns_alike(board: Board) -> bool:
-    """Whether a board looks the same after half a turn, so that its corners have two numberings.
+    """Return whether a board looks the same after half a turn, and so has two numberings.
 
     True of a chessboard whose inner corners are both odd or both even in count. Such a board
     must be held upright, and both cameras must see it the same way up; see ``same_numbering``.
@@ -80,7 +80,7 @@ def turns_alike(board: Board) -> bool:
 
 
 def same_numbering(left: BoardSighting, right: BoardSighting, board: Board) -> BoardSighting:
-    """The right camera's corners, numbered as the left camera's.
+    """Return the right camera's corners, numbered as the left camera's.
 
     Of a board that ``turns_alike``, rows and columns are made to run the same way in both
     images. Any other board is numbered by its own colours or markers and is left as it is, even
@@ -172,7 +172,7 @@ def _directions(px: Float64Array, board: Board) -> Float64Array:
 
 
 def _black_first(gray: Image, board: Board, px: Float64Array) -> float:
-    """How much darker the squares are that must be black, grey values."""
+    """Return how much darker the squares are that must be black, grey values."""
     grid = px.reshape(board.rows, board.columns, 2)
     centres = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
     u, v = (np.rint(centres[..., k]).astype(np.intp) for k in (0, 1))

@@ -1,4 +1,4 @@
-"""From many views of a board to the calibration of a pair, and how far it can be trusted."""
+"""Calibration of a pair from many views of a board, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def fit_stereo(
 
 
 class _Work:
-    """What one fit goes through.
+    """State of one fit.
 
     ``refused`` grows by the views that turn out bad, and ``views`` lose corners that do.
     """
@@ -151,7 +151,7 @@ class _Work:
         return out
 
     def camera_alone(self, camera: int) -> Rig:
-        """One camera by itself."""
+        """Fit one camera by itself."""
         side = ("left", "right")[camera]
         self._report(f"fitting the {side} camera", 0.02 + 0.2 * camera)
         corners = self._corners(camera)
@@ -186,7 +186,7 @@ class _Work:
         return found.rig
 
     def pair(self, left: Rig, right: Rig) -> tuple[Rig, float]:
-        """Both cameras, and from where on residuals are wrong corners rather than noise."""
+        """Fit both cameras; also return from where on residuals are outliers rather than noise."""
         self._report("fitting both cameras", 0.45)
         views, usable = len(self.views), self.usable()
         corners = corners_of(self.views, self._board, usable)
@@ -253,7 +253,7 @@ class _Work:
         return rig, simple
 
     def _corners(self, camera: int) -> Corners:
-        """Those of one camera in the usable views.
+        """Return the corners of one camera in the usable views.
 
         Raises:
             CalibrationError: there are too few views.

@@ -35,7 +35,7 @@ class Lens:
 
     @staticmethod
     def ideal(model: DistortionModel, focal_px: float, width: int, height: int) -> Lens:
-        """Without distortion, its axis through the image's middle."""
+        """Return a lens without distortion, its axis through the image's centre."""
         centre = [(width - 1) / 2, (height - 1) / 2]
         bent = np.zeros(DISTORTION_SIZE[model])
         return Lens(model, np.concatenate([[focal_px, focal_px], centre, bent]))

@@ -1,4 +1,4 @@
-"""Views that do not fit with the others: which, by how much, and why in words."""
+"""Outlier views: which do not fit with the others, by how much, and why in words."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _STRAY_SHARE = 0.15
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a view is not used; the errors are pixels, None where unknown."""
+    """Reason why a view is not used; the errors are pixels, None where unknown."""
 
     reason: str
     left_px: float | None = None
@@ -46,7 +46,7 @@ def rms(residuals: Float64Array) -> float:
 
 
 def soft_threshold(residuals: Sequence[Float64Array]) -> float:
-    """Where residuals begin to be wrong corners rather than noise, pixels; by their median."""
+    """Return where residuals begin to be outliers rather than noise, pixels, by their median."""
     length = np.linalg.norm(np.concatenate(residuals), axis=1)
     return max(_LEAST_SOFT_PX, _SOFT_SIGMAS / _MEDIAN_LENGTH * float(np.median(length)))
 
@@ -70,7 +70,7 @@ def whole_errors(
 
 
 def limit_px(errors: Float64Array) -> tuple[float, float]:
-    """What is usual among errors (V,), NaN left out, and from where on one is doubtful."""
+    """Return the median of errors (V,), NaN left out, and the limit of an outlier."""
     usual = float(np.nanmedian(errors))
     return usual, max(_TIMES * usual, usual + _BEYOND_PX)
 
@@ -121,7 +121,7 @@ def explained(
     soft_px: float,
     board: Board,
 ) -> Refusal:
-    """Why this view does not fit the pair that the others agree on."""
+    """Return why this view does not fit the pair that the others agree on."""
     chosen = np.arange(len(rig.board_R)) == index
     found, own = posed(rig, corners, chosen, soft_px)
     left, right = (_none_if_nan(e) for e in view_errors(found.residuals, own, len(chosen))[index])
@@ -159,7 +159,7 @@ def _fits(
 def _alone(
     rig: Rig, own: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
 ) -> float:
-    """How badly the worse of the two images fits by itself, pixels."""
+    """Return the error of the worse of the two images by itself, pixels."""
     worse = 0.0
     for camera in (0, 1):
         nothing = own[camera].of_views(np.zeros_like(chosen))

@@ -1,4 +1,4 @@
-"""Which speeds a rig can tell from standing still, and how soon: by the method's own statistics.
+"""Detectable speeds of a rig and their delay, by the method's own statistics.
 
 A thing that stood still begins to move. What each frame then tells of it goes, without noise but
 with the variances that noise has, into the very filters that the rigid method uses
@@ -54,7 +54,7 @@ _SPEEDS = (0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5
 
 @dataclass(frozen=True)
 class Thing:
-    """What is assumed of a thing that moves, and of the image.
+    """Assumptions on a thing that moves, and on the image.
 
     Attributes:
         width_m, height_m: of a person, as far as it is in view.
@@ -78,7 +78,7 @@ class Thing:
         return math.sqrt((across**2 + down**2) / 12)
 
     def points(self, camera: StereoCamera, depth: float, spacing_px: float) -> int:
-        """How many points of it are followed at this depth, metres."""
+        """Return how many points of it are tracked at this depth, metres."""
         across = min(camera.fx * self.width_m / depth, camera.width)
         down = min(camera.fy * self.height_m / depth, camera.height)
         return min(self.most_points, int(self.followed_share * across * down / spacing_px**2))
@@ -201,7 +201,7 @@ def _own_velocity(sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Ar
 
 
 def _neighbours(count: int, p: Parameters) -> float:
-    """How many points of the thing are judged together, the point itself included."""
+    """Return how many points of the thing are judged together, the point itself included."""
     around = math.pi * (p.evidence.radius_px / p.klt_tracking.spacing_px) ** 2
     return max(1.0, min(float(count), Thing().followed_share * around, around))
 

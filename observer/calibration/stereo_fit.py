@@ -1,4 +1,4 @@
-"""What a fit of a pair of cameras results in."""
+"""Result of the fit of a pair of cameras."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from observer.camera import StereoCalibration
 
 @dataclass(frozen=True)
 class ViewError:
-    """How well one view fits.
+    """Reprojection error of one view.
 
     Attributes:
         name: of the view. used: whether the fit rests on it. reason: why not, a clause.
@@ -36,7 +36,7 @@ class ViewError:
 
 @dataclass(frozen=True)
 class DepthBias:
-    """What the uncertainty of the calibration does to depth: a share of it and lasting pixels.
+    """Effect of the calibration's uncertainty on depth: a share of it and lasting pixels.
 
     Attributes:
         covariances: estimates (by the fit's curvature, and by leaving out parts of the views) of

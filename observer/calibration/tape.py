@@ -1,4 +1,4 @@
-"""A tape measure against a calibrated rig: does depth agree, and what would explain it if not."""
+"""Comparison of a calibrated rig's depth with a tape measure, and causes of a difference."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SIGMAS = 2.0
 
 @dataclass(frozen=True)
 class TapeCheck:
-    """What one measurement says.
+    """Result of one measurement.
 
     Attributes:
         rig_m, tape_m: depth as the rig and as the tape has it.

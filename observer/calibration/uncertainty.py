@@ -1,4 +1,4 @@
-"""How sure a fitted pair of cameras is: of its parameters, and of the depth that follows."""
+"""Uncertainty of a fitted pair of cameras: of its parameters, and of the resulting depth."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def turned_by(rig: Rig, change: Float64Array) -> Rig:
 
 
 def uncertainty(rig: Rig, covariance: Float64Array, width: int, height: int) -> FitUncertainty:
-    """Of a pair with the covariance (G, G) of its global parameters."""
+    """Return the uncertainty of a pair by the covariance (G, G) of its global parameters."""
     sigma = np.sqrt(np.diag(covariance))
     each = int(np.count_nonzero(rig.free))
     along = rig.T / np.linalg.norm(rig.T)
@@ -125,7 +125,7 @@ def uncertainty(rig: Rig, covariance: Float64Array, width: int, height: int) -> 
 
 
 def depth_covariance(rig: Rig, covariance: Float64Array, width: int, height: int) -> Float64Array:
-    """Two causes of a wrong depth, as numbers that hold at every distance.
+    """Return the covariance of the two causes of depth errors, valid at every distance.
 
     To first order the relative error of depth Z is ``scale - offset Z / (f B)``: a wrong
     baseline is a share of the depth, a wrong vergence or principal point a wrong disparity, which
@@ -147,7 +147,7 @@ def depth_covariance(rig: Rig, covariance: Float64Array, width: int, height: int
 
 
 def depth_change(truth: StereoCalibration, wrong: StereoCalibration) -> Float64Array:
-    """By how much depth is wrong when ``wrong`` is used where ``truth`` holds.
+    """Return the depth error that results when ``wrong`` is used where ``truth`` holds.
 
     Points of known depth are projected by the one and measured by the other, at two depths; a
     share of the depth and a lasting error of the disparity explain the two.

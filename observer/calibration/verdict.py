@@ -1,4 +1,4 @@
-"""What a calibrated rig can do, in metres: how right depth is, and what motion it reports when."""
+"""Verdict on a calibrated rig, in metres: its depth errors, and what motion it reports when."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _BENT, _BENT_SIGMAS = 0.004, 4.0
 
 @dataclass(frozen=True)
 class VerdictRow:
-    """What to expect at one distance.
+    """Expected performance at one distance.
 
     Attributes:
         distance_m: depth.
@@ -61,7 +61,7 @@ class VerdictRow:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All of it.
+    """Verdict at all distances.
 
     Attributes:
         rows: at ``DISTANCES_M``. sentence: the middle one in words.
@@ -84,7 +84,7 @@ def judge(
     thing: Thing | None = None,
     parameters: Parameters | None = None,
 ) -> Verdict:
-    """What a pair that was just calibrated can do.
+    """Return what a pair that was just calibrated can do.
 
     Args:
         frame_rate: of the cameras, 1/s.
@@ -215,7 +215,7 @@ def _sentence(rows: tuple[VerdictRow, ...]) -> str:
 
 
 def length_words(metres: float) -> str:
-    """As people say it: mm below a centimetre, cm below a metre."""
+    """Return a length for people: mm below a centimetre, cm below a metre."""
     if metres < 0.01:
         return f"{1e3 * metres:.0f} mm" if metres >= 0.001 else "1 mm"
     if metres < 1:

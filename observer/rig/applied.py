@@ -60,7 +60,7 @@ def with_drive(
 def mount_for(
     info: SourceInfo, rig: Rig | None, calibration: str | None = None
 ) -> CameraMount | None:
-    """How the camera of a source is mounted: by the rig where it is this source's, else by itself.
+    """Return the mount of a source's camera: by the rig where it is this source's, else its own.
 
     - Live cameras and recordings of runs are the rig's: its values win one by one, and the
       source's own, where it tells any, stand in for those that the rig does not know.

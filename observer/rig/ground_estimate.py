@@ -1,4 +1,4 @@
-"""Height, tilt and roll of the camera from the floor it sees by stereo."""
+"""Height, tilt and roll of the camera from the ground that it sees by stereo."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _LEAST_SHARE_OF_VIEWS = 0.5
 
 @dataclass(frozen=True)
 class FloorNoise:
-    """How disparities err.
+    """Noise of disparities.
 
     Attributes:
         sigma_px: of a single one, one standard deviation.
@@ -55,7 +55,7 @@ class FloorNoise:
 
 @dataclass(frozen=True)
 class FloorEstimate:
-    """How the camera stands above the floor.
+    """Height and attitude of the camera above the ground.
 
     Attributes:
         height_m: metres. tilt_rad, roll_rad: as in ``CameraMount``, radians.
@@ -81,7 +81,7 @@ class FloorEstimate:
 def estimate_floor(
     views: Sequence[ArrayLike], camera: StereoCamera, noise: FloorNoise | None = None
 ) -> FloorEstimate | Refused:
-    """The floor below a camera from stereo clouds of one or more frames.
+    """Estimate the ground plane below a camera from stereo clouds of one or more frames.
 
     The floor is the largest level plane below the camera that has next to nothing beneath it, or
     the level one below that: this tells it from tables and boxes. The camera is taken to be

@@ -1,4 +1,4 @@
-"""From a dense disparity to the points that tell a floor's place."""
+"""Selection of the points of a dense disparity that determine the ground plane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Watches over minutes and hours how far the rows of left and right are apart.
+"""Watch of the vertical offset between left and right over minutes and hours.
 
 ``observer.vision.image_health`` tells at once when rows are too far apart to be used; this tells
 long before, and by how much it grows, while the frames are still as good as ever.
@@ -43,7 +43,7 @@ _MAINLY = 0.8
 
 @dataclass(frozen=True)
 class RowDrift:
-    """How far the rows are apart, now and over time.
+    """Vertical offset between the rows of left and right, now and over time.
 
     The error is that of pitch and roll: its root mean square over the image, pixels. All times are
     seconds for which frames were watched; a source that starts anew does not set them back.
@@ -86,7 +86,7 @@ class _Rows:
 
 
 class RowDriftWatch:
-    """Fed with every frame of one calibration; costs 0.02 ms a frame on average.
+    """Watch of one calibration's rows, fed with every frame; costs 0.02 ms a frame on average.
 
     The stretch of the rows along v is left out: no turn of a camera makes it, while time between
     the exposures does whenever the robot drives ahead.
@@ -109,7 +109,7 @@ class RowDriftWatch:
     def look(
         self, time_s: float, px: Float64Array | None, offset_px: Float64Array | None
     ) -> RowDrift:
-        """What is known after one more frame.
+        """Return what is known after one more frame.
 
         Args:
             time_s: the frame's, seconds on the source's clock.
@@ -195,7 +195,7 @@ class RowDriftWatch:
 
 
 def _median(rows: list[_Rows]) -> _Rows:
-    """The middle of several looks, and how well it is known.
+    """Return the median of several looks, and how well it is known.
 
     A camera that stands sees the same points again and again with the same errors, so that looks
     add nothing to the certainty of one; where they scatter more, that counts.
@@ -208,7 +208,7 @@ def _median(rows: list[_Rows]) -> _Rows:
 
 
 def _trend_px_per_s(blocks: list[_Rows], now: _Rows) -> float | None:
-    """By how much the error as it is now grows, by straight lines through pitch and roll."""
+    """Return the growth rate of the current error, by straight lines through pitch and roll."""
     if len(blocks) < _LEAST_TREND_BLOCKS or now.typical_px == 0:
         return None
     time = np.array([block.time_s for block in blocks])

@@ -123,7 +123,7 @@ class _KittiFile:
         return at_key(self._texts, key, image_size, self._name)
 
     def cameras(self, wanted: Cameras | None, key: str) -> tuple[Cameras, list[str], list[Choice]]:
-        """Which pair to take, by the numbers of the cameras that the file knows."""
+        """Return the pair to take, by the numbers of the cameras that the file knows."""
         there: list[Cameras] = [
             pair
             for pair, left in _LEFT_CAMERA.items()

@@ -1,4 +1,4 @@
-"""What calibration files were understood to say, and the checks that all formats share.
+"""Interpretation of calibration files, and the checks that all formats share.
 
 A reader of a format turns its files into a ``Draft``: numbers as the files have them, in the
 project's order and directions. ``understood`` converts units, checks the whole and says in plain
@@ -50,7 +50,7 @@ class NamedFile:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What to take where files leave a choice.
+    """Choices to make where files leave them open.
 
     Attributes:
         size: width and height of the images, pixels.
@@ -65,7 +65,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Choice:
-    """Something the files left open.
+    """Choice that the files left open.
 
     Attributes:
         name: the argument of ``read_any`` that chooses: ``size`` or ``cameras``.
@@ -111,7 +111,7 @@ class FileCamera(Protocol):
 def check_alike(
     first: FileCamera, second: FileCamera, *, name: str, size: str, model: str, other: str
 ) -> None:
-    """Two cameras of one pair must have images of one size and lenses of one model.
+    """Check that two cameras have images of one size and lenses of one model.
 
     Args:
         name: the file of ``second``. size, model: how its keys are called there. other: how the

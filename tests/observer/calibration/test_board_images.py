@@ -1,4 +1,4 @@
-"""Which images make a pair, which are refused and why, and the board in those that are left."""
+"""Pairing of images, refusals and their reasons, and the board in those that are left."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_another_size_of_board_is_named() -> None:
 
 
 def test_pictures_of_a_board_give_the_pair_that_took_them() -> None:
-    """From pixels to metres: detection and fit together, on rendered boards."""
+    """Detection and fit together, from pixels to metres, on rendered boards."""
     found = find_boards([pair_of(str(k), *pictures(BOARD, k)) for k in range(9)], BOARD)
     fit = fit_stereo(found.views, BOARD, found.width, found.height)
     assert fit.pairs == 9

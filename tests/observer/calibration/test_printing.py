@@ -29,7 +29,7 @@ BOARDS: list[tuple[Board, Paper]] = [
 
 @dataclass
 class Printed:
-    """What a file would put on paper: millimetres from the upper left, greys, words."""
+    """Content of a printed sheet: millimetres from the upper left, greys, words."""
 
     size: tuple[float, float]
     rectangles: list[tuple[float, float, float, float, bool]]
