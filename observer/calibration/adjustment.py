@@ -69,6 +69,20 @@ class Rig:
         each = int(np.count_nonzero(self.free))
         return each * len(self.lenses) + (_POSE if len(self.lenses) > 1 else 0)
 
+    def changed(self, change: Float64Array) -> Rig:
+        """Return the rig with its global parameters changed by (G,), as ``Adjusted.covariance``."""
+        each = int(np.count_nonzero(self.free))
+        lenses = []
+        for index, lens in enumerate(self.lenses):
+            values = lens.values.copy()
+            values[self.free] += change[index * each : (index + 1) * each]
+            lenses.append(replace(lens, values=values))
+        if len(lenses) == 1:
+            return replace(self, lenses=tuple(lenses))
+        turn, shift = change[2 * each : 2 * each + 3], change[2 * each + 3 :]
+        R = rotation_matrix(turn) @ self.R
+        return replace(self, lenses=tuple(lenses), R=R, T=self.T + shift)
+
 
 @dataclass(frozen=True, eq=False)
 class Adjusted:
@@ -256,21 +270,10 @@ def _weighed(residual: Float64Array, soft_px: float) -> tuple[Float64Array, floa
 
 
 def _moved(rig: Rig, lens: Float64Array, pose: Float64Array) -> Rig:
-    each = int(np.count_nonzero(rig.free))
-    lenses = []
-    for index, old in enumerate(rig.lenses):
-        values = old.values.copy()
-        values[rig.free] += lens[index * each : (index + 1) * each]
-        lenses.append(replace(old, values=values))
-    R, T = rig.R, rig.T
-    if len(lenses) > 1:
-        R = orthonormal(rotation_matrix(lens[2 * each : 2 * each + 3]) @ rig.R)
-        T = rig.T + lens[2 * each + 3 :]
+    changed = rig.changed(lens)
     return replace(
-        rig,
-        lenses=tuple(lenses),
-        R=R,
-        T=T,
+        changed,
+        R=orthonormal(changed.R) if len(rig.lenses) > 1 else rig.R,
         board_R=orthonormal(rotation_matrix(pose[:, :3]) @ rig.board_R),
         board_t=rig.board_t + pose[:, 3:],
     )

@@ -8,7 +8,6 @@ about twice as badly in noisy images, so what it finds is refined like all other
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -107,24 +106,16 @@ def _searches(gray: Image, board: Board, quick: bool) -> Iterator[Float64Array |
     for shown in (640, _QUICK_WIDTH):
         if shown < width:
             yield _chessboard(gray, board, shown / width, _THOROUGH)
-    yield _sectors(gray, board, 1.0)
+    yield _chessboard(gray, board, 1.0, _SECTORS)
     if width <= _ENLARGED_WIDTH:
         yield _chessboard(gray, board, 2.0, cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_FAST_CHECK)
     if width > 640:
-        yield _sectors(gray, board, 640 / width)
+        yield _chessboard(gray, board, 640 / width, _SECTORS)
 
 
 def _chessboard(gray: Image, board: Board, scale: float, flags: int) -> Float64Array | None:
-    found, px = cv2.findChessboardCorners(
-        _scaled(gray, scale), (board.columns, board.rows), flags=flags
-    )
-    return _at_full_size(px, scale) if found else None
-
-
-def _sectors(gray: Image, board: Board, scale: float) -> Float64Array | None:
-    found, px = cv2.findChessboardCornersSB(
-        _scaled(gray, scale), (board.columns, board.rows), flags=_SECTORS
-    )
+    find = cv2.findChessboardCornersSB if flags == _SECTORS else cv2.findChessboardCorners
+    found, px = find(_scaled(gray, scale), (board.columns, board.rows), flags=flags)
     return _at_full_size(px, scale) if found else None
 
 
@@ -181,17 +172,6 @@ def _black_first(gray: Image, board: Board, px: Float64Array) -> float:
     return float(values[~black].mean() - values[black].mean())
 
 
-@dataclass(frozen=True)
-class _Charuco:
-    """OpenCV's detector for one board, made once: it draws the board to know its markers."""
-
-    board: Board
-    detector: cv2.aruco.CharucoDetector = field(init=False, compare=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "detector", cv2.aruco.CharucoDetector(charuco_board(self.board)))
-
-
 def charuco_board(board: Board) -> cv2.aruco.CharucoBoard:
     """OpenCV's own board, for detecting and for printing."""
     markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, CHARUCO_DICTIONARY))
@@ -201,8 +181,9 @@ def charuco_board(board: Board) -> cv2.aruco.CharucoBoard:
 
 
 @lru_cache(maxsize=4)
-def _charuco(board: Board) -> _Charuco:
-    return _Charuco(board)
+def _charuco_detector(board: Board) -> cv2.aruco.CharucoDetector:
+    """Return OpenCV's detector for one board; it draws the board to know its markers."""
+    return cv2.aruco.CharucoDetector(charuco_board(board))
 
 
 def _detect_charuco(gray: Image, board: Board, quick: bool) -> BoardSighting | None:
@@ -210,7 +191,7 @@ def _detect_charuco(gray: Image, board: Board, quick: bool) -> BoardSighting | N
     scales = [min(1.0, 2 * _QUICK_WIDTH / width)] if quick else [1.0, *([2.0] * (width <= 1300))]
     best: BoardSighting | None = None
     for scale in scales:
-        px, ids, _, _ = _charuco(board).detector.detectBoard(_scaled(gray, scale))
+        px, ids, _, _ = _charuco_detector(board).detectBoard(_scaled(gray, scale))
         if ids is None or len(ids) < FEWEST_CORNERS or len(ids) <= (len(best) if best else 0):
             continue
         order = np.argsort(ids.ravel())

@@ -44,7 +44,7 @@ class DepthBias:
             row.
     """
 
-    covariances: tuple[tuple[float, float, float, float], ...]
+    covariances: tuple[tuple[float, ...], ...]
 
     def relative_sigma(self, per_disparity: float) -> float:
         """One standard deviation of depth's relative error, by the larger of the estimates.
@@ -90,16 +90,10 @@ class StereoFit:
 
     @property
     def field_of_view_deg(self) -> tuple[float, float]:
-        """Horizontal and vertical angle of the left camera."""
-        return field_of_view_deg(self.calibration)
-
-
-def field_of_view_deg(calibration: StereoCalibration) -> tuple[float, float]:
-    """Horizontal and vertical angle of the left camera, through its principal point."""
-    c = calibration
-    cx, cy = float(c.K1[0, 2]), float(c.K1[1, 2])
-    ends = np.array([[-0.5, cy], [c.width - 0.5, cy], [cx, -0.5], [cx, c.height - 0.5]])
-    D = c.D1 if c.D1.size else np.zeros(5)
-    look = directions(c.distortion_model, c.K1, D, ends)
-    across, down = np.degrees(np.arctan(look[:2, 0])), np.degrees(np.arctan(look[2:, 1]))
-    return float(across[1] - across[0]), float(down[1] - down[0])
+        """Horizontal and vertical angle of the left camera, through its principal point."""
+        c = self.calibration
+        cx, cy = float(c.K1[0, 2]), float(c.K1[1, 2])
+        ends = np.array([[-0.5, cy], [c.width - 0.5, cy], [cx, -0.5], [cx, c.height - 0.5]])
+        look = directions(c.distortion_model, c.K1, c.D1, ends)
+        across, down = np.degrees(np.arctan(look[:2, 0])), np.degrees(np.arctan(look[2:, 1]))
+        return float(across[1] - across[0]), float(down[1] - down[0])

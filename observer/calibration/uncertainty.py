@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from observer.calibration.adjustment import Rig
 from observer.calibration.lens import directions
 from observer.camera import StereoCalibration
-from observer.geometry import Float64Array, rotation_matrix
+from observer.geometry import Float64Array
 
 # Where in the image depth is judged: shares of the width and height from the principal point.
 _PLACES = ((0.0, 0.0), (-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
@@ -76,26 +76,13 @@ def view_angles_deg(calibration: StereoCalibration) -> Float64Array:
     c = calibration
     middle = np.array([[(c.width - 1) / 2, (c.height - 1) / 2]])
     left, right = (
-        directions(c.distortion_model, K, D if D.size else np.zeros(5), middle)[0]
-        for K, D in ((c.K1, c.D1), (c.K2, c.D2))
+        directions(c.distortion_model, K, D, middle)[0] for K, D in ((c.K1, c.D1), (c.K2, c.D2))
     )
     left = c.R @ left
     pitch = np.arctan2(left[1], left[2]) - np.arctan2(right[1], right[2])
     vergence = np.arctan2(left[0], left[2]) - np.arctan2(right[0], right[2])
     roll = np.arctan2(c.R[1, 0] - c.R[0, 1], c.R[0, 0] + c.R[1, 1])
     return np.asarray(np.degrees([pitch, vergence, roll]), dtype=np.float64)
-
-
-def turned_by(rig: Rig, change: Float64Array) -> Rig:
-    """The rig with its global parameters changed by (G,), ordered as ``Adjusted.covariance``."""
-    each = int(np.count_nonzero(rig.free))
-    lenses = []
-    for index, lens in enumerate(rig.lenses):
-        values = lens.values.copy()
-        values[rig.free] += change[index * each : (index + 1) * each]
-        lenses.append(replace(lens, values=values))
-    turn, shift = change[2 * each : 2 * each + 3], change[2 * each + 3 :]
-    return replace(rig, lenses=tuple(lenses), R=rotation_matrix(turn) @ rig.R, T=rig.T + shift)
 
 
 def uncertainty(rig: Rig, covariance: Float64Array, width: int, height: int) -> FitUncertainty:
@@ -107,7 +94,7 @@ def uncertainty(rig: Rig, covariance: Float64Array, width: int, height: int) -> 
     turn = np.rad2deg(sigma[-6:-3])
 
     def angles(change: Float64Array) -> Float64Array:
-        return view_angles_deg(calibration_of(turned_by(rig, change), width, height))
+        return view_angles_deg(calibration_of(rig.changed(change), width, height))
 
     J = _derivative(angles, sigma)
     view = np.sqrt(np.einsum("ai,ij,aj->a", J, covariance, J))
@@ -137,7 +124,7 @@ def depth_covariance(rig: Rig, covariance: Float64Array, width: int, height: int
     truth = calibration_of(rig, width, height)
 
     def changes(change: Float64Array) -> Float64Array:
-        wrong = calibration_of(turned_by(rig, change), width, height)
+        wrong = calibration_of(rig.changed(change), width, height)
         return depth_change(truth, wrong).reshape(-1)
 
     sigma = np.sqrt(np.diag(covariance))
@@ -207,7 +194,7 @@ def rectified_directions(
     )
     turned = []
     for K, D, px, R in ((c.K1, c.D1, left_px, R1), (c.K2, c.D2, right_px, R2)):
-        look = directions(c.distortion_model, K, D if D.size else np.zeros(5), px)
+        look = directions(c.distortion_model, K, D, px)
         look = look @ np.asarray(R, dtype=np.float64).T
         with np.errstate(divide="ignore", invalid="ignore"):
             turned.append(np.where(look[:, 2:] > 0, look / look[:, 2:], np.nan))

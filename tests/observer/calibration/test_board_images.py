@@ -12,7 +12,6 @@ from observer.calibration.board import Board
 from observer.calibration.board_images import (
     BoardPair,
     find_boards,
-    pair_of,
     read_board_pairs,
 )
 from observer.calibration.fit import fit_stereo
@@ -23,6 +22,10 @@ from .board_pictures import IDEAL, pictures
 
 BOARD = Board()
 DATA = Path(__file__).parents[4] / "shared" / "data" / "chessboards"
+
+
+def pair_of(name: str, left: bytes | Image, right: bytes | Image) -> BoardPair:
+    return BoardPair(name, f"{name} left", f"{name} right", lambda: left, lambda: right)
 
 
 def touched(folder: Path, *names: str) -> None:
