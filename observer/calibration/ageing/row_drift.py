@@ -58,13 +58,13 @@ class RowDrift:
         history: (time_s, px) of the middle of each stretch of time and its error, oldest first.
     """
 
-    now_px: float | None
-    median_px: float | None
-    roll_rad: float | None
-    since_s: float | None
-    trend_px_per_min: float | None
-    warning: str | None
-    history: tuple[tuple[float, float], ...]
+    now_px: float | None = None
+    median_px: float | None = None
+    roll_rad: float | None = None
+    since_s: float | None = None
+    trend_px_per_min: float | None = None
+    warning: str | None = None
+    history: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class RowDriftWatch:
         self._blocks: list[_Rows] = []
         self._block_s = _BLOCK_S
         self._since_s: float | None = None
-        self._found = RowDrift(None, None, None, None, None, None, ())
+        self._found = RowDrift()
 
     def look(
         self, time_s: float, px: Float64Array | None, offset_px: Float64Array | None
@@ -130,12 +130,8 @@ class RowDriftWatch:
         return self._found
 
     def _keep(self, error: VerticalError) -> None:
-        rows = _Rows(
-            self._clock_s,
-            error.centre_px,
-            error.roll_rad * self._px_per_roll,
-            error.typical_std_px,
-        )
+        roll_px = error.roll_rad * self._px_per_roll
+        rows = _Rows(self._clock_s, error.centre_px, roll_px, error.typical_std_px)
         self._recent.append(rows)
         self._open.append(rows)
         if rows.time_s - self._open[0].time_s < self._block_s or len(self._open) < _ENOUGH:
@@ -153,7 +149,7 @@ class RowDriftWatch:
             self._recent.popleft()
         recent = list(self._recent)
         if len(recent) < _ENOUGH or recent[-1].time_s - recent[0].time_s < _ENOUGH_S:
-            return RowDrift(None, None, None, None, None, None, history)
+            return RowDrift(history=history)
         now = _median(recent)
         if now.typical_px < _END_PX:
             self._since_s = None

@@ -268,9 +268,10 @@ def _turn(before: Odometry, now: Odometry) -> float:
 
 
 def _pair(before: _Seen, now: _Seen, mount: CameraMount) -> SeenTwice:
-    """The points seen in both views. What moves among them is left to the fit's own weights:
+    """Return the points seen in both views.
 
-    the method's inliers are those that fit the calibration as it is, right or wrong.
+    What moves among them is left to the fit's own weights: the method's inliers are those that
+    fit the calibration as it is, right or wrong.
     """
     _, way_m, turn = driven_step(before.odometry, now.odometry, mount)
     a, b = before.rows, now.rows
