@@ -43,8 +43,8 @@ from observer.vision.chi_square import upper_quantile
 
 # Seconds of rest before it moves: several memories.
 _REST_S = 2.0
-# As the method: a regression over a random walk knows its slope so much worse (stages.evidence);
-# and a body that was just found may turn so fast, rad/s.
+# As the method: a regression over a random walk knows its slope so much worse
+# (``methods.rigid.motion_test``); and a body that was just found may turn so fast, rad/s.
 _RANDOM_WALK = 1.2
 _YAW_RATE_SIGMA = 0.6
 _LEAST_VELOCITY_VARIANCE = 1e-6
@@ -192,8 +192,8 @@ def _own_velocity(sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Ar
     information, vector = sums.velocity_information()
     cov = np.linalg.inv(information[0])
     velocity = cov @ vector[0]
-    # By how much a straight course misses the bend, beyond the noise (MotionSums.excess, which
-    # expects sightings that have noise).
+    # By how much a straight course misses the bend, beyond the noise
+    # (PositionVelocityFilter.excess, which expects sightings that have noise).
     position, _ = sums.moving_position(velocity[None])
     explained = (position - sums.origin)[0] @ sums.b0[0] + velocity @ sums.b1[0]
     freedom = max(3 * float(sums.count[0]) - 6, 1.0)

@@ -89,7 +89,7 @@ def estimate_drive(
     Args:
         samples: in order of time, a few a second or more while the robot drives.
         standing: tilt and roll as known otherwise, mostly from the floor
-            (``FloorEstimate.mount``); its height and offset do not matter.
+            (``GroundEstimate.mount``); its height and offset do not matter.
         standing_sigma_rad: of its tilt and roll, one standard deviation.
 
     Returns:
