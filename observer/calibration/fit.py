@@ -23,9 +23,9 @@ from observer.calibration.initialization import FIRST_SOFT_PX, begin_camera, beg
 from observer.calibration.lens import DISTORTION_SIZE
 from observer.calibration.outlier_views import (
     Refusal,
-    doubtful,
     explained,
     limit_px,
+    outliers,
     posed,
     rms,
     soft_threshold,
@@ -169,7 +169,7 @@ class _Work:
                 corners = self._corners(camera)
                 continue
             errors = view_errors(found.residuals, [corners], len(self.views))[:, 0]
-            bad = doubtful(errors)
+            bad = outliers(errors)
             if not bad.any():
                 break
             usual, _ = limit_px(errors)
@@ -204,7 +204,7 @@ class _Work:
             found = adjust(rig, used, soft_px=soft_px)
             rig = found.rig
             errors = whole_errors(found.residuals, used, views)
-            bad = doubtful(errors)
+            bad = outliers(errors)
             if bad.any():
                 kept &= ~bad
                 continue

@@ -14,7 +14,7 @@ from observer.calibration.initialization import with_poses
 from observer.calibration.views import FEWEST_CORNERS
 from observer.geometry import Float64Array
 
-# A view is doubtful when its corners are off by this many times what is usual, and by so much
+# A view is an outlier when its corners are off by this many times what is usual, and by so much
 # more, pixels: blur and distance alone make views differ by a factor of two.
 _TIMES = 3.0
 _BEYOND_PX = 0.3
@@ -75,8 +75,8 @@ def limit_px(errors: Float64Array) -> tuple[float, float]:
     return usual, max(_TIMES * usual, usual + _BEYOND_PX)
 
 
-def doubtful(errors: Float64Array) -> NDArray[np.bool_]:
-    """(V,) the worst view and those nearly as bad, where they are doubtful; often none.
+def outliers(errors: Float64Array) -> NDArray[np.bool_]:
+    """(V,) the worst view and those nearly as bad, where they are outliers; often none.
 
     Not all at once: a bad view draws others with it, and these are good again without it.
     """
@@ -124,10 +124,12 @@ def explained(
     """Return why this view does not fit the pair that the others agree on."""
     chosen = np.arange(len(rig.board_R)) == index
     found, own = posed(rig, corners, chosen, soft_px)
-    left, right = (_none_if_nan(e) for e in view_errors(found.residuals, own, len(chosen))[index])
+    errors = view_errors(found.residuals, own, len(chosen))[index]
+    left, right = (float(e) if np.isfinite(e) else None for e in errors)
     off = float(whole_errors(found.residuals, own, len(chosen))[index])
     apart = f"({off:.1f} px apart, the others {usual_px:.1f} px)"
-    if _fits(rig, (own[0], _numbered_back(own[1], board)), chosen, soft_px, off):
+    turned, _ = posed(rig, (own[0], _numbered_back(own[1], board)), chosen, soft_px)
+    if rms(np.concatenate(turned.residuals)) < 0.2 * off:
         reason = (
             "its corners are numbered from the other end in one of the two images; on a board "
             "with an odd and an even number of corners the ends can be told apart"
@@ -143,17 +145,6 @@ def explained(
             f"detected"
         )
     return Refusal(reason, left, right)
-
-
-def _fits(
-    rig: Rig,
-    own: tuple[Corners, Corners],
-    chosen: NDArray[np.bool_],
-    soft_px: float,
-    off: float,
-) -> bool:
-    found, own = posed(rig, own, chosen, soft_px)
-    return rms(np.concatenate(found.residuals)) < 0.2 * off
 
 
 def _alone(
@@ -180,7 +171,3 @@ def _means(residual: Float64Array, view: NDArray[np.intp], views: int) -> Float6
     count = np.bincount(view, minlength=views)
     total = np.bincount(view, np.sum(residual**2, axis=1), minlength=views)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
-def _none_if_nan(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
