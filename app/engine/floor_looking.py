@@ -8,7 +8,7 @@ from app.contract.answers import FloorPoints
 from app.engine.errors import NotNow
 from app.engine.watched import Observed
 from observer.camera import as_gray
-from observer.rig.ground_views import floor_points
+from observer.rig.ground_views import ground_points
 from observer.vision.stereo import disparity_map
 
 # The estimator draws no more than that from a view; the rest would only be carried.
@@ -27,7 +27,7 @@ def look_at_floor(observed: Observed | None) -> FloorPoints:
     left = as_gray(observed.trace["left"])
     parameters = observed.parameters.stereo
     disparity = disparity_map(left, as_gray(right), parameters)
-    points = floor_points(left, disparity, observed.camera)
+    points = ground_points(left, disparity, observed.camera)
     if len(points) > _MOST_POINTS:
         rng = np.random.default_rng(observed.frame.index)
         points = points[rng.permutation(len(points))[:_MOST_POINTS]]

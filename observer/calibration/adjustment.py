@@ -29,7 +29,7 @@ _LEAST_EIGENVALUE = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """What one camera saw of the board in all views, ordered by view.
+    """Corners of the board that one camera saw in all views, ordered by view.
 
     Attributes:
         view: (N,) number of the view. on_board: (N, 3) metres. px: (N, 2) as seen.
@@ -40,14 +40,14 @@ class Corners:
     px: Float64Array
 
     def of_views(self, chosen: NDArray[np.bool_]) -> Corners:
-        """Those of the chosen views (V,) alone; the views keep their numbers."""
+        """Return the corners of the chosen views (V,) alone; the views keep their numbers."""
         kept = chosen[self.view]
         return Corners(self.view[kept], self.on_board[kept], self.px[kept])
 
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Everything that is sought.
+    """Parameters that are estimated.
 
     Attributes:
         lenses: of the left camera, or of the left and the right one.
@@ -65,9 +65,23 @@ class Rig:
 
     @property
     def global_count(self) -> int:
-        """How many parameters are sought beside the poses of the board."""
+        """Number of parameters that are estimated beside the poses of the board."""
         each = int(np.count_nonzero(self.free))
         return each * len(self.lenses) + (_POSE if len(self.lenses) > 1 else 0)
+
+    def changed(self, change: Float64Array) -> Rig:
+        """Return the rig with its global parameters changed by (G,), as ``Adjusted.covariance``."""
+        each = int(np.count_nonzero(self.free))
+        lenses = []
+        for index, lens in enumerate(self.lenses):
+            values = lens.values.copy()
+            values[self.free] += change[index * each : (index + 1) * each]
+            lenses.append(replace(lens, values=values))
+        if len(lenses) == 1:
+            return replace(self, lenses=tuple(lenses))
+        turn, shift = change[2 * each : 2 * each + 3], change[2 * each + 3 :]
+        R = rotation_matrix(turn) @ self.R
+        return replace(self, lenses=tuple(lenses), R=R, T=self.T + shift)
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,21 +270,10 @@ def _weighed(residual: Float64Array, soft_px: float) -> tuple[Float64Array, floa
 
 
 def _moved(rig: Rig, lens: Float64Array, pose: Float64Array) -> Rig:
-    each = int(np.count_nonzero(rig.free))
-    lenses = []
-    for index, old in enumerate(rig.lenses):
-        values = old.values.copy()
-        values[rig.free] += lens[index * each : (index + 1) * each]
-        lenses.append(replace(old, values=values))
-    R, T = rig.R, rig.T
-    if len(lenses) > 1:
-        R = orthonormal(rotation_matrix(lens[2 * each : 2 * each + 3]) @ rig.R)
-        T = rig.T + lens[2 * each + 3 :]
+    changed = rig.changed(lens)
     return replace(
-        rig,
-        lenses=tuple(lenses),
-        R=R,
-        T=T,
+        changed,
+        R=orthonormal(changed.R) if len(rig.lenses) > 1 else rig.R,
         board_R=orthonormal(rotation_matrix(pose[:, :3]) @ rig.board_R),
         board_t=rig.board_t + pose[:, 3:],
     )

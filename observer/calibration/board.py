@@ -78,7 +78,7 @@ class Board:
 
     @property
     def words(self) -> str:
-        """As people say it: ``chessboard 9x6, 25 mm``."""
+        """Name for people: ``chessboard 9x6, 25 mm``."""
         name = "ChArUco board" if self.kind == "charuco" else "chessboard"
         return f"{name} {self.columns}x{self.rows}, {1e3 * self.square_m:g} mm"
 

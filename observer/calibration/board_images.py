@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 
 from observer.calibration.board import Board
@@ -45,7 +46,7 @@ class BoardPair:
 
 @dataclass(frozen=True)
 class RefusedImage:
-    """An image or a pair that was not looked at, and why."""
+    """Image or pair that is not used, and why."""
 
     name: str
     reason: str
@@ -53,7 +54,7 @@ class RefusedImage:
 
 @dataclass(frozen=True)
 class FoundBoards:
-    """What a row of pairs shows.
+    """Boards found in a sequence of pairs.
 
     Attributes:
         views: of all pairs that could be read, in their order, also where no board was found.
@@ -70,7 +71,7 @@ class FoundBoards:
 def read_board_pairs(
     left_glob: str, right_glob: str
 ) -> tuple[tuple[BoardPair, ...], tuple[RefusedImage, ...]]:
-    """Left and right files, paired by equal names, else by the last number in their names.
+    """Pair left and right files by equal names, else by the last number in their names.
 
     Where names tell nothing and there are as many left as right, they are paired in order.
 
@@ -112,11 +113,6 @@ def read_board_pairs(
         RefusedImage(path.name, f"it has no {side} image of the same name or number")
         for path, side in alone
     )
-
-
-def pair_of(name: str, left: RawImage, right: RawImage) -> BoardPair:
-    """A pair of images that are in memory: files' contents, or arrays (H, W) or (H, W, 3)."""
-    return BoardPair(name, f"{name} left", f"{name} right", lambda: left, lambda: right)
 
 
 def find_boards(
@@ -231,7 +227,7 @@ def _keys(
     left: Sequence[Path], right: Sequence[Path]
 ) -> tuple[dict[str, Path], dict[str, Path]] | None:
     """Both lists by what pairs them; None where nothing does."""
-    ways: tuple[Callable[[Path], str], ...] = (_name, _stem, _last_number)
+    ways: tuple[Callable[[Path], str], ...] = (attrgetter("name"), attrgetter("stem"), _last_number)
     for key in ways:
         a, b = {key(path): path for path in left}, {key(path): path for path in right}
         unique = len(a) == len(left) and len(b) == len(right) and "" not in (a.keys() | b.keys())
@@ -241,14 +237,6 @@ def _keys(
         return None
     names = [str(number) for number in range(1, len(left) + 1)]
     return dict(zip(names, left, strict=True)), dict(zip(names, right, strict=True))
-
-
-def _name(path: Path) -> str:
-    return path.name
-
-
-def _stem(path: Path) -> str:
-    return path.stem
 
 
 def _last_number(path: Path) -> str:

@@ -44,7 +44,7 @@ _PATIENCE_S = 12.0
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What one look at both images said.
+    """Result of one look at both images.
 
     Attributes:
         view: the view captured now, None if none was.
@@ -84,7 +84,7 @@ class _Moment:
 
 
 class ViewCollector:
-    """Takes a view whenever the board is still in a pose that is new to both cameras.
+    """Collector that takes a view whenever the board rests in a pose new to both cameras.
 
     Args:
         image_size: width and height of each camera's image, pixels.
@@ -117,7 +117,7 @@ class ViewCollector:
 
     @property
     def views(self) -> tuple[BoardView, ...]:
-        """All that were captured and not removed, oldest first."""
+        """Views that were captured and not removed, oldest first."""
         return tuple(kept.view for kept in self._kept)
 
     @property
@@ -252,7 +252,7 @@ class ViewCollector:
             self._shifts.append((pose.depth, du, dv))
 
     def _rest(self, now: _Moment | None, time: float, skew_s: float) -> bool | None:
-        """Whether both images of the board stood still for long enough."""
+        """Return whether both images of the board stood still for long enough."""
         recent = self._recent
         if recent and time - recent[-1].time > _GAP_S:
             recent.clear()

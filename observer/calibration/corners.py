@@ -86,7 +86,7 @@ def _saddle_points(
 
 
 def goes_on(gray: Image, board: Board, px: Float64Array) -> bool:
-    """Whether a chessboard has more corners than those found: ``px`` (columns * rows, 2).
+    """Return whether a chessboard has more corners than those found: ``px`` (columns * rows, 2).
 
     OpenCV finds 8x6 corners in a board of 9x6, other ones in each image. Beyond the last corner of
     a row, white and black still change on two sides; only within a board do they on all four.
@@ -107,7 +107,7 @@ def goes_on(gray: Image, board: Board, px: Float64Array) -> bool:
 def _saddle_contrast(
     gray: Image, px: Float64Array, along: Float64Array, across: Float64Array
 ) -> Float64Array:
-    """How much two opposite squares at a corner differ from the two others; NaN outside."""
+    """Return the contrast of opposite squares to the two others at a corner; NaN outside."""
     sign = (1, -1, -1, 1)
     value = np.zeros(px.shape[:-1])
     for factor, (a, b) in zip(sign, ((1, 1), (1, -1), (-1, 1), (-1, -1)), strict=True):
@@ -134,7 +134,7 @@ def _spacing(board: Board, ids: NDArray[np.int32], px: Float64Array) -> Float64A
 def _misplaced(
     board: Board, ids: NDArray[np.int32], px: Float64Array, spacing: Float64Array
 ) -> tuple[NDArray[np.bool_], Float64Array, Float64Array]:
-    """Which corners leave the smooth surface through the others, where it has all, and how surely.
+    """Return the outliers of a smooth surface through the others, expected places and tolerances.
 
     The worst is left out one after the other; how far each is from the surface through all but
     itself follows from its residual and leverage, e / (1 - h).

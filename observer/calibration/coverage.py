@@ -1,4 +1,4 @@
-"""How well the views of a board cover what a calibration needs, as ROS's camera_calibration asks.
+"""Coverage of what a calibration needs by views of a board, as in ROS's camera_calibration.
 
 Each view is measured by four numbers from 0 to 1 (``ViewMeasures``). Views are worth keeping that
 differ from all others by more than 0.2 in the sum of absolute differences. Each measure's bar is
@@ -46,7 +46,7 @@ _MISSING = (
 
 @dataclass(frozen=True, eq=False)
 class ViewMeasures:
-    """What one camera's view of a board adds.
+    """Measures of one camera's view of a board.
 
     With the quadrangle of the board's outermost corners (of a board seen in part: of the largest
     rectangle of corners seen), its area A and an image of w x h pixels: x = (mean u - sqrt(A)/2) /
@@ -65,7 +65,7 @@ class ViewMeasures:
 
 @dataclass(frozen=True, eq=False)
 class PairMeasures:
-    """What both cameras' view of one pose adds."""
+    """Measures of both cameras' view of one pose."""
 
     left: ViewMeasures
     right: ViewMeasures
@@ -88,7 +88,7 @@ class PairMeasures:
 
 @dataclass(frozen=True)
 class Coverage:
-    """What a set of views covers.
+    """Coverage of a set of views.
 
     Attributes:
         bars: X, Y, Size and Skew by name, each 0..1, the emptier of both cameras.
@@ -103,17 +103,17 @@ class Coverage:
 
     @property
     def complete(self) -> bool:
-        """Whether all bars are full."""
+        """True once all bars are full."""
         return all(bar >= 1 for bar in self.bars.values())
 
     @property
     def enough(self) -> bool:
-        """Whether a calibration may be computed: all bars full and some views, or very many."""
+        """True once a calibration may be computed: all bars full and some views, or very many."""
         return (self.complete and self.views >= FEWEST_VIEWS) or self.views >= MANY_VIEWS
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What is still to be shown, in words, the needful first."""
+        """Names of what is still to be shown, the most needed first."""
         bars = [words for words, bar in zip(_MISSING, self.bars.values(), strict=True) if bar < 1]
         corners = [f"the {name} corner of the image" for name, r in self.reached.items() if r < 1]
         more = FEWEST_VIEWS - self.views
@@ -161,7 +161,7 @@ def measure_outline(
 
 
 def coverage(views: Sequence[PairMeasures], wanted: tuple[float, ...] = WANTED_RANGES) -> Coverage:
-    """What these views cover together, of the wanted ranges of X, Y, size and skew."""
+    """Return what these views cover together of the wanted ranges of X, Y, size and skew."""
     if not views:
         return Coverage(dict.fromkeys(BARS, 0.0), dict.fromkeys(IMAGE_CORNERS, 0.0), 0)
     values, reach = stacked(views)
@@ -186,7 +186,7 @@ def progress(
     reach: Float64Array,
     wanted: tuple[float, ...] = WANTED_RANGES,
 ) -> tuple[Float64Array, Float64Array]:
-    """How full the bars are, and how far the image's corners are reached, (..., 4) each, 0..1.
+    """Return how full the bars are and how far the image's corners are reached, (..., 4), 0..1.
 
     Args:
         least, most, reach: (..., 2, 4), extremes of the views' measures by camera.
@@ -198,7 +198,7 @@ def progress(
 
 
 def is_new(view: PairMeasures, kept: Sequence[PairMeasures]) -> bool:
-    """Whether a view differs enough from all kept ones to be worth keeping."""
+    """Return whether a view differs enough from all kept ones to be worth keeping."""
     return all(view.distance(other) > NEW_DISTANCE for other in kept)
 
 

@@ -1,4 +1,4 @@
-"""Finding a board's corners in an image, to a fraction of a pixel and numbered the same always.
+"""Detection of a board's corners to a fraction of a pixel, always numbered alike.
 
 OpenCV's ``findChessboardCorners`` says where a chessboard is and ``cornerSubPix`` where its
 corners are. ``findChessboardCornersSB`` finds some boards the former misses, but places corners
@@ -8,7 +8,6 @@ about twice as badly in noisy images, so what it finds is refined like all other
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -33,7 +32,7 @@ _SECTORS = cv2.CALIB_CB_EXHAUSTIVE + cv2.CALIB_CB_NORMALIZE_IMAGE
 
 
 def detect_board(image: Image, board: Board, *, quick: bool = False) -> BoardSighting | None:
-    """The corners of the board in an image, or None where it is not to be seen.
+    """Return the corners of the board in an image, or None where it is not visible.
 
     A chessboard must be seen whole, of a ChArUco board ``FEWEST_CORNERS`` are enough. Corner 0
     is the one at a black square in the board's own upper left, so that a chessboard with an odd
@@ -71,7 +70,7 @@ def size_shown(image: Image) -> tuple[int, int] | None:
 
 
 def turns_alike(board: Board) -> bool:
-    """Whether a board looks the same after half a turn, so that its corners have two numberings.
+    """Return whether a board looks the same after half a turn, and so has two numberings.
 
     True of a chessboard whose inner corners are both odd or both even in count. Such a board
     must be held upright, and both cameras must see it the same way up; see ``same_numbering``.
@@ -80,7 +79,7 @@ def turns_alike(board: Board) -> bool:
 
 
 def same_numbering(left: BoardSighting, right: BoardSighting, board: Board) -> BoardSighting:
-    """The right camera's corners, numbered as the left camera's.
+    """Return the right camera's corners, numbered as the left camera's.
 
     Of a board that ``turns_alike``, rows and columns are made to run the same way in both
     images. Any other board is numbered by its own colours or markers and is left as it is, even
@@ -107,24 +106,16 @@ def _searches(gray: Image, board: Board, quick: bool) -> Iterator[Float64Array |
     for shown in (640, _QUICK_WIDTH):
         if shown < width:
             yield _chessboard(gray, board, shown / width, _THOROUGH)
-    yield _sectors(gray, board, 1.0)
+    yield _chessboard(gray, board, 1.0, _SECTORS)
     if width <= _ENLARGED_WIDTH:
         yield _chessboard(gray, board, 2.0, cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_FAST_CHECK)
     if width > 640:
-        yield _sectors(gray, board, 640 / width)
+        yield _chessboard(gray, board, 640 / width, _SECTORS)
 
 
 def _chessboard(gray: Image, board: Board, scale: float, flags: int) -> Float64Array | None:
-    found, px = cv2.findChessboardCorners(
-        _scaled(gray, scale), (board.columns, board.rows), flags=flags
-    )
-    return _at_full_size(px, scale) if found else None
-
-
-def _sectors(gray: Image, board: Board, scale: float) -> Float64Array | None:
-    found, px = cv2.findChessboardCornersSB(
-        _scaled(gray, scale), (board.columns, board.rows), flags=_SECTORS
-    )
+    find = cv2.findChessboardCornersSB if flags == _SECTORS else cv2.findChessboardCorners
+    found, px = find(_scaled(gray, scale), (board.columns, board.rows), flags=flags)
     return _at_full_size(px, scale) if found else None
 
 
@@ -172,24 +163,13 @@ def _directions(px: Float64Array, board: Board) -> Float64Array:
 
 
 def _black_first(gray: Image, board: Board, px: Float64Array) -> float:
-    """How much darker the squares are that must be black, grey values."""
+    """Return how much darker the squares are that must be black, grey values."""
     grid = px.reshape(board.rows, board.columns, 2)
     centres = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
     u, v = (np.rint(centres[..., k]).astype(np.intp) for k in (0, 1))
     values = gray[v.clip(0, gray.shape[0] - 1), u.clip(0, gray.shape[1] - 1)].astype(np.float64)
     black = np.add.outer(np.arange(board.rows - 1), np.arange(board.columns - 1)) % 2 == 0
     return float(values[~black].mean() - values[black].mean())
-
-
-@dataclass(frozen=True)
-class _Charuco:
-    """OpenCV's detector for one board, made once: it draws the board to know its markers."""
-
-    board: Board
-    detector: cv2.aruco.CharucoDetector = field(init=False, compare=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "detector", cv2.aruco.CharucoDetector(charuco_board(self.board)))
 
 
 def charuco_board(board: Board) -> cv2.aruco.CharucoBoard:
@@ -201,8 +181,9 @@ def charuco_board(board: Board) -> cv2.aruco.CharucoBoard:
 
 
 @lru_cache(maxsize=4)
-def _charuco(board: Board) -> _Charuco:
-    return _Charuco(board)
+def _charuco_detector(board: Board) -> cv2.aruco.CharucoDetector:
+    """Return OpenCV's detector for one board; it draws the board to know its markers."""
+    return cv2.aruco.CharucoDetector(charuco_board(board))
 
 
 def _detect_charuco(gray: Image, board: Board, quick: bool) -> BoardSighting | None:
@@ -210,7 +191,7 @@ def _detect_charuco(gray: Image, board: Board, quick: bool) -> BoardSighting | N
     scales = [min(1.0, 2 * _QUICK_WIDTH / width)] if quick else [1.0, *([2.0] * (width <= 1300))]
     best: BoardSighting | None = None
     for scale in scales:
-        px, ids, _, _ = _charuco(board).detector.detectBoard(_scaled(gray, scale))
+        px, ids, _, _ = _charuco_detector(board).detectBoard(_scaled(gray, scale))
         if ids is None or len(ids) < FEWEST_CORNERS or len(ids) <= (len(best) if best else 0):
             continue
         order = np.argsort(ids.ravel())

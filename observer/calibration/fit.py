@@ -1,8 +1,9 @@
-"""From many views of a board to the calibration of a pair, and how far it can be trusted."""
+"""Calibration of a pair from many views of a board, and its uncertainty."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,9 @@ from observer.calibration.initialization import FIRST_SOFT_PX, begin_camera, beg
 from observer.calibration.lens import DISTORTION_SIZE
 from observer.calibration.outlier_views import (
     Refusal,
-    doubtful,
     explained,
     limit_px,
+    outliers,
     posed,
     rms,
     soft_threshold,
@@ -116,7 +117,7 @@ def fit_stereo(
         ),
         pairs=int(np.count_nonzero(both)),
         uncertainty=uncertainty(found.rig, found.covariance, width, height),
-        depth_bias=DepthBias(tuple(_row(each) for each in covariances)),
+        depth_bias=DepthBias(tuple(tuple(each.ravel().tolist()) for each in covariances)),
         held_out=measured,
         coverage=(_coverage(corners[0], width, height), _coverage(corners[1], width, height)),
         bend=board_bend(found.rig, corners, board, found.scatter_px),
@@ -124,7 +125,7 @@ def fit_stereo(
 
 
 class _Work:
-    """What one fit goes through.
+    """State of one fit.
 
     ``refused`` grows by the views that turn out bad, and ``views`` lose corners that do.
     """
@@ -151,7 +152,7 @@ class _Work:
         return out
 
     def camera_alone(self, camera: int) -> Rig:
-        """One camera by itself."""
+        """Fit one camera by itself."""
         side = ("left", "right")[camera]
         self._report(f"fitting the {side} camera", 0.02 + 0.2 * camera)
         corners = self._corners(camera)
@@ -168,7 +169,7 @@ class _Work:
                 corners = self._corners(camera)
                 continue
             errors = view_errors(found.residuals, [corners], len(self.views))[:, 0]
-            bad = doubtful(errors)
+            bad = outliers(errors)
             if not bad.any():
                 break
             usual, _ = limit_px(errors)
@@ -186,7 +187,7 @@ class _Work:
         return found.rig
 
     def pair(self, left: Rig, right: Rig) -> tuple[Rig, float]:
-        """Both cameras, and from where on residuals are wrong corners rather than noise."""
+        """Fit both cameras; also return from where on residuals are outliers rather than noise."""
         self._report("fitting both cameras", 0.45)
         views, usable = len(self.views), self.usable()
         corners = corners_of(self.views, self._board, usable)
@@ -203,7 +204,7 @@ class _Work:
             found = adjust(rig, used, soft_px=soft_px)
             rig = found.rig
             errors = whole_errors(found.residuals, used, views)
-            bad = doubtful(errors)
+            bad = outliers(errors)
             if bad.any():
                 kept &= ~bad
                 continue
@@ -219,7 +220,11 @@ class _Work:
             if not back.any():
                 break
             kept |= back
-            rig = _with_poses_of(rig, late.rig, back)
+            rig = replace(
+                rig,
+                board_R=np.where(back[:, None, None], late.rig.board_R, rig.board_R),
+                board_t=np.where(back[:, None], late.rig.board_t, rig.board_t),
+            )
         for index in np.flatnonzero(usable & ~kept):
             self._refused[int(index)] = explained(
                 rig, corners, int(index), usual, soft_px, self._board
@@ -242,7 +247,7 @@ class _Work:
         simple = fit_folds(rig, corners, both, soft_px, report(0.65))
         if simple is None:
             return rig, None
-        every = _with_all_terms(rig)
+        every = replace(rig, free=np.ones_like(rig.free))
         rich = fit_folds(
             adjust(every, corners, soft_px=soft_px).rig, corners, both, soft_px, report(0.77)
         )
@@ -253,7 +258,7 @@ class _Work:
         return rig, simple
 
     def _corners(self, camera: int) -> Corners:
-        """Those of one camera in the usable views.
+        """Return the corners of one camera in the usable views.
 
         Raises:
             CalibrationError: there are too few views.
@@ -293,19 +298,6 @@ def _both(corners: tuple[Corners, Corners], views: int) -> NDArray[np.bool_]:
     )
 
 
-def _with_poses_of(rig: Rig, other: Rig, chosen: NDArray[np.bool_]) -> Rig:
-    pick = chosen[:, None]
-    return Rig(
-        rig.lenses, rig.free, rig.R, rig.T,
-        np.where(pick[:, :, None], other.board_R, rig.board_R),
-        np.where(pick, other.board_t, rig.board_t),
-    )  # fmt: skip
-
-
-def _with_all_terms(rig: Rig) -> Rig:
-    return Rig(rig.lenses, np.ones_like(rig.free), rig.R, rig.T, rig.board_R, rig.board_t)
-
-
 def _view_error(
     given: BoardView, view: BoardView, refusal: Refusal | None, errors: Float64Array
 ) -> ViewError:
@@ -315,11 +307,6 @@ def _view_error(
     pairs = ((given.left, view.left), (given.right, view.right))
     strays = sum(len(a) - len(b) for a, b in pairs if a is not None and b is not None)
     return ViewError(given.name, True, None, left, right, strays)
-
-
-def _row(matrix: Float64Array) -> tuple[float, float, float, float]:
-    a, b, c, d = matrix.ravel().tolist()
-    return a, b, c, d
 
 
 def _coverage(corners: Corners, width: int, height: int) -> float:

@@ -1,4 +1,4 @@
-"""Whether the board was flat: paper that is taped to cardboard bends by millimetres."""
+"""Estimate of the board's bend: paper that is taped to cardboard bends by millimetres."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MOST_VIEWS = 40
 
 @dataclass(frozen=True)
 class Bend:
-    """How far the board is from flat.
+    """Deviation of the board from a plane.
 
     Attributes:
         height_m: from its lowest to its highest corner, if it bends like a part of a cylinder, a
@@ -34,7 +34,7 @@ class Bend:
 def board_bend(
     rig: Rig, corners: tuple[Corners, Corners], board: Board, scatter_px: float
 ) -> Bend | None:
-    """The bend that would best explain what the fit left over, all else being free as well.
+    """Return the bend that best explains the fit's residuals, all else being free as well.
 
     One step of least squares from a fit that took the board for flat; None where the views do not
     tell it.

@@ -1,4 +1,4 @@
-"""Where the board should be held next: the most useful pose, as an outline and in words.
+"""Guidance on where to hold the board next: the most useful pose, as outline and in words.
 
 Lenses are not known yet, so a pinhole of a usual webcam stands in for them. What is drawn with it
 has about the right perspective; what counts in the end is measured in the images.
@@ -57,7 +57,7 @@ Shift = tuple[float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class SeenPose:
-    """Where a board is, by the camera that stands in for the real one.
+    """Pose of a board, by the camera that stands in for the real one.
 
     Attributes:
         centre_px: (2,) the board's centre in the image.
@@ -189,7 +189,7 @@ class Guide:
         return candidates[best] if best >= 0 and np.isfinite(worth[best]) else None
 
     def words(self, wanted: WantedPose, now: SeenPose | None) -> str:
-        """How to get there, from where the board is seen now; left and right as in the picture."""
+        """Return how to get there from where the board is; left and right as in the picture."""
         target = wanted.pose
         place = _place((target.centre_px - self._middle) / self._size)
         tilt = _tilt(target.normal)
@@ -216,7 +216,7 @@ class Guide:
         return self._latest[1]
 
     def _fitting(self, shifts: Sequence[Shift]) -> list[WantedPose]:
-        """All poses that both cameras would see whole, moved into the images where need be."""
+        """Return the poses that both cameras would see whole, moved into the images if needed."""
         constant, by_depth, down = self._shift(shifts)
         rotations, centres = self._poses[0], self._poses[1].copy()
         board = self._board
@@ -298,7 +298,7 @@ def _poses(
 
 
 def _place(offset: Float64Array) -> str:
-    """Of an offset from the image's centre over its size."""
+    """Return the name of an offset from the image's centre over its size."""
     column = "left" if offset[0] < -0.1 else "right" if offset[0] > 0.1 else ""
     row = "upper" if offset[1] < -0.1 else "lower" if offset[1] > 0.1 else ""
     if row and not column:
@@ -307,7 +307,7 @@ def _place(offset: Float64Array) -> str:
 
 
 def _tilt(normal: Float64Array) -> str:
-    """Which side of the board is away from the camera, or nothing where it faces it."""
+    """Return which side of the board to tilt away, or nothing where it faces the camera."""
     if np.arccos(np.clip(normal[2], -1, 1)) < _TILT_TOLERANCE_RAD:
         return ""
     # The side towards which the board's back leans.

@@ -1,4 +1,4 @@
-"""How good a calibration is on views that it was not fitted to.
+"""Cross-validation of a calibration on views that it was not fitted to.
 
 The views of a pair are dealt out into parts. For each part the rig is fitted without it, beginning
 with the whole solution, and measured on it. A rectified pair must show one point in one row:
@@ -69,7 +69,7 @@ def fit_folds(
     soft_px: float,
     report: Callable[[float], None] = lambda _: None,
 ) -> Folds | None:
-    """Fits without a part of the views in ``both`` (V,) each; None where they are too few.
+    """Fit without one part of the views in ``both`` (V,) each; None where they are too few.
 
     Args:
         report: called with the share done, from 0 to 1.
@@ -108,7 +108,7 @@ def reprojection(folds: Folds, corners: tuple[Corners, Corners], soft_px: float)
 
 
 def richer_is_better(simple: Float64Array, rich: Float64Array) -> bool:
-    """Whether further distortion terms make views (V,) that were left out clearly better.
+    """Return whether further distortion terms make held-out views (V,) clearly better.
 
     By more than one standard error of the gain, for a term that the data do not support bends the
     image where no board was seen.

@@ -35,7 +35,7 @@ class Lens:
 
     @staticmethod
     def ideal(model: DistortionModel, focal_px: float, width: int, height: int) -> Lens:
-        """Without distortion, its axis through the image's middle."""
+        """Return a lens without distortion, its axis through the image's centre."""
         centre = [(width - 1) / 2, (height - 1) / 2]
         bent = np.zeros(DISTORTION_SIZE[model])
         return Lens(model, np.concatenate([[focal_px, focal_px], centre, bent]))
@@ -88,9 +88,14 @@ class Lens:
 def directions(
     model: DistortionModel, K: Float64Array, D: Float64Array, px: Float64Array
 ) -> Float64Array:
-    """(N, 3) directions with z = 1, the lens's own frame, of pixels (N, 2); NaN where none."""
+    """(N, 3) directions with z = 1, the lens's own frame, of pixels (N, 2); NaN where none.
+
+    Args:
+        D: (N,) coefficients, or none for an ideal lens.
+    """
     if len(px) == 0:
         return np.zeros((0, 3))
+    D = D if D.size else np.zeros(5)
     given = np.ascontiguousarray(px, dtype=np.float64).reshape(-1, 1, 2)
     if model == "equidistant":
         flat = cv2.fisheye.undistortPoints(given, K, D, criteria=_CRITERIA)

@@ -1,4 +1,4 @@
-"""Views that do not fit with the others: which, by how much, and why in words."""
+"""Outlier views: which do not fit with the others, by how much, and why in words."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from observer.calibration.initialization import with_poses
 from observer.calibration.views import FEWEST_CORNERS
 from observer.geometry import Float64Array
 
-# A view is doubtful when its corners are off by this many times what is usual, and by so much
+# A view is an outlier when its corners are off by this many times what is usual, and by so much
 # more, pixels: blur and distance alone make views differ by a factor of two.
 _TIMES = 3.0
 _BEYOND_PX = 0.3
@@ -33,7 +33,7 @@ _STRAY_SHARE = 0.15
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a view is not used; the errors are pixels, None where unknown."""
+    """Reason why a view is not used; the errors are pixels, None where unknown."""
 
     reason: str
     left_px: float | None = None
@@ -46,7 +46,7 @@ def rms(residuals: Float64Array) -> float:
 
 
 def soft_threshold(residuals: Sequence[Float64Array]) -> float:
-    """Where residuals begin to be wrong corners rather than noise, pixels; by their median."""
+    """Return where residuals begin to be outliers rather than noise, pixels, by their median."""
     length = np.linalg.norm(np.concatenate(residuals), axis=1)
     return max(_LEAST_SOFT_PX, _SOFT_SIGMAS / _MEDIAN_LENGTH * float(np.median(length)))
 
@@ -70,13 +70,13 @@ def whole_errors(
 
 
 def limit_px(errors: Float64Array) -> tuple[float, float]:
-    """What is usual among errors (V,), NaN left out, and from where on one is doubtful."""
+    """Return the median of errors (V,), NaN left out, and the limit of an outlier."""
     usual = float(np.nanmedian(errors))
     return usual, max(_TIMES * usual, usual + _BEYOND_PX)
 
 
-def doubtful(errors: Float64Array) -> NDArray[np.bool_]:
-    """(V,) the worst view and those nearly as bad, where they are doubtful; often none.
+def outliers(errors: Float64Array) -> NDArray[np.bool_]:
+    """(V,) the worst view and those nearly as bad, where they are outliers; often none.
 
     Not all at once: a bad view draws others with it, and these are good again without it.
     """
@@ -121,13 +121,15 @@ def explained(
     soft_px: float,
     board: Board,
 ) -> Refusal:
-    """Why this view does not fit the pair that the others agree on."""
+    """Return why this view does not fit the pair that the others agree on."""
     chosen = np.arange(len(rig.board_R)) == index
     found, own = posed(rig, corners, chosen, soft_px)
-    left, right = (_none_if_nan(e) for e in view_errors(found.residuals, own, len(chosen))[index])
+    errors = view_errors(found.residuals, own, len(chosen))[index]
+    left, right = (float(e) if np.isfinite(e) else None for e in errors)
     off = float(whole_errors(found.residuals, own, len(chosen))[index])
     apart = f"({off:.1f} px apart, the others {usual_px:.1f} px)"
-    if _fits(rig, (own[0], _numbered_back(own[1], board)), chosen, soft_px, off):
+    turned, _ = posed(rig, (own[0], _numbered_back(own[1], board)), chosen, soft_px)
+    if rms(np.concatenate(turned.residuals)) < 0.2 * off:
         reason = (
             "its corners are numbered from the other end in one of the two images; on a board "
             "with an odd and an even number of corners the ends can be told apart"
@@ -145,21 +147,10 @@ def explained(
     return Refusal(reason, left, right)
 
 
-def _fits(
-    rig: Rig,
-    own: tuple[Corners, Corners],
-    chosen: NDArray[np.bool_],
-    soft_px: float,
-    off: float,
-) -> bool:
-    found, own = posed(rig, own, chosen, soft_px)
-    return rms(np.concatenate(found.residuals)) < 0.2 * off
-
-
 def _alone(
     rig: Rig, own: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
 ) -> float:
-    """How badly the worse of the two images fits by itself, pixels."""
+    """Return the error of the worse of the two images by itself, pixels."""
     worse = 0.0
     for camera in (0, 1):
         nothing = own[camera].of_views(np.zeros_like(chosen))
@@ -180,7 +171,3 @@ def _means(residual: Float64Array, view: NDArray[np.intp], views: int) -> Float6
     count = np.bincount(view, minlength=views)
     total = np.bincount(view, np.sum(residual**2, axis=1), minlength=views)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
-def _none_if_nan(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Whether views determine a calibration, and whether a calibration can be real."""
+"""Checks that views determine a calibration, and that it can be real."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LARGE_RMS_PX = 3.0
 def check_camera(
     found: Adjusted, seen: NDArray[np.intp], width: int, height: int, name: str
 ) -> None:
-    """Whether the views determine this camera's lens.
+    """Check that the views determine this camera's lens.
 
     Args:
         seen: numbers of the views that it rests on. name: of the camera, as in ``the left camera``.
@@ -43,7 +43,7 @@ def check_camera(
 
 
 def check_pair(found: Adjusted, seen: NDArray[np.intp], width: int, height: int) -> None:
-    """Whether the views determine this pair, and it can be a pair of stereo cameras.
+    """Check that the views determine this pair, and that it can be a pair of stereo cameras.
 
     Raises:
         CalibrationError: they do not, or it cannot.
@@ -79,7 +79,7 @@ def check_pair(found: Adjusted, seen: NDArray[np.intp], width: int, height: int)
 
 
 def check_lens(rig: Rig, camera: int, width: int, height: int, name: str, advice: str) -> None:
-    """Whether the lens can be one of an image of this size.
+    """Check that the lens can be one of an image of this size.
 
     Raises:
         CalibrationError: it cannot.
@@ -99,7 +99,7 @@ def check_lens(rig: Rig, camera: int, width: int, height: int, name: str, advice
 
 
 def _check_variety(rig: Rig, seen: NDArray[np.intp]) -> None:
-    """Whether the board was held in enough poses; without noise one would seem to do.
+    """Check that the board was held in enough poses; without noise one would seem to do.
 
     Raises:
         CalibrationError: it was not.
@@ -133,7 +133,7 @@ def _undetermined(rig: Rig, seen: NDArray[np.intp], name: str, share: float | No
 
 
 def _advice(rig: Rig, seen: NDArray[np.intp], camera: int) -> str:
-    """What to do differently, by how the board was held."""
+    """Return what to do differently, by how the board was held."""
     R = rig.board_R[seen]
     if camera == 1:
         R = rig.R @ R

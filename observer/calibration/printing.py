@@ -118,15 +118,6 @@ def board_pdf(board: Board, paper: Paper) -> bytes:
     )
 
 
-def largest_square_m(board: Board, paper: Paper) -> float:
-    """Side of the largest squares, whole millimetres, with which a board fits on a paper.
-
-    Raises:
-        CalibrationError: the paper is unknown.
-    """
-    return max(_largest_mm(board, *page) for page in _pages(paper)) / 1e3
-
-
 def scaled(board: Board, measured_bar_mm: float) -> Board:
     """The board as it was really printed, by the measured length of the 100 mm bar.
 

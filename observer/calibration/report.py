@@ -14,7 +14,7 @@ from observer.calibration.verdict import Verdict
 
 
 def fit_report(fit: StereoFit, verdict: Verdict | None = None) -> dict[str, Any]:
-    """Everything that people are told of a fit; finite numbers or None, lists and text only."""
+    """Return what people are told of a fit; finite numbers or None, lists and text only."""
     c, width, height = fit.calibration, fit.calibration.width, fit.calibration.height
     across, down = fit.field_of_view_deg
     rotation = np.degrees(Rotation.from_matrix(c.R).as_rotvec())
@@ -43,12 +43,12 @@ def fit_report(fit: StereoFit, verdict: Verdict | None = None) -> dict[str, Any]
 
 
 def depth_bias_of(report: dict[str, Any]) -> tuple[DepthBias | None, float]:
-    """What ``tape_check`` wants of a fit, out of its report: ``bias`` and ``lasting_px``."""
-    rows = [tuple(float(v) for v in row) for row in report.get("depth_bias") or []]
-    full = [(row[0], row[1], row[2], row[3]) for row in rows if len(row) == 4]
+    """Return what ``tape_check`` needs of a fit, from its report: ``bias`` and ``lasting_px``."""
+    rows = report.get("depth_bias") or []
+    full = tuple(tuple(float(v) for v in row) for row in rows if len(row) == 4)
     held_out = report.get("held_out")
     lasting = float(held_out["lasting_px"]) if held_out else 0.0
-    return (DepthBias(tuple(full)) if full else None), lasting
+    return (DepthBias(full) if full else None), lasting
 
 
 def _plain(value: Any) -> Any:

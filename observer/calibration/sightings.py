@@ -1,4 +1,4 @@
-"""Which views of a board can be used at all, and their corners as an adjustment wants them."""
+"""Selection of usable views of a board, and their corners as input of an adjustment."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LEAST_SPREAD = 0.01
 def refused_sightings(
     views: Sequence[BoardView], board: Board, width: int, height: int
 ) -> dict[int, str]:
-    """Why views (by their place in the list) cannot be used, as words after the view's name."""
+    """Return why views (by index) cannot be used, in words that follow the view's name."""
     refused = {}
     for index, view in enumerate(views):
         sides = (("left", view.left), ("right", view.right))

@@ -1,4 +1,4 @@
-"""Which speeds a rig can tell from standing still, and how soon: by the method's own statistics.
+"""Detectable speeds of a rig and their delay, by the method's own statistics.
 
 A thing that stood still begins to move. What each frame then tells of it goes, without noise but
 with the variances that noise has, into the very filters that the rigid method uses
@@ -43,8 +43,8 @@ from observer.vision.chi_square import upper_quantile
 
 # Seconds of rest before it moves: several memories.
 _REST_S = 2.0
-# As the method: a regression over a random walk knows its slope so much worse (stages.evidence);
-# and a body that was just found may turn so fast, rad/s.
+# As the method: a regression over a random walk knows its slope so much worse
+# (``methods.rigid.motion_test``); and a body that was just found may turn so fast, rad/s.
 _RANDOM_WALK = 1.2
 _YAW_RATE_SIGMA = 0.6
 _LEAST_VELOCITY_VARIANCE = 1e-6
@@ -54,7 +54,7 @@ _SPEEDS = (0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5
 
 @dataclass(frozen=True)
 class Thing:
-    """What is assumed of a thing that moves, and of the image.
+    """Assumptions on a thing that moves, and on the image.
 
     Attributes:
         width_m, height_m: of a person, as far as it is in view.
@@ -78,7 +78,7 @@ class Thing:
         return math.sqrt((across**2 + down**2) / 12)
 
     def points(self, camera: StereoCamera, depth: float, spacing_px: float) -> int:
-        """How many points of it are followed at this depth, metres."""
+        """Return how many points of it are tracked at this depth, metres."""
         across = min(camera.fx * self.width_m / depth, camera.width)
         down = min(camera.fy * self.height_m / depth, camera.height)
         return min(self.most_points, int(self.followed_share * across * down / spacing_px**2))
@@ -192,8 +192,8 @@ def _own_velocity(sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Ar
     information, vector = sums.velocity_information()
     cov = np.linalg.inv(information[0])
     velocity = cov @ vector[0]
-    # By how much a straight course misses the bend, beyond the noise (MotionSums.excess, which
-    # expects sightings that have noise).
+    # By how much a straight course misses the bend, beyond the noise
+    # (PositionVelocityFilter.excess, which expects sightings that have noise).
     position, _ = sums.moving_position(velocity[None])
     explained = (position - sums.origin)[0] @ sums.b0[0] + velocity @ sums.b1[0]
     freedom = max(3 * float(sums.count[0]) - 6, 1.0)
@@ -201,7 +201,7 @@ def _own_velocity(sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Ar
 
 
 def _neighbours(count: int, p: Parameters) -> float:
-    """How many points of the thing are judged together, the point itself included."""
+    """Return how many points of the thing are judged together, the point itself included."""
     around = math.pi * (p.evidence.radius_px / p.klt_tracking.spacing_px) ** 2
     return max(1.0, min(float(count), Thing().followed_share * around, around))
 

@@ -1,4 +1,4 @@
-"""What a fit of a pair of cameras results in."""
+"""Result of the fit of a pair of cameras."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from observer.camera import StereoCalibration
 
 @dataclass(frozen=True)
 class ViewError:
-    """How well one view fits.
+    """Reprojection error of one view.
 
     Attributes:
         name: of the view. used: whether the fit rests on it. reason: why not, a clause.
@@ -36,7 +36,7 @@ class ViewError:
 
 @dataclass(frozen=True)
 class DepthBias:
-    """What the uncertainty of the calibration does to depth: a share of it and lasting pixels.
+    """Effect of the calibration's uncertainty on depth: a share of it and lasting pixels.
 
     Attributes:
         covariances: estimates (by the fit's curvature, and by leaving out parts of the views) of
@@ -44,7 +44,7 @@ class DepthBias:
             row.
     """
 
-    covariances: tuple[tuple[float, float, float, float], ...]
+    covariances: tuple[tuple[float, ...], ...]
 
     def relative_sigma(self, per_disparity: float) -> float:
         """One standard deviation of depth's relative error, by the larger of the estimates.
@@ -90,16 +90,10 @@ class StereoFit:
 
     @property
     def field_of_view_deg(self) -> tuple[float, float]:
-        """Horizontal and vertical angle of the left camera."""
-        return field_of_view_deg(self.calibration)
-
-
-def field_of_view_deg(calibration: StereoCalibration) -> tuple[float, float]:
-    """Horizontal and vertical angle of the left camera, through its principal point."""
-    c = calibration
-    cx, cy = float(c.K1[0, 2]), float(c.K1[1, 2])
-    ends = np.array([[-0.5, cy], [c.width - 0.5, cy], [cx, -0.5], [cx, c.height - 0.5]])
-    D = c.D1 if c.D1.size else np.zeros(5)
-    look = directions(c.distortion_model, c.K1, D, ends)
-    across, down = np.degrees(np.arctan(look[:2, 0])), np.degrees(np.arctan(look[2:, 1]))
-    return float(across[1] - across[0]), float(down[1] - down[0])
+        """Horizontal and vertical angle of the left camera, through its principal point."""
+        c = self.calibration
+        cx, cy = float(c.K1[0, 2]), float(c.K1[1, 2])
+        ends = np.array([[-0.5, cy], [c.width - 0.5, cy], [cx, -0.5], [cx, c.height - 0.5]])
+        look = directions(c.distortion_model, c.K1, c.D1, ends)
+        across, down = np.degrees(np.arctan(look[:2, 0])), np.degrees(np.arctan(look[2:, 1]))
+        return float(across[1] - across[0]), float(down[1] - down[0])

@@ -1,9 +1,9 @@
-"""A tape measure against a calibrated rig: does depth agree, and what would explain it if not."""
+"""Comparison of a calibrated rig's depth with a tape measure, and causes of a difference."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from observer.calibration.stereo_fit import DepthBias
 from observer.calibration.verdict import depth_bias_share, length_words
@@ -23,7 +23,7 @@ _SIGMAS = 2.0
 
 @dataclass(frozen=True)
 class TapeCheck:
-    """What one measurement says.
+    """Result of one measurement.
 
     Attributes:
         rig_m, tape_m: depth as the rig and as the tape has it.
@@ -87,53 +87,40 @@ def tape_check(
     scale = tape_m / rig_m
     # d = f B / Z; the disparity that was measured belongs to rig_m.
     offset_px = focal * calibration.baseline * (1 / tape_m - 1 / rig_m)
-    vergence = math.degrees(offset_px / focal)
-    agrees = abs(difference) <= expected
-    square = None if square_m is None else square_m * scale
-    return TapeCheck(
+    check = TapeCheck(
         rig_m=rig_m,
         tape_m=tape_m,
         difference_m=difference,
         share=share,
         expected_m=expected,
-        agrees=agrees,
-        square_m=square,
+        agrees=abs(difference) <= expected,
+        square_m=None if square_m is None else square_m * scale,
         baseline_m=calibration.baseline * scale,
-        vergence_deg=vergence,
-        sentence=_sentence(
-            rig_m, tape_m, difference, share, expected, agrees, square_m, square, vergence
-        ),
+        vergence_deg=math.degrees(offset_px / focal),
+        sentence="",
     )
+    return replace(check, sentence=_sentence(check, square_m))
 
 
-def _sentence(
-    rig_m: float,
-    tape_m: float,
-    difference: float,
-    share: float,
-    expected: float,
-    agrees: bool,
-    typed_m: float | None,
-    square_m: float | None,
-    vergence_deg: float,
-) -> str:
-    way = "too far" if difference > 0 else "too near"
+def _sentence(check: TapeCheck, typed_m: float | None) -> str:
+    way = "too far" if check.difference_m > 0 else "too near"
     begin = (
-        f"The rig says {rig_m:.3g} m where the tape says {tape_m:.3g} m: "
-        f"{length_words(abs(difference))} ({100 * abs(share):.1f} %) {way}, "
+        f"The rig says {check.rig_m:.3g} m where the tape says {check.tape_m:.3g} m: "
+        f"{length_words(abs(check.difference_m))} ({100 * abs(check.share):.1f} %) {way}, "
     )
-    if agrees:
-        return begin + f"within the {length_words(expected)} to be expected."
-    if typed_m is None or square_m is None:
+    expected = length_words(check.expected_m)
+    if check.agrees:
+        return begin + f"within the {expected} to be expected."
+    if typed_m is None or check.square_m is None:
         cause = "a wrong scale of the board"
     else:
         cause = (
-            f"squares of {1e3 * square_m:.1f} mm instead of {1e3 * typed_m:g} mm (measure them on "
-            f"the print)"
+            f"squares of {1e3 * check.square_m:.1f} mm instead of {1e3 * typed_m:g} mm (measure "
+            f"them on the print)"
         )
     return begin + (
-        f"more than the {length_words(expected)} to be expected. It would be explained by {cause}, "
-        f"or by cameras turned against each other by {abs(vergence_deg):.2f} degrees since; a "
-        f"second check at another distance tells which, for the first is the same share "
+        f"more than the {expected} to be expected. It would be explained by {cause}, "
+        f"or by cameras turned against each other by {abs(check.vergence_deg):.2f} degrees since; "
+        f"a second check at another distance tells which, for the first is the same share "
         f"everywhere."
     )

@@ -1,9 +1,9 @@
-"""How sure a fitted pair of cameras is: of its parameters, and of the depth that follows."""
+"""Uncertainty of a fitted pair of cameras: of its parameters, and of the resulting depth."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from observer.calibration.adjustment import Rig
 from observer.calibration.lens import directions
 from observer.camera import StereoCalibration
-from observer.geometry import Float64Array, rotation_matrix
+from observer.geometry import Float64Array
 
 # Where in the image depth is judged: shares of the width and height from the principal point.
 _PLACES = ((0.0, 0.0), (-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
@@ -76,8 +76,7 @@ def view_angles_deg(calibration: StereoCalibration) -> Float64Array:
     c = calibration
     middle = np.array([[(c.width - 1) / 2, (c.height - 1) / 2]])
     left, right = (
-        directions(c.distortion_model, K, D if D.size else np.zeros(5), middle)[0]
-        for K, D in ((c.K1, c.D1), (c.K2, c.D2))
+        directions(c.distortion_model, K, D, middle)[0] for K, D in ((c.K1, c.D1), (c.K2, c.D2))
     )
     left = c.R @ left
     pitch = np.arctan2(left[1], left[2]) - np.arctan2(right[1], right[2])
@@ -86,20 +85,8 @@ def view_angles_deg(calibration: StereoCalibration) -> Float64Array:
     return np.asarray(np.degrees([pitch, vergence, roll]), dtype=np.float64)
 
 
-def turned_by(rig: Rig, change: Float64Array) -> Rig:
-    """The rig with its global parameters changed by (G,), ordered as ``Adjusted.covariance``."""
-    each = int(np.count_nonzero(rig.free))
-    lenses = []
-    for index, lens in enumerate(rig.lenses):
-        values = lens.values.copy()
-        values[rig.free] += change[index * each : (index + 1) * each]
-        lenses.append(replace(lens, values=values))
-    turn, shift = change[2 * each : 2 * each + 3], change[2 * each + 3 :]
-    return replace(rig, lenses=tuple(lenses), R=rotation_matrix(turn) @ rig.R, T=rig.T + shift)
-
-
 def uncertainty(rig: Rig, covariance: Float64Array, width: int, height: int) -> FitUncertainty:
-    """Of a pair with the covariance (G, G) of its global parameters."""
+    """Return the uncertainty of a pair by the covariance (G, G) of its global parameters."""
     sigma = np.sqrt(np.diag(covariance))
     each = int(np.count_nonzero(rig.free))
     along = rig.T / np.linalg.norm(rig.T)
@@ -107,7 +94,7 @@ def uncertainty(rig: Rig, covariance: Float64Array, width: int, height: int) -> 
     turn = np.rad2deg(sigma[-6:-3])
 
     def angles(change: Float64Array) -> Float64Array:
-        return view_angles_deg(calibration_of(turned_by(rig, change), width, height))
+        return view_angles_deg(calibration_of(rig.changed(change), width, height))
 
     J = _derivative(angles, sigma)
     view = np.sqrt(np.einsum("ai,ij,aj->a", J, covariance, J))
@@ -125,7 +112,7 @@ def uncertainty(rig: Rig, covariance: Float64Array, width: int, height: int) -> 
 
 
 def depth_covariance(rig: Rig, covariance: Float64Array, width: int, height: int) -> Float64Array:
-    """Two causes of a wrong depth, as numbers that hold at every distance.
+    """Return the covariance of the two causes of depth errors, valid at every distance.
 
     To first order the relative error of depth Z is ``scale - offset Z / (f B)``: a wrong
     baseline is a share of the depth, a wrong vergence or principal point a wrong disparity, which
@@ -137,7 +124,7 @@ def depth_covariance(rig: Rig, covariance: Float64Array, width: int, height: int
     truth = calibration_of(rig, width, height)
 
     def changes(change: Float64Array) -> Float64Array:
-        wrong = calibration_of(turned_by(rig, change), width, height)
+        wrong = calibration_of(rig.changed(change), width, height)
         return depth_change(truth, wrong).reshape(-1)
 
     sigma = np.sqrt(np.diag(covariance))
@@ -147,7 +134,7 @@ def depth_covariance(rig: Rig, covariance: Float64Array, width: int, height: int
 
 
 def depth_change(truth: StereoCalibration, wrong: StereoCalibration) -> Float64Array:
-    """By how much depth is wrong when ``wrong`` is used where ``truth`` holds.
+    """Return the depth error that results when ``wrong`` is used where ``truth`` holds.
 
     Points of known depth are projected by the one and measured by the other, at two depths; a
     share of the depth and a lasting error of the disparity explain the two.
@@ -207,7 +194,7 @@ def rectified_directions(
     )
     turned = []
     for K, D, px, R in ((c.K1, c.D1, left_px, R1), (c.K2, c.D2, right_px, R2)):
-        look = directions(c.distortion_model, K, D if D.size else np.zeros(5), px)
+        look = directions(c.distortion_model, K, D, px)
         look = look @ np.asarray(R, dtype=np.float64).T
         with np.errstate(divide="ignore", invalid="ignore"):
             turned.append(np.where(look[:, 2:] > 0, look / look[:, 2:], np.nan))

@@ -1,4 +1,4 @@
-"""What a calibrated rig can do, in metres: how right depth is, and what motion it reports when."""
+"""Verdict on a calibrated rig, in metres: its depth errors, and what motion it reports when."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _BENT, _BENT_SIGMAS = 0.004, 4.0
 
 @dataclass(frozen=True)
 class VerdictRow:
-    """What to expect at one distance.
+    """Expected performance at one distance.
 
     Attributes:
         distance_m: depth.
@@ -61,7 +61,7 @@ class VerdictRow:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All of it.
+    """Verdict at all distances.
 
     Attributes:
         rows: at ``DISTANCES_M``. sentence: the middle one in words.
@@ -77,68 +77,15 @@ class Verdict:
     nearest_m: float
 
 
-def judge(
-    fit: StereoFit,
-    frame_rate: float,
-    *,
-    thing: Thing | None = None,
-    parameters: Parameters | None = None,
-) -> Verdict:
-    """What a pair that was just calibrated can do.
+def judge(fit: StereoFit, frame_rate: float) -> Verdict:
+    """Return what a pair that was just calibrated can do, for a person and default parameters.
 
     Args:
         frame_rate: of the cameras, 1/s.
-        thing: that moves; a person, if left out. parameters: of the method, as they are used.
     """
+    calibration, bias = fit.calibration, fit.depth_bias
     lasting_px = 0.0 if fit.held_out is None else fit.held_out.lasting_px
-    return _verdict(
-        fit.calibration, frame_rate, fit.depth_bias, lasting_px, thing, parameters,
-        _fit_warnings(fit),
-    )  # fmt: skip
-
-
-def judge_calibration(
-    calibration: StereoCalibration,
-    frame_rate: float,
-    *,
-    thing: Thing | None = None,
-    parameters: Parameters | None = None,
-) -> Verdict:
-    """What a pair can do of which only the calibration is known: as if it were exact."""
-    unknown = (
-        "how exact this calibration is was not measured here; the errors of depth are those of "
-        "noise alone"
-    )
-    return _verdict(calibration, frame_rate, None, 0.0, thing, parameters, [unknown])
-
-
-def depth_bias_share(
-    calibration: StereoCalibration,
-    distance_m: float,
-    bias: DepthBias | None,
-    lasting_px: float = 0.0,
-) -> float:
-    """One standard deviation of depth's lasting error at a distance, as a share of it.
-
-    Args:
-        bias: of the fit. lasting_px: of ``HeldOut``: rows that disagree for good tell that columns
-            do so as much, by distortion that the lens model does not hold.
-    """
-    per_disparity = distance_m / (float(calibration.K1[0, 0]) * calibration.baseline)
-    known = 0.0 if bias is None else bias.relative_sigma(per_disparity)
-    return math.hypot(known, lasting_px * per_disparity)
-
-
-def _verdict(
-    calibration: StereoCalibration,
-    frame_rate: float,
-    bias: DepthBias | None,
-    lasting_px: float,
-    thing: Thing | None,
-    parameters: Parameters | None,
-    warnings: list[str],
-) -> Verdict:
-    thing, parameters = thing or Thing(), parameters or Parameters()
+    thing, parameters = Thing(), Parameters()
     camera, problem = _camera(calibration)
     nearest = camera.fx * camera.baseline / parameters.stereo.max_disparity_px
     rows = []
@@ -175,10 +122,27 @@ def _verdict(
     return Verdict(
         rows=found,
         sentence=_sentence(found),
-        warnings=(*problem, *warnings, *_rig_warnings(calibration, found)),
+        warnings=(*problem, *_fit_warnings(fit), *_rig_warnings(calibration, found)),
         frame_rate=frame_rate,
         nearest_m=nearest,
     )
+
+
+def depth_bias_share(
+    calibration: StereoCalibration,
+    distance_m: float,
+    bias: DepthBias | None,
+    lasting_px: float = 0.0,
+) -> float:
+    """One standard deviation of depth's lasting error at a distance, as a share of it.
+
+    Args:
+        bias: of the fit. lasting_px: of ``HeldOut``: rows that disagree for good tell that columns
+            do so as much, by distortion that the lens model does not hold.
+    """
+    per_disparity = distance_m / (float(calibration.K1[0, 0]) * calibration.baseline)
+    known = 0.0 if bias is None else bias.relative_sigma(per_disparity)
+    return math.hypot(known, lasting_px * per_disparity)
 
 
 def _camera(calibration: StereoCalibration) -> tuple[StereoCamera, list[str]]:
@@ -215,7 +179,7 @@ def _sentence(rows: tuple[VerdictRow, ...]) -> str:
 
 
 def length_words(metres: float) -> str:
-    """As people say it: mm below a centimetre, cm below a metre."""
+    """Return a length for people: mm below a centimetre, cm below a metre."""
     if metres < 0.01:
         return f"{1e3 * metres:.0f} mm" if metres >= 0.001 else "1 mm"
     if metres < 1:

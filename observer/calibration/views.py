@@ -1,4 +1,4 @@
-"""How a board was seen: by one camera, and by both at one time."""
+"""Views of a board: by one camera, and by both at one time."""
 
 from __future__ import annotations
 

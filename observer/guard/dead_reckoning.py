@@ -1,4 +1,4 @@
-"""Where the robot was a moment ago, by the velocities it told since."""
+"""Dead reckoning of where the robot was a moment ago, by the velocities reported since."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class DeadReckoning:
         self._count = 0
 
     def advance(self, now: float, speed_mps: float, turn_rate_radps: float) -> bool:
-        """The robot drove at this velocity since the last call.
+        """Take in the velocity at which the robot drove since the last call.
 
         Returns:
             False where what was before is forgotten: the calls are too far apart, or time ran

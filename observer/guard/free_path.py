@@ -1,4 +1,4 @@
-"""How far the floor ahead is seen to be free: from one rectified pair, by coarse dense stereo.
+"""Free ground ahead, seen in one rectified pair by coarse dense stereo.
 
 Block matching compares blocks that face the camera, and the floor does not: so it is matched
 twice, as it is for what stands, and once more with the right image shifted by the disparity that
@@ -76,7 +76,7 @@ class FreePath:
         self._lay_out(camera, mount, p)
 
     def _lay_out(self, camera: StereoCamera, mount: CameraMount, p: GuardParameters) -> None:
-        """What of every coarse pixel does not depend on the image."""
+        """Compute what of every coarse pixel does not depend on the image."""
         width, height = self._size
         f = self._factor
         # Pixel centres lie on whole numbers, so it is the pixels' edges that scale.
@@ -253,7 +253,7 @@ def _matcher(least: int, count: int) -> cv2.StereoBM:
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Where the longest run of True begins in each row (N, M), and how long it is."""
+    """Return begin and length of the longest run of True in each row (N, M)."""
     edge = np.diff(np.pad(flags, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     rows, begins = np.nonzero(edge == 1)
     lengths = np.nonzero(edge == -1)[1] - begins

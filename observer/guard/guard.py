@@ -1,4 +1,4 @@
-"""How fast a robot may drive at this moment: asked every tick of the drive loop.
+"""Guard of the robots' speed, asked every tick of the drive loop.
 
 Nav2's collision monitor is the model: what would be met within ``slow_time_s`` slows the robot in
 proportion (its *approach*), what is too near to stop for stops it; here by uncertainty, and with
@@ -27,7 +27,7 @@ Level = Literal["clear", "slow", "stop"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a robot may do at this moment.
+    """Permission for a robot at this moment.
 
     Attributes:
         level: whether it may drive as asked, slower or not at all. Never ``clear`` while blind.
@@ -52,7 +52,7 @@ class Verdict:
 
 
 def sight_trouble(sight: Sight | None, now: float, world: str) -> str | None:
-    """Why a robot of a world cannot go by this sight, one sentence; None where it can.
+    """Return why a robot of a world cannot go by this sight, one sentence; None where it can.
 
     Args:
         now: the host's monotonic clock. world: in which the robot drives, as ``Sight.world``.
@@ -91,7 +91,7 @@ class Guard:
         self._parameters = parameters
 
     def forget(self, role: Role) -> None:
-        """Another robot has this role from now on."""
+        """Forget a role: another robot has it from now on."""
         self._sides.pop(role, None)
 
     def limit(
@@ -107,7 +107,7 @@ class Guard:
         length_m: float | None,
         now: float,
     ) -> Verdict:
-        """What the robot may do for what is asked of it; takes 0.2 ms.
+        """Return what the robot may do for what is asked of it; takes 0.2 ms.
 
         Args:
             wanted: m/s forward and rad/s to the left, finite. measured: the same by its encoders;

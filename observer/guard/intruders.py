@@ -1,4 +1,4 @@
-"""What comes nearer by itself, as sonar hears it: also from the side, where no camera looks.
+"""Intruders: what sonar hears come nearer by itself, also where no camera looks.
 
 An echo tells how far something is, not where across the cone. So what stands still explains a new
 echo as long as some place on its arc has not been told to be clear a moment ago: by this sonar's
@@ -24,6 +24,7 @@ from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import DeadReckoning
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import SeenObstacle
+from observer.guard.sonar_clear import sonar_rows
 from observer.robots.contract import SonarReading
 
 # How long ground counts as clear because it was: what stands still does not come into it.
@@ -83,7 +84,7 @@ class SonarWatch:
         self._doubted: dict[int, _Heard] = {}
 
     def forget(self) -> None:
-        """Nobody knows where the robot was before."""
+        """Forget all readings: nobody knows where the robot was before."""
         self._readings.clear()
         self._newest.clear()
         self._trails.clear()
@@ -96,13 +97,7 @@ class SonarWatch:
         new = [one for one in sonars if self._is_new(one, now, p)]
         if not new:
             return
-        rows = np.array(
-            [
-                (one.received, one.x, one.y, one.heading,
-                 math.inf if one.range_m is None else one.range_m)
-                for one in new
-            ]
-        )  # fmt: skip
+        rows = sonar_rows(new)
         poses = past.poses(rows[:, 0])
         c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         x = poses[:, 0] + c * rows[:, 1] - s * rows[:, 2]
@@ -124,7 +119,7 @@ class SonarWatch:
         return one.received - before >= _APART_S and now - one.received <= p.sonar_fresh_s
 
     def _may_come(self, index: int, range_m: float | None, p: GuardParameters) -> bool:
-        """Whether it is nearer than what it may go on from; the rest need not be looked at."""
+        """Return whether it is nearer than what it may continue; the rest need not be looked at."""
         if range_m is None or range_m > min(_FARTHEST_M, p.sonar_reach_m):
             return False
         trail, doubted = self._trails.get(index), self._doubted.get(index)
@@ -164,7 +159,7 @@ class SonarWatch:
         return np.asarray(moved_in.mean(axis=1))
 
     def _follow(self, index: int, row: list[float], share: float, p: GuardParameters) -> None:
-        """Whether a sonar's new reading goes on where its last ones came nearer."""
+        """Continue a sonar's trail by its new reading, or begin another one."""
         received, x, y, heading, echo = row
         trail = self._trails.setdefault(index, deque(maxlen=4))
         doubted = self._doubted.pop(index, None)
@@ -189,16 +184,16 @@ class SonarWatch:
     def coming(
         self, now: float, past: DeadReckoning, p: GuardParameters
     ) -> list[tuple[int, list[SeenObstacle]]]:
-        """What comes nearer: the sonar's number and where it may be, in the base frame of now."""
-        found: list[tuple[int, list[SeenObstacle]]] = []
-        for index, trail in self._trails.items():
-            if trail and trail[-1].comes and now - trail[-1].received <= p.sonar_fresh_s:
-                found.append((index, _predicted(index, trail, now, past, p)))
-        return found
+        """Return what comes nearer: the sonar's number and places, in the base frame of now."""
+        return [
+            (index, _predicted(index, trail, now, past, p))
+            for index, trail in self._trails.items()
+            if trail and trail[-1].comes and now - trail[-1].received <= p.sonar_fresh_s
+        ]
 
 
 def _follows(last: _Heard, new: _Heard, p: GuardParameters) -> bool:
-    """Whether one thing may have echoed twice: it does not jump."""
+    """Return whether one thing may have echoed twice: it does not jump."""
     gap = new.received - last.received
     own = math.hypot(new.x - last.x, new.y - last.y)
     most = _FASTEST_MPS * (gap + _DELAY_S) + own
@@ -206,7 +201,7 @@ def _follows(last: _Heard, new: _Heard, p: GuardParameters) -> bool:
 
 
 def _comes(last: _Heard, new: _Heard, share: float) -> bool:
-    """Whether what echoes came nearer over ground of which such a share was clear."""
+    """Return whether what echoes came nearer over ground of which such a share was clear."""
     if last.range_m - new.range_m <= _SLOWEST_MPS * (new.received - last.received):
         return False
     return share >= (_STILL_CLEAR_SHARE if last.comes else _CLEAR_SHARE)
@@ -232,11 +227,8 @@ def _predicted(
             vx, vy = (along - rate) * c - across * s, (along - rate) * s + across * c
             dx = last.x + last.range_m * c + vx * age - x0
             dy = last.y + last.range_m * s + vy * age - y0
-            found.append(
-                SeenObstacle(
-                    index, c0 * dx + s0 * dy, c0 * dy - s0 * dx, c0 * vx + s0 * vy,
-                    c0 * vy - s0 * vx, 0.0, math.hypot(place_sigma, rate_sigma * age),
-                    rate_sigma, False,
-                )
-            )  # fmt: skip
+            place = c0 * dx + s0 * dy, c0 * dy - s0 * dx
+            velocity = c0 * vx + s0 * vy, c0 * vy - s0 * vx
+            sigma = math.hypot(place_sigma, rate_sigma * age)
+            found.append(SeenObstacle(index, *place, *velocity, 0.0, sigma, rate_sigma, False))
     return found

@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import inverse, moved
-from observer.guard.limit import Limit
 from observer.guard.outline import Outline, is_spot_turn
 from observer.guard.parameters import GuardParameters
 from observer.guard.separation import Approach, Stopping, approach
-from observer.guard.side import WHOLE, Side
+from observer.guard.side import WHOLE, Limit, Side
 from observer.guard.sight import Sight
 from observer.guard.sonar_clear import SonarView, clear_by_sonar, echo_at, fresh_sonar
 from observer.robots.contract import SonarReading
@@ -40,7 +39,7 @@ def limit_of(
     p: GuardParameters,
     now: float,
 ) -> Limit:
-    """The least of what tracked obstacles, the ground and sonar permit.
+    """Return the least of what tracked obstacles, the ground and sonar permit.
 
     Args:
         wanted: m/s and rad/s, not zero. sight: to go by; None for the robot without eyes.
@@ -60,7 +59,7 @@ def limit_of(
 def _limit_by_coming(
     side: Side, wanted: tuple[float, float], outline: Outline, p: GuardParameters, now: float
 ) -> Limit:
-    """What sonar hears come nearer by itself, also where no camera looks."""
+    """Limit by what sonar hears come nearer by itself, also where no camera looks."""
     places = [one for _, several in side.watch.coming(now, side.past, p) for one in several]
     if not places:
         return Limit(1.0)
@@ -131,7 +130,7 @@ def _limit_by_echo(
     outline: Outline,
     p: GuardParameters,
 ) -> Limit:
-    """Of a robot without eyes: where nothing echoes it may drive, also without any sonar."""
+    """Limit a robot without eyes: where nothing echoes it may drive, also without any sonar."""
     if view is None or is_spot_turn(*wanted):
         return Limit(1.0)
     stopping = Stopping.of(*wanted, p)

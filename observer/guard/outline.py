@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ class Outline:
 
     @staticmethod
     def of(length_m: float | None, width_m: float | None, radius_m: float | None) -> Outline:
-        """What is not known is taken for large."""
+        """Return an outline in which unknown sizes are taken for large."""
         length = _UNKNOWN_LENGTH_M if length_m is None else length_m
         width = _UNKNOWN_WIDTH_M if width_m is None else width_m
         diagonal = math.hypot(length, width) / 2
@@ -60,42 +61,31 @@ def poses_along(speed_mps: float, turn_rate_radps: float, times: Float64Array) -
 
 
 def is_spot_turn(speed_mps: float, turn_rate_radps: float) -> bool:
-    """Whether a motion turns about a place within the axle's own."""
+    """Return whether a motion turns about a place within the axle's own."""
     return abs(speed_mps) <= _SPOT_M * abs(turn_rate_radps)
 
 
-@dataclass(frozen=True, eq=False)
-class Swept:
-    """Ground that a robot will pass over, sampled.
+class Way(NamedTuple):
+    """Ground that a robot will pass over and, with its margin, does not stand on now; sampled.
 
     Attributes:
-        times: (K,) seconds at the wanted velocity until each pose, from 0 on.
-        points: (K, P, 2) in the base frame as it stands now.
-        outside: (K, P) which of them the robot, with its margin, does not stand on now.
-        margin: (P,) which of them lie beside the robot's way, within its margin: nothing may be
+        points: (N, 2) in the base frame as it stands now.
+        times: (N,) seconds at the wanted velocity until each is reached.
+        beside: (N,) which of them lie beside the robot's way, within its margin: nothing may be
             there that is known of, but what is there need not be known.
+        step_s: between two samples of time; 0 where there is one only.
     """
 
-    times: Float64Array
     points: Float64Array
-    outside: NDArray[np.bool_]
-    margin: NDArray[np.bool_]
-
-    @property
-    def step_s(self) -> float:
-        """From pose to pose; 0 where there is one only."""
-        return float(self.times[1]) if len(self.times) > 1 else 0.0
-
-    def listed(self) -> tuple[Float64Array, Float64Array, NDArray[np.bool_]]:
-        """Of the points outside: places (N, 2), times (N,) and whether in the margin (N,)."""
-        rows, columns = np.nonzero(self.outside)
-        return self.points[rows, columns], self.times[rows], self.margin[columns]
+    times: Float64Array
+    beside: NDArray[np.bool_]
+    step_s: float
 
 
 def swept(
     outline: Outline, speed_mps: float, turn_rate_radps: float, seconds: float, margin_m: float
-) -> Swept:
-    """The ground under the outline with its margin, along an arc of so many seconds.
+) -> Way:
+    """Sample the ground under the outline with its margin, along an arc of so many seconds.
 
     Of a motion forth or back: the leading edge with its margin, the middles of the sides and the
     trailing corners, which swing out in a bend. Of a turn on the spot: the turning circle, all of
@@ -105,9 +95,7 @@ def swept(
         angle = np.arange(_RING) * (2 * math.pi / _RING)
         radius = max(outline.radius_m, math.hypot(outline.length_m, outline.width_m) / 2)
         ring = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        return Swept(
-            np.zeros(1), ring[None], np.ones((1, _RING), np.bool_), np.zeros(_RING, np.bool_)
-        )
+        return Way(ring, np.zeros(_RING), np.zeros(_RING, np.bool_), 0.0)
     body, margin = _edge(outline, margin_m, speed_mps)
     reach = math.hypot(*body[0])
     way = (abs(speed_mps) + abs(turn_rate_radps) * reach) * seconds
@@ -120,11 +108,12 @@ def swept(
         np.abs(y) <= outline.width_m / 2 + margin_m + 1e-6
     )
     own |= np.hypot(x, y) <= outline.radius_m
-    return Swept(times, points, ~own, margin)
+    rows, columns = np.nonzero(~own)
+    return Way(points[rows, columns], times[rows], margin[columns], float(times[1]))
 
 
 def placed(body: Float64Array, poses: Float64Array) -> Float64Array:
-    """Points (P, 2) of a body at each of its poses (K, 3): (K, P, 2)."""
+    """Return points (P, 2) of a body at each of its poses (K, 3): (K, P, 2)."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x = poses[:, :1] + c[:, None] * body[:, 0] - s[:, None] * body[:, 1]
     y = poses[:, 1:2] + s[:, None] * body[:, 0] + c[:, None] * body[:, 1]

@@ -201,7 +201,7 @@ class AllParameters(Parameters):
 
     @property
     def vision(self) -> Parameters:
-        """Those that an observer takes: a change of the guard leaves them equal."""
+        """Parameters that an observer takes: a change of the guard leaves them equal."""
         return Parameters.model_validate(
             {group: getattr(self, group) for group in Parameters.model_fields}
         )

@@ -1,4 +1,4 @@
-"""From an observation to what the guard goes by: obstacles and free floor in the robot's frame."""
+"""Conversion of an observation to what the guard goes by, in the robot's frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def sight_of_observation(
     scan: FreeScan | None,
     published: float,
 ) -> Sight:
-    """What the drive process is told of a frame.
+    """Return what the drive process is told of a frame.
 
     Args:
         mount: of the cameras on the robot, None where unknown: then nothing is known of places.

@@ -1,4 +1,4 @@
-"""Which ground is seen to be free, now and a moment ago."""
+"""Ground that is seen to be free, now and a moment ago."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class ScanView:
         return ScanView(np.array(scan.bearings), *joined)
 
     def look(self, points: Float64Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which points (N, 2) of the scan's base frame are seen to be free, which are blocked."""
+        """Return which points (N, 2) of the scan's base frame are seen free, which are blocked."""
         if len(self.bearings) < 2:
             nothing = np.zeros(len(points), np.bool_)
             return nothing, nothing
@@ -85,7 +85,7 @@ class RememberedGround:
     def free(
         self, points: Float64Array, now: float, past: DeadReckoning, p: GuardParameters
     ) -> NDArray[np.bool_]:
-        """Which points (N, 2) of the base frame of now were seen free, and must be so still.
+        """Return which points (N, 2) of the base frame of now were seen free and must still be so.
 
         All ground around a point must have been free as far as something unseen may have come
         since, at ``intruder_mps``.
@@ -115,7 +115,7 @@ class RememberedGround:
 
 
 def _spread(scans: list[tuple[float, ScanView]]) -> list[tuple[float, ScanView]]:
-    """At most ``_ASKED`` of them, from the newest to the oldest."""
+    """Return at most ``_ASKED`` of them, from the newest to the oldest."""
     if len(scans) <= _ASKED:
         return scans[::-1]
     picked = np.linspace(len(scans) - 1, 0, _ASKED).round().astype(int)

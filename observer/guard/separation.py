@@ -1,4 +1,4 @@
-"""Speed and separation: how far a robot must keep off, and how fast it may be for the space it has.
+"""Speed and separation: distance that a robot must keep, and speed for the space it has.
 
 The protective separation distance of ISO/TS 15066:2016, 5.5.4 (with the words of ISO 13855 for
 what approaches), as Marvel and Norcross write it out (Implementing speed and separation monitoring
@@ -34,7 +34,7 @@ from observer.guard.parameters import GuardParameters
 from observer.guard.sight import SeenObstacle
 
 # One standard deviation of the robot's own way, as a share of it: wheels slip, floors differ.
-WAY_SIGMA = 0.05
+_WAY_SIGMA = 0.05
 # Where no uncertainty is told.
 _UNKNOWN_POSITION_SIGMA_M = 0.2
 _UNKNOWN_VELOCITY_SIGMA_MPS = 0.3
@@ -45,50 +45,8 @@ _NO_APPROACH_M = 0.002
 
 
 @dataclass(frozen=True)
-class ProtectiveDistance:
-    """The parts of the protective separation distance, metres; see the module."""
-
-    S_h: float
-    S_r: float
-    S_s: float
-    C: float
-    Z_d: float
-    Z_r: float
-
-    @property
-    def total(self) -> float:
-        return self.S_h + self.S_r + self.S_s + self.C + self.Z_d + self.Z_r
-
-
-def protective_distance(
-    speed_mps: float,
-    p: GuardParameters,
-    *,
-    closing_mps: float = 0.0,
-    position_sigma_m: float = 0.0,
-) -> ProtectiveDistance:
-    """How far off something must be for a robot that drives straight at it.
-
-    Args:
-        speed_mps: of the robot, 0 or more. closing_mps: of the obstacle towards the robot.
-        position_sigma_m: of the obstacle along the line between them, when the robot stands.
-    """
-    braking_s = speed_mps / p.deceleration_mps2
-    S_r = speed_mps * p.reaction_s
-    S_s = speed_mps * braking_s / 2
-    return ProtectiveDistance(
-        S_h=max(0.0, closing_mps) * (p.reaction_s + braking_s),
-        S_r=S_r,
-        S_s=S_s,
-        C=p.margin_m,
-        Z_d=p.sigmas * position_sigma_m,
-        Z_r=p.sigmas * WAY_SIGMA * (S_r + S_s),
-    )
-
-
-@dataclass(frozen=True)
 class Stopping:
-    """How a motion along one arc comes to its end.
+    """Braking of a motion along one arc.
 
     Speed and turn rate are scaled together by a *share* from 0 to 1, so the robot stays on the
     arc; its way is told in seconds at the wanted velocity.
@@ -109,7 +67,7 @@ class Stopping:
             abs(turn_rate_radps) / p.turn_acceleration_radps2,
             1e-6,
         )
-        return Stopping(p.reaction_s, braking_s, 1 + p.sigmas * WAY_SIGMA)
+        return Stopping(p.reaction_s, braking_s, 1 + p.sigmas * _WAY_SIGMA)
 
     def way_s(self, share: float = 1.0) -> float:
         """S_r + S_s + Z_r of a share of the wanted velocity."""
@@ -131,7 +89,7 @@ class Stopping:
 
 @dataclass(frozen=True)
 class Approach:
-    """What tracked obstacles permit.
+    """Limits that tracked obstacles set.
 
     Attributes:
         stop_share: of the wanted velocity, with which the separation is kept to the end of
@@ -146,9 +104,6 @@ class Approach:
     nearest: int | None
 
 
-CLEAR = Approach(1.0, None, None, None)
-
-
 def approach(
     obstacles: Sequence[SeenObstacle],
     T_now_then: tuple[float, float, float],
@@ -157,7 +112,7 @@ def approach(
     outline: Outline,
     p: GuardParameters,
 ) -> Approach:
-    """How tracked obstacles limit a motion along an arc, their own motion included.
+    """Return how tracked obstacles limit a motion along an arc, their own motion included.
 
     A motion that comes no nearer to an obstacle than standing would is never limited by it, so
     that a robot can always make way.
@@ -171,7 +126,7 @@ def approach(
     horizon_s = age_s + max(p.slow_time_s, p.reaction_s + stopping.braking_s)
     obstacles = [one for one in obstacles if _within_reach(one, wanted, horizon_s, outline, p)]
     if not obstacles:
-        return CLEAR
+        return Approach(1.0, None, None, None)
     values = np.array([_numbers(one) for one in obstacles])
     x0, y0, yaw = T_now_then
     c, s = np.cos(yaw), np.sin(yaw)
@@ -219,11 +174,11 @@ def _within_reach(
     outline: Outline,
     p: GuardParameters,
 ) -> bool:
-    """Whether the two might meet within a time, wherever they head; the rest is not looked at."""
+    """Return whether the two might meet within a time, wherever they head."""
     body = math.hypot(outline.length_m, outline.width_m) / 2
     _, _, vx, vy, radius, sigma_p, sigma_v = _numbers(one)
     # Z_r stretches the robot's way.
-    fast = (1 + p.sigmas * WAY_SIGMA) * abs(wanted[0]) + math.hypot(vx, vy)
+    fast = (1 + p.sigmas * _WAY_SIGMA) * abs(wanted[0]) + math.hypot(vx, vy)
     sigma = sigma_p + sigma_v * seconds
     reach = body + radius + p.margin_m + p.sigmas * sigma + fast * seconds
     return math.hypot(one.x, one.y) <= reach
@@ -231,8 +186,6 @@ def _within_reach(
 
 def _numbers(one: SeenObstacle) -> tuple[float, ...]:
     sigma_p, sigma_v = one.position_sigma_m, one.velocity_sigma_mps
-    return (
-        one.x, one.y, one.vx, one.vy, one.radius_m,
-        _UNKNOWN_POSITION_SIGMA_M if sigma_p is None else sigma_p,
-        _UNKNOWN_VELOCITY_SIGMA_MPS if sigma_v is None else sigma_v,
-    )  # fmt: skip
+    sigma_p = _UNKNOWN_POSITION_SIGMA_M if sigma_p is None else sigma_p
+    sigma_v = _UNKNOWN_VELOCITY_SIGMA_MPS if sigma_v is None else sigma_v
+    return one.x, one.y, one.vx, one.vy, one.radius_m, sigma_p, sigma_v

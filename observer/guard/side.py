@@ -1,18 +1,13 @@
-"""What the guard holds of one robot from tick to tick: what it knows and what it permitted."""
+"""State of the guard for one robot from tick to tick: what it knows and what it permitted."""
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import DeadReckoning
 from observer.guard.intruders import SonarWatch
-from observer.guard.limit import Limit
-from observer.guard.outline import Outline, is_spot_turn, swept
+from observer.guard.outline import Outline, Way, is_spot_turn, swept
 from observer.guard.parameters import GuardParameters
 from observer.guard.seen_ground import RememberedGround, ScanView
 from observer.guard.sight import Sight
@@ -23,8 +18,18 @@ WHOLE = 0.999
 # A turn on the spot that was stopped begins again with at least this share.
 _LEAST_TURN = 0.1
 
-# Of the ground passed over: places, times, which lie in the margin, and the step between times.
-_Way = tuple[Float64Array, Float64Array, NDArray[np.bool_], float]
+
+@dataclass(frozen=True)
+class Limit:
+    """Share of the wanted velocity, and why it is not the whole.
+
+    Attributes:
+        comes: what limits comes nearer by itself, as sonar hears; nothing was driven up to.
+    """
+
+    share: float
+    reason: str | None = None
+    comes: bool = False
 
 
 class Side:
@@ -46,9 +51,10 @@ class Side:
         self._heading: tuple[int, int] | None = None
         self._stopped = False
         self._drawn: tuple[object, tuple[Polygon, Polygon]] | None = None
-        self._way: tuple[object, _Way] | None = None
+        self._way: tuple[object, Way] | None = None
 
     def advance(self, now: float, measured: tuple[float | None, float | None]) -> None:
+        """Take in the measured velocity; forget all where the way since is unknown."""
         speed, turn = (
             told if known is None else known
             for known, told in zip(measured, self.permitted, strict=True)
@@ -61,7 +67,7 @@ class Side:
     def zones(
         self, outline: Outline, wanted: tuple[float, float], p: GuardParameters
     ) -> tuple[Polygon, Polygon]:
-        """The stop and the slow zone; most ticks want the same as the one before."""
+        """Return the stop and the slow zone; most ticks want the same as the one before."""
         key = (outline, wanted, p)
         if self._drawn is None or self._drawn[0] != key:
             self._drawn = key, (stop_zone(outline, wanted, p), slow_zone(outline, wanted, p))
@@ -69,12 +75,11 @@ class Side:
 
     def way(
         self, outline: Outline, wanted: tuple[float, float], seconds: float, margin_m: float
-    ) -> _Way:
-        """The ground to be passed over; most ticks want the same as the one before."""
+    ) -> Way:
+        """Return the ground to be passed over; most ticks want the same as the one before."""
         key = (outline, wanted, seconds, margin_m)
         if self._way is None or self._way[0] != key:
-            ground = swept(outline, *wanted, seconds, margin_m)
-            self._way = key, (*ground.listed(), ground.step_s)
+            self._way = key, swept(outline, *wanted, seconds, margin_m)
         return self._way[1]
 
     def see(self, sight: Sight) -> None:
@@ -87,14 +92,14 @@ class Side:
             self.ground.remember(sight.received, self.scan)
 
     def release(self) -> None:
-        """What was called for before holds no longer."""
+        """Forget the limits that were called for before."""
         self._calls.clear()
         self._stopped = False
 
     def held(
         self, limit: Limit, wanted: tuple[float, float], now: float, p: GuardParameters
     ) -> Limit:
-        """The limit in force: it falls at once, and rises when less was not called for lately.
+        """Return the limit in force: it falls at once, and rises if less was not called for lately.
 
         Args:
             limit: of the wanted velocity, called for at this moment.

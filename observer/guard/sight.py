@@ -1,10 +1,12 @@
-"""What the drive process is told of each observed frame: small, and in the robot's own frame."""
+"""Sight: what the drive process is told of each observed frame, in the robot's own frame."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from observer.types import Status
 
@@ -39,7 +41,7 @@ class SeenObstacle:
 
 @dataclass(frozen=True)
 class FreeScan:
-    """How far the floor ahead is known to be free, by direction from the base's origin.
+    """Free ground ahead, by direction from the base's origin.
 
     Between two neighbouring bearings the worse one counts. Directions outside are unknown.
 
@@ -82,27 +84,17 @@ class Sight:
     scan: FreeScan | None = None
 
     def facts(self) -> dict[str, Any]:
-        """As plain values, for JSON."""
+        """Return plain values, for JSON."""
         return asdict(self)
 
 
+_SIGHT = TypeAdapter(Sight)
+
+
 def sight_of(facts: Mapping[str, Any]) -> Sight:
-    """The opposite of ``Sight.facts``.
+    """Return the sight of which these are the ``facts``.
 
     Raises:
-        KeyError, TypeError, ValueError: it is not one.
+        ValueError: they are of none.
     """
-    scan = facts["scan"]
-    return Sight(
-        frame=int(facts["frame"]),
-        received=float(facts["received"]),
-        published=float(facts["published"]),
-        world=facts["world"],
-        status=Status(facts["status"]),
-        reasons=tuple(facts["reasons"]),
-        mount_known=bool(facts["mount_known"]),
-        obstacles=tuple(SeenObstacle(**one) for one in facts["obstacles"]),
-        scan=None
-        if scan is None
-        else FreeScan(**{name: tuple(values) for name, values in scan.items()}),
-    )
+    return _SIGHT.validate_python(facts)

@@ -1,4 +1,4 @@
-"""What fresh sonar readings say of ground: clear, an echo, or nothing."""
+"""Ground that fresh sonar readings call clear, or an echo, or neither."""
 
 from __future__ import annotations
 
@@ -43,24 +43,27 @@ class SonarView:
         return len(self.index)
 
 
+def sonar_rows(sonars: Sequence[SonarReading]) -> Float64Array:
+    """Return rows (S, 5) of received, x, y, heading and range, infinite where none echoed."""
+    return np.array(
+        [
+            (s.received, s.x, s.y, s.heading, math.inf if s.range_m is None else s.range_m)
+            for s in sonars
+        ]
+    )
+
+
 def fresh_sonar(
     sonars: Sequence[SonarReading], now: float, past: DeadReckoning, p: GuardParameters
 ) -> SonarView | None:
-    """The readings that still count; None where there are none.
+    """Return the readings that still count; None where there are none.
 
     What a sonar told before is worth less by what may have come in since at ``intruder_mps``.
     """
     fresh = [one for one in sonars if -_SINCE_S <= now - one.received <= p.sonar_fresh_s]
     if not fresh:
         return None
-    rows = np.array(
-        [
-            (one.x, one.y, one.heading, math.inf if one.range_m is None else one.range_m,
-             one.received)
-            for one in fresh
-        ]
-    )  # fmt: skip
-    x, y, heading, echo, received = rows.T
+    received, x, y, heading, echo = sonar_rows(fresh).T
     # The base as it stands now in the base frame of each reading; here its inverse is needed.
     dx, dy, yaw = past.then_from_now(received).T
     c, s = np.cos(yaw), np.sin(yaw)
@@ -77,7 +80,7 @@ def fresh_sonar(
 
 
 def clear_by_sonar(points: Float64Array, view: SonarView, p: GuardParameters) -> NDArray[np.bool_]:
-    """Which points (N, 2) of the base frame lie in ground that sonar says is clear.
+    """Return which points (N, 2) of the base frame lie in ground that sonar says is clear.
 
     In a clear cone, or between two clear cones whose gap there is narrower than
     ``thing_width_m``: whatever stands in it reaches into one of them.

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from observer.geometry import Float64Array
 from observer.guard.outline import Outline, is_spot_turn, placed, poses_along
 from observer.guard.parameters import GuardParameters
 from observer.guard.separation import Stopping
@@ -17,12 +18,12 @@ _ALONG = 6
 
 
 def stop_zone(outline: Outline, wanted: tuple[float, float], p: GuardParameters) -> Polygon:
-    """What must be free for the wanted velocity: until the robot stands again, with the margin."""
+    """Return what must be free for the wanted velocity until the robot stands, with the margin."""
     return _zone(outline, wanted, Stopping.of(*wanted, p).way_s(), p.margin_m)
 
 
 def slow_zone(outline: Outline, wanted: tuple[float, float], p: GuardParameters) -> Polygon:
-    """Where a thing makes the robot slow down: what it would reach within ``slow_time_s``."""
+    """Return where a thing makes the robot slow down: what it would reach in ``slow_time_s``."""
     way_s = max(p.slow_time_s, Stopping.of(*wanted, p).way_s())
     return _zone(outline, wanted, way_s, p.margin_m)
 
@@ -44,5 +45,5 @@ def _zone(outline: Outline, wanted: tuple[float, float], way_s: float, margin_m:
     return _polygon(np.concatenate([left, right[::-1], tail]))
 
 
-def _polygon(points: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Polygon:
+def _polygon(points: Float64Array) -> Polygon:
     return tuple((round(float(x), 3), round(float(y), 3)) for x, y in points)

@@ -1,4 +1,4 @@
-"""Which image files belong together, and at which time: pairs by equal names, times by line."""
+"""Listing of image files: pairs by equal names, times by line."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def natural_order(name: str) -> tuple[tuple[int, str], ...]:
 
 
 def read_times(path: Path) -> list[float]:
-    """Seconds, one number a line; empty lines and lines that begin with # do not count.
+    """Read times in seconds, one a line; empty lines and lines that begin with # do not count.
 
     Raises:
         SourceError: the file is missing or a line is no finite number.

@@ -62,7 +62,7 @@ def decoded_image(content: bytes, *, name: str, grey: bool = False) -> Image:
 
 
 def damage(content: bytes) -> str | None:
-    """What is wrong with an image file as a container, or None; pixels are not decoded."""
+    """Return what is wrong with an image file as a container, or None; pixels are not decoded."""
     if not content:
         return "is empty"
     if content.startswith(_PNG):

@@ -1,4 +1,4 @@
-"""Where the camera sits on the robot, from a short drive: wheels on one side, stereo on the other.
+"""Extrinsics of the camera on its robot from a short drive, by wheels and stereo.
 
 Hand-eye calibration, A X = X B, of a robot that drives on a plane. With the robot's motion over
 a stretch (turn psi about z, way p) and the camera's (rotation B, translation b):
@@ -54,7 +54,7 @@ DRIVE_STRAIGHT = "drive 1 m straight"
 
 @dataclass(frozen=True)
 class DriveEstimate:
-    """What a drive has told so far; None where it has not told it yet.
+    """Estimates from a drive so far; None where it has not told them yet.
 
     Attributes:
         forward_m, left_m: of the camera from the middle of the axle. pan_rad, tilt_rad, roll_rad:
@@ -84,12 +84,12 @@ def estimate_drive(
     standing: CameraMount | None = None,
     standing_sigma_rad: float = math.radians(1),
 ) -> DriveEstimate | Refused:
-    """The camera's place on the robot from how both of them moved.
+    """Estimate the camera's place on the robot from how both of them moved.
 
     Args:
         samples: in order of time, a few a second or more while the robot drives.
         standing: tilt and roll as known otherwise, mostly from the floor
-            (``FloorEstimate.mount``); its height and offset do not matter.
+            (``GroundEstimate.mount``); its height and offset do not matter.
         standing_sigma_rad: of its tilt and roll, one standard deviation.
 
     Returns:
@@ -151,7 +151,7 @@ class _Fit:
 
 
 class _Model:
-    """What is observed of the stretches less what a place of the camera predicts."""
+    """Residuals of the stretches for given extrinsics of the camera."""
 
     def __init__(self, stretches: Sequence[Stretch]) -> None:
         self._wheels = WheelPaths(stretches)
@@ -237,7 +237,7 @@ def _rotation(angles: Float64Array) -> Float64Array:
 
 
 def _turn_scale(stretches: Sequence[Stretch], fit: _Fit) -> Estimated | None:
-    """What the camera saw against what the wheels report, by least squares through zero."""
+    """Return the turn that the camera saw over what the wheels report, by least squares."""
     seen = _Model(stretches).turned(fit.values)[:, 2]
     told = np.array([stretch.wheel_turn for stretch in stretches])
     size = float(told @ told)

@@ -22,7 +22,7 @@ _MOST_STEP_M, _MOST_STEP_RAD, _MOST_STEP_S = 1.0, math.radians(60), 1.0
 
 @dataclass(frozen=True, eq=False)
 class DriveSample:
-    """Where camera and wheels were at one instant.
+    """Poses of camera and wheels at one instant.
 
     Attributes:
         time: seconds on the source's clock. segment: of the world that the pose is given in.
@@ -37,7 +37,7 @@ class DriveSample:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """What camera and wheels did from one instant to a later one.
+    """Motion of camera and wheels from one instant to a later one.
 
     Attributes:
         turn: (3,) rotation vector, radians, and way: (3,) metres, of the camera: its later pose
@@ -99,7 +99,7 @@ class WheelPaths:
 
 
 def drive_stretches(samples: Sequence[DriveSample]) -> list[Stretch] | Refused:
-    """The drive in stretches that do not overlap; standing still belongs to none.
+    """Return the drive in stretches that do not overlap; standing still belongs to none.
 
     A stretch ends where a pose or the odometry is missing, the segment changes, time goes back
     or more than a second passes, and where the wheels jump.

@@ -1,4 +1,4 @@
-"""What the rig's estimators answer with: numbers with their uncertainty, or why there are none."""
+"""Results of the rig's estimators: numbers with their uncertainty, or why there are none."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Estimated:
 
 @dataclass(frozen=True)
 class Refused:
-    """Nothing can be told.
+    """Refusal: nothing can be estimated.
 
     Attributes:
         sentence: what is wrong, and what would be right.

@@ -1,4 +1,4 @@
-"""Height, tilt and roll of the camera from the floor it sees by stereo."""
+"""Height, tilt and roll of the camera from the ground that it sees by stereo."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ _LEAST_SHARE_OF_VIEWS = 0.5
 
 
 @dataclass(frozen=True)
-class FloorNoise:
-    """How disparities err.
+class DisparityNoise:
+    """Noise of disparities.
 
     Attributes:
         sigma_px: of a single one, one standard deviation.
@@ -54,8 +54,8 @@ class FloorNoise:
 
 
 @dataclass(frozen=True)
-class FloorEstimate:
-    """How the camera stands above the floor.
+class GroundEstimate:
+    """Height and attitude of the camera above the ground.
 
     Attributes:
         height_m: metres. tilt_rad, roll_rad: as in ``CameraMount``, radians.
@@ -78,10 +78,10 @@ class FloorEstimate:
         return CameraMount(self.height_m.value, self.tilt_rad.value, roll_rad=self.roll_rad.value)
 
 
-def estimate_floor(
-    views: Sequence[ArrayLike], camera: StereoCamera, noise: FloorNoise | None = None
-) -> FloorEstimate | Refused:
-    """The floor below a camera from stereo clouds of one or more frames.
+def estimate_ground(
+    views: Sequence[ArrayLike], camera: StereoCamera, noise: DisparityNoise | None = None
+) -> GroundEstimate | Refused:
+    """Estimate the ground plane below a camera from stereo clouds of one or more frames.
 
     The floor is the largest level plane below the camera that has next to nothing beneath it, or
     the level one below that: this tells it from tables and boxes. The camera is taken to be
@@ -101,11 +101,11 @@ def estimate_floor(
     Returns:
         The estimate, or why there is none, and what would help.
     """
-    noise = FloorNoise() if noise is None else noise
-    found: list[_ViewOfFloor] = []
+    noise = DisparityNoise() if noise is None else noise
+    found: list[_GroundView] = []
     refused: list[str] = []
     for number, view in enumerate(views):
-        one = _floor_of_view(_disparity_points(view, camera, number), camera, noise, number)
+        one = _ground_of_view(_disparity_points(view, camera, number), camera, noise, number)
         if isinstance(one, Refused):
             refused.append(one.sentence)
         else:
@@ -118,7 +118,7 @@ def estimate_floor(
 
 
 @dataclass(frozen=True, eq=False)
-class _ViewOfFloor:
+class _GroundView:
     """Attributes: plane coefficients (3,), their covariance (3, 3) by this view's noise alone."""
 
     coefficients: Float64Array
@@ -136,9 +136,9 @@ def _disparity_points(view: ArrayLike, camera: StereoCamera, number: int) -> Dis
     return DisparityPoints(ray, camera.fx * camera.baseline / points[:, 2])
 
 
-def _floor_of_view(
-    points: DisparityPoints, camera: StereoCamera, noise: FloorNoise, number: int
-) -> _ViewOfFloor | Refused:
+def _ground_of_view(
+    points: DisparityPoints, camera: StereoCamera, noise: DisparityNoise, number: int
+) -> _GroundView | Refused:
     if len(points) < _FEWEST_POINTS:
         return Refused(
             f"only {len(points)} points have a depth, and {_FEWEST_POINTS} are needed; see that "
@@ -160,7 +160,7 @@ def _floor_of_view(
             f"the robot towards more of it, or put newspapers on a floor without texture"
         )
     covariance = _covariance(points.chosen(floor.members), floor)
-    return _ViewOfFloor(floor.coefficients, covariance, floor.support / len(points))
+    return _GroundView(floor.coefficients, covariance, floor.support / len(points))
 
 
 def _lowest(planes: list[LevelPlane]) -> LevelPlane | Refused:
@@ -217,15 +217,15 @@ def _covariance(points: DisparityPoints, floor: LevelPlane) -> Float64Array:
     return np.asarray(information @ (scores.T @ scores) @ information * excess)
 
 
-def _bias_covariance(camera: StereoCamera, noise: FloorNoise) -> Float64Array:
+def _bias_covariance(camera: StereoCamera, noise: DisparityNoise) -> Float64Array:
     """(3, 3) of the coefficients, by what the calibration leaves: offset and slopes."""
     edge = np.array([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, 1.0])
     return np.diag((noise.bias_px / edge) ** 2)
 
 
 def _combined(
-    found: list[_ViewOfFloor], left_out: int, camera: StereoCamera, noise: FloorNoise
-) -> FloorEstimate | Refused:
+    found: list[_GroundView], left_out: int, camera: StereoCamera, noise: DisparityNoise
+) -> GroundEstimate | Refused:
     fb = camera.fx * camera.baseline
     stands = np.array([stand_of(view.coefficients, fb) for view in found])
     middle = np.median(stands, axis=0)
@@ -249,7 +249,7 @@ def _combined(
         )
     height, tilt, roll = (Estimated(float(v), float(s)) for v, s in zip(middle, sigma, strict=True))
     share = float(np.median([view.share for view in found]))
-    return FloorEstimate(
+    return GroundEstimate(
         height, tilt, roll, share, len(found), left_out, _sentence(height, tilt, roll, share)
     )
 

@@ -56,7 +56,7 @@ class DisparityPoints:
 
 @dataclass(frozen=True)
 class PlaneLimits:
-    """What a floor may be like, seen from the camera.
+    """Limits of a ground plane, seen from the camera.
 
     Attributes:
         tilt_rad, roll_rad: largest absolute angles. height_m: lowest and highest.
@@ -100,7 +100,7 @@ class LevelPlane:
         return float((self.sunken & rest).sum()) / max(1.0, float((self.judged & rest).sum()))
 
     def carries(self, other: LevelPlane) -> bool:
-        """Whether the other plane lies level above this one, as a table above its floor."""
+        """Return whether the other plane lies level above this one, as a table above its floor."""
         lower = float((self.members & other.sunken).sum())
         a, b = self.coefficients, other.coefficients
         cosine = float(a @ b) / float(np.linalg.norm(a) * np.linalg.norm(b))
@@ -161,7 +161,7 @@ def _best_hypothesis(
     limits: PlaneLimits,
     rng: np.random.Generator,
 ) -> Float64Array | None:
-    """Of planes through three points each, the one that most points lie on (RANSAC)."""
+    """Return the plane through three points that most points lie on (RANSAC)."""
     triples = rng.integers(0, len(points), (_HYPOTHESES, 3))
     A, d = points.ray[triples], points.disparity[triples]
     # Three points nearly in a line tell no plane.

@@ -1,4 +1,4 @@
-"""From a dense disparity to the points that tell a floor's place."""
+"""Selection of the points of a dense disparity that determine the ground plane."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ _LEAST_TEXTURE = 1.5
 _BLOCK_PX = 7
 
 
-def floor_points(left: Image, disparity: NDArray[np.float32], camera: StereoCamera) -> Float64Array:
-    """Points of a stereo pair for ``estimate_floor``: those with texture to match by.
+def ground_points(
+    left: Image, disparity: NDArray[np.float32], camera: StereoCamera
+) -> Float64Array:
+    """Points of a stereo pair for ``estimate_ground``: those with texture to match by.
 
     On a floor with little texture their plane is about half as wrong as that of all points.
 

@@ -1,4 +1,4 @@
-"""What is known of the robot that carries the cameras, and where each number comes from."""
+"""Rig: what is known of the robot that carries the cameras, and the origin of each number."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class RigValue:
 
 @dataclass(frozen=True)
 class RigMount:
-    """Where the rectified left camera sits; see ``observer.mount.CameraMount`` for the axes.
+    """Mount of the rectified left camera; see ``observer.mount.CameraMount`` for the axes.
 
     Metres and degrees, because people write and read these; None where unknown.
 
@@ -98,7 +98,7 @@ class RigMount:
                 )
 
     def values(self) -> dict[str, RigValue]:
-        """What is known, by key, in the order of the file."""
+        """Return the known values by key, in the order of the file."""
         listed = ((f.name, getattr(self, f.name)) for f in fields(self))
         return {key: value for key, value in listed if value is not None}
 

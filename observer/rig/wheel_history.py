@@ -16,7 +16,7 @@ _LONGEST_GAP_S = 0.5
 
 
 def odometry_at(history: Sequence[Sequence[float]], time: float) -> Odometry | None:
-    """Between two reports what lies between them; shortly behind the last one as it went on.
+    """Interpolate between two reports; extrapolate shortly beyond the last one.
 
     Args:
         history: rows of time, x, y, yaw, the oldest first.

@@ -12,7 +12,7 @@ from app.server.contracts import Engine
 from app.server.errors import Conflict
 from observer.camera import StereoCamera
 from observer.rig.estimates import Refused
-from observer.rig.ground_estimate import estimate_floor
+from observer.rig.ground_estimate import estimate_ground
 
 _LOOKS = 6
 _PAUSE_S = 0.25
@@ -39,7 +39,7 @@ async def survey_floor(engine: Engine, camera: StereoCamera | None) -> FloorEsti
         if reply.frame not in seen:
             seen.add(reply.frame)
             views.append(reply.points)
-    estimate = await asyncio.to_thread(estimate_floor, views, camera)
+    estimate = await asyncio.to_thread(estimate_ground, views, camera)
     if isinstance(estimate, Refused):
         raise Conflict(estimate.sentence)
     return filled(

@@ -1,4 +1,4 @@
-"""Setting a pair's rows straight from what it sees: pitch and roll between the two cameras.
+"""Refinement of pitch and roll between the two cameras from what they see.
 
 A stereo head that was bumped, warmed or driven for months is off by hundredths of a degree, half
 a pixel at a focal length of 1000. Rows tell that apart from the scene, columns do not: vergence
@@ -70,7 +70,7 @@ class RowRefinement:
 
 @dataclass(frozen=True)
 class RefinementRefusal:
-    """Why the calibration stays as it is: one sentence that says what would help."""
+    """Reason why the calibration stays as it is: one sentence that says what would help."""
 
     reason: str
 
@@ -78,7 +78,7 @@ class RefinementRefusal:
 def refine_from_scene(
     calibration: StereoCalibration, pairs: Iterable[tuple[Image, Image]]
 ) -> RowRefinement | RefinementRefusal:
-    """Pitch and roll of the right camera that bring matches of these pairs into one row.
+    """Estimate the pitch and roll of the right camera that align the rows of these pairs.
 
     The given calibration is not changed.
 

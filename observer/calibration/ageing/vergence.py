@@ -1,4 +1,4 @@
-"""Whether the angle between the cameras still is what the calibration says, by a known way.
+"""Check of the vergence against the calibration, by the distance that the wheels report.
 
 Vergence cannot be seen in one pair: it looks like depth. But depth is a scale of the camera's
 way, and the robot's wheels measure that way by themselves (``vergence_fit`` has the formula).
@@ -63,7 +63,7 @@ _BLIND_FRAMES = 5
 
 @dataclass(frozen=True)
 class VergenceCheck:
-    """What is known of the vergence.
+    """Result of the check so far.
 
     Attributes:
         status: ``consistent`` with the calibration, ``drifted`` from it, or ``unobserved``.
@@ -89,7 +89,7 @@ class _Seen:
 
 
 class VergenceWatch:
-    """Fed with every frame of one calibration; costs 0.05 ms a frame on average.
+    """Watch of one calibration's vergence, fed with every frame; costs 0.05 ms a frame on average.
 
     Args:
         camera: the rectified pair.
@@ -115,7 +115,7 @@ class VergenceWatch:
         T_world_camera: Pose | None,
         odometry: Odometry | None,
     ) -> VergenceCheck:
-        """What is known after one more frame.
+        """Return what is known after one more frame.
 
         Args:
             time_s: the frame's, seconds on the source's clock.
@@ -205,7 +205,7 @@ class VergenceWatch:
         return self._judged(vergence, std)
 
     def _judged(self, vergence: float, std: float) -> VergenceCheck:
-        """What a vergence and its standard deviation, rad, mean."""
+        """Return the verdict on a vergence and its standard deviation, rad."""
         way = f"{self._way_m:.1f} m of way"
         sigma = f"+-{math.degrees(std):.2f}"
         # Depth seems d / (d - f v) times as far as it is, which is 1 + v Z / B for small v.
@@ -232,7 +232,7 @@ class VergenceWatch:
         return VergenceCheck("consistent", vergence, std, sentence, self._way_m)
 
     def _strange(self, scale: float, excess: float) -> bool:
-        """Whether near and far points together contradict the wheels, whatever the vergence.
+        """Return whether near and far points together contradict the wheels, whatever the vergence.
 
         Args:
             scale: the wheels' scale error by the spread of disparities alone, a share.
@@ -268,9 +268,10 @@ def _turn(before: Odometry, now: Odometry) -> float:
 
 
 def _pair(before: _Seen, now: _Seen, mount: CameraMount) -> SeenTwice:
-    """The points seen in both views. What moves among them is left to the fit's own weights:
+    """Return the points seen in both views.
 
-    the method's inliers are those that fit the calibration as it is, right or wrong.
+    What moves among them is left to the fit's own weights: the method's inliers are those that
+    fit the calibration as it is, right or wrong.
     """
     _, way_m, turn = driven_step(before.odometry, now.odometry, mount)
     a, b = before.rows, now.rows

@@ -1,4 +1,4 @@
-"""What one known way between two views says about the angle between the cameras.
+"""Estimation of the vergence from two views whose distance is known.
 
 A wrong vergence v (radians, the real right camera turned towards the left one beyond what the
 calibration says) shifts every point of the right image by ``f g v`` along its row, with

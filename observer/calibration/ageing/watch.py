@@ -1,4 +1,4 @@
-"""All that is watched of one calibration during a run, fed with what the observer found."""
+"""Watch of one calibration during a run, fed with what the observer found."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from observer.vision.view import StereoRows
 
 @dataclass(frozen=True)
 class CalibrationAge:
-    """How a calibration stands after a frame."""
+    """State of a calibration after a frame."""
 
     rows: RowDrift
     vergence: VergenceCheck
@@ -37,7 +37,7 @@ class AgeingWatch:
     def look(
         self, frame: StereoFrame, observation: Observation, trace: Mapping[str, Any]
     ) -> CalibrationAge:
-        """What is known after one more frame.
+        """Return what is known after one more frame.
 
         Args:
             frame: as it was played. observation: what the observer found in it.

@@ -7,6 +7,7 @@ readme.txt.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,13 +75,12 @@ def kitti_odometry_draft(name: str, text: str, wanted: Wanted) -> Draft:
         )
     left = _LEFT_CAMERA[cameras]
     notes.append(f"the file does not tell the images' size, taken as {size_words(wanted.size)}")
-    return file.rectified(
-        f"P{left}",
-        f"P{left + 1}",
-        wanted.size,
+    draft = file.rectified(f"P{left}", f"P{left + 1}", wanted.size)
+    return replace(
+        draft,
         format="KITTI odometry calib.txt",
         size_was_told=True,
-        notes=tuple(notes),
+        notes=(*notes, *draft.notes),
         choices=tuple(choices),
     )
 
@@ -100,7 +100,8 @@ def kitti_raw_draft(name: str, text: str, wanted: Wanted) -> Draft:
     size = wanted.size or sizes[0]
     if len(sizes) > 1:
         choices.append(Choice("size", tuple(map(size_words, sizes)), size_words(size)))
-    return file.of_raw(left, size, notes=tuple(notes), choices=tuple(choices))
+    draft = file.of_raw(left, size)
+    return replace(draft, notes=(*notes, *draft.notes), choices=tuple(choices))
 
 
 class _KittiFile:
@@ -123,7 +124,7 @@ class _KittiFile:
         return at_key(self._texts, key, image_size, self._name)
 
     def cameras(self, wanted: Cameras | None, key: str) -> tuple[Cameras, list[str], list[Choice]]:
-        """Which pair to take, by the numbers of the cameras that the file knows."""
+        """Return the pair to take, by the numbers of the cameras that the file knows."""
         there: list[Cameras] = [
             pair
             for pair, left in _LEFT_CAMERA.items()
@@ -136,43 +137,19 @@ class _KittiFile:
             return taken, notes, []
         return taken, notes, [Choice("cameras", tuple(there), taken)]
 
-    def of_raw(
-        self,
-        left: int,
-        size: Size,
-        *,
-        notes: tuple[str, ...] = (),
-        choices: tuple[Choice, ...] = (),
-    ) -> Draft:
+    def of_raw(self, left: int, size: Size) -> Draft:
         a, b = f"{left:02d}", f"{left + 1:02d}"
         raw = self.size(f"S_{a}"), self.size(f"S_{b}")
         if raw == (size, size):
-            return self._unrectified(a, b, size, notes, choices)
+            return self._unrectified(a, b, size)
         if self.size(f"S_rect_{a}") == size:
-            return self.rectified(
-                f"P_rect_{a}",
-                f"P_rect_{b}",
-                size,
-                format="KITTI raw calib_cam_to_cam.txt",
-                notes=notes,
-                choices=choices,
-            )
+            return self.rectified(f"P_rect_{a}", f"P_rect_{b}", size)
         raise CalibrationError(
             f"{self._name}: the images are {size_words(size)} pixels, which is neither the size "
             f"S_{a} ({size_words(raw[0])}) nor S_rect_{a} that the file was made for"
         )
 
-    def rectified(
-        self,
-        left: str,
-        right: str,
-        size: Size,
-        *,
-        format: str = "KITTI",
-        size_was_told: bool = False,
-        notes: tuple[str, ...] = (),
-        choices: tuple[Choice, ...] = (),
-    ) -> Draft:
+    def rectified(self, left: str, right: str, size: Size) -> Draft:
         P_left, P_right = self.numbers(left, 3, 4), self.numbers(right, 3, 4)
         if P_left[0, 0] <= 0 or not np.array_equal(P_left[:, :3], P_right[:, :3]):
             raise CalibrationError(
@@ -183,7 +160,7 @@ class _KittiFile:
         baseline = (P_left[0, 3] - P_right[0, 3]) / P_left[0, 0]
         return Draft(
             source=self._name,
-            format=format,
+            format="KITTI raw calib_cam_to_cam.txt",
             size=size,
             K1=P_left[:, :3],
             D1=np.zeros(5),
@@ -191,16 +168,12 @@ class _KittiFile:
             D2=np.zeros(5),
             R=np.eye(3),
             T=np.array([-baseline, 0.0, 0.0]),
-            size_was_told=size_was_told,
             keys={"K1": left, "K2": right},
             derived={"T": f"{left} and {right}"},
-            notes=(*notes, f"the images are rectified already: baseline from {left} and {right}"),
-            choices=choices,
+            notes=(f"the images are rectified already: baseline from {left} and {right}",),
         )
 
-    def _unrectified(
-        self, a: str, b: str, size: Size, notes: tuple[str, ...], choices: tuple[Choice, ...]
-    ) -> Draft:
+    def _unrectified(self, a: str, b: str, size: Size) -> Draft:
         R_a, R_b = (self.numbers(f"R_{c}", 3, 3) for c in (a, b))
         # R_x and T_x map camera 0's coordinates into camera x.
         R = R_b @ R_a.T
@@ -216,6 +189,5 @@ class _KittiFile:
             T=self.numbers(f"T_{b}", 3) - R @ self.numbers(f"T_{a}", 3),
             keys={"K1": f"K_{a}", "D1": f"D_{a}", "K2": f"K_{b}", "D2": f"D_{b}"},
             derived={"R": f"R_{a} and R_{b}", "T": f"T_{a} and T_{b}"},
-            notes=(*notes, "for the images before rectification (S, K, D, R and T)"),
-            choices=choices,
+            notes=("for the images before rectification (S, K, D, R and T)",),
         )

@@ -43,7 +43,7 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def is_matlab(content: bytes) -> bool:
-    """Whether these bytes begin as a MAT-file does."""
+    """Return whether these bytes begin as a MAT-file does."""
     return content.startswith((b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file", _HDF5))
 
 

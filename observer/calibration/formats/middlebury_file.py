@@ -23,7 +23,7 @@ _DOFFS_TOLERANCE_PX = 0.01
 
 
 def is_middlebury(text: str) -> bool:
-    """Whether a text has a line ``cam0=[``."""
+    """Return whether a text has a line ``cam0=[``."""
     return re.search(r"^\s*cam0\s*=\s*\[", text, re.MULTILINE) is not None
 
 

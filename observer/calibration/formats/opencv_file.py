@@ -176,7 +176,7 @@ def opencv_draft(files: Sequence[tuple[str, dict[str, PlainData]]], wanted: Want
 
 
 def is_opencv(data: Mapping[str, PlainData]) -> bool:
-    """Whether a mapping holds keys of a stereo calibration as OpenCV's users write them."""
+    """Return whether a mapping holds keys of a stereo calibration as OpenCV's users write them."""
     return any(name in data for names in _KEYS.values() for name in names)
 
 
@@ -227,7 +227,7 @@ def _missing_sentence(missing: list[str]) -> str:
 def _merged(
     files: Sequence[tuple[str, dict[str, PlainData]]],
 ) -> tuple[str, dict[str, PlainData]]:
-    """All keys of all files, and what to call them together in messages."""
+    """Return what to call all files together in messages, and all their keys."""
     merged: dict[str, PlainData] = {}
     whose: dict[str, str] = {}
     read = {*(own for names in _KEYS.values() for own in names), *_SIZE_KEYS, _MODEL_KEY}

@@ -1,4 +1,4 @@
-"""From uploaded files of any known format to a calibration, recognised by content, not by name."""
+"""Reader of calibration files of any known format, recognised by content, not by name."""
 
 from __future__ import annotations
 

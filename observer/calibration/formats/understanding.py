@@ -1,4 +1,4 @@
-"""What calibration files were understood to say, and the checks that all formats share.
+"""Interpretation of calibration files, and the checks that all formats share.
 
 A reader of a format turns its files into a ``Draft``: numbers as the files have them, in the
 project's order and directions. ``understood`` converts units, checks the whole and says in plain
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal, Protocol
 
@@ -50,7 +50,7 @@ class NamedFile:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What to take where files leave a choice.
+    """Choices to make where files leave them open.
 
     Attributes:
         size: width and height of the images, pixels.
@@ -65,7 +65,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Choice:
-    """Something the files left open.
+    """Choice that the files left open.
 
     Attributes:
         name: the argument of ``read_any`` that chooses: ``size`` or ``cameras``.
@@ -111,7 +111,7 @@ class FileCamera(Protocol):
 def check_alike(
     first: FileCamera, second: FileCamera, *, name: str, size: str, model: str, other: str
 ) -> None:
-    """Two cameras of one pair must have images of one size and lenses of one model.
+    """Check that two cameras have images of one size and lenses of one model.
 
     Args:
         name: the file of ``second``. size, model: how its keys are called there. other: how the
@@ -231,9 +231,9 @@ def understood(
         _check_central(draft, calibration)
     if expected_size is not None and draft.size != expected_size:
         raise CalibrationError(
-            f"{draft.source}: the calibration is for images of {_words(draft.size)} pixels, but "
-            f"the camera's are {_words(expected_size)}; calibrate at the camera's size, or set "
-            f"the camera to {_words(draft.size)}"
+            f"{draft.source}: the calibration is for images of {size_words(draft.size)} pixels, "
+            f"but the camera's are {size_words(expected_size)}; calibrate at the camera's size, or "
+            f"set the camera to {size_words(draft.size)}"
         )
     try:
         calibration.check_side_by_side()
@@ -247,16 +247,12 @@ def understood(
 
 
 def size_words(size: Size) -> str:
-    """``1280x720``."""
-    return _words(size)
+    """Return width and height as in ``1280x720``."""
+    return f"{size[0]}x{size[1]}"
 
 
 def _is_plausible(baseline_m: float) -> bool:
     return MIN_BASELINE_M <= baseline_m <= MAX_BASELINE_M
-
-
-def _words(size: Size) -> str:
-    return f"{size[0]}x{size[1]}"
 
 
 def _check_camera_matrix(draft: Draft, key: str, K: Float64Array) -> list[str]:
@@ -282,22 +278,9 @@ def _check_camera_matrix(draft: Draft, key: str, K: Float64Array) -> list[str]:
 def _without_skew(calibration: StereoCalibration) -> StereoCalibration:
     if not calibration.K1[0, 1] and not calibration.K2[0, 1]:
         return calibration
-    matrices = []
-    for K in (calibration.K1, calibration.K2):
-        upright = K.copy()
-        upright[0, 1] = 0
-        matrices.append(upright)
-    return StereoCalibration(
-        calibration.width,
-        calibration.height,
-        matrices[0],
-        calibration.D1,
-        matrices[1],
-        calibration.D2,
-        calibration.R,
-        calibration.T,
-        distortion_model=calibration.distortion_model,
-    )
+    K1, K2 = calibration.K1.copy(), calibration.K2.copy()
+    K1[0, 1] = K2[0, 1] = 0
+    return replace(calibration, K1=K1, K2=K2)
 
 
 def _check_central(draft: Draft, calibration: StereoCalibration) -> None:
@@ -308,6 +291,6 @@ def _check_central(draft: Draft, calibration: StereoCalibration) -> None:
             raise CalibrationError(
                 f"{draft.source}: {draft.keys.get(key, key)} has its principal point at "
                 f"({centre[0]:.5g}, {centre[1]:.5g}), which is far from the middle of "
-                f"{_words(draft.size)} images; give the size of the images that were calibrated "
-                f"with"
+                f"{size_words(draft.size)} images; give the size of the images that were "
+                f"calibrated with"
             )

@@ -39,7 +39,7 @@ _Section = Mapping[str, str]
 
 
 def is_zed(text: str) -> bool:
-    """Whether a text has a section as ``[LEFT_CAM_HD]``."""
+    """Return whether a text has a section such as ``[LEFT_CAM_HD]``."""
     return re.search(r"^\s*\[\s*(LEFT|RIGHT)_CAM_\w+\s*\]", text, re.I | re.M) is not None
 
 

@@ -104,7 +104,7 @@ def seen_by(
     rng: np.random.Generator,
     size: tuple[int, int] = SIZE,
 ) -> BoardSighting | None:
-    """What detection makes of a board at a pose (rotation vector, metres), without an image."""
+    """Return the detection of a board at a pose (rotation vector, metres), without an image."""
     edge = np.array(
         [[-1, -1], [board.columns, -1], [board.columns, board.rows], [-1, board.rows]], dtype=float
     )

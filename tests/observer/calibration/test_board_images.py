@@ -1,4 +1,4 @@
-"""Which images make a pair, which are refused and why, and the board in those that are left."""
+"""Pairing of images, refusals and their reasons, and the board in those that are left."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from observer.calibration.board import Board
 from observer.calibration.board_images import (
     BoardPair,
     find_boards,
-    pair_of,
     read_board_pairs,
 )
 from observer.calibration.fit import fit_stereo
@@ -23,6 +22,10 @@ from .board_pictures import IDEAL, pictures
 
 BOARD = Board()
 DATA = Path(__file__).parents[4] / "shared" / "data" / "chessboards"
+
+
+def pair_of(name: str, left: bytes | Image, right: bytes | Image) -> BoardPair:
+    return BoardPair(name, f"{name} left", f"{name} right", lambda: left, lambda: right)
 
 
 def touched(folder: Path, *names: str) -> None:
@@ -126,7 +129,7 @@ def test_another_size_of_board_is_named() -> None:
 
 
 def test_pictures_of_a_board_give_the_pair_that_took_them() -> None:
-    """From pixels to metres: detection and fit together, on rendered boards."""
+    """Detection and fit together, from pixels to metres, on rendered boards."""
     found = find_boards([pair_of(str(k), *pictures(BOARD, k)) for k in range(9)], BOARD)
     fit = fit_stereo(found.views, BOARD, found.width, found.height)
     assert fit.pairs == 9

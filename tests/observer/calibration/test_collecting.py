@@ -37,7 +37,7 @@ class Rig:
         )
 
     def follow(self, ghost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where a person holds the board to match an outline: 4 degrees and some percent off."""
+        """Return where a person holds the board for an outline: 4 degrees and some percent off."""
         step = self.board.square_m
         width, height = self.board.columns * step, self.board.rows * step
         edge = np.array([[-step, -step], [width, -step], [width, height], [-step, height]])

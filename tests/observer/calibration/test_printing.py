@@ -13,7 +13,6 @@ from observer.calibration.printing import (
     Paper,
     board_pdf,
     board_svg,
-    largest_square_m,
     scaled,
 )
 from observer.errors import CalibrationError
@@ -29,7 +28,7 @@ BOARDS: list[tuple[Board, Paper]] = [
 
 @dataclass
 class Printed:
-    """What a file would put on paper: millimetres from the upper left, greys, words."""
+    """Content of a printed sheet: millimetres from the upper left, greys, words."""
 
     size: tuple[float, float]
     rectangles: list[tuple[float, float, float, float, bool]]
@@ -147,7 +146,6 @@ def test_a_pdf_s_table_points_at_its_objects() -> None:
 def test_a_board_too_large_is_refused_with_the_largest_that_fits() -> None:
     with pytest.raises(CalibrationError, match=r"does not fit on A4.* up to 21 mm do"):
         board_svg(Board(), "A4")
-    assert largest_square_m(Board(), "A4") == 0.021
     assert board_pdf(Board(square_m=0.021), "A4")
     with pytest.raises(CalibrationError, match="does not fit"):
         board_pdf(Board(square_m=0.022), "A4")

@@ -21,7 +21,6 @@ from observer.calibration.verdict import (
     WITHIN_S,
     depth_bias_share,
     judge,
-    judge_calibration,
 )
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import InputError
@@ -126,9 +125,8 @@ def test_a_wider_baseline_and_a_larger_thing_tell_slower_approach() -> None:
 
 def test_poor_rigs_are_told_so_with_what_to_do(fit: StereoFit) -> None:
     narrow = StereoCalibration.rectified(640, 480, 500.0, 500.0, 319.5, 239.5, 0.005)
-    verdict = judge_calibration(narrow, 30.0)
+    verdict = judge(replace(fit, calibration=narrow), 30.0)
     assert any("5 mm apart" in w and "would make it 2 %" in w for w in verdict.warnings)
-    assert any("was not measured here" in w for w in verdict.warnings)
     poor = replace(fit, rms_stereo=1.2, coverage=(0.9, 0.3), pairs=6, held_out=None)
     words = " ".join(judge(poor, 30.0).warnings)
     for part in ("1.2 px only", "30 % of the right image", "with 6 pairs"):
@@ -137,14 +135,14 @@ def test_poor_rigs_are_told_so_with_what_to_do(fit: StereoFit) -> None:
     assert "rows disagree by up to 1.5 px" in " ".join(judge(sure, 30.0).warnings)
 
 
-def test_what_is_too_near_to_be_matched_is_told() -> None:
+def test_what_is_too_near_to_be_matched_is_told(fit: StereoFit) -> None:
     sharp = StereoCalibration.rectified(1920, 1080, 1400.0, 1400.0, 959.5, 539.5, 0.12)
-    verdict = judge_calibration(sharp, 30.0)
+    verdict = judge(replace(fit, calibration=sharp), 30.0)
     assert verdict.nearest_m == pytest.approx(1400 * 0.12 / 96)
     assert verdict.rows[0].across is verdict.rows[0].towards is None
     assert verdict.rows[1].across is not None
     assert any("nearer than 1.8 m" in w and "to 224" in w for w in verdict.warnings)
-    assert judge_calibration(RECTIFIED, 30.0).nearest_m == pytest.approx(50 / 96)
+    assert judge(replace(fit, calibration=RECTIFIED), 30.0).nearest_m == pytest.approx(50 / 96)
 
 
 SCENE = """
@@ -189,9 +187,11 @@ def test_the_method_reports_when_the_verdict_says(
     assert reported == pytest.approx(predicted, abs=0.35)
 
 
-def test_a_calibration_that_cannot_be_rectified_is_judged_with_a_warning() -> None:
+def test_a_calibration_that_cannot_be_rectified_is_judged_with_a_warning(
+    fit: StereoFit,
+) -> None:
     folded = replace(true_pair(), D1=np.array([-0.5, -3.0, 0, 0, 0]))
-    verdict = judge_calibration(folded, 15.0)
+    verdict = judge(replace(fit, calibration=folded), 15.0)
     assert any("cannot be rectified" in warning for warning in verdict.warnings)
 
 

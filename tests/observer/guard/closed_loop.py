@@ -101,7 +101,7 @@ class Lab:
         self.way += abs(self.v) * TICK_S
 
     def sight(self, index: int, time: float, rng: random.Random) -> Sight:
-        """As a camera 0.4 m high sees it: floor from 1 m on, obstacles 0.4 s after their entry."""
+        """Return the sight of a camera 0.4 m high: floor from 1 m on, obstacles 0.4 s late."""
         edges = self.around(time).edges()
         distance = np.array([ray(edges, self.x, self.y, self.yaw + b) for b in BEARINGS])
         distance += np.array([rng.gauss(0.0, 0.01) for _ in BEARINGS]) * distance

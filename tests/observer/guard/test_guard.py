@@ -38,7 +38,7 @@ def sight(now: float, seen: FreeScan | None = None, **changes: object) -> Sight:
 def sonars(
     now: float, echo: float | None = None, *, only: Iterable[int] | None = None
 ) -> tuple[SonarReading, ...]:
-    """All clear, with an echo at those of ``only`` (all where None)."""
+    """Return clear readings, with an echo at those of ``only`` (all where None)."""
     hit = set(range(8) if only is None else only)
     return tuple(
         SonarReading(i, s.x, s.y, s.heading, echo if i in hit else None, now)

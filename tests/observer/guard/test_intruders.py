@@ -1,4 +1,4 @@
-"""What comes nearer by itself, told from what the robot comes nearer to."""
+"""Intruders, told from what the robot itself comes nearer to."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EVERY_S = 0.3
 
 
 def told(*ranges: float | None, index: int = LEFT) -> list[tuple[int, list[SeenObstacle]]]:
-    """What is told after these readings of a robot that stands."""
+    """Return what is told after these readings of a robot that stands."""
     watch, past, pose = SonarWatch(), DeadReckoning(), AMIGO.sonars[index]
     now = 10.0
     for echo in ranges:

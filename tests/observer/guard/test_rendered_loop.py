@@ -73,7 +73,7 @@ class SimulatedLab(Lab):
         self._driven.add(time - BEGIN_S + TICK_S, self.state(), 0.0)
 
     def sight(self, index: int, time: float, rng: random.Random) -> Sight:
-        """Of the next frame, which was exposed within the last tick."""
+        """Return the sight of the next frame, which was exposed within the last tick."""
         del index, rng
         frame = self._source.read()
         assert frame is not None

@@ -1,4 +1,4 @@
-"""From camera frame to base frame, and which tracks count."""
+"""Conversion from camera frame to base frame, and the tracks that count."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which ground sonar vouches for."""
+"""Ground that sonar vouches for."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from observer.geometry import Float64Array
 from observer.mount import CameraMount
 from observer.parameters import StereoParameters
 from observer.rig.estimates import Refused
-from observer.rig.ground_estimate import FloorEstimate, FloorNoise, estimate_floor
-from observer.rig.ground_views import floor_points
+from observer.rig.ground_estimate import DisparityNoise, GroundEstimate, estimate_ground
+from observer.rig.ground_views import ground_points
 from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import Scenario, load_scenario
 from observer.simulation.world import World
@@ -67,17 +67,17 @@ def cloud(
     return points
 
 
-def found(answer: FloorEstimate | Refused) -> FloorEstimate:
-    assert isinstance(answer, FloorEstimate), answer
+def found(answer: GroundEstimate | Refused) -> GroundEstimate:
+    assert isinstance(answer, GroundEstimate), answer
     return answer
 
 
-def refused(answer: FloorEstimate | Refused) -> str:
+def refused(answer: GroundEstimate | Refused) -> str:
     assert isinstance(answer, Refused), answer
     return answer.sentence
 
 
-def assert_is(estimate: FloorEstimate, mount: CameraMount, height: float = 0.01) -> None:
+def assert_is(estimate: GroundEstimate, mount: CameraMount, height: float = 0.01) -> None:
     assert estimate.height_m.value == pytest.approx(mount.height_m, abs=height)
     assert estimate.tilt_rad.value == pytest.approx(mount.tilt_rad, abs=math.radians(0.3))
     assert estimate.roll_rad.value == pytest.approx(mount.roll_rad, abs=math.radians(0.3))
@@ -93,7 +93,7 @@ def assert_is(estimate: FloorEstimate, mount: CameraMount, height: float = 0.01)
     ],
 )
 def test_the_floor_is_found_with_its_uncertainty(mount: CameraMount) -> None:
-    estimate = found(estimate_floor([cloud(mount)], CAMERA))
+    estimate = found(estimate_ground([cloud(mount)], CAMERA))
     assert_is(estimate, mount, height=0.002)
     assert 0 < estimate.height_m.sigma < 0.01
     assert abs(estimate.height_m.value - mount.height_m) < 2 * estimate.height_m.sigma
@@ -107,19 +107,19 @@ def test_a_table_has_the_floor_beneath_it_though_it_is_larger() -> None:
     on_table = np.abs(mount.T_level_camera.apply(view)[:, 2] - 0.25) < 0.02
     on_floor = np.abs(mount.T_level_camera.apply(view)[:, 2]) < 0.02
     assert on_table.sum() > on_floor.sum()
-    assert_is(found(estimate_floor([view], CAMERA)), mount)
+    assert_is(found(estimate_ground([view], CAMERA)), mount)
 
 
 def test_the_tops_of_boxes_are_no_floor_when_that_is_hidden() -> None:
     mount = CameraMount(0.6, math.radians(5))
     box = Level(0.3, (1.0, 1.8))
     view = cloud(mount, (box,))
-    assert "beneath it, so it is not the floor" in refused(estimate_floor([view], CAMERA))
+    assert "beneath it, so it is not the floor" in refused(estimate_ground([view], CAMERA))
 
 
 def test_a_view_of_walls_alone_is_refused() -> None:
     mount = CameraMount(0.4, 0.0)
-    sentence = refused(estimate_floor([cloud(mount, (), wall_x=0.9)], CAMERA))
+    sentence = refused(estimate_ground([cloud(mount, (), wall_x=0.9)], CAMERA))
     assert "no level plane is seen below the camera" in sentence
 
 
@@ -127,7 +127,7 @@ def test_a_ceiling_is_no_floor() -> None:
     mount = CameraMount(0.4, math.radians(-20))
     view = cloud(mount, (Level(2.0),), wall_x=8.0)
     assert (mount.T_level_camera.apply(view)[:, 2] > 1.9).sum() > 2000
-    assert "no level plane" in refused(estimate_floor([view], CAMERA))
+    assert "no level plane" in refused(estimate_ground([view], CAMERA))
 
 
 @pytest.mark.parametrize("slope", [-0.12, 0.12])
@@ -135,38 +135,38 @@ def test_a_ramp_beside_the_floor_is_ambiguous(slope: float) -> None:
     mount = CameraMount(0.5, math.radians(10))
     floor = Level(0.0, (-50, 50), (0.0, 50.0))
     ramp = Level(0.0, (-50, 50), (-50.0, 0.0), slope=slope)
-    sentence = refused(estimate_floor([cloud(mount, (floor, ramp))], CAMERA))
+    sentence = refused(estimate_ground([cloud(mount, (floor, ramp))], CAMERA))
     assert sentence.startswith("two planes could be the floor")
 
 
 def test_few_points_are_refused_with_their_number() -> None:
     view = cloud(CameraMount(0.4, 0.1))[-300:]
-    assert refused(estimate_floor([view], CAMERA)).startswith("only 300 points have a depth")
-    assert "at least one" in refused(estimate_floor([], CAMERA))
+    assert refused(estimate_ground([view], CAMERA)).startswith("only 300 points have a depth")
+    assert "at least one" in refused(estimate_ground([], CAMERA))
 
 
 def test_points_without_depth_are_left_out() -> None:
     mount = CameraMount(0.4, 0.1)
     view = cloud(mount)
     view[::3] = np.nan
-    assert_is(found(estimate_floor([view], CAMERA)), mount)
+    assert_is(found(estimate_ground([view], CAMERA)), mount)
 
 
 def test_a_view_that_shows_no_floor_does_not_spoil_the_others() -> None:
     mount = CameraMount(0.4, 0.1)
     views = [cloud(mount, seed=k) for k in range(3)]
     views.insert(1, cloud(mount, (), wall_x=0.7))
-    estimate = found(estimate_floor(views, CAMERA))
+    estimate = found(estimate_ground(views, CAMERA))
     assert (estimate.views, estimate.views_left_out) == (3, 1)
     assert_is(estimate, mount)
     blind = [cloud(mount, (), wall_x=0.7)] * 3
-    assert "no level plane" in refused(estimate_floor([views[0], *blind], CAMERA))
+    assert "no level plane" in refused(estimate_ground([views[0], *blind], CAMERA))
 
 
 def test_views_that_differ_widen_the_uncertainty_and_are_refused_in_the_end() -> None:
-    def nodding(degrees: float) -> FloorEstimate | Refused:
+    def nodding(degrees: float) -> GroundEstimate | Refused:
         tilts = [math.radians(5 + degrees * k) for k in (-1, 0, 1, -0.7, 0.8)]
-        return estimate_floor([cloud(CameraMount(0.4, tilt)) for tilt in tilts], CAMERA)
+        return estimate_ground([cloud(CameraMount(0.4, tilt)) for tilt in tilts], CAMERA)
 
     assert found(nodding(0.6)).tilt_rad.sigma > 2 * found(nodding(0.0)).tilt_rad.sigma
     assert "the views differ" in refused(nodding(5))
@@ -175,20 +175,20 @@ def test_views_that_differ_widen_the_uncertainty_and_are_refused_in_the_end() ->
 def test_a_bias_of_the_calibration_is_within_what_is_said() -> None:
     mount = CameraMount(0.4, math.radians(5))
     for bias in (-0.3, 0.3):
-        estimate = found(estimate_floor([cloud(mount, bias=bias)], CAMERA))
+        estimate = found(estimate_ground([cloud(mount, bias=bias)], CAMERA))
         assert abs(estimate.tilt_rad.value - mount.tilt_rad) < 2 * estimate.tilt_rad.sigma
         assert abs(estimate.height_m.value - mount.height_m) < 2 * estimate.height_m.sigma
-    careful = found(estimate_floor([cloud(mount)], CAMERA, FloorNoise(bias_px=1.0)))
+    careful = found(estimate_ground([cloud(mount)], CAMERA, DisparityNoise(bias_px=1.0)))
     assert careful.tilt_rad.sigma > 2 * estimate.tilt_rad.sigma
 
 
 def test_equal_views_give_equal_estimates_to_the_last_digit() -> None:
     views = [cloud(CameraMount(0.4, 0.1), seed=k) for k in range(2)]
-    assert estimate_floor(views, CAMERA) == estimate_floor(views, CAMERA)
+    assert estimate_ground(views, CAMERA) == estimate_ground(views, CAMERA)
 
 
 def test_the_sentence_speaks_in_centimetres_and_degrees() -> None:
-    estimate = found(estimate_floor([cloud(CameraMount(0.4, math.radians(5)))], CAMERA))
+    estimate = found(estimate_ground([cloud(CameraMount(0.4, math.radians(5)))], CAMERA))
     assert "40.0 +- " in estimate.sentence
     assert "looks down by 5.0 +- " in estimate.sentence
 
@@ -202,7 +202,7 @@ def rendered(
     camera: dict[str, Any],
     frames: tuple[int, ...] = (0, 30),
     **also: Any,
-) -> tuple[FloorEstimate | Refused, CameraMount]:
+) -> tuple[GroundEstimate | Refused, CameraMount]:
     """The estimate of some frames, and the truth of the rectified camera."""
     spec = load_scenario(scenario).model_dump()
     spec["camera"].update(camera)
@@ -213,12 +213,12 @@ def rendered(
         pair = rectification.apply(*imager.pair(index, index / world.scenario.frame_rate))
         left, right = (as_gray(image) for image in pair)
         disparity = disparity_map(left, right, StereoParameters())
-        views.append(floor_points(left, disparity, rectification.camera))
+        views.append(ground_points(left, disparity, rectification.camera))
     T_base_left = world.T_base_left(0.0)
     down = world.R_camera_left @ T_base_left.rotation.T @ np.array([0, 0, -1.0])
     tilt, roll = CameraMount.angles_of(down)
     true = CameraMount(float(T_base_left.translation[2]), tilt, roll_rad=roll)
-    return estimate_floor(views, rectification.camera), true
+    return estimate_ground(views, rectification.camera), true
 
 
 @pytest.mark.parametrize(

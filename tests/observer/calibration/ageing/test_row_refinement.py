@@ -139,7 +139,7 @@ def test_matched_points_agree_with_the_wall() -> None:
 
 
 def through_fisheye(image: Image, K: np.ndarray, D: np.ndarray) -> Image:
-    """What an equidistant lens makes of a pinhole image of ``TRUE``'s focal length."""
+    """Return an equidistant lens's version of a pinhole image of ``TRUE``'s focal length."""
     u, v = np.meshgrid(np.arange(WIDTH, dtype=np.float64), np.arange(HEIGHT, dtype=np.float64))
     px = np.stack([u, v], axis=-1).reshape(1, -1, 2)
     at = cv2.fisheye.undistortPoints(px, K, D, P=TRUE.K1).reshape(HEIGHT, WIDTH, 2)

@@ -34,7 +34,7 @@ def room(seed: int = 0, near: float = 1.5, far: float = 9.0) -> Float64Array:
 def seen(
     points: Float64Array, T_world_camera: Pose, vergence: float, noise_px: float, seed: int = 0
 ) -> StereoRows:
-    """What a pair finds whose right camera is turned towards the left one by so much, rad."""
+    """Return what a pair finds whose right camera is turned towards the left one, rad."""
     rng = np.random.default_rng([seed, int(1e6 * T_world_camera.translation[2])])
     at = T_world_camera.inverse().apply(points)
     px, _ = CAMERA.project(at)

@@ -1,4 +1,4 @@
-"""What is exported comes back the same, and other tools' own readers understand it."""
+"""Exports come back the same, and other tools' own readers understand them."""
 
 from __future__ import annotations
 

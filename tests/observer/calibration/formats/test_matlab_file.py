@@ -67,7 +67,7 @@ def saved(value: object, *, compressed: bool = True, **further: object) -> bytes
 def saved_object(
     folder: Path, values: dict[str, Any], class_name: str, version: str, *, compressed: bool = True
 ) -> bytes:
-    """As an object of a class, written by mat-io; MATLAB's own is not to be had here."""
+    """Return an object of a class, written by mat-io; MATLAB's own is not available here."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         matio = pytest.importorskip("matio")

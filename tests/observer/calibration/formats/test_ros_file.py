@@ -32,7 +32,7 @@ def matrix(key: str, values: Any, rows: int) -> str:
 def camera_info(
     side: str, model: str = "plumb_bob", D: npt.ArrayLike | None = None, **changes: object
 ) -> str:
-    """As camera_calibration writes it, with OpenCV's own rectification of the pair."""
+    """Return a camera_calibration file, with OpenCV's own rectification of the pair."""
     both = cv2.stereoRectify(
         K["left"], np.zeros(5), K["right"], np.zeros(5), SIZE, R, T.reshape(3, 1)
     )
