@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from observer.motion_profiles.profile import Programme
+from observer.motion_profiles.profile import MotionProfile
 from observer.rig.rig import Role
 
 # Slots of latest values, beside the engine's views.
@@ -148,7 +148,7 @@ class StartProgramme:
     ``leases``: by role, for every role that the programme moves; each must be armed.
     """
 
-    programme: Programme
+    programme: MotionProfile
     leases: dict[str, str]
     repeat: int = 1
     reverse: bool = False

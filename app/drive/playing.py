@@ -1,4 +1,4 @@
-"""A programme while it is played."""
+"""A motion profile while it is played."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import Any
 
 from app.drive.consent import ZERO, Velocity
 from observer.motion_profiles.playing import progress_at, velocity_at
-from observer.motion_profiles.profile import Programme
+from observer.motion_profiles.profile import MotionProfile
 from observer.rig.rig import Role
 
 
 @dataclass(frozen=True)
 class Playing:
-    """A programme since its beginning.
+    """A motion profile since its beginning.
 
     Attributes:
         started: the host's monotonic clock.
     """
 
-    programme: Programme
+    profile: MotionProfile
     repeat: int
     reverse: bool
     started: float
@@ -27,7 +27,7 @@ class Playing:
     @property
     def roles(self) -> tuple[Role, ...]:
         """Those it moves."""
-        return self.programme.roles
+        return self.profile.roles
 
     def over(self, now: float) -> bool:
         """Whether it is played to its end."""
@@ -39,9 +39,9 @@ class Playing:
 
     def facts(self, now: float) -> dict[str, Any]:
         """As ``DriveEvent.facts`` has it."""
-        progress = progress_at(self.programme, now - self.started, self.repeat)
+        progress = progress_at(self.profile, now - self.started, self.repeat)
         return {
-            "name": self.programme.name,
+            "name": self.profile.name,
             **asdict(progress),
             "repeat": self.repeat,
             "reverse": self.reverse,
@@ -49,7 +49,7 @@ class Playing:
 
     def _sample(self, role: Role, now: float) -> Velocity | None:
         return velocity_at(
-            self.programme,
+            self.profile,
             role,
             now - self.started,
             repeat=self.repeat,

@@ -40,7 +40,7 @@ from app.server.rig.drive_survey import DriveSurvey
 from app.server.rig.rig_desk import RigDesk
 from app.server.robots import AbsentDrive, DrivingDesk
 from app.server.robots.circumstances import Circumstances
-from app.server.robots.profile_library import ProgrammeShelf
+from app.server.robots.profile_library import ProfileLibrary
 from app.server.runs.archive import RunArchive
 from app.server.runs.current_run import CurrentRun
 from app.server.runs.ending import end_recording, write_end
@@ -124,7 +124,7 @@ class StationCore:
             check_folder=check_folder,
             clock=clock,
         )
-        self.programmes = ProgrammeShelf(programme_folder)
+        self.programmes = ProfileLibrary(programme_folder)
         self.parameters.followed = self.driving.guard_changed
         self.runs = RunArchive(storage, lambda: self.run)
         self.history = HistoryDesk(storage, lambda: self._run, clock)

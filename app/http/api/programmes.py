@@ -17,8 +17,8 @@ from app.http.api.robot_models import (
     ProgrammeText,
 )
 from app.server import FieldError, Station
-from app.server.robots.profile_library import ShelvedProgramme
-from observer.motion_profiles import duration_s, programme_text
+from app.server.robots.profile_library import KeptProfile
+from observer.motion_profiles import duration_s, profile_text
 
 router = APIRouter(prefix="/programmes", tags=["programmes"])
 
@@ -31,25 +31,25 @@ async def programme_command(station: Station, wanted: ProgrammeStart) -> StartPr
     Raises:
         NotThere: there is no such programme. FieldError: a lease is missing.
     """
-    shelved = await asyncio.to_thread(station.programmes.find, wanted.name)
-    for role in shelved.programme.roles:
+    kept = await asyncio.to_thread(station.programmes.find, wanted.name)
+    for role in kept.profile.roles:
         if role not in wanted.leases:
             raise FieldError(
                 ("body", "leases"), f"the programme {wanted.name} moves the {role}; give its lease"
             )
     leases = {str(role): lease for role, lease in wanted.leases.items()}
-    return StartProgramme(shelved.programme, leases, wanted.repeat, wanted.reverse)
+    return StartProgramme(kept.profile, leases, wanted.repeat, wanted.reverse)
 
 
-def _entry(shelved: ShelvedProgramme) -> dict[str, Any]:
-    programme = shelved.programme
+def _entry(kept: KeptProfile) -> dict[str, Any]:
+    profile = kept.profile
     return {
-        "name": programme.name,
-        "title": programme.title,
-        "help": programme.help,
-        "roles": list(programme.roles),
-        "duration_s": duration_s(programme),
-        "own": shelved.own,
+        "name": profile.name,
+        "title": profile.title,
+        "help": profile.help,
+        "roles": list(profile.roles),
+        "duration_s": duration_s(profile),
+        "own": kept.own,
     }
 
 
@@ -68,8 +68,8 @@ async def list_programmes(station: TheStation) -> list[dict[str, Any]]:
 )
 async def keep_programme(wanted: ProgrammeText, station: TheStation) -> dict[str, Any]:
     """Under the name it gives itself; your own of the same name is replaced."""
-    shelved = await asyncio.to_thread(station.programmes.save, wanted.text)
-    return {**_entry(shelved), "text": programme_text(shelved.programme)}
+    kept = await asyncio.to_thread(station.programmes.save, wanted.text)
+    return {**_entry(kept), "text": profile_text(kept.profile)}
 
 
 @router.get(
@@ -77,8 +77,8 @@ async def keep_programme(wanted: ProgrammeText, station: TheStation) -> dict[str
 )
 async def get_programme(name: ProgrammeName, station: TheStation) -> dict[str, Any]:
     """With its YAML."""
-    shelved = await asyncio.to_thread(station.programmes.find, name)
-    return {**_entry(shelved), "text": programme_text(shelved.programme)}
+    kept = await asyncio.to_thread(station.programmes.find, name)
+    return {**_entry(kept), "text": profile_text(kept.profile)}
 
 
 @router.delete(
