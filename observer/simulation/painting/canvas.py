@@ -46,7 +46,7 @@ class Canvas:
         return np.full((self.height, self.width, 3), colour, dtype=np.float32)
 
     def noise(self, cell_x_m: float, cell_y_m: float) -> Float32Array:
-        """Return (height, width) smooth noise, standard deviation about 1, of the given blob size."""
+        """Return (height, width) smooth noise, standard deviation about 1, blobs of given size."""
         size = (self.width, self.height)
         w = min(max(2, round(self.width / (cell_x_m * self.density)) + 2), self.width)
         h = min(max(2, round(self.height / (cell_y_m * self.density)) + 2), self.height)
