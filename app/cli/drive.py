@@ -80,13 +80,13 @@ def programmes(
     ] = False,
 ) -> None:
     """List the programmes that come with the project; a server may keep more."""
-    from observer.motion_profiles.library import library_text, load_programme, programme_names
+    from observer.motion_profiles.library import library_text, load_profile, profile_names
     from observer.motion_profiles.playing import duration_s
 
     if name is not None:
         typer.echo(library_text(name), nl=False)
         return
-    known = [load_programme(each) for each in programme_names()]
+    known = [load_profile(each) for each in profile_names()]
     if as_json:
         listed = [
             {
@@ -108,7 +108,7 @@ def programmes(
 def _play(
     api: Any, programme: str, repeat: int, reverse: bool, takeover: bool, as_json: bool
 ) -> None:
-    from app.client.programme_drive import PlayRequest, ProgrammeDrive
+    from app.client.profile_drive import PlayRequest, ProfileDrive
     from observer.motion_profiles.playing import duration_s
 
     chosen = _chosen(api, programme)
@@ -117,7 +117,7 @@ def _play(
     )
     sentence: str | None = "interrupted"
     with _shown(request.duration_s, repeat, chosen.roles) as watch:
-        played = ProgrammeDrive(api, request, watch)
+        played = ProfileDrive(api, request, watch)
         try:
             played.run()
             sentence = None
@@ -133,15 +133,15 @@ def _play(
 
 def _chosen(api: Any, programme: str) -> Any:
     """The programme as the server has it; a file is brought to it first."""
-    from observer.motion_profiles.library import read_programme
-    from observer.motion_profiles.profile_file import programme_from_text, programme_text
+    from observer.motion_profiles.library import read_profile
+    from observer.motion_profiles.profile_file import profile_from_text, profile_text
 
     if "/" in programme or Path(programme).suffix in (".yaml", ".yml"):
-        chosen = read_programme(Path(programme))
-        api.post("programmes", body={"text": programme_text(chosen)})
+        chosen = read_profile(Path(programme))
+        api.post("programmes", body={"text": profile_text(chosen)})
         return chosen
     answer = api.get("programmes", programme)
-    return programme_from_text(answer["text"], programme)
+    return profile_from_text(answer["text"], programme)
 
 
 @contextmanager

@@ -30,14 +30,14 @@ def reproduce(
     from app.reports.report import write_figures
     from app.reports.reproduction import play_experiments, reproduction_report
     from app.reports.whole_files import write_file
-    from observer.motion_profiles.library import library_text, load_programme
+    from observer.motion_profiles.library import library_text, load_profile
 
     for name in PROGRAMMES:
         # First, so that a folder that cannot be written is told before everything is driven.
         write_file(output / "programmes" / f"{name}.yaml", library_text(name).encode())
     played = play_experiments(
         output / "recording.mcap",
-        [load_programme(name) for name in PROGRAMMES],
+        [load_profile(name) for name in PROGRAMMES],
         tell=lambda sentence: typer.echo(sentence, err=True),
     )
     with progress_bar("observing as published") as progress:

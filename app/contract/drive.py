@@ -11,7 +11,7 @@ from typing import Any, Generic, Literal
 
 from app.contract.commands import Answer
 from app.contract.robots import DriveFacts, RobotNow
-from observer.motion_profiles.profile import Programme
+from observer.motion_profiles.profile import MotionProfile
 from observer.rig.rig import Role
 
 # Slots of latest values, beside the engine's views.
@@ -164,7 +164,7 @@ class StartProgramme(ToDrive[float]):
     ``leases``: by role, for every role that the programme moves; each must be armed.
     """
 
-    programme: Programme
+    programme: MotionProfile
     leases: dict[str, str]
     repeat: int = 1
     reverse: bool = False

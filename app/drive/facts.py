@@ -69,7 +69,7 @@ def outline_of_facts(roles: Roles) -> Hashable:
     return (
         roles.stopped,
         None if sight is None else (sight.status, sight.world),
-        None if playing is None else (playing.started, playing.programme.name),
+        None if playing is None else (playing.started, playing.profile.name),
         tuple(_outline(driven, roles.leases.holder(role)) for role, driven in roles.driven.items()),
     )
 

@@ -1,4 +1,4 @@
-"""A programme while it is played."""
+"""A motion profile while it is played."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from app.contract.robots import ProgrammeNow
 from app.contract.values import filled
 from app.drive.consent import ZERO, Velocity
 from observer.motion_profiles.playing import progress_at, velocity_at
-from observer.motion_profiles.profile import Programme
+from observer.motion_profiles.profile import MotionProfile
 from observer.rig.rig import Role
 
 
 @dataclass(frozen=True)
 class Playing:
-    """A programme since its beginning.
+    """A motion profile since its beginning.
 
     Attributes:
         started: the host's monotonic clock.
     """
 
-    programme: Programme
+    profile: MotionProfile
     repeat: int
     reverse: bool
     started: float
@@ -28,7 +28,7 @@ class Playing:
     @property
     def roles(self) -> tuple[Role, ...]:
         """Those it moves."""
-        return self.programme.roles
+        return self.profile.roles
 
     def over(self, now: float) -> bool:
         """Whether it is played to its end."""
@@ -40,18 +40,18 @@ class Playing:
 
     def facts(self, now: float) -> ProgrammeNow:
         """As ``DriveEvent.facts`` has it."""
-        progress = progress_at(self.programme, now - self.started, self.repeat)
+        progress = progress_at(self.profile, now - self.started, self.repeat)
         return filled(
             ProgrammeNow,
             progress,
-            name=self.programme.name,
+            name=self.profile.name,
             repeat=self.repeat,
             reverse=self.reverse,
         )
 
     def _sample(self, role: Role, now: float) -> Velocity | None:
         return velocity_at(
-            self.programme,
+            self.profile,
             role,
             now - self.started,
             repeat=self.repeat,

@@ -118,13 +118,13 @@ class Roles:
                     _log.exception("the driver of the %s failed", role)
                     self._give_up(role, now)
         if self.playing is not None and self.playing.over(now):
-            self._end_programme(now, None)
+            self._end_profile(now, None)
 
     def _look(self, role: Role, tick: Tick) -> None:
         played = self.playing is not None and role in self.playing.roles
         trouble = self.driven[role].look(tick, played=played)
         if played and trouble is not None:
-            self._end_programme(tick.now, trouble)
+            self._end_profile(tick.now, trouble)
 
     def _send(self, role: Role, tick: Tick) -> None:
         playing = self.playing
@@ -136,7 +136,7 @@ class Roles:
         """Let a robot go whose driver fails; the other one drives on."""
         driven = self.driven[role]
         connection, robot = driven.connection, driven.let_go()
-        self._end_programme_of(role, now, _FAILED)
+        self._end_profile_of(role, now, _FAILED)
         self._incidents.append(IncidentEvent(role, "fault", f"the {role} {_FAILED}", now, None))
         if connection is not None:
             driven.connect(replace(connection, robot=None, trouble=f"the {role} {_FAILED}"))
@@ -198,16 +198,16 @@ class Roles:
             case ArmRobot():
                 self._arm(command, now)
             case DisarmRobot():
-                self._end_programme_of(_checked(command.role), now, "was disarmed")
+                self._end_profile_of(_checked(command.role), now, "was disarmed")
                 self.driven[command.role].disarm(now)
             case ResetStop():
                 self.stopped = None
                 for driven in self.driven.values():
                     driven.clear()
             case StartProgramme():
-                return self._start_programme(command, now)
+                return self._start_profile(command, now)
             case StopProgramme():
-                self._end_programme(now, None)
+                self._end_profile(now, None)
             case SetGuard():
                 self._set_guard(command)
             case _:
@@ -239,7 +239,7 @@ class Roles:
         age = driven.consent.take(command.sequence, command.issued, velocity, now)
         playing = self.playing
         if playing is not None and command.role in playing.roles and velocity != ZERO:
-            self._end_programme(now, f"the {command.role} was driven by hand meanwhile")
+            self._end_profile(now, f"the {command.role} was driven by hand meanwhile")
         return DriveAnswer(command.role, age)
 
     def _connect(self, command: ConnectRobot, now: float) -> None:
@@ -255,7 +255,7 @@ class Roles:
                     f"{shown} is the port of the {other}; give the {role} another one",
                     "input",
                 )
-        self._end_programme_of(role, now, "was connected anew")
+        self._end_profile_of(role, now, "was connected anew")
         before = self.driven[role].connect(Connection(shown, command.world, command.name))
         attendant = self._attendants[role]
         attendant.close(before)
@@ -263,7 +263,7 @@ class Roles:
 
     def _disconnect(self, command: DisconnectRobot, now: float) -> None:
         role = _checked(command.role)
-        self._end_programme_of(role, now, "was disconnected")
+        self._end_profile_of(role, now, "was disconnected")
         self._attendants[role].close(self.driven[role].connect(None))
 
     def _take_lease(self, command: TakeLease, now: float) -> str:
@@ -274,7 +274,7 @@ class Roles:
         return lease.id
 
     def _lose_lease(self, role: Role, now: float, sentence: str) -> None:
-        self._end_programme_of(role, now, "lost its operator")
+        self._end_profile_of(role, now, "lost its operator")
         self.driven[role].disarm(now, "lease", sentence)
         self.driven[role].new_operator()
 
@@ -303,22 +303,22 @@ class Roles:
         self._parameters = parameters
         self._guard.use(parameters)
 
-    # --- programmes ------------------------------------------------------------------------
+    # --- motion profiles -------------------------------------------------------------------
 
-    def _start_programme(self, command: StartProgramme, now: float) -> float:
-        programme = command.programme
+    def _start_profile(self, command: StartProgramme, now: float) -> float:
+        profile = command.programme
         # Refuses what cannot be repeated so often, as ``InputError``.
-        duration = duration_s(programme, command.repeat)
+        duration = duration_s(profile, command.repeat)
         if self.playing is not None:
             raise ProcessRefused(
-                f"the programme {self.playing.programme.name} is being driven; stop it first",
+                f"the programme {self.playing.profile.name} is being driven; stop it first",
                 "state",
             )
-        for role in programme.roles:
+        for role in profile.roles:
             lease = command.leases.get(role)
             if lease is None:
                 raise ProcessRefused(
-                    f"the programme {programme.name} moves the {role}; give its lease", "input"
+                    f"the programme {profile.name} moves the {role}; give its lease", "input"
                 )
             self.leases.check(role, lease)
             driven = self.driven[role]
@@ -333,14 +333,14 @@ class Roles:
                 raise ProcessRefused(
                     f"the {role} is being driven by hand; let go of the controls first", "state"
                 )
-        self.playing = Playing(programme, command.repeat, command.reverse, now)
+        self.playing = Playing(profile, command.repeat, command.reverse, now)
         return duration
 
-    def _end_programme_of(self, role: Role, now: float, why: str) -> None:
+    def _end_profile_of(self, role: Role, now: float, why: str) -> None:
         if self.playing is not None and role in self.playing.roles:
-            self._end_programme(now, f"the {role} {why}")
+            self._end_profile(now, f"the {role} {why}")
 
-    def _end_programme(self, now: float, why: str | None) -> None:
+    def _end_profile(self, now: float, why: str | None) -> None:
         """At zero. ``why`` it ends before its end, one sentence; None where that is as wanted."""
         playing, self.playing = self.playing, None
         if playing is None:
@@ -348,7 +348,7 @@ class Roles:
         for role in playing.roles:
             self.driven[role].rest()
         if why is not None:
-            sentence = f"the programme {playing.programme.name} was ended: {why}"
+            sentence = f"the programme {playing.profile.name} was ended: {why}"
             self._incidents.append(IncidentEvent(None, "programme", sentence, now, None))
 
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from app.client.errors import DrivingFailed
 from app.client.operator_socket import OperatorSocket
-from app.client.programme_drive import PlayRequest, ProgrammeDrive
+from app.client.profile_drive import PlayRequest, ProfileDrive
 from app.client.server_api import ServerApi
 from app.reports.experiments import Experiment, judged, with_experiments
 from app.reports.gathering import Gathered
@@ -28,7 +28,7 @@ from observer.errors import DynamicObserverError
 from observer.guard.sight import SIGHT_FRESH_S
 from observer.motion_profiles.gesture import GESTURE_S
 from observer.motion_profiles.playing import duration_s
-from observer.motion_profiles.profile import Programme
+from observer.motion_profiles.profile import MotionProfile
 from tools.benchmark.server_process import RunningServer, running_server
 
 SOURCE = "simulated:drive"
@@ -69,7 +69,7 @@ class Played:
 
 def play_experiments(
     recording: Path,
-    programmes: Sequence[Programme],
+    programmes: Sequence[MotionProfile],
     *,
     tell: Callable[[str], None],
     attempts: int = ATTEMPTS,
@@ -150,7 +150,7 @@ class _Attempts:
 
 
 def _driven(
-    server: RunningServer, programmes: Sequence[Programme], tries: _Attempts
+    server: RunningServer, programmes: Sequence[MotionProfile], tries: _Attempts
 ) -> tuple[Experiment, ...]:
     """Raises:
     DrivingFailed: something stopped the robots where driving cannot go on.
@@ -168,7 +168,7 @@ def _driven(
             request = PlayRequest(
                 programme.name, programme.roles, duration_s(programme), 1, False, False
             )
-            drive = ProgrammeDrive(api, request, _unwatched)
+            drive = ProfileDrive(api, request, _unwatched)
             # The server's processes have the same monotonic clock as this one.
             began = time.monotonic()
             try:

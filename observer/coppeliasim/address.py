@@ -1,4 +1,4 @@
-"""Where a simulator listens, from the text that names it."""
+"""Addresses of simulators, parsed from the text that names them."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from observer.errors import InputError, SourceError
 
 DEFAULT_HOST = "127.0.0.1"
-# Where the simulator's server listens unless its own settings say otherwise.
+# The simulator's own default.
 DEFAULT_PORT = 23000
 _SCHEME = "coppeliasim:"
 
 
 @dataclass(frozen=True)
 class Address:
-    """A simulator's server."""
+    """The host and port of a simulator's server."""
 
     host: str
     port: int
@@ -24,38 +24,33 @@ class Address:
 
     @property
     def world(self) -> str:
-        """The text that opens it as a source; names its world as well."""
+        """The text that opens it as a source and names its world."""
         return f"{_SCHEME}{self}"
 
 
 def parse_address(text: str) -> Address:
-    """``HOST:PORT``, ``HOST`` or nothing: the simulator on this machine, at its usual port.
+    """Parse ``HOST:PORT`` or ``HOST``; empty text is this machine at the default port.
 
     Raises:
-        SourceError: it is none of these.
+        SourceError: the text is none of these.
     """
+    right = f"give coppeliasim:HOST:PORT, as in {Address(DEFAULT_HOST, DEFAULT_PORT).world}"
     host, colon, port = text.strip().rpartition(":")
     if not colon:
         host, port = port, str(DEFAULT_PORT)
     if not (port.isascii() and port.isdecimal() and 0 < int(port) < 65536):
-        raise SourceError(
-            f"{_SCHEME}{text} names no port of 1 to 65535; "
-            f"give coppeliasim:HOST:PORT, as in {Address(DEFAULT_HOST, DEFAULT_PORT).world}"
-        )
+        raise SourceError(f"{_SCHEME}{text} names no port of 1 to 65535; {right}")
     host = host or DEFAULT_HOST
     if any(c.isspace() or c in ":/" for c in host):
-        raise SourceError(
-            f"{_SCHEME}{text} names no host; "
-            f"give coppeliasim:HOST:PORT, as in {Address(DEFAULT_HOST, DEFAULT_PORT).world}"
-        )
+        raise SourceError(f"{_SCHEME}{text} names no host; {right}")
     return Address(host, int(port))
 
 
 def parse_robot(spec: str) -> tuple[Address, str]:
-    """The simulator and the robot's path in its scene, of ``coppeliasim:HOST:PORT/PATH``.
+    """Parse ``coppeliasim:HOST:PORT/PATH`` into the simulator and the robot's path in its scene.
 
     Raises:
-        InputError: it names no path, or no simulator.
+        InputError: the text names no path or no simulator.
     """
     if not spec.lower().startswith(_SCHEME):
         raise InputError(f"{spec} is no robot of CoppeliaSim; give coppeliasim:HOST:PORT/PATH")

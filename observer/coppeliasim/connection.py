@@ -1,8 +1,8 @@
-"""One conversation with a simulator, through its own client, that never lasts for ever.
+"""A connection to a simulator through its own client, with a deadline for every call.
 
-The client itself waits without limit for an answer. Here every call has a deadline; one that
-passes it leaves the client unusable (a request without its reply), so the conversation is closed
-and a new one must be begun.
+The client itself waits for an answer without limit. A call that misses its deadline leaves the
+client unusable (a request without its reply), so the connection is closed and a new one must be
+opened.
 """
 
 from __future__ import annotations
@@ -14,16 +14,20 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
 
 from observer.coppeliasim.address import Address
 from observer.errors import SourceError
+from observer.geometry import Float64Array
 
-# For the whole of a call. Shorter than an engine may be silent before it is taken for hung.
+# For a whole call; shorter than an engine may be silent before it is taken for hung.
 ANSWER_WITHIN_S = 1.0
 CONNECT_WITHIN_S = 1.0
-# The simulator forgets a client that was silent for so long. One that stepped it and died holds
-# it still for that time, so it is short, and whoever steps shows itself in between.
+# The simulator forgets a client that is silent for so long. One that stepped it and died holds it
+# still for that time, so it is short, and a stepping client calls in between.
 FORGOTTEN_AFTER_S = 1.0
 # What protocol 2 may ask of a client that offers no functions to be called back.
 _SERVER_ASKS = ("_*wait*_", "_*repeat*_")
@@ -37,7 +41,7 @@ class CoppeliaSimError(SourceError):
 
 
 class CoppeliaSimUnreachable(CoppeliaSimError):
-    """The simulator does not answer, or not by the protocol; the conversation is over."""
+    """The simulator does not answer, or not by the protocol; the connection is closed."""
 
 
 class _NoAnswer(Exception):
@@ -45,11 +49,11 @@ class _NoAnswer(Exception):
 
 
 class _NotTheProtocol(Exception):
-    """An answer that protocol 2 does not have."""
+    """The answer is not one of protocol 2."""
 
 
 class Connection:
-    """A conversation. Calls may come from several threads; one is made at a time.
+    """A connection to one simulator. Calls from several threads are made one at a time.
 
     Raises:
         CoppeliaSimUnreachable: the extra is not installed, nobody listens there, or what listens
@@ -81,11 +85,11 @@ class Connection:
         return self._client is None
 
     def call(self, function: str, *arguments: Any, within_s: float = ANSWER_WITHIN_S) -> Any:
-        """What ``sim.FUNCTION(*arguments)`` returns: nothing, a value or a tuple.
+        """Call ``sim.FUNCTION(*arguments)``; return None, a value or a tuple.
 
         Raises:
             CoppeliaSimError: the simulator refused it.
-            CoppeliaSimUnreachable: it did not answer in time; the conversation is closed.
+            CoppeliaSimUnreachable: it did not answer in time; the connection is closed.
         """
         with self._lock:
             if self._client is None:
@@ -100,8 +104,44 @@ class Connection:
                 )
             return self._answered(f"sim.{function}", within_s, called, *arguments)
 
+    def number(self, function: str, *arguments: Any) -> float:
+        """Call a function that returns one number.
+
+        Raises:
+            CoppeliaSimError: as ``call``, or the answer is no finite number.
+        """
+        return float(self.finite([self.call(function, *arguments)], 1)[0])
+
+    def finite(self, given: object, count: int) -> Float64Array:
+        """Return what the simulator gave as (count,) float64.
+
+        Raises:
+            CoppeliaSimError: it is not ``count`` finite numbers.
+        """
+        if isinstance(given, Sequence) and len(given) == count:
+            with contextlib.suppress(TypeError, ValueError):
+                values = np.array(given, dtype=np.float64)
+                if np.isfinite(values).all():
+                    return values
+        raise CoppeliaSimError(
+            f"CoppeliaSim at {self.address} gives {str(given)[:80]} where {count} numbers belong"
+        )
+
+    def objects(self, kind: str, root: int | None = None, options: int = 0) -> list[int]:
+        """Return the handles of all objects of a kind, such as ``joint``, below ``root``.
+
+        Args:
+            root: None for the whole scene.
+            options: of ``sim.getObjectsInTree``; 1 leaves ``root`` itself out.
+        """
+        number = self.constant(f"sceneobject_{kind}", f"object_{kind}_type")
+        root = self.constant("handle_scene") if root is None else root
+        found = self.call("getObjectsInTree", root, number, options)
+        # Lua has one kind of empty table, which may arrive as an empty map.
+        return [int(handle) for handle in found] if isinstance(found, list | tuple) else []
+
     def constant(self, *names: str) -> int:
-        """The first of these constants of ``sim`` that this version has.
+        """Return the first of these constants of ``sim`` that this version has.
 
         Raises:
             CoppeliaSimError: it has none of them.
@@ -116,16 +156,16 @@ class Connection:
         )
 
     def has(self, function: str) -> bool:
-        """Whether this version has a function of this name."""
+        """True if this version has a function of this name."""
         return callable(getattr(self._sim, function, None))
 
     def close(self) -> None:
-        """Take leave, if it still listens, and release the socket; safe to call twice."""
+        """Say goodbye if the simulator listens, and release the socket; safe to call twice."""
         with self._lock:
             client = self._client
             if client is None:
                 return
-            # An unfinished call, and a client that was never understood, have no farewell.
+            # After an unfinished call, or a first call that failed, there is no goodbye.
             if self._sim is not None:
                 with contextlib.suppress(Exception):
                     self._deadline = time.monotonic() + ANSWER_WITHIN_S
@@ -144,8 +184,8 @@ class Connection:
                 f"that it runs and that no dialog or other program holds it"
             ) from None
         except Exception as error:  # noqa: BLE001
-            # The client has no error of its own: it raises a plain one for what was refused, and
-            # stumbles over what is not the protocol.
+            # The client has no error class of its own: it raises a plain Exception for a refused
+            # call, and any other error where an answer is not of the protocol.
             if type(error) is Exception:
                 raise CoppeliaSimError(
                     f"CoppeliaSim at {self.address} refused {what}: {_in_words(str(error))}"
@@ -163,17 +203,16 @@ class Connection:
         if left <= 0 or not self._client.socket.poll(int(left * 1000) + 1):
             raise _NoAnswer
         reply = receive()
-        # The client would run any function of the main program that the server names.
+        # The client would run any function of the main module that the server names.
         if isinstance(reply, dict) and reply.get("func", _SERVER_ASKS[0]) not in _SERVER_ASKS:
             raise _NotTheProtocol
         return reply
 
     def _abandon(self) -> None:
         client, self._client, self._sim = self._client, None, None
-        if client is None:
-            return
-        client.socket.close(linger=0)
-        client.context.term()
+        if client is not None:
+            client.socket.close(linger=0)
+            client.context.term()
 
 
 def _check_installed() -> None:
@@ -185,10 +224,9 @@ def _check_installed() -> None:
 
 
 def _check_listening(address: Address) -> None:
-    """A refused connection is told at once, while the client would go on trying."""
+    """Report a refused connection at once; the client itself would go on trying."""
     try:
-        with socket.create_connection((address.host, address.port), timeout=CONNECT_WITHIN_S):
-            pass
+        socket.create_connection((address.host, address.port), timeout=CONNECT_WITHIN_S).close()
     except (OSError, UnicodeError) as error:
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         raise CoppeliaSimUnreachable(
@@ -202,7 +240,7 @@ def _new_client(address: Address) -> Any:
         RemoteAPIClient,
     )
 
-    # It puts its own `require` into the main program, and so would live for ever.
+    # It puts its own `require` into the main module, which would keep it alive for ever.
     main = sys.modules["__main__"].__dict__
     before = main.get("require", _MISSING)
     try:

@@ -1,7 +1,7 @@
-"""The noise that a camera has and the simulator's drawing lacks.
+"""Image noise, which the simulator's rendering lacks.
 
-Without it, two images of a scene at rest are the same to the last pixel, which no camera
-delivers: such a camera is taken for frozen, and a robot would not be let drive by it.
+Without it, two images of a scene at rest are equal to the last pixel, as no camera delivers them:
+the camera would be taken for frozen, and no robot would be allowed to drive by it.
 """
 
 from __future__ import annotations
@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 
 from observer.types import Image
 
-# Standard deviation, grey levels: the simulated lab's.
+# Standard deviation, grey levels, as in the simulated lab.
 SIGMA = 1.0
-# Fresh numbers for every pixel would cost more than all else; a place in a stock is drawn.
+# Drawing new numbers for every pixel would cost more than all else, so each image takes them from
+# a random place of a stock.
 _STOCK = 1 << 21
 _SEED = 0xC0B
 
 
 def noisy(image: Image, index: int, side: int) -> Image:
-    """The image (H, W, 3) as a camera would give it: the same for the same frame and side."""
+    """Add noise to an image (H, W, 3); equal frame and side get equal noise."""
     stock = _stock()
     if image.size > len(stock) // 2:
         stock = np.tile(stock, 2 * image.size // len(stock) + 1)

@@ -1,4 +1,4 @@
-"""From an address to what a simulator's scene offers: images, truth, robots."""
+"""Opens a simulator's scene: images, ground truth, robots."""
 
 from __future__ import annotations
 
@@ -15,19 +15,14 @@ from observer.robots.contract import RobotPort
 
 
 class CoppeliaSimRobots:
-    """The scene's robots: the one that carries the cameras, and the first of the others."""
+    """Robots of the scene: the one that carries the cameras, and the first of the others."""
 
     def __init__(self, address: Address, robots: Sequence[tuple[Role, Pioneer]]) -> None:
-        self._address = address
         self._robots = tuple(robots)
-
-    @property
-    def world(self) -> str:
-        """The text that opens the source."""
-        return self._address.world
+        self.world = address.world
 
     def serve(self) -> tuple[RobotPort, ...]:
-        """They are reachable as long as the simulator is there."""
+        """Return the robots' ports, which are reachable as long as the simulator is."""
         first: dict[Role, Pioneer] = {}
         for role, robot in self._robots:
             first.setdefault(role, robot)
@@ -37,7 +32,7 @@ class CoppeliaSimRobots:
         )
 
     def close(self) -> None:
-        """Nothing to release: they are the simulator's."""
+        """Release nothing: the robots are the simulator's."""
 
 
 def open_coppeliasim(
@@ -45,11 +40,11 @@ def open_coppeliasim(
 ) -> tuple[CoppeliaSimSource, CoppeliaSimTruth, CoppeliaSimRobots]:
     """Open the scene of the simulator at ``HOST:PORT`` (see ``parse_address``).
 
-    Sensors are created on the first robot where the scene has none that lie side by side.
+    A scene without a stereo pair gets one, on its first robot.
 
     Raises:
-        SourceError: the address is none, nobody answers there, or the scene has neither a stereo
-            pair nor a robot to put one on.
+        SourceError: the address is malformed, nobody answers there, or the scene has neither a
+            stereo pair nor a robot to put one on.
     """
     connection = Connection(parse_address(text))
     try:
@@ -76,7 +71,7 @@ def open_coppeliasim(
 def _with_roles(
     connection: Connection, pioneers: Sequence[Pioneer], left: Sensor
 ) -> list[tuple[Role, Pioneer]]:
-    """The observer first: the one that the left sensor hangs on, however far down."""
+    """Assign roles, the observer first: the robot that the left sensor is attached to."""
     above = set()
     handle = int(connection.call("getObjectParent", left.handle))
     while handle >= 0 and handle not in above:

@@ -1,20 +1,24 @@
-"""The P3-DX models of a scene: found by their wheels, which are measured."""
+"""P3-DX models of a scene, found by their wheels: measures, wheel odometry and sonars."""
 
 from __future__ import annotations
 
 import contextlib
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from observer.coppeliasim.connection import Connection, CoppeliaSimError
-from observer.coppeliasim.poses import bounds, handles, number, pose_of
-from observer.geometry import Float64Array, Pose
+from observer.coppeliasim.poses import bounds, pose_of
+from observer.geometry import Float64Array, Pose, along_arc
+from observer.robots.contract import SonarReading
 from observer.robots.models import robot_spec
+from observer.types import Odometry
 
 MODEL = "p3dx-sh"
 LEFT_MOTOR, RIGHT_MOTOR = "leftMotor", "rightMotor"
-# Of the simulator's own model, for wheels whose shape cannot be measured.
+# Of the simulator's own model; for wheels whose shape cannot be measured.
 USUAL_RADIUS_M = 0.0975
 _PLAUSIBLE_RADIUS_M = (0.02, 0.5)
 _SHORT_PATH = 1
@@ -27,9 +31,9 @@ class Pioneer:
     Attributes:
         handle, path, name: of the model's base in the scene.
         left, right: handles of its motors.
-        wheel_radius_m, track_m: measured, between the wheels' middles.
-        T_robot_base: its base in the axes of its model, which need not be those of a robot.
-        centre: (3,) metres, middle of its outline in the base frame.
+        wheel_radius_m, track_m: measured; the track between the wheels' middles.
+        T_robot_base: its base in the model's axes, which need not be those of a robot.
+        centre: (3,) metres, middle of its bounding box in the base frame.
         size: (3,) metres, length, width, height.
     """
 
@@ -45,21 +49,76 @@ class Pioneer:
     size: Float64Array
 
     def T_room_base(self, connection: Connection) -> Pose:
-        """Where it stands at this moment."""
+        """Ask for the current pose of its base in the room."""
         return pose_of(connection, self.handle) @ self.T_robot_base
 
     def wheel_angles(self, connection: Connection) -> tuple[float, float]:
-        """How far the left and the right wheel have turned, radians."""
-        left, right = (connection.call("getJointPosition", j) for j in (self.left, self.right))
-        return number(left, connection), number(right, connection)
+        """Ask for the angles of the left and the right wheel, radians."""
+        left, right = (connection.number("getJointPosition", j) for j in (self.left, self.right))
+        return left, right
+
+
+class WheelOdometry:
+    """Odometry from the angles of two wheels; each reading ends an arc."""
+
+    def __init__(self, radius_m: float, track_m: float) -> None:
+        self._radius, self._track = radius_m, track_m
+        self._before: tuple[float, float] | None = None
+        self._x = self._y = self._yaw = 0.0
+
+    def add(self, left_rad: float, right_rad: float) -> Odometry:
+        """Take the wheels' current angles, the first of which are the origin."""
+        before, self._before = self._before, (left_rad, right_rad)
+        if before is not None:
+            left, right = left_rad - before[0], right_rad - before[1]
+            way = (left + right) / 2 * self._radius
+            turn = (right - left) * self._radius / self._track
+            self._x, self._y = along_arc(self._x, self._y, self._yaw, way, turn)
+            self._yaw += turn
+        return Odometry(self._x, self._y, self._yaw)
+
+    def rebase(self) -> None:
+        """Count the step to the next angles as none: the joints were reset."""
+        self._before = None
+
+
+@dataclass(frozen=True)
+class Sonar:
+    """A proximity sensor: its handle, and its place and direction in the base frame.
+
+    The simulator itself handles it at every step.
+    """
+
+    handle: int
+    x: float
+    y: float
+    heading: float
+
+
+def find_sonars(connection: Connection, robot: Pioneer) -> tuple[Sonar, ...]:
+    """Find a robot's sonars, in the scene's order; a sensor looks along its own z axis."""
+    T_base_room = robot.T_room_base(connection).inverse()
+    found = []
+    for handle in connection.objects("proximitysensor", robot.handle):
+        T_base_sensor = T_base_room @ pose_of(connection, handle)
+        x, y, _ = T_base_sensor.translation.tolist()
+        ahead = T_base_sensor.rotation[:, 2].tolist()
+        found.append(Sonar(handle, x, y, math.atan2(ahead[1], ahead[0])))
+    return tuple(found)
+
+
+def read_sonar(connection: Connection, index: int, sonar: Sonar, received: float) -> SonarReading:
+    """Read the newest echo; ``received`` is the host's monotonic clock."""
+    result = connection.call("readProximitySensor", sonar.handle)
+    values: Sequence[object] = result if isinstance(result, tuple) else (result, None)
+    distance = float(connection.finite([values[1]], 1)[0]) if values[0] == 1 else None
+    return SonarReading(index, sonar.x, sonar.y, sonar.heading, distance, received)
 
 
 def find_pioneers(connection: Connection) -> list[Pioneer]:
-    """Every object of the scene that has motors of these names directly below it."""
-    joint = connection.constant("sceneobject_joint", "object_joint_type")
-    scene = connection.constant("handle_scene")
+    """Find every object of the scene that has motors of these names directly below it."""
     motors: dict[int, dict[str, int]] = {}
-    for handle in handles(connection.call("getObjectsInTree", scene, joint, 0)):
+    for handle in connection.objects("joint"):
         alias = connection.call("getObjectAlias", handle)
         if alias in (LEFT_MOTOR, RIGHT_MOTOR):
             base = int(connection.call("getObjectParent", handle))
@@ -72,10 +131,10 @@ def find_pioneers(connection: Connection) -> list[Pioneer]:
 
 
 def find_pioneer(connection: Connection, path: str) -> Pioneer:
-    """The robot at a path of the scene.
+    """Find the robot at a path of the scene.
 
     Raises:
-        CoppeliaSimError: there is none; the sentence lists those that are.
+        CoppeliaSimError: there is none; the sentence lists the existing ones.
     """
     handle = connection.call("getObject", path, {"noError": True})
     found = find_pioneers(connection)
@@ -90,22 +149,22 @@ def find_pioneer(connection: Connection, path: str) -> Pioneer:
 
 
 def own_scripts(connection: Connection, robot: int) -> list[int]:
-    """Handles of the scripts that drive a model by themselves, as the simulator's own does."""
+    """Return the handles of scripts that drive a model; the stock model has one."""
     try:
-        kind = connection.constant("sceneobject_script", "object_script_type")
+        connection.constant("sceneobject_script", "object_script_type")
     except CoppeliaSimError:
         # Before version 4.8 a script was no object of the scene.
         kind = connection.constant("scripttype_childscript", "scripttype_simulation")
         script = int(connection.call("getScript", kind, robot))
         return [] if script < 0 else [script]
-    return handles(connection.call("getObjectsInTree", robot, kind, 0))
+    return connection.objects("script", robot)
 
 
 def _measured(connection: Connection, base: int, left: int, right: int) -> Pioneer:
     T_room_robot = pose_of(connection, base)
     at_left, at_right = (pose_of(connection, joint).translation for joint in (left, right))
     across = at_left - at_right
-    # The model stands on a level floor; its own axes are not relied upon.
+    # The model stands on level ground; its own axes may be any.
     across[2] = 0.0
     track = float(np.linalg.norm(across))
     path = str(connection.call("getObjectAlias", base, _SHORT_PATH))
@@ -119,22 +178,21 @@ def _measured(connection: Connection, base: int, left: int, right: int) -> Pione
     middle = (at_left + at_right) / 2 - radius * z
     T_robot_base = T_room_robot.inverse() @ Pose(np.stack([np.cross(y, z), y, z], axis=1), middle)
     centre, size = _outline(connection, base, T_robot_base)
-    # Its path without the slash: two of them have one alias.
+    # The path's last part: two robots may have one alias.
     name = path.rpartition("/")[2]
     return Pioneer(base, path, name, left, right, radius, track, T_robot_base, centre, size)
 
 
 def _wheel_radius(connection: Connection, joint: int) -> float:
-    """Half the wheel's larger extent; what belongs to the joint's shape is the wheel."""
-    shape = connection.constant("sceneobject_shape", "object_shape_type")
+    """Half the larger extent of the shape below the joint, which is the wheel."""
     with contextlib.suppress(CoppeliaSimError):
-        for wheel in handles(connection.call("getObjectsInTree", joint, shape, 1)):
+        for wheel in connection.objects("shape", joint, 1):
             lower, upper = bounds(connection, wheel, model=False)
             radius = float((upper - lower).max()) / 2
             if _PLAUSIBLE_RADIUS_M[0] < radius < _PLAUSIBLE_RADIUS_M[1]:
                 return radius
     if connection.closed:
-        # Not a wheel without measures, but a simulator that is gone.
+        # Nothing could be measured because the simulator is gone; this raises.
         connection.call("getSimulationTime")
     return USUAL_RADIUS_M
 
@@ -142,7 +200,7 @@ def _wheel_radius(connection: Connection, joint: int) -> float:
 def _outline(
     connection: Connection, base: int, T_robot_base: Pose
 ) -> tuple[Float64Array, Float64Array]:
-    """Middle and size in the base frame."""
+    """Middle and size (3,) of the bounding box in the base frame, metres."""
     with contextlib.suppress(CoppeliaSimError):
         lower, upper = bounds(connection, base, model=True)
         corners = np.stack(np.meshgrid(*zip(lower, upper, strict=True)), axis=-1).reshape(-1, 3)

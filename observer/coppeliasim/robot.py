@@ -1,8 +1,8 @@
-"""A P3-DX of a CoppeliaSim scene as a robot that is driven.
+"""Driver of a P3-DX in a CoppeliaSim scene.
 
-A thread of its own holds a conversation of its own with the simulator, so that no call here ever
-waits for it. The simulator has no watchdog: if this process is killed, the wheels keep the speed
-that they had for as long as somebody lets the simulated time go on.
+A thread holds a connection of its own to the simulator, so that no call here ever waits for it.
+The simulator has no watchdog: if this process is killed, the wheels keep their speed for as long
+as the simulated time goes on.
 """
 
 from __future__ import annotations
@@ -16,10 +16,15 @@ from dataclasses import dataclass, replace
 
 from observer.coppeliasim.address import Address, parse_robot
 from observer.coppeliasim.connection import Connection, CoppeliaSimError, CoppeliaSimUnreachable
-from observer.coppeliasim.odometry import WheelOdometry
-from observer.coppeliasim.pioneers import MODEL, Pioneer, find_pioneer, own_scripts
-from observer.coppeliasim.poses import number
-from observer.coppeliasim.sonar import Sonar, find_sonars, read_sonar
+from observer.coppeliasim.pioneers import (
+    MODEL,
+    Pioneer,
+    WheelOdometry,
+    find_pioneer,
+    find_sonars,
+    own_scripts,
+    read_sonar,
+)
 from observer.errors import InputError
 from observer.robots.contract import (
     SETPOINT_FRESH_S,
@@ -32,11 +37,11 @@ from observer.robots.contract import (
 from observer.robots.models import robot_spec
 
 _PERIOD_S = 0.05
-# All of a ring's sensors are read within a quarter of a second.
+# A ring of 16 is read within a quarter of a second.
 _SONARS_A_TIME = 4
 _RETRY_S = 1.0
 _CLOSE_WITHIN_S = 2.0
-# What the model takes without its wheels slipping or its body nodding.
+# Accelerations at which the model's wheels do not slip and its body does not pitch.
 _ACCELERATION_MPS2 = 1.0
 _TURN_ACCELERATION_RADPS2 = math.radians(180)
 _STOP = (0.0, 0.0)
@@ -45,10 +50,10 @@ _STOP = (0.0, 0.0)
 def open_coppelia_robot(
     spec: str, model: str | None = None, *, clock: Callable[[], float] = time.monotonic
 ) -> CoppeliaSimRobot:
-    """The robot ``coppeliasim:HOST:PORT/PATH``; returns at once and connects by itself.
+    """Open the robot ``coppeliasim:HOST:PORT/PATH``; return at once and connect in the background.
 
     Raises:
-        InputError: the text names no robot, or another model than a P3-DX.
+        InputError: the text names no robot, or the model is not a P3-DX.
     """
     address, path = parse_robot(spec)
     if model not in (None, MODEL, "p3dx"):
@@ -58,7 +63,7 @@ def open_coppelia_robot(
 
 @dataclass(frozen=True)
 class _Setpoint:
-    """A velocity, and until when it holds."""
+    """A velocity and the time until which it holds."""
 
     speed_mps: float
     turn_rate_radps: float
@@ -83,7 +88,7 @@ class CoppeliaSimRobot:
         self._condition = threading.Condition()
         self._enabled = False
         self._closing = False
-        # Whether something was asked for that the thread has not seen.
+        # Something was asked for that the thread has not seen yet.
         self._asked = False
         self._setpoint: _Setpoint | None = None
         self._report = RobotReport(
@@ -100,12 +105,12 @@ class CoppeliaSimRobot:
         self._thread.start()
 
     def report(self) -> RobotReport:
-        """How it is; from any thread."""
+        """Return the robot's state; safe from any thread."""
         with self._condition:
             return replace(self._report, motors_enabled=self._enabled)
 
     def enable(self) -> None:
-        """Motors on, at zero velocity; not while it is not connected or has a fault."""
+        """Switch the motors on at zero velocity, if it is connected and has no fault."""
         with self._condition:
             self._setpoint = None
             self._enabled = (
@@ -114,17 +119,17 @@ class CoppeliaSimRobot:
             self._wake()
 
     def disable(self) -> None:
-        """Zero velocity, motors off."""
+        """Set zero velocity and switch the motors off."""
         with self._condition:
             self._setpoint, self._enabled = None, False
             self._wake()
 
     def stop(self) -> None:
-        """As ``disable``: the simulator's wheels stop as fast as they can either way."""
+        """Do the same as ``disable``: simulated wheels stop as fast as they can either way."""
         self.disable()
 
     def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
-        """Take this velocity until the next one, for ``SETPOINT_FRESH_S`` at most."""
+        """Hold this velocity until the next one, for ``SETPOINT_FRESH_S`` at most."""
         limits = self._limits
         with self._condition:
             now = self._clock()
@@ -137,12 +142,12 @@ class CoppeliaSimRobot:
             return Sent(speed, turn, now)
 
     def clear(self) -> None:
-        """Forget the fault; motors stay off."""
+        """Clear the fault; motors stay off."""
         with self._condition:
             self._report = replace(self._report, fault=None)
 
     def close(self) -> None:
-        """Stop, motors off, release the conversation; waits for at most 2 s."""
+        """Stop, switch the motors off and close the connection; wait for at most 2 s."""
         with self._condition:
             self._closing = True
             self._setpoint, self._enabled = None, False
@@ -160,14 +165,15 @@ class CoppeliaSimRobot:
         try:
             while not self._closing:
                 try:
-                    _Drive(self).run()
+                    with contextlib.closing(Connection(self._address)) as connection:
+                        _Drive(self, connection).run()
                 except CoppeliaSimError as error:
                     self._lost(str(error))
                 with self._condition:
                     self._condition.wait_for(lambda: self._closing, _RETRY_S)
         finally:
             if not self._closing:
-                # Something that nobody expected: it must not pass for connected.
+                # An unexpected error must not pass for connected.
                 self._lost("its driver failed")
                 self._tell(phase=RobotPhase.REFUSED)
 
@@ -191,7 +197,7 @@ class CoppeliaSimRobot:
             )
 
     def _next_velocity(self) -> tuple[float, float] | None:
-        """Waits until something is to be done; None where the robot is to be closed."""
+        """Wait for the next velocity to write; None once the robot is to be closed."""
         with self._condition:
             now, setpoint = self._clock(), self._setpoint
             wait = _PERIOD_S if setpoint is None else min(_PERIOD_S, setpoint.until - now)
@@ -200,9 +206,7 @@ class CoppeliaSimRobot:
             if self._closing:
                 return None
             setpoint = self._setpoint
-            if setpoint is None or not self._enabled:
-                return _STOP
-            if self._clock() >= setpoint.until:
+            if setpoint is None or not self._enabled or self._clock() >= setpoint.until:
                 self._setpoint = None
                 return _STOP
             return setpoint.speed_mps, setpoint.turn_rate_radps
@@ -213,89 +217,80 @@ class CoppeliaSimRobot:
 
 
 class _Drive:
-    """One conversation with the simulator about one robot, from connecting to its end."""
+    """One connection's work for one robot, which stands from the beginning.
 
-    def __init__(self, robot: CoppeliaSimRobot) -> None:
+    Raises:
+        CoppeliaSimError: the simulator has no such robot.
+    """
+
+    def __init__(self, robot: CoppeliaSimRobot, connection: Connection) -> None:
         self._robot = robot
-        self._sonars: tuple[Sonar, ...] = ()
+        self._connection = connection
+        self._pioneer = find_pioneer(connection, robot._path)
+        self._write(_STOP)
+        self._sonars = find_sonars(connection, self._pioneer)
+        self._warnings = _warnings(connection, self._pioneer)
+        self._odometry = WheelOdometry(self._pioneer.wheel_radius_m, self._pioneer.track_m)
         self._readings: dict[int, SonarReading] = {}
         self._next_sonar = 0
         self._simulated: float | None = None
-        self._packets = robot.report().counters["packets"]
 
     def run(self) -> None:
-        """Until the robot is closed.
+        """Drive until the robot is closed.
 
         Raises:
-            CoppeliaSimError: the simulator cannot be reached, or has no such robot (any more).
+            CoppeliaSimError: the simulator does not answer, or no longer has the robot.
         """
-        connection = Connection(self._robot._address)
+        self._read()
         try:
-            pioneer = find_pioneer(connection, self._robot._path)
-            # Whatever it was told before, it stands.
-            self._write(connection, pioneer, _STOP)
-            self._sonars = find_sonars(connection, pioneer)
-            warnings = _warnings(connection, pioneer)
-            odometry = WheelOdometry(pioneer.wheel_radius_m, pioneer.track_m)
-            self._read(connection, pioneer, odometry, warnings)
-            try:
-                while (velocity := self._robot._next_velocity()) is not None:
-                    self._write(connection, pioneer, velocity)
-                    self._read(connection, pioneer, odometry, warnings)
-            finally:
-                # Nothing else stops its wheels; where nobody answers, nobody can be told.
-                with contextlib.suppress(CoppeliaSimError):
-                    self._write(connection, pioneer, _STOP)
+            while (velocity := self._robot._next_velocity()) is not None:
+                self._write(velocity)
+                self._read()
         finally:
-            connection.close()
+            # Nothing else stops the wheels; a simulator that is gone cannot be told.
+            with contextlib.suppress(CoppeliaSimError):
+                self._write(_STOP)
 
-    def _write(
-        self, connection: Connection, pioneer: Pioneer, velocity: tuple[float, float]
-    ) -> None:
-        # Written every time: a simulation that was started anew has forgotten it.
+    def _write(self, velocity: tuple[float, float]) -> None:
+        # Written every time: a restarted simulation has forgotten it.
         speed, turn = velocity
+        pioneer = self._pioneer
         half = turn * pioneer.track_m / 2
         for joint, wheel in ((pioneer.left, speed - half), (pioneer.right, speed + half)):
-            connection.call("setJointTargetVelocity", joint, wheel / pioneer.wheel_radius_m)
+            self._connection.call("setJointTargetVelocity", joint, wheel / pioneer.wheel_radius_m)
         self._robot._tell(sent=Sent(speed, turn, self._robot._clock()))
 
-    def _read(
-        self,
-        connection: Connection,
-        pioneer: Pioneer,
-        odometry: WheelOdometry,
-        warnings: tuple[str, ...],
-    ) -> None:
-        simulated = number(connection.call("getSimulationTime"), connection)
+    def _read(self) -> None:
+        connection, pioneer = self._connection, self._pioneer
+        simulated = connection.number("getSimulationTime")
         if self._simulated is not None and simulated < self._simulated:
-            odometry.rebase()
+            self._odometry.rebase()
         self._simulated = simulated
-        way = odometry.add(*pioneer.wheel_angles(connection))
+        way = self._odometry.add(*pioneer.wheel_angles(connection))
         left, right = (
-            number(connection.call("getJointVelocity", joint), connection) * pioneer.wheel_radius_m
+            connection.number("getJointVelocity", joint) * pioneer.wheel_radius_m
             for joint in (pioneer.left, pioneer.right)
         )
         now = self._robot._clock()
-        self._listen(connection, now)
-        self._packets += 1
-        counters = {**self._robot.report().counters, "packets": self._packets}
+        self._listen(now)
+        counters = self._robot.report().counters
         self._robot._tell(
             phase=RobotPhase.CONNECTED,
             trouble=None,
-            warnings=warnings,
+            warnings=self._warnings,
             received=now,
             name=pioneer.name,
             odometry=way,
             speed_mps=(left + right) / 2,
             turn_rate_radps=(right - left) / pioneer.track_m,
             sonars=tuple(self._readings[k] for k in sorted(self._readings)),
-            counters=counters,
+            counters={**counters, "packets": counters["packets"] + 1},
         )
 
-    def _listen(self, connection: Connection, now: float) -> None:
+    def _listen(self, now: float) -> None:
         for _ in range(min(_SONARS_A_TIME, len(self._sonars))):
             k = self._next_sonar
-            self._readings[k] = read_sonar(connection, k, self._sonars[k], now)
+            self._readings[k] = read_sonar(self._connection, k, self._sonars[k], now)
             self._next_sonar = (k + 1) % len(self._sonars)
 
 

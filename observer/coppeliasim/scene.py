@@ -1,12 +1,13 @@
-"""The scene of the paper's figure 1, built in a running simulator: two P3-DX and textured boxes.
+"""Builds the scene of the paper's figure 1 in a running simulator: two P3-DX and textured boxes.
 
-What was built before is replaced, robots and cameras that are there are kept and put into place,
-so building twice leaves one scene.
+What was built before is replaced; existing robots and cameras are kept and put into place. So
+building twice leaves one scene.
 """
 
 from __future__ import annotations
 
 import math
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +15,13 @@ import numpy as np
 from observer.coppeliasim.address import Address
 from observer.coppeliasim.connection import Connection, CoppeliaSimError
 from observer.coppeliasim.pioneers import Pioneer, find_pioneers, own_scripts
-from observer.coppeliasim.poses import handles, pose_numbers
+from observer.coppeliasim.poses import pose_numbers
 from observer.coppeliasim.sensors import create_sensors, find_sensors
 from observer.geometry import Pose
 
-# As it lies below the simulator's own folder.
+# Path below the simulator's own folder.
 PIONEER_MODEL = "models/robots/mobile/pioneer p3dx.ttm"
-# Everything else that is built here has an alias that begins so.
+# Beginning of the aliases of everything else that is built.
 PREFIX = "dynamicObserver"
 _FLOOR = "/Floor"
 _LOAD_WITHIN_S = 20.0
@@ -30,9 +31,9 @@ _ROOM_M, _WALL_HEIGHT_M, _WALL_M = 2.5, 2.0, 0.1
 _TEXTURE_PX, _TEXTURE_M = 256, 1.0
 # Bits of sim.setShapeTexture: repeated in both directions.
 _REPEATED = 4 | 8
-# Where the two robots stand: x, y, heading. The obstacle crosses before the observer.
+# Start poses of the two robots: x, y, heading. The obstacle crosses in front of the observer.
 _PLACES = ((-1.8, 0.0, 0.0), (0.7, 0.9, -math.pi / 2))
-# x, y, heading, length, width, height: behind and beside the obstacle's way.
+# x, y, heading, length, width, height: behind and beside the obstacle's path.
 _BOXES = (
     (2.0, 1.6, 0.2, 0.6, 0.6, 0.55),
     (2.1, 0.2, -0.1, 0.45, 0.55, 0.42),
@@ -44,11 +45,11 @@ _BOXES = (
 
 @dataclass(frozen=True)
 class BuiltScene:
-    """What is there now.
+    """Contents of a scene after building.
 
     Attributes:
         robots: paths, the observer first. cameras: paths, left and right.
-        boxes: how many boxes were built. loaded: how many robots were loaded.
+        boxes: number of boxes built. loaded: number of robots loaded.
     """
 
     robots: tuple[str, ...]
@@ -58,17 +59,14 @@ class BuiltScene:
 
 
 def build_scene(address: Address) -> BuiltScene:
-    """Build it in the simulator that listens there, whose simulation is stopped.
+    """Build the scene in the simulator at ``address``, whose simulation is stopped.
 
     Raises:
-        CoppeliaSimError: nobody answers there, the simulation runs, or the simulator has no
+        CoppeliaSimError: nobody answers there, the simulation runs, or the simulator lacks a
             model of the robot.
     """
-    connection = Connection(address)
-    try:
+    with closing(Connection(address)) as connection:
         return _build(connection)
-    finally:
-        connection.close()
 
 
 def _build(connection: Connection) -> BuiltScene:
@@ -82,8 +80,7 @@ def _build(connection: Connection) -> BuiltScene:
         side = 2 * _ROOM_M
         _solid(connection, "Floor", (side, side, 0.1), (0.0, 0.0, -0.05, 0.0), 1)
     _walls(connection)
-    for k, (x, y, heading, *size) in enumerate(_BOXES):
-        length, width, height = size
+    for k, (x, y, heading, length, width, height) in enumerate(_BOXES):
         at = (x, y, height / 2, heading)
         _solid(connection, f"Box{k + 1}", (length, width, height), at, 10 + k)
     robots = find_pioneers(connection)
@@ -109,11 +106,9 @@ def _build(connection: Connection) -> BuiltScene:
 
 
 def _clear(connection: Connection) -> None:
-    shape = connection.constant("sceneobject_shape", "object_shape_type")
-    scene = connection.constant("handle_scene")
     before = [
         handle
-        for handle in handles(connection.call("getObjectsInTree", scene, shape, 0))
+        for handle in connection.objects("shape")
         if str(connection.call("getObjectAlias", handle)).startswith(PREFIX)
     ]
     if before:
@@ -128,15 +123,16 @@ def _load_pioneer(connection: Connection) -> None:
             f"{error}; load a P3-DX twice from the simulator's own models (robots, mobile), "
             f"then build the scene again"
         ) from None
-    # Its own script would drive it, too.
+    # The model's own script would drive it as well.
     scripts = own_scripts(connection, model)
-    if scripts:
-        removing = "removeObjects" if connection.has("removeObjects") else "removeScript"
-        connection.call(removing, scripts if removing == "removeObjects" else scripts[0])
+    if scripts and connection.has("removeObjects"):
+        connection.call("removeObjects", scripts)
+    elif scripts:
+        connection.call("removeScript", scripts[0])
 
 
 def _observer_first(connection: Connection, robots: list[Pioneer]) -> list[Pioneer]:
-    """The one that carries the cameras, where there are some."""
+    """Sort the robot that carries the cameras, if there are any, to the front."""
     sensors = find_sensors(connection)
     if sensors is None:
         return robots
@@ -167,7 +163,7 @@ def _solid(
     place: tuple[float, float, float, float],
     seed: int,
 ) -> None:
-    """A textured box that stays where it is and cannot be driven through."""
+    """Create a textured static box that cannot be driven through."""
     cuboid = connection.constant("primitiveshape_cuboid")
     handle = connection.call("createPrimitiveShape", cuboid, list(size))
     connection.call("setObjectAlias", handle, PREFIX + name)
@@ -191,7 +187,7 @@ def _solid(
 
 
 def _pattern(seed: int) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-    """(H, W, 3) RGB patches of many sizes, so that there are corners at every distance."""
+    """Draw (H, W, 3) RGB patches of many sizes, so that there are corners at every distance."""
     rng = np.random.default_rng(seed)
     tint = rng.uniform(0.6, 1.0, 3)
     total = np.zeros((_TEXTURE_PX, _TEXTURE_PX))

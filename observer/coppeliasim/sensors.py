@@ -1,6 +1,6 @@
-"""The two vision sensors that are the stereo camera: found, or put onto a robot; their images.
+"""The two vision sensors of the stereo camera: found, or put onto a robot; their images.
 
-Names are tried first, without regard to case; then any two sensors that lie side by side.
+Names are tried first, ignoring case; then any two sensors that lie side by side.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from observer.coppeliasim.connection import (
     CoppeliaSimUnreachable,
 )
 from observer.coppeliasim.pioneers import Pioneer
-from observer.coppeliasim.poses import R_SENSOR_CAMERA, handles, number, pose_numbers, pose_of
+from observer.coppeliasim.poses import R_SENSOR_CAMERA, pose_numbers, pose_of
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, Pose
 from observer.types import Image
 
 LEFT_NAME, RIGHT_NAME = "leftCamera", "rightCamera"
 WIDTH, HEIGHT, VIEW_ANGLE_DEG = 512, 256, 60.0
-# Where sensors that are created stand on their robot, metres and radians: the simulated lab's.
+# Mount of created sensors on their robot, metres and radians.
 BASELINE_M, FORWARD_M, ABOVE_FLOOR_M, TILT_RAD = 0.12, 0.14, 0.34, math.radians(6.0)
 NEAR_M, FAR_M = 0.05, 20.0
 # Bits of sim.createVisionSensor: handled explicitly, with perspective.
 _EXPLICIT, _PERSPECTIVE = 1, 2
 _LARGEST_BASELINE_M = 1.0
-# A pair that deviates by less is exactly parallel, as far as anybody could tell from its images.
+# A pair that deviates by less counts as exactly parallel: its images would not show it.
 _ROUNDING = 1e-5
 
 
@@ -48,24 +48,24 @@ class Sensor:
 
     @property
     def focal_px(self) -> float:
-        """The view angle is that of the larger dimension."""
+        """Focal length; the view angle is that of the larger dimension."""
         return max(self.width, self.height) / 2 / math.tan(self.view_angle / 2)
 
     @property
     def K(self) -> Float64Array:
-        """(3, 3) camera matrix; pixel centres at whole numbers, so the middle is at 255.5."""
+        """(3, 3) camera matrix; pixel centres at whole numbers, so the middle of 512 is 255.5."""
         f = self.focal_px
         return np.array([[f, 0, (self.width - 1) / 2], [0, f, (self.height - 1) / 2], [0, 0, 1]])
 
     def T_room_camera(self, connection: Connection) -> Pose:
-        """Where it is at this moment, with OpenCV's axes."""
+        """Ask for its current pose, with OpenCV's axes."""
         return pose_of(connection, self.handle) @ Pose(R_SENSOR_CAMERA, np.zeros(3))
 
     def image(self, connection: Connection) -> Image:
-        """(H, W, 3) BGR, upper row first, of what it saw when it was handled last.
+        """Fetch the image (H, W, 3) BGR, upper row first, that it took when it was last handled.
 
         Raises:
-            CoppeliaSimError: it is not of the size that it was when it was opened.
+            CoppeliaSimError: the image is not of the size that it had when it was opened.
         """
         given = connection.call("getVisionSensorImg", self.handle)
         content, size = given if isinstance(given, tuple) and len(given) == 2 else (None, None)
@@ -89,7 +89,7 @@ class Sensor:
 
 @dataclass(frozen=True, eq=False)
 class StereoSensors:
-    """Left and right sensor, and their calibration."""
+    """Left and right sensor, and their stereo calibration."""
 
     left: Sensor
     right: Sensor
@@ -97,17 +97,17 @@ class StereoSensors:
 
 
 def find_sensors(connection: Connection) -> StereoSensors | None:
-    """The scene's stereo camera; None where no two sensors lie side by side.
+    """Find the scene's stereo camera; None where no two sensors lie side by side.
 
     Raises:
-        CoppeliaSimError: two sensors have the names, but are no stereo camera.
+        CoppeliaSimError: two sensors have the expected names, but are no stereo camera.
     """
     every = _all_sensors(connection)
-    named = itertools.product(*(
+    named = (
         [s for s in every if s.name.lower() == name.lower()] for name in (LEFT_NAME, RIGHT_NAME)
-    ))  # fmt: skip
+    )
     refusal: CoppeliaSimError | None = None
-    for left, right in named:
+    for left, right in itertools.product(*named):
         try:
             return _stereo(connection, left, right)
         except CoppeliaSimUnreachable:
@@ -134,7 +134,7 @@ def create_sensors(connection: Connection, robot: Pioneer) -> StereoSensors:
     """Put a stereo camera onto a robot: 512x256 pixels at 60 degrees."""
     T_room_base = robot.T_room_base(connection)
     tilt = Pose.from_rotvec([0.0, TILT_RAD, 0.0], np.zeros(3)).rotation
-    # A sensor that looks ahead along the base's x, its y up and its x left.
+    # The sensor looks along the base's x, its y up and its x left.
     R_base_sensor = tilt @ np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     made = []
     for name, side in ((LEFT_NAME, 0.5), (RIGHT_NAME, -0.5)):
@@ -154,37 +154,25 @@ def create_sensors(connection: Connection, robot: Pioneer) -> StereoSensors:
 
 
 def _all_sensors(connection: Connection) -> list[Sensor]:
-    """Those with perspective; the others are no cameras."""
-    kind = connection.constant("sceneobject_visionsensor", "object_visionsensor_type")
+    """Find all sensors with perspective; orthographic ones are no cameras."""
     perspective = connection.constant("visionintparam_perspective_operation")
-    found = connection.call("getObjectsInTree", connection.constant("handle_scene"), kind, 0)
     return [
         _sensor(connection, handle)
-        for handle in handles(found)
+        for handle in connection.objects("visionsensor")
         if connection.call("getObjectInt32Param", handle, perspective)
     ]
 
 
 def _sensor(connection: Connection, handle: int) -> Sensor:
+    resolution = [connection.constant(f"visionintparam_resolution_{axis}") for axis in "xy"]
     width, height = (
-        int(
-            number(
-                connection.call(
-                    "getObjectInt32Param",
-                    handle,
-                    connection.constant(f"visionintparam_resolution_{axis}"),
-                ),
-                connection,
-            )
-        )
-        for axis in "xy"
+        int(connection.number("getObjectInt32Param", handle, each)) for each in resolution
     )
-    angle = connection.call(
-        "getObjectFloatParam", handle, connection.constant("visionfloatparam_perspective_angle")
-    )
+    angle = connection.constant("visionfloatparam_perspective_angle")
+    view_angle = connection.number("getObjectFloatParam", handle, angle)
     path = str(connection.call("getObjectAlias", handle, 1))
     name = str(connection.call("getObjectAlias", handle))
-    return Sensor(handle, path, name, width, height, number(angle, connection))
+    return Sensor(handle, path, name, width, height, view_angle)
 
 
 def _alike(a: Sensor, b: Sensor) -> bool:

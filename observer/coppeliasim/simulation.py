@@ -1,7 +1,7 @@
-"""The simulation's course: started, stepped by us and nobody else, stopped where we started it.
+"""Starts, steps and stops a simulation.
 
-In stepping mode the simulator waits for us, so what is read between two steps is of one instant.
-It forgets clients that are silent, so while nothing is read a thread shows that we are there.
+In stepping mode the simulator waits for us, so everything read between two steps is of one
+instant. It forgets silent clients, so a thread keeps the connection alive while nothing is read.
 """
 
 from __future__ import annotations
@@ -12,37 +12,35 @@ import time
 from collections.abc import Callable
 
 from observer.coppeliasim.connection import (
-    ANSWER_WITHIN_S,
     FORGOTTEN_AFTER_S,
     Connection,
     CoppeliaSimError,
     CoppeliaSimUnreachable,
 )
-from observer.coppeliasim.poses import number
 
-# A stepping client that died holds the simulator until it is forgotten; we wait that long.
+# A stepping client that died holds the simulator until it is forgotten; wait at least that long.
 STEP_WITHIN_S = FORGOTTEN_AFTER_S + 0.4
 _STARTED_WITHIN_S = 2.0
 _POLL_S = 0.01
-_SHOW_EVERY_S = FORGOTTEN_AFTER_S / 4
+_ALIVE_EVERY_S = FORGOTTEN_AFTER_S / 4
 
 
 class Simulation:
     """Steps a simulator; used by one thread.
 
     Attributes:
-        time_step_s: of the simulated time.
+        time_step_s: simulated seconds of one step.
     """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._started = False
         self._stepping = False
-        # Where the last step of ours led to; None as long as it may be elsewhere.
+        # Simulated time after our last step; None while it may be another.
         self._stepped_to: float | None = None
         self._closing = threading.Event()
-        self._shower: threading.Thread | None = None
-        self.time_step_s = number(connection.call("getSimulationTimeStep"), connection)
+        self._keeper: threading.Thread | None = None
+        self.time_step_s = connection.number("getSimulationTimeStep")
         if not self.time_step_s > 0:
             raise CoppeliaSimError(
                 f"CoppeliaSim at {connection.address} steps by {self.time_step_s} s; "
@@ -52,10 +50,10 @@ class Simulation:
     @property
     def time(self) -> float:
         """The simulated time, seconds."""
-        return number(self._connection.call("getSimulationTime"), self._connection)
+        return self._connection.number("getSimulationTime")
 
     def start(self) -> None:
-        """From now on it stands still between steps; it is started where it was stopped."""
+        """Hold the simulation still between steps, and start it if it is stopped."""
         connection = self._connection
         stopped = connection.constant("simulation_stopped")
         advancing = connection.constant("simulation_advancing")
@@ -67,22 +65,22 @@ class Simulation:
             self._started = state == stopped
             connection.call("startSimulation")
             self._await(lambda: bool(connection.call("getSimulationState") & advancing), "start")
-        if self._shower is None:
-            self._shower = threading.Thread(
-                target=self._show, name="showing CoppeliaSim that we are there", daemon=True
+        if self._keeper is None:
+            self._keeper = threading.Thread(
+                target=self._keep_alive, name="CoppeliaSim keep-alive", daemon=True
             )
-            self._shower.start()
+            self._keeper.start()
 
     def step(self) -> float:
-        """One step further; the simulated time then, seconds.
+        """Make one step; return the simulated time after it, seconds.
 
         Raises:
-            CoppeliaSimError: it does not go on, because somebody stopped or paused it.
+            CoppeliaSimError: the time does not advance, because somebody stopped or paused it.
         """
         connection = self._connection
         before = self.time
         if self._stepped_to is not None and before > self._stepped_to:
-            # It forgot that we step it, and went on by itself.
+            # The simulator forgot that we step it, and went on by itself.
             self.hold_again()
             before = self.time
         try:
@@ -107,7 +105,7 @@ class Simulation:
         self._step_alone()
 
     def restart(self) -> None:
-        """Begin anew: the simulator puts everything back to where it started."""
+        """Stop the simulation, which puts everything back to its start."""
         connection = self._connection
         stopped = connection.constant("simulation_stopped")
         self._release()
@@ -115,11 +113,11 @@ class Simulation:
         self._await(lambda: connection.call("getSimulationState") == stopped, "stop")
 
     def close(self) -> None:
-        """Let it run by itself, or stop it where it was started here; safe to call twice."""
+        """Let it run by itself, or stop it if it was started here; safe to call twice."""
         self._closing.set()
-        if self._shower is not None:
-            self._shower.join()
-            self._shower = None
+        if self._keeper is not None:
+            self._keeper.join()
+            self._keeper = None
         if self._connection.closed:
             return
         with contextlib.suppress(CoppeliaSimError):
@@ -129,7 +127,7 @@ class Simulation:
         self._started = False
 
     def _step_alone(self) -> None:
-        # It counts: somebody who asked twice must give back twice.
+        # The simulator counts: stepping that is set twice must be released twice.
         if not self._stepping:
             self._connection.call("setStepping", True)
             self._stepping = True
@@ -157,15 +155,15 @@ class Simulation:
                 )
             time.sleep(_POLL_S)
 
-    def _show(self) -> None:
-        while not self._closing.wait(_SHOW_EVERY_S / 2):
+    def _keep_alive(self) -> None:
+        while not self._closing.wait(_ALIVE_EVERY_S / 2):
             silent = time.monotonic() - self._connection.last_call
-            if silent < _SHOW_EVERY_S:
+            if silent < _ALIVE_EVERY_S:
                 continue
             try:
-                self._connection.call("getSimulationTime", within_s=ANSWER_WITHIN_S)
+                self._connection.call("getSimulationTime")
             except CoppeliaSimUnreachable:
-                # Who reads next is told.
+                # The next read reports it.
                 return
             except CoppeliaSimError:
                 continue

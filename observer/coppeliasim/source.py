@@ -1,28 +1,28 @@
 """The vision sensors of a CoppeliaSim scene as a source of stereo frames.
 
-It is paced like a recording, not live: the simulator stands still until the next frame is asked
-for, so it can be paused and stepped. It never ends by itself.
+The source is paced like a recording, not live: the simulator stands still until the next frame is
+read, so it can be paused and stepped. It never ends by itself.
 """
 
 from __future__ import annotations
 
 import time as clock
+from dataclasses import replace
 
 from observer.camera import StereoCalibration
 from observer.coppeliasim.connection import ANSWER_WITHIN_S, Connection, CoppeliaSimError
 from observer.coppeliasim.noise import noisy
-from observer.coppeliasim.odometry import WheelOdometry
-from observer.coppeliasim.pioneers import Pioneer
+from observer.coppeliasim.pioneers import Pioneer, WheelOdometry
 from observer.coppeliasim.sensors import StereoSensors
 from observer.coppeliasim.simulation import Simulation
 from observer.coppeliasim.truth import CoppeliaSimTruth
 from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.sources.contract import SourceInfo
-from observer.types import Image, StereoFrame
+from observer.types import StereoFrame
 
 _EXPLICITLY_HANDLED = 1
-# The first image may have to wait for what the simulator prepares to draw.
+# The simulator may have to prepare its renderer for the first image.
 _FIRST_IMAGE_WITHIN_S = 5.0
 
 
@@ -30,8 +30,8 @@ class CoppeliaSimSource:
     """Frames of a scene, one for each step; a frame's time is the simulated time.
 
     Args:
-        robot: that carries the sensors, None where none does.
-        truth: told of every frame's instant.
+        robot: the one that carries the sensors, if any.
+        truth: notes the scene's state at every frame.
 
     Raises:
         CoppeliaSimError: the simulation cannot be started or stepped.
@@ -60,15 +60,14 @@ class CoppeliaSimSource:
 
     @property
     def calibration(self) -> StereoCalibration | None:
-        """By the sensors' own resolution, view angle and poses: exact."""
+        """Exact, from the sensors' resolution, view angle and poses."""
         return self._sensors.calibration
 
     def read(self) -> StereoFrame:
-        """The next frame. The step that leads to it is made now, not after the one before, so
-        that what was commanded meanwhile is in it.
+        """Step, and read the frame; stepping first lets it show what was commanded meanwhile.
 
         Raises:
-            CoppeliaSimError: the simulator does not answer, or not as it should.
+            CoppeliaSimError: the simulator does not answer, or not as expected.
         """
         if self._next:
             self._simulation.step()
@@ -85,7 +84,7 @@ class CoppeliaSimSource:
         )
 
     def rewind(self) -> None:
-        """Begin the simulation anew."""
+        """Restart the simulation."""
         self._simulation.restart()
         self._truth.begin_again()
         self._odometry = _odometry(self._robot)
@@ -93,7 +92,7 @@ class CoppeliaSimSource:
         self._begin()
 
     def close(self) -> None:
-        """Let the simulator go; what was started here is stopped."""
+        """Release the simulator; stop the simulation if it was started here."""
         self._simulation.close()
         self._connection.close()
 
@@ -108,11 +107,14 @@ class CoppeliaSimSource:
             self._connection.call("handleVisionSensor", sensor.handle, within_s=within_s)
 
     def _read_here(self) -> StereoFrame | None:
-        """All that belongs to one instant; None where it was not one."""
+        """Read everything of one instant; None if the time changed meanwhile."""
         before = self._simulation.time
-        left, right = self._images()
-        T_room_left = self._sensors.left.T_room_camera(self._connection)
-        self._truth.note(self._connection, before, T_room_left)
+        self._draw()
+        left, right = (
+            noisy(sensor.image(self._connection), self._next, side)
+            for side, sensor in enumerate((self._sensors.left, self._sensors.right))
+        )
+        self._truth.note(self._connection, before, self._T_room_left())
         odometry = None
         if self._robot is not None and self._odometry is not None:
             odometry = self._odometry.add(*self._robot.wheel_angles(self._connection))
@@ -127,37 +129,33 @@ class CoppeliaSimSource:
             odometry=odometry,
         )
 
-    def _images(self) -> tuple[Image, Image]:
-        self._draw()
-        left, right = self._sensors.left, self._sensors.right
-        index = self._next
-        return (
-            noisy(left.image(self._connection), index, 0),
-            noisy(right.image(self._connection), index, 1),
-        )
-
     def _described(self) -> SourceInfo:
         mount = self._mount()
         calibration = self._sensors.calibration
-        return SourceInfo(
+        info = SourceInfo(
             spec=self._connection.address.world,
             kind="coppeliasim",
             width=calibration.width,
             height=calibration.height,
             frame_rate=1 / self._simulation.time_step_s,
             frame_count=None,
-            mount_height_m=None if mount is None else mount.height_m,
-            mount_tilt_rad=None if mount is None else mount.tilt_rad,
-            mount_forward_m=None if mount is None else mount.forward_m,
-            mount_left_m=None if mount is None else mount.left_m,
+        )
+        if mount is None:
+            return info
+        return replace(
+            info,
+            mount_height_m=mount.height_m,
+            mount_tilt_rad=mount.tilt_rad,
+            mount_forward_m=mount.forward_m,
+            mount_left_m=mount.left_m,
         )
 
     def _mount(self) -> CameraMount | None:
-        """How the left sensor stands on its robot; None where that is no mount."""
+        """Mount of the left sensor on its robot; None where there is no valid one."""
         if self._robot is None:
             return None
         T_room_base = self._robot.T_room_base(self._connection)
-        T_base_camera = T_room_base.inverse() @ self._left_camera()
+        T_base_camera = T_room_base.inverse() @ self._T_room_left()
         down = T_base_camera.inverse().rotate([0.0, 0.0, -1.0])
         tilt, _ = CameraMount.angles_of(down)
         forward, left, height = T_base_camera.translation.tolist()
@@ -166,7 +164,7 @@ class CoppeliaSimSource:
         except ValueError:
             return None
 
-    def _left_camera(self) -> Pose:
+    def _T_room_left(self) -> Pose:
         return self._sensors.left.T_room_camera(self._connection)
 
 

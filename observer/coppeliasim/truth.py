@@ -1,6 +1,6 @@
-"""The truth about CoppeliaSim's scene, as it was at each frame's instant.
+"""Ground truth of CoppeliaSim's scene at the instants of frames.
 
-The simulator knows only its present, so whoever reads a frame notes what there was. World frame:
+The simulator knows only its present, so the source notes the state with every frame. World frame:
 the rectified left camera at the first frame.
 """
 
@@ -17,11 +17,10 @@ import numpy as np
 from observer.camera import StereoCalibration
 from observer.coppeliasim.connection import Connection
 from observer.coppeliasim.pioneers import Pioneer
-from observer.coppeliasim.poses import finite, number
 from observer.geometry import Float64Array, Pose
 from observer.truth.contract import TrueBody
 
-# The page, the recorder and a test may ask for the same instant; a stream never asks further back.
+# Several readers ask for the same instant, none for one further back.
 _REMEMBERED_INSTANTS = 256
 
 
@@ -42,10 +41,10 @@ class CoppeliaSimTruth:
         self._instants: OrderedDict[float, tuple[Pose, tuple[TrueBody, ...]]] = OrderedDict()
 
     def note(self, connection: Connection, time: float, T_room_left: Pose) -> None:
-        """Ask how everything is at this moment, which is a frame's ``time``.
+        """Note the current state as that of a frame's ``time``.
 
         Args:
-            T_room_left: the left camera, not rectified.
+            T_room_left: pose of the left camera as mounted, not rectified.
         """
         T_room_camera = T_room_left @ self._T_left_camera
         if self._T_world_room is None:
@@ -61,19 +60,19 @@ class CoppeliaSimTruth:
                 self._instants.popitem(last=False)
 
     def begin_again(self) -> None:
-        """The source was rewound: the next frame is the first."""
+        """Forget everything: the next frame is the first."""
         with self._lock:
             self._instants.clear()
             self._T_world_room = None
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
-        """The observer first, then the obstacles; empty where no frame was of ``time``."""
+        """Return the observer first, then the obstacles; empty where no frame has this ``time``."""
         with self._lock:
             found = self._instants.get(time)
         return () if found is None else found[1]
 
     def camera_pose(self, time: float) -> Pose | None:
-        """``T_world_camera`` of the rectified left camera."""
+        """Return ``T_world_camera`` of the rectified left camera; None without a frame."""
         with self._lock:
             found = self._instants.get(time)
         return None if found is None else found[0]
@@ -86,7 +85,7 @@ def _state(
     flagged = robot.handle | connection.constant("handleflag_axis")
     moving = connection.call("getObjectVelocity", flagged)
     linear, angular = (
-        finite(part, 3, connection)
+        connection.finite(part, 3)
         for part in (moving if isinstance(moving, tuple) and len(moving) == 2 else (None, None))
     )
     T_room_base = robot.T_room_base(connection)
@@ -95,8 +94,7 @@ def _state(
     velocity = linear + np.cross(angular, centre - T_room_robot.translation)
     ahead = T_world_room.rotate(T_room_base.rotation[:, 0])
     targets = [
-        number(connection.call("getJointTargetVelocity", joint), connection)
-        for joint in (robot.left, robot.right)
+        connection.number("getJointTargetVelocity", joint) for joint in (robot.left, robot.right)
     ]
     return TrueBody(
         id=index,
@@ -112,7 +110,7 @@ def _state(
 
 
 def _rectifying_rotation(c: StereoCalibration) -> Float64Array:
-    """(3, 3) from the left camera's axes to the rectified ones."""
+    """Return the rotation (3, 3) from the left camera's axes to the rectified ones."""
     if c.is_rectified:
         return np.eye(3)
     size = (c.width, c.height)

@@ -1,23 +1,23 @@
 """Timed velocities for robots, as data.
 
-``library`` has those that come with the project, ``programme_file`` reads and writes them as YAML,
-``playing`` says how fast each robot shall drive at an instant.
+``library`` holds those that come with the project, ``profile_file`` reads and writes them as YAML,
+``playing`` samples the velocity of each robot at an instant. Users know them as *programmes*.
 """
 
-from observer.motion_profiles.library import load_programme, programme_names, read_programme
+from observer.motion_profiles.library import load_profile, profile_names, read_profile
 from observer.motion_profiles.playing import duration_s, progress_at, velocity_at
-from observer.motion_profiles.profile import Programme, Step
-from observer.motion_profiles.profile_file import programme_from_text, programme_text
+from observer.motion_profiles.profile import MotionProfile, Step
+from observer.motion_profiles.profile_file import profile_from_text, profile_text
 
 __all__ = [
-    "Programme",
+    "MotionProfile",
     "Step",
     "duration_s",
-    "load_programme",
-    "programme_from_text",
-    "programme_names",
-    "programme_text",
+    "load_profile",
+    "profile_from_text",
+    "profile_names",
+    "profile_text",
     "progress_at",
-    "read_programme",
+    "read_profile",
     "velocity_at",
 ]

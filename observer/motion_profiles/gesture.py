@@ -1,15 +1,15 @@
-"""The start-stop gesture: how a programme begins, so that clocks can be aligned by it later.
+"""The start-stop gesture at the beginning of a motion profile, by which clocks are aligned later.
 
 Four short pulses, forward and back in turn, begin at 0, 2, 5 and 9 times 0.5 s. These marks are
 a Golomb ruler: every difference between two of them occurs once. So the pattern, shifted against
-itself by anything but nothing, has at most one of its four pulses upon another one: its
-autocorrelation has one peak of 4 and nothing above 1 beside it, with or without the signs of the
-speed. Cross-correlating two records of the speed (commanded, by encoders, motion capture, vision)
-therefore has one clear maximum, at the offset of their clocks (Golomb rulers and their
+itself by a non-zero offset, matches in at most one of its four pulses: its autocorrelation has one
+peak of 4 and nothing above 1 beside it, with or without the signs of the speed. Cross-correlating
+two records of the speed (commanded, encoders, motion capture, vision) therefore has one clear
+maximum, at the offset of their clocks (Golomb rulers and their
 autocorrelation: Dimitromanolakis, Analysis of the Golomb ruler and the Sidon set problems, 2002).
 
-No two marks are neighbours, so that all pulses are alike and a robot that accelerates slowly
-makes as much of each: it ends where it began, and never was further than one pulse ahead.
+No two marks are adjacent, so all pulses are alike, and a robot that accelerates slowly follows
+each of them equally far: it ends where it began and is never more than one pulse ahead.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ GESTURE_SPEED_MPS = 0.15
 PULSE_S = 0.5
 # In pulses from the beginning: forward, back, forward, back.
 PULSE_STARTS = (0, 2, 5, 9)
-# Then the robot stands, so that the last pulse ends on every clock before the programme begins.
+# Then the robot stands, so that the last pulse ends on every clock before the rounds begin.
 REST_S = 1.0
 GESTURE_S = (PULSE_STARTS[-1] + 1) * PULSE_S + REST_S
 
 
 def gesture_speed(elapsed_s: float) -> float:
-    """Speed in m/s, so long after the gesture's beginning; 0 before and after it."""
+    """Return the speed in m/s at ``elapsed_s`` of the gesture; 0 before and after it."""
     for number, start in enumerate(PULSE_STARTS):
         if start * PULSE_S <= elapsed_s < (start + 1) * PULSE_S:
             return GESTURE_SPEED_MPS if number % 2 == 0 else -GESTURE_SPEED_MPS

@@ -1,4 +1,4 @@
-"""The programmes that come with the project, and reading those of a user.
+"""The motion profiles that come with the project, and the reader of a user's own.
 
 The built-in ones are the YAML files of the folder ``library`` beside this file.
 """
@@ -10,52 +10,46 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from observer.errors import InputError
-from observer.motion_profiles.profile import Programme
-from observer.motion_profiles.profile_file import programme_from_text
+from observer.motion_profiles.profile import MotionProfile
+from observer.motion_profiles.profile_file import profile_from_text
 from observer.text_files import read_text
 
 
-def programme_names() -> tuple[str, ...]:
-    """Names of the built-in programmes, in order."""
-    return tuple(
-        sorted(
-            entry.name.removesuffix(".yaml")
-            for entry in _folder().iterdir()
-            if entry.name.endswith(".yaml")
-        )
-    )
+def profile_names() -> tuple[str, ...]:
+    """Return the names of the built-in motion profiles, sorted."""
+    files = (entry.name for entry in _folder().iterdir())
+    return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
 
 
-def load_programme(name: str) -> Programme:
-    """A built-in programme; nothing but its name is taken, never a path.
+def load_profile(name: str) -> MotionProfile:
+    """Load a built-in motion profile by its name, never by a path.
 
     Raises:
-        InputError: there is none of this name; the sentence lists those that are.
+        InputError: there is none of this name; the sentence lists the existing ones.
     """
-    return programme_from_text(library_text(name), name)
+    return profile_from_text(library_text(name), name)
 
 
 def library_text(name: str) -> str:
-    """The YAML of a built-in programme, as it is written.
+    """Return the YAML text of a built-in motion profile.
 
     Raises:
-        InputError: there is none of this name; the sentence lists those that are.
+        InputError: there is none of this name; the sentence lists the existing ones.
     """
-    names = programme_names()
-    if name not in names:
+    if name not in (names := profile_names()):
         raise InputError(f"there is no programme {name[:60]!r}; there are {', '.join(names)}")
     return _folder().joinpath(f"{name}.yaml").read_text(encoding="utf-8")
 
 
-def read_programme(path: Path) -> Programme:
-    """The programme of a YAML file.
+def read_profile(path: Path) -> MotionProfile:
+    """Read a motion profile from a YAML file.
 
     Raises:
-        InputError: the file cannot be read, or one sentence on what is wrong in it.
+        InputError: the file is missing, cannot be read or is not a motion profile.
     """
     if not path.exists():
         raise InputError(f"there is no programme file {path}")
-    return programme_from_text(read_text(path, "a programme"), path.stem)
+    return profile_from_text(read_text(path, "a programme"), path.stem)
 
 
 def _folder() -> Traversable:

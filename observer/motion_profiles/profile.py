@@ -1,6 +1,6 @@
-"""A programme: which robot shall drive how fast, and when.
+"""A motion profile: timed velocities for each robot.
 
-A programme says nothing of who consents or what is in the way; whoever plays it does.
+It knows nothing of consent or obstacles; its player does.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from dataclasses import dataclass
 from observer.errors import InputError
 from observer.rig.rig import ROLES, Role
 
-# What the faster of the two robots can; each robot's own limits hold besides.
+# Limits of the faster of the two robot models; each robot's own limits hold as well.
 MAX_SPEED_MPS = 2.2
 MAX_TURN_RATE_RADPS = math.radians(500)
-# Of one step, and of all steps of a role together.
+# Limit of one step, and of all steps of a role together.
 MAX_SECONDS = 3600.0
 MAX_STEPS = 1000
-# A name is also that of a file and part of an address.
+# A name becomes part of a file name and of a URL.
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _MAX_TITLE, _MAX_HELP = 120, 2000
 
 
 @dataclass(frozen=True)
 class Step:
-    """A velocity that holds for some time; both robots of a programme may have other steps.
+    """A velocity that is held for some time.
 
     Attributes:
         seconds: > 0, at most ``MAX_SECONDS``. speed_mps: forward, within ``MAX_SPEED_MPS``.
         turn_rate_radps: positive to the left, within ``MAX_TURN_RATE_RADPS``.
-        ramp: whether the velocity is reached evenly over the step from the one before (from rest
-            at the beginning), instead of at once.
+        ramp: the velocity changes linearly over the step from the previous one (from rest at the
+            beginning), instead of at once.
 
     Raises:
         InputError: a number is not finite or out of its bounds.
@@ -62,18 +62,17 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Programme:
-    """Steps by role.
+class MotionProfile:
+    """Timed velocities by role.
 
     Attributes:
-        name: short, unique among programmes: letters, digits, - and _.
+        name: unique among profiles: letters, digits, - and _.
         title, help: for people; one line each, may be empty.
         steps: by role; a role without steps is not moved.
-        gesture: whether it begins with the start-stop gesture by which clocks are aligned later
-            (``observer.motion_profiles.gesture``).
+        gesture: begins with the start-stop gesture (``observer.motion_profiles.gesture``).
 
     Raises:
-        InputError: one sentence of what is wrong.
+        InputError: one sentence that names what is wrong.
     """
 
     name: str
@@ -110,5 +109,5 @@ class Programme:
 
     @property
     def roles(self) -> tuple[Role, ...]:
-        """Those it moves."""
+        """Roles that it moves."""
         return tuple(role for role in ROLES if self.steps.get(role))

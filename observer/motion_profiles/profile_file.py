@@ -1,4 +1,4 @@
-"""A programme as YAML text: seconds, m/s and degrees per second; read strictly, written exactly.
+"""Motion profiles as YAML: seconds, m/s and degrees per second; read strictly, written exactly.
 
 name: to_and_fro
 title: To and fro
@@ -21,7 +21,7 @@ from typing import Annotated, TypeAlias
 from pydantic import AfterValidator, BeforeValidator
 
 from observer.errors import InputError
-from observer.motion_profiles.profile import Programme, Step
+from observer.motion_profiles.profile import MotionProfile, Step
 from observer.rig.rig import ROLES
 from observer.text_files import (
     FileModel,
@@ -62,7 +62,7 @@ def _step(read: _Step) -> Step:
 
 
 def _listed(value: PlainData) -> PlainData:
-    # The same as a role that is not there.
+    # As if the role were left out.
     if value in ("", "null", "~"):
         return []
     if not isinstance(value, list):
@@ -83,7 +83,7 @@ class _Roles(FileModel):
     obstacle: _Steps | None = None
 
 
-class _Programme(FileModel):
+class _Profile(FileModel):
     noun = "a programme"
 
     name: _Line = ""
@@ -93,11 +93,11 @@ class _Programme(FileModel):
     steps: _Roles
 
 
-_KEYS = {*_Programme.model_fields, *_Roles.model_fields, *_Step.model_fields}
+_KEYS = {*_Profile.model_fields, *_Roles.model_fields, *_Step.model_fields}
 
 
 def _place(location: Location) -> str:
-    """Return a place in a programme as ``obstacle step 2: ramp``; misspelt keys are quoted."""
+    """Return a place in a file as ``obstacle step 2: ramp``; misspelt keys are quoted."""
     match location:
         case (*_, role, int(index)):
             return f"{role} step {index + 1}"
@@ -107,12 +107,12 @@ def _place(location: Location) -> str:
     return ""
 
 
-def programme_from_text(text: str, name: str | None = None) -> Programme:
-    """The programme of a YAML text.
+def profile_from_text(text: str, name: str | None = None) -> MotionProfile:
+    """Parse a motion profile from YAML text.
 
     Args:
-        name: that of the programme where the text gives none, mostly its file's without ending;
-            also what the text is called in messages.
+        name: the profile's name where the text gives none, usually the stem of its file; it also
+            names the text in messages.
 
     Raises:
         InputError: one sentence that names the key and what would be right. Unknown keys, values
@@ -125,11 +125,11 @@ def programme_from_text(text: str, name: str | None = None) -> Programme:
         raise InputError(f"{label} has {size} bytes; at most {MAX_BYTES} are taken")
     form = "YAML with name, title, help and steps"
     data = parse_text(text, name=label, what="a programme", form=form)
-    read = validated(_Programme, data, label, _place)
+    read = validated(_Profile, data, label, _place)
     given = read.name or name
     if given is None:
         raise InputError(f"{label} has no name; give one, such as name: to_and_fro")
-    return Programme(
+    return MotionProfile(
         name=given,
         title=read.title,
         help=read.help,
@@ -138,21 +138,21 @@ def programme_from_text(text: str, name: str | None = None) -> Programme:
     )
 
 
-def programme_text(programme: Programme) -> str:
-    """The programme as YAML; reading it back gives the same one.
+def profile_text(profile: MotionProfile) -> str:
+    """Return the motion profile as YAML; reading it back gives an equal one.
 
-    A turn rate that was not written in degrees may change in its last digit, once.
+    A turn rate that was not written in degrees may change once in its last digit.
     """
     lines = [
-        f"name: {_quoted(programme.name)}",
-        f"title: {_quoted(programme.title)}",
-        f"help: {_quoted(programme.help)}",
-        f"gesture: {str(programme.gesture).lower()}",
+        f"name: {_quoted(profile.name)}",
+        f"title: {_quoted(profile.title)}",
+        f"help: {_quoted(profile.help)}",
+        f"gesture: {str(profile.gesture).lower()}",
         "steps:",
     ]
-    for role in programme.roles:
+    for role in profile.roles:
         lines.append(f"  {role}:")
-        lines += [f"    - {{{_step_text(step)}}}" for step in programme.steps[role]]
+        lines += [f"    - {{{_step_text(step)}}}" for step in profile.steps[role]]
     return "\n".join(lines) + "\n"
 
 
@@ -166,7 +166,7 @@ def _step_text(step: Step) -> str:
 
 
 def _degrees(radians: float) -> float:
-    """Degrees that are these very radians again, in few digits where few will do."""
+    """Return degrees that convert back to exactly these radians, in few digits if possible."""
     near = math.degrees(radians)
     below, above = math.nextafter(near, -math.inf), math.nextafter(near, math.inf)
     for candidate in (round(near, 6), round(near, 12), near, below, above):

@@ -1,1 +1,1 @@
-"""The simulated lab: a world, its rendering, its source and its truth."""
+"""The simulated lab: a world, its rendering, its source and its ground truth."""

@@ -1,7 +1,7 @@
-"""All facets of one body at once: what faces the eye, where it lies in the image, its texture.
+"""Projection of all facets of a body at once: visibility, place in the image, texture mapping.
 
-The renderer's inner loop would spend most of its time on the arithmetic of single facets; here it
-is done for all facets of a body in a few array operations.
+Facet by facet, this arithmetic would take most of the renderer's time; here it is a few array
+operations for all facets of a body.
 """
 
 from __future__ import annotations
@@ -37,12 +37,8 @@ class View:
     cy: float
     rows: tuple[int, int]
 
-    @property
-    def K(self) -> Float64Array:
-        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
-
     def window(self, low_u: float, low_v: float, high_u: float, high_v: float) -> Window | None:
-        """First and past-the-end pixel of what lies between the given bounds; None outside."""
+        """Return first and past-the-end pixel between the given bounds; None outside the image."""
         first, last = self.rows
         if high_u < -1 or high_v < first - 1 or low_u > self.width or low_v > last:
             return None
@@ -58,8 +54,8 @@ class SeenFacet:
     """A facet that may be in the image.
 
     Attributes:
-        corners: camera frame, with the edges' grow, see ``polygons``.
-        image_corners: their pixels; meaningless where ``nearest`` is not in front of the camera.
+        corners: camera frame, with each edge's ``grow``, see ``polygons``.
+        image_corners: their pixels; meaningless unless ``nearest`` is in front of the camera.
         bounds: u0, v0, u1, v1 of these pixels.
         nearest, farthest: least and largest z of the corners, metres.
         texture_from_image: nine numbers, row by row: from a pixel (u, v, 1) to (s, t, 1) / z,
@@ -107,7 +103,7 @@ class FacetBatch:
         self._offsets = np.einsum("ij,ij->i", self._along_down, origin)
 
     def outside(self, R: Float64Array, t: Float64Array, view: View) -> bool:
-        """Whether the bounding sphere lies outside the view, given ``T_camera_frame``."""
+        """True if the bounding sphere lies outside the view, given ``T_camera_frame``."""
         x, y, z = (R @ self.centre + t).tolist()
         r = self.radius
         if z < -r:
@@ -125,10 +121,10 @@ class FacetBatch:
     def seen(
         self, R: Float64Array, t: Float64Array, eye: Float64Array, view: View, near: float
     ) -> list[SeenFacet | None]:
-        """The facets that may be in the image, in order; None for those that surely are not.
+        """Return the facets that may be in the image, in order; None for those that are not.
 
         Args:
-            R, t: ``T_camera_frame``. eye: (3,) the camera in the facets' frame, metres.
+            R, t: ``T_camera_frame``. eye: (3,) camera centre in the facets' frame, metres.
             near: metres in front of the camera within which nothing is drawn.
         """
         determinant = self._offsets - self._along_down @ eye
@@ -163,13 +159,8 @@ class FacetBatch:
         rows[:, 2] = self._along_down
         with np.errstate(divide="ignore", invalid="ignore"):
             rows /= determinant[:, None, None]
-        rays = R.T @ np.array(
-            [
-                [1 / view.fx, 0, -view.cx / view.fx],
-                [0, 1 / view.fy, -view.cy / view.fy],
-                [0, 0, 1.0],
-            ]
-        )
+        across, down = [1 / view.fx, 0, -view.cx / view.fx], [0, 1 / view.fy, -view.cy / view.fy]
+        rays = R.T @ np.array([across, down, [0, 0, 1.0]])
         inverse = (rows @ rays).reshape(count, 9).tolist()
         corners = np.column_stack([points, grow]).tolist()
         image_corners = np.column_stack([uv, grow]).tolist()
@@ -185,7 +176,7 @@ class FacetBatch:
 
 
 def _cross_matrices(vectors: Float64Array) -> Float64Array:
-    """(N, 3, 3) of (N, 3): the matrices [v]x with [v]x w = v x w."""
+    """Return (N, 3, 3) of vectors v (N, 3): the matrices [v]x with [v]x w = v x w."""
     x, y, z = vectors.T
     zero = np.zeros_like(x)
     rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]

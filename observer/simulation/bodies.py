@@ -1,4 +1,4 @@
-"""What stands and drives in the lab, built of convex parts: room, posters, boxes, P3-DX."""
+"""Room, posters, boxes and P3-DX of the lab, built of convex parts."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from observer.simulation.facets import (
 from observer.simulation.specs.places import BoxSpec, PosterSpec, RoomSpec, TextureSpec
 from observer.simulation.specs.vehicles import P3DX_SIZE
 
-# How far a picture hangs in front of its wall, so that visibility is decided, metres.
+# Distance of a picture from its wall, so that its visibility is decided, metres.
 _POSTER_GAP_M = 0.004
 WALLS = ("front", "left", "back", "right")
 
 
 def wall_frame(room: RoomSpec, wall: str) -> tuple[Float64Array, Float64Array, float]:
-    """Upper left corner (3,), direction to the right (3,) and length of a wall, seen from inside.
+    """Return upper left corner (3,), direction to the right (3,) and length of a wall from inside.
 
     Room frame, metres.
     """
@@ -37,7 +37,7 @@ def wall_frame(room: RoomSpec, wall: str) -> tuple[Float64Array, Float64Array, f
 
 
 def room_part(room: RoomSpec, texture: TextureSpec, seed: int) -> Part:
-    """The room from inside: four walls, ceiling, floor, drawn in this order."""
+    """Build the room seen from inside: four walls, ceiling, floor, drawn in this order."""
     down = np.array([0.0, 0.0, -1.0])
     facets: list[Facet] = []
     for k, wall in enumerate(WALLS):
@@ -47,37 +47,22 @@ def room_part(room: RoomSpec, texture: TextureSpec, seed: int) -> Part:
         neighbours = ((k + 1) % 4, 5, (k - 1) % 4, 4)
         facets.append(rectangle(origin, along, down, (length, room.height_m), material, neighbours))
     (x0, x1), (y0, y1), h = room.x, room.y, room.height_m
-    left, back = np.array([0.0, -1.0, 0.0]), np.array([-1.0, 0.0, 0.0])
-    facets.append(
-        rectangle([x0, y1, h], left, -back, (y1 - y0, x1 - x0), Material("ceiling"), (1, 0, 3, 2))
-    )
-    facets.append(
-        rectangle(
-            [x1, y1, 0.0],
-            left,
-            back,
-            (y1 - y0, x1 - x0),
-            _surface(f"floor_{room.floor}", seed + 9, texture, "floor"),
-            (1, 2, 3, 0),
-        )
-    )
+    left, back, extent = np.array([0.0, -1.0, 0.0]), np.array([-1.0, 0.0, 0.0]), (y1 - y0, x1 - x0)
+    floor = _surface(f"floor_{room.floor}", seed + 9, texture, "floor")
+    facets += [
+        rectangle([x0, y1, h], left, -back, extent, Material("ceiling"), (1, 0, 3, 2)),
+        rectangle([x1, y1, 0.0], left, back, extent, floor, (1, 2, 3, 0)),
+    ]
     return Part(tuple(facets))
 
 
 def _surface(kind: str, seed: int, texture: TextureSpec, where: str) -> Material:
-    return Material(
-        kind,
-        seed,
-        (
-            ("contrast", texture.contrast),
-            ("share_without", texture.share_without),
-            ("where", where),
-        ),
-    )
+    shares = ("contrast", texture.contrast), ("share_without", texture.share_without)
+    return Material(kind, seed, (*shares, ("where", where)))
 
 
 def poster_facet(spec: PosterSpec, room: RoomSpec, texture: TextureSpec, seed: int) -> Facet:
-    """A picture a few millimetres in front of its wall, room frame."""
+    """Build a picture a few millimetres in front of its wall, room frame."""
     corner, along, _ = wall_frame(room, spec.wall)
     down = np.array([0.0, 0.0, -1.0])
     inward = np.cross(down, along)
@@ -96,7 +81,7 @@ def poster_facet(spec: PosterSpec, room: RoomSpec, texture: TextureSpec, seed: i
 
 
 def box_parts(spec: BoxSpec, texture: TextureSpec, seed: int) -> tuple[Part, ...]:
-    """A crate, cardboard box or cabinet, in its own frame."""
+    """Build a crate, cardboard box or cabinet in its own frame."""
     length, width, height = spec.size
     options = (
         ("contrast", texture.contrast),
@@ -104,21 +89,15 @@ def box_parts(spec: BoxSpec, texture: TextureSpec, seed: int) -> tuple[Part, ...
         ("length", length),
         ("width", width),
     )
-    return (
-        prism(
-            box_outline(length, width),
-            spec.above_m,
-            spec.above_m + height,
-            Material(f"{spec.kind}_side", seed, options),
-            Material(f"{spec.kind}_top", seed, options),
-        ),
-    )
+    side, top = (Material(f"{spec.kind}_{face}", seed, options) for face in ("side", "top"))
+    outline = box_outline(length, width)
+    return (prism(outline, spec.above_m, spec.above_m + height, side, top),)
 
 
 def p3dx_parts(
     size: tuple[float, float, float], texture: TextureSpec, seed: int
 ) -> tuple[Part, ...]:
-    """A P3-DX: red body with a ring of sonars, black deck and wheels, a payload when higher.
+    """Build a P3-DX: red body with a ring of sonars, black deck and wheels, a payload if higher.
 
     The proportions are the real robot's, scaled to ``size`` (length, width, height).
     """
@@ -144,36 +123,26 @@ def p3dx_parts(
             Material(f"{kind}_deck", seed, options),
         )
     ]
-    tread = Material("rubber", seed, (("contrast", texture.contrast),))
-    disc = Material("wheel_dark" if dark else "wheel_disc", seed, (("contrast", texture.contrast),))
+    contrast = (("contrast", texture.contrast),)
+    tread = Material("rubber", seed, contrast)
+    disc = Material("wheel_dark" if dark else "wheel_disc", seed, contrast)
     for left in (True, False):
-        side = (width - breadth) / 2 * (1 if left else -1)
-        parts.append(wheel([0.03 * kx, side, radius], radius, breadth, left, disc, tread))
+        y = (width - breadth) / 2 * (1 if left else -1)
+        parts.append(wheel([0.03 * kx, y, radius], radius, breadth, left, disc, tread))
     payload = height - deck
     if payload > 0.005:
         angles = 2 * math.pi * np.arange(8) / 8
         outline = np.column_stack([np.cos(angles), np.sin(angles)]) * 0.085 * min(kx, ky)
-        parts.append(
-            prism(
-                outline + np.array([0.06 * kx, 0.0]),
-                deck,
-                height,
-                Material(f"{'dark_robot' if dark else 'scanner'}_payload", seed, options),
-                Material(f"{'dark_robot' if dark else 'scanner'}_lid", seed, options),
-            )
-        )
+        kind = "dark_robot" if dark else "scanner"
+        side, lid = (Material(f"{kind}_{face}", seed, options) for face in ("payload", "lid"))
+        parts.append(prism(outline + np.array([0.06 * kx, 0.0]), deck, height, side, lid))
     return tuple(parts)
 
 
 def shadow_facet(length: float, width: float) -> Facet:
-    """The soft contact shadow below a body, on the floor of the body's frame."""
+    """Build the soft contact shadow below a body, on the floor of the body's frame."""
     margin = 0.10
+    origin = [length / 2 + margin, width / 2 + margin, 0.0]
     extent = (width + 2 * margin, length + 2 * margin)
     material = Material("shadow", 0, (("margin", margin),))
-    return rectangle(
-        [length / 2 + margin, width / 2 + margin, 0.0],
-        [0.0, -1.0, 0.0],
-        [-1.0, 0.0, 0.0],
-        extent,
-        material,
-    )
+    return rectangle(origin, [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], extent, material)

@@ -1,6 +1,6 @@
-"""One image while it is being drawn: facets warped by homography, blended by coverage and depth.
+"""Draws facets into an image: warped by homography, blended by coverage and depth.
 
-Each facet is cut into bands of similar depth; each band takes the pyramid level that suits it
+Each facet is cut into bands of similar depth; each band takes the pyramid level that fits it
 (supersampled along the direction in which it is foreshortened, or both ways where its texture
 asks for it), is warped by its homography within its bounding box, and is blended by its pixels'
 coverage. A buffer of inverse depth, which is an affine function of the pixel on every plane,
@@ -33,7 +33,7 @@ Image = NDArray[np.uint8]
 NEAR_M = 0.04
 # A band's farthest point is at most this much farther than its nearest one.
 _BAND_RATIO = 1.8
-# Neighbouring bands show the same, so that their overlap is not seen and saves blending them.
+# Neighbouring bands show the same texture, so an overlap is not seen and saves blending them.
 _BAND_OVERLAP_PX = 3.0
 # Foreshortening up to this factor needs no supersampling, beyond the second is left to the
 # pyramid, and in windows below this many pixels it is not worth its cost.
@@ -48,9 +48,9 @@ class Drawing:
     """One image while it is being drawn.
 
     Args:
-        texture: gives the texture of a facet.
+        texture: returns the texture of a facet.
         image: (H, W, 3) BGR, drawn into.
-        inverse_depth: (H, W) 1/m of what the image shows already; None where it shows nothing.
+        inverse_depth: (H, W) 1/m of what the image already shows; None for an empty image.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class Drawing:
         if window is None:
             return
         u0, v0, u1, v1 = window
-        # What is drawn first needs no edges: all around it is drawn later.
+        # The first band needs no edges: everything around it is drawn later.
         share = None if self._blank else coverage(corners, u0, v0, u1 - u0, v1 - v0)
         self._blank = False
         if nearest is not None:
@@ -137,12 +137,12 @@ class Drawing:
     def _visible(
         self, share: Float32Array | None, m: list[float], window: Window, nearest: float
     ) -> Float32Array | None:
-        """Coverage left in front of what was drawn before; None where nothing is left."""
+        """Return the coverage in front of what was drawn before; None where nothing is left."""
         u0, v0, u1, v1 = window
         us = np.arange(u0, u1, dtype=np.float32)
         vs = np.arange(v0, v1, dtype=np.float32)[:, None]
         depth = us * np.float32(m[6]) + (vs * np.float32(m[7]) + np.float32(m[8]))
-        # Beyond its own edges a plane goes on towards the eye; the facet does not.
+        # A plane extends beyond the facet's edges towards the eye; the facet does not.
         np.minimum(depth, np.float32(nearest), out=depth)
         behind = self.inverse_depth[v0:v1, u0:u1]
         free = depth * np.float32(_DEPTH_BIAS) > behind
@@ -166,7 +166,7 @@ class Drawing:
         self._pending.clear()
 
     def _warp(self, facet: Facet, m: list[float], window: Window, bounds: Sequence[float]) -> Image:
-        """The facet's texture over a window, without aliasing."""
+        """Warp the facet's texture over a window, without aliasing."""
         u0, v0, u1, v1 = window
         w, h = u1 - u0, v1 - v0
         # Chosen by what the whole image shows of the band, so that rows drawn by themselves
@@ -189,7 +189,7 @@ class Drawing:
     def _level(
         self, facet: Facet, m: list[float], u: float, v: float, pixels: float
     ) -> tuple[Level, int, int]:
-        """Pyramid level, and samples along u and v, that suit the texture about pixel (u, v)."""
+        """Choose the pyramid level, and the samples along u and v, for pixel (u, v)."""
         c = m[6] * u + m[7] * v + m[8]
         s = (m[0] * u + m[1] * v + m[2]) / c
         t = (m[3] * u + m[4] * v + m[5]) / c
@@ -203,7 +203,7 @@ class Drawing:
             nv = min(_MOST_SUPERSAMPLES, max(nv, round(nv * along_v / fine / _FORESHORTENING)))
         fine = max(min(along_u / nu, along_v / nv), 1e-9)
         coarse = max(along_u / nu, along_v / nv, fine)
-        # Between the two: a little blur across is less disturbing than shimmer along.
+        # The geometric mean: a little blur across disturbs less than shimmer along.
         return texture.level(1 / math.sqrt(fine * coarse)), nu, nv
 
     def _project(self, polygon: list[Corner]) -> list[ImageCorner]:
@@ -212,14 +212,14 @@ class Drawing:
 
 
 def _bounds(corners: list[ImageCorner]) -> tuple[float, float, float, float]:
-    """Least u and v, largest u and v."""
+    """Return least u and v, largest u and v."""
     us = [c[0] for c in corners]
     vs = [c[1] for c in corners]
     return min(us), min(vs), max(us), max(vs)
 
 
 def _bands(seen: SeenFacet, view: View) -> list[list[Corner]]:
-    """The facet cut by depth, from far to near; what surely is not in the image is left out."""
+    """Cut the facet by depth, from far to near; leave out what surely is not in the image."""
     m = seen.texture_from_image
     # The largest inverse depth of the plane within the image is at one of its corners. All rows
     # count, so that rows drawn by themselves are cut as in the whole.
@@ -248,7 +248,7 @@ def _bands(seen: SeenFacet, view: View) -> list[list[Corner]]:
 def _level_from_window(
     m: list[float], level: Level, u0: int, v0: int, nu: int, nv: int
 ) -> Float64Array:
-    """(3, 3) from a sample of a window to a pixel of a texture's level.
+    """Return (3, 3) from a sample of a window to a pixel of a texture's level.
 
     Pixel u of the window is the mean of its nu samples, so sample k lies at
     u0 + (k + 0.5) / nu - 0.5, and v likewise.

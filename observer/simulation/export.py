@@ -1,4 +1,4 @@
-"""A scenario written as a stereo folder: images, times, calibration and truth."""
+"""Exports a scenario as a stereo folder: images, times, calibration and ground truth."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def export_stereo_folder(
             ``right/`` (PNG, equal names), ``times.txt`` (one time per line, seconds),
             ``calibration.yaml`` (what the scenario hands out; absent where that is none) and
             ``truth.csv``.
-        progress: called after every frame with the number of frames written and of all.
+        progress: called after every frame with the number written and the total.
 
     Returns:
         The number of frames.
@@ -78,6 +78,6 @@ def _export(world: World, output: Path, progress: Callable[[int, int], None] | N
 
 
 def _write_png(path: Path, image: Image) -> None:
-    # Encoded here and written by Python, which names what went wrong; cv2.imwrite does not.
+    # Written by Python, which names what went wrong; cv2.imwrite does not.
     _, encoded = cv2.imencode(".png", image, _PNG)
     path.write_bytes(encoded.tobytes())

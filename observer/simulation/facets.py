@@ -1,4 +1,4 @@
-"""Planar convex facets, and the convex parts that bodies are built of.
+"""Planar convex facets, and the convex parts of which bodies are built.
 
 Frame of a part: its body's frame, x along the heading, y left, z up, metres, the origin on the
 floor below the body's centre; room surfaces lie in the room frame. A facet is seen from the side
@@ -8,7 +8,7 @@ to which its normal points; its vertices run counter-clockwise as seen from ther
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,9 +19,9 @@ from observer.geometry import Float64Array, Pose
 
 @dataclass(frozen=True)
 class Material:
-    """How a surface is painted: a painter's name, its numbers, and the seed of its randomness.
+    """A painter's name, its options, and the seed of its randomness.
 
-    Equal materials of equal extent look equal, so a texture is painted once.
+    Equal materials of equal extent look equal, so their texture is painted once.
 
     Attributes:
         kind: the painter's name.
@@ -34,8 +34,7 @@ class Material:
     options: tuple[tuple[str, float | str], ...] = ()
 
     def number(self, name: str, default: float) -> float:
-        value = dict(self.options).get(name, default)
-        return float(value)
+        return float(dict(self.options).get(name, default))
 
     def text(self, name: str, default: str) -> str:
         return str(dict(self.options).get(name, default))
@@ -50,9 +49,8 @@ class Facet:
         origin: (3,) where the texture's upper left corner lies, metres.
         along, down: (3,) unit vectors of the texture's columns and rows.
         extent: metres of the texture along and down.
-        material: what is painted on it.
         neighbours: for each edge (vertex k to k + 1) the index, within the part, of the facet
-            that shares the edge, or None; by it adjoining facets are drawn without a seam.
+            that shares the edge, or None; it lets adjoining facets be drawn without a seam.
     """
 
     vertices: Float64Array
@@ -67,11 +65,6 @@ class Facet:
     def normal(self) -> Float64Array:
         """(3,) unit vector out of the surface. down x along: rows run down, columns right."""
         return np.asarray(np.cross(self.down, self.along), dtype=np.float64)
-
-    @cached_property
-    def texture_frame(self) -> Float64Array:
-        """(3, 3), columns along, down and origin: metres on the texture (s, t, 1) to a point."""
-        return np.stack([self.along, self.down, self.origin], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,22 +93,20 @@ class Part:
         object.__setattr__(self, "radius", float(np.linalg.norm(vertices - centre, axis=1).max()))
 
     def facing(self, eye: Float64Array) -> Float64Array:
-        """(F,) metres by which ``eye`` (3,), in the part's frame, lies in front of each facet."""
+        """Return (F,) metres by which ``eye`` (3,), part frame, lies in front of each facet."""
         return np.asarray(self.normals @ eye - self.offsets, dtype=np.float64)
 
 
 def moved(part: Part, pose: Pose) -> Part:
-    """The same part in another frame; ``pose`` is ``T_target_part``."""
+    """Return the part in another frame; ``pose`` is ``T_target_part``."""
     return Part(
         tuple(
-            Facet(
-                pose.apply(f.vertices),
-                pose.apply(f.origin),
-                pose.rotate(f.along),
-                pose.rotate(f.down),
-                f.extent,
-                f.material,
-                f.neighbours,
+            replace(
+                f,
+                vertices=pose.apply(f.vertices),
+                origin=pose.apply(f.origin),
+                along=pose.rotate(f.along),
+                down=pose.rotate(f.down),
             )
             for f in part.facets
         )
@@ -130,7 +121,7 @@ def rectangle(
     material: Material,
     neighbours: tuple[int | None, int | None, int | None, int | None] = (None, None, None, None),
 ) -> Facet:
-    """A rectangle filled by its texture; edges in the order left, bottom, right, top."""
+    """Build a rectangle filled by its texture; edges in the order left, bottom, right, top."""
     o = np.asarray(origin, dtype=np.float64)
     a = np.asarray(along, dtype=np.float64)
     d = np.asarray(down, dtype=np.float64)
@@ -143,13 +134,13 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 def prism(outline: ArrayLike, bottom: float, top: float, sides: Material, lid: Material) -> Part:
-    """An upright prism without its underside.
+    """Build an upright prism without its underside.
 
     Args:
         outline: (N, 2) convex, counter-clockwise as seen from above, metres.
         bottom, top: heights, metres.
-        sides: one texture that runs around the whole outline, from its first vertex on.
-        lid: of the upper face; the texture's rows run backwards along -x.
+        sides: one texture around the whole outline, from its first vertex on.
+        lid: texture of the upper face; the texture's rows run backwards along -x.
     """
     points = np.asarray(outline, dtype=np.float64)
     n = len(points)
@@ -164,16 +155,9 @@ def prism(outline: ArrayLike, bottom: float, top: float, sides: Material, lid: M
         along = np.array([*(edges[k] / lengths[k]), 0.0])
         vertices = np.array([[*a, top], [*a, bottom], [*b, bottom], [*b, top]])
         origin = np.array([*a, top]) - starts[k] * along
+        neighbours = ((k - 1) % n, None, (k + 1) % n, n)
         facets.append(
-            Facet(
-                vertices,
-                origin,
-                along,
-                -_UP,
-                (girth, top - bottom),
-                sides,
-                ((k - 1) % n, None, (k + 1) % n, n),
-            )
+            Facet(vertices, origin, along, -_UP, (girth, top - bottom), sides, neighbours)
         )
     facets.append(_lid(points, top, lid))
     return Part(tuple(facets))
@@ -194,28 +178,24 @@ def _lid(points: Float64Array, height: float, material: Material) -> Facet:
 
 
 def box_outline(length: float, width: float, chamfer: float = 0.0) -> Float64Array:
-    """(4, 2) or, with cut corners, (8, 2): a rectangle about the origin, counter-clockwise.
+    """Return (4, 2) or, with cut corners, (8, 2): a rectangle about the origin, counter-clockwise.
 
     The first edge is the right side, from back to front.
     """
     x, y, c = length / 2, width / 2, chamfer
     if c <= 0:
         return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
-    return np.array(
-        [
-            [-x + c, -y], [x - c, -y], [x, -y + c], [x, y - c],
-            [x - c, y], [-x + c, y], [-x, y - c], [-x, -y + c],
-        ]
-    )  # fmt: skip
+    right_and_front = [[-x + c, -y], [x - c, -y], [x, -y + c], [x, y - c]]
+    return np.array([*right_and_front, [x - c, y], [-x + c, y], [-x, y - c], [-x, -y + c]])
 
 
 def wheel(
     centre: ArrayLike, radius: float, width: float, left: bool, disc: Material, tread: Material
 ) -> Part:
-    """A wheel standing along x: its outer disc and the upper treads; the inner disc is hidden.
+    """Build a wheel along x: its outer disc and the visible tread; the inner disc is hidden.
 
     Args:
-        centre: (3,) of the wheel, metres. left: on which side of the body the disc shows.
+        centre: (3,) of the wheel, metres. left: the disc is on the left side of the body.
     """
     c = np.asarray(centre, dtype=np.float64)
     sign = 1.0 if left else -1.0
@@ -224,21 +204,12 @@ def wheel(
     outer = c + np.array([0.0, sign * width / 2, 0.0])
     inner = c - np.array([0.0, sign * width / 2, 0.0])
     spokes = np.column_stack([np.cos(angles), np.zeros(n), np.sin(angles)]) * radius
-    # Seen from the left (+y) counter-clockwise runs from z to x, from the right the other way.
+    # Counter-clockwise runs from z to x as seen from the left (+y), the other way from the right.
     order = np.arange(n)[::-1] if left else np.arange(n)
     along = np.array([-sign, 0.0, 0.0])
     origin = outer - radius * along + radius * _UP
-    facets = [
-        Facet(
-            outer + spokes[order],
-            origin,
-            along,
-            -_UP,
-            (2 * radius, 2 * radius),
-            disc,
-            (None,) * n,
-        )
-    ]
+    size = (2 * radius, 2 * radius)
+    facets = [Facet(outer + spokes[order], origin, along, -_UP, size, disc, (None,) * n)]
     # Only the front and back quarter of the tread below the mudguard can be seen.
     for k in range(n):
         a, b = spokes[k], spokes[(k + 1) % n]
@@ -248,17 +219,10 @@ def wheel(
         down = (b - a) / np.linalg.norm(b - a)
         across = np.array([0.0, -1.0, 0.0])
         vertices = np.array([lft + a, lft + b, right + b, right + a])
-        facet = Facet(
-            vertices,
-            lft + a,
-            across,
-            down,
-            (width, float(np.linalg.norm(b - a))),
-            tread,
-            (None,) * 4,
-        )
+        extent = (width, float(np.linalg.norm(b - a)))
+        facet = Facet(vertices, lft + a, across, down, extent, tread, (None,) * 4)
         if facet.normal @ (a + b) < 0:
             vertices = np.array([lft + b, lft + a, right + a, right + b])
-            facet = Facet(vertices, lft + b, across, -down, facet.extent, tread, (None,) * 4)
+            facet = Facet(vertices, lft + b, across, -down, extent, tread, (None,) * 4)
         facets.append(facet)
     return Part(tuple(facets))

@@ -1,4 +1,4 @@
-"""A calibration board in a person's hands: its picture, its motion, where its corners are seen.
+"""A calibration board in a person's hands: its texture, its motion, its corners in the images.
 
 Poses are ``T_left_board``: from the board's frame (``observer.calibration.board.Board``: x along
 a row, y along a column, z into the board, the origin at corner 0) to the left camera's.
@@ -20,27 +20,27 @@ from observer.geometry import Float64Array, Pose
 from observer.simulation.facets import Material, Part, rectangle
 from observer.simulation.specs.boards import BoardPoseSpec, BoardSpec
 
-# White around the squares, in squares: what detectors of chessboards rest on.
+# White margin around the squares, in squares, which chessboard detectors need.
 MARGIN_SQUARES = 1
-# Whole pixels, so that every edge lies on the border between two of them.
+# A whole number, so that every edge lies between two pixels.
 _TEXTURE_PX_PER_SQUARE = 64
-# Three samples each way make a pixel's mean good to a hundredth of a pixel's shift.
+# Three samples each way render a shift to a hundredth of a pixel.
 _SAMPLES = 3
 # Hands tremble at several rates at once, 1/s (physiological tremor has 8 to 12, and sways).
 _TREMOR_HZ = (0.9, 3.1, 8.3)
 _TREMOR_SHARES = (0.5, 0.3, 0.2)
-# How near to the image's border the squares may come when poses are drawn anew, pixels.
+# Least distance of the squares from the image border when poses are drawn anew, pixels.
 _BORDER_PX = 3.0
 _TRIES = 30
 
 
 class HandMotion:
-    """From pose to pose and back to the first one, again and again, holding each for a while.
+    """Cyclic motion from pose to pose that holds each for a while.
 
     Args:
-        poses: ``T_left_board``. centre: (3,) of the board, in its own frame: what is moved
-            straight on, and about which it is turned.
-        hold_s, move_s: seconds. tremor_m: largest trembling along each axis.
+        poses: ``T_left_board``. centre: (3,) of the board, in its own frame: it moves straight,
+            and the board turns about it.
+        hold_s, move_s: seconds. tremor_m: largest tremor along each axis.
 
     A move is the minimum-jerk one, 10 s^3 - 15 s^4 + 6 s^5 of the way (Flash and Hogan, The
     coordination of arm movements, 1985), and turns about one axis at the same pace.
@@ -71,12 +71,12 @@ class HandMotion:
 
     @property
     def held_at(self) -> tuple[float, ...]:
-        """The middle of each hold in the first pass, seconds."""
+        """Middle of each hold in the first pass, seconds."""
         step = self._hold_s + self._move_s
         return tuple(k * step + self._hold_s / 2 for k in range(len(self._poses)))
 
     def pose(self, time: float) -> Pose:
-        """``T_left_board`` at ``time`` >= 0 seconds; begins with the hold of the first pose."""
+        """Return ``T_left_board`` at ``time`` >= 0 seconds, beginning with the first hold."""
         rest = time % self.period_s
         index, since = divmod(rest, self._hold_s + self._move_s)
         k = min(int(index), len(self._poses) - 1)
@@ -87,7 +87,7 @@ class HandMotion:
         return Pose(R, a + way * (b - a) + self._tremor(rest) - R @ self._centre)
 
     def _tremor(self, time: float) -> Float64Array:
-        """(3,) metres; whole oscillations fit into a pass, so that it closes."""
+        """Return (3,) metres; whole oscillations fit into a pass, so that it closes."""
         offset = np.zeros(3)
         for n, (hz, share) in enumerate(zip(_TREMOR_HZ, _TREMOR_SHARES, strict=True)):
             turns = max(1, round(hz * self.period_s))
@@ -99,10 +99,10 @@ class HandMotion:
 
 @dataclass(frozen=True, eq=False)
 class HeldBoard:
-    """A board, how it looks, and how it is moved.
+    """A board, its shape and its motion.
 
     Attributes:
-        part: one facet, in the board's frame; seen from its front only.
+        part: one facet in the board's frame, visible from its front only.
     """
 
     board: Board
@@ -111,7 +111,7 @@ class HeldBoard:
 
 
 def held_board(spec: BoardSpec) -> HeldBoard:
-    """The board of a scenario."""
+    """Build the board of a scenario."""
     board = spec.board
     centre = _centre(board)
     poses = [_pose(pose, centre) for pose in spec.poses]
@@ -120,7 +120,7 @@ def held_board(spec: BoardSpec) -> HeldBoard:
 
 
 def board_part(board: Board) -> Part:
-    """The squares within their white margin, as a rectangle in the board's frame."""
+    """Build the squares with their white margin, as a rectangle in the board's frame."""
     material = Material(
         f"board_{board.kind}",
         0,
@@ -141,9 +141,9 @@ def board_part(board: Board) -> Part:
 def corners_px(
     calibration: StereoCalibration, T_left_board: Pose, points: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """(N, 2) pixels of the left and of the right image as taken, of points (N, 3) of the board.
+    """Project points (N, 3) of the board to (N, 2) pixels of the left and right image as taken.
 
-    Points beside an image have pixels beside it.
+    Points outside an image get pixels outside it.
     """
     c = calibration
     T_right_board = Pose(c.R, c.T) @ T_left_board
@@ -158,9 +158,9 @@ def corners_px(
 def whole_in_view(
     calibration: StereoCalibration, T_left_board: Pose, board: Board, border_px: float = 0.0
 ) -> tuple[bool, bool]:
-    """Whether the left and the right image show all squares, ``border_px`` within the image."""
+    """Tell for the left and the right image if all squares lie ``border_px`` within it."""
     c, s = calibration, board.square_m
-    # Lenses bend lines: the outline is looked at in steps of a square.
+    # Lenses bend lines, so every corner of the squares is looked at.
     u, v = np.mgrid[-1 : board.columns + 1, -1 : board.rows + 1]
     points = np.stack([u.ravel(), v.ravel(), np.zeros(u.size)], axis=-1) * s
     if (T_left_board.apply(points)[:, 2] <= 0).any():
@@ -179,14 +179,14 @@ def drawn_anew(
     turn_deg: float,
     rng: np.random.Generator,
 ) -> BoardSpec:
-    """The same poses moved and turned a little and in another order.
+    """Return the same poses moved and turned a little and in another order.
 
     Args:
-        shift: share of its depth by which a pose is moved at most along each axis.
-        turn_deg: by which it is turned at most about each axis.
+        shift: largest shift along each axis, as a share of the pose's depth.
+        turn_deg: largest turn about each axis.
 
-    What the cameras saw whole they still see whole; a pose for which no such draw is found stays
-    as it is written.
+    A board that a camera saw whole stays whole in view; a pose for which no such draw is found
+    stays as it is written.
     """
     if shift <= 0 and turn_deg <= 0:
         return spec
@@ -212,7 +212,7 @@ def drawn_anew(
 
 
 def _centre(board: Board) -> Float64Array:
-    """(3,) of the board, in its own frame, metres."""
+    """Centre (3,) of the board in its own frame, metres."""
     return np.array([board.columns - 1, board.rows - 1, 0.0]) * board.square_m / 2
 
 

@@ -1,4 +1,4 @@
-"""From the drawn world to what the two cameras deliver: lens, shutter, exposure, gain, noise.
+"""Images as the two cameras deliver them: lens, shutter, exposure, gain, noise.
 
 Instants: a frame's time is the middle of its exposure; with a rolling shutter it is that of the
 middle row.
@@ -21,13 +21,13 @@ from observer.simulation.rendering import Renderer
 from observer.simulation.world import World
 
 LEFT, RIGHT = 0, 1
-# Rows that share one instant under a rolling shutter; motion within them stays below 0.2 px.
+# Rows that share one instant under a rolling shutter; motion within a strip stays below 0.2 px.
 _STRIP_ROWS = 16
-# Noise is drawn from a stock at a random place: fresh numbers for every pixel would cost as much
-# as drawing the picture.
+# Noise comes from a random place of a stock: drawing new numbers for every pixel would cost as much
+# as rendering the image.
 _NOISE_STOCK_PX = 1 << 20
-# Shares of the noise that the three colours have in common and apart; together the standard
-# deviation of the grey value is 1 (grey = 0.114 b + 0.587 g + 0.299 r).
+# Shares of the noise that is common to the three colours and of each colour; together the
+# standard deviation of the grey value is 1 (grey = 0.114 b + 0.587 g + 0.299 r).
 _NOISE_COMMON = 0.9
 _NOISE_APART = math.sqrt((1 - _NOISE_COMMON**2) / (0.114**2 + 0.587**2 + 0.299**2))
 
@@ -51,20 +51,19 @@ class StereoImager:
         return np.asarray(noise, dtype=np.int8)
 
     def right_time(self, time: float) -> float:
-        """When the right camera exposes for the frame of ``time``."""
+        """Return the exposure time of the right camera for the frame of ``time``."""
         return time + self._world.scenario.faults.skew_s
 
     def pair(self, index: int, time: float) -> tuple[Image, Image]:
-        """Left and right (H, W, 3) BGR images of frame ``index``."""
+        """Render the left and right (H, W, 3) BGR images of frame ``index``."""
+        later = self.right_time(time)
         return (
             self._finished(self.clean(LEFT, time), LEFT, index, time),
-            self._finished(
-                self.clean(RIGHT, self.right_time(time)), RIGHT, index, self.right_time(time)
-            ),
+            self._finished(self.clean(RIGHT, later), RIGHT, index, later),
         )
 
     def clean(self, side: int, time: float) -> Image:
-        """The image of one camera before gain, flicker and noise."""
+        """Render the image of one camera before gain, flicker and noise."""
         faults = self._world.scenario.faults
         if faults.exposure_s <= 0:
             return self._instant(side, time)
@@ -101,9 +100,8 @@ class StereoImager:
         if gain != 1.0:
             image = np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)
         if faults.noise > 0:
-            image = np.asarray(
-                cv2.add(image, self._noise(side, index, image.shape), dtype=cv2.CV_8U), np.uint8
-            )
+            noise = self._noise(side, index, image.shape)
+            image = np.asarray(cv2.add(image, noise, dtype=cv2.CV_8U), np.uint8)
         return image
 
     def _noise(self, side: int, index: int, shape: tuple[int, ...]) -> NDArray[np.int8]:
@@ -117,7 +115,7 @@ class StereoImager:
 
 
 class _Lens:
-    """One camera's lens: the pinhole image that is drawn, and how the lens bends it.
+    """One camera's lens: the geometry of the rendered pinhole image, and its distortion.
 
     Attributes:
         width, height: of the pinhole image, pixels; without distortion the camera's own.
@@ -141,19 +139,19 @@ class _Lens:
         self._maps = (np.asarray(map_x, np.int16), np.asarray(map_y, np.uint16))
 
     def view(self, rows: tuple[int, int]) -> View:
-        """The pinhole image's geometry, of which ``rows`` are drawn."""
+        """Return the pinhole image's geometry, of which ``rows`` are drawn."""
         K = self._K
         return View(self.width, self.height, K[0, 0], K[1, 1], K[0, 2], K[1, 2], rows)
 
     def through(self, image: Image) -> Image:
-        """The pinhole image as the lens shows it."""
+        """Distort the pinhole image."""
         if self._maps is None:
             return image
         return np.asarray(cv2.remap(image, *self._maps, cv2.INTER_LINEAR), np.uint8)
 
 
 def undistorted_rays(width: int, height: int, K: Float64Array, D: Float64Array) -> Float64Array:
-    """(H, W, 2) where each pixel's ray meets the plane z = 1 of the camera frame."""
+    """Return (H, W, 2), the intersection of each pixel's ray with the plane z = 1."""
     u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
     if not D.any():
         return np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1]], axis=-1)

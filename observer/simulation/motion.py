@@ -15,13 +15,13 @@ from typing import Protocol
 from observer.errors import ScenarioError
 from observer.geometry import along_arc
 
-# A course whose end meets its start this closely is a closed one and repeats without drift.
+# A course whose end meets its start this closely is closed and repeats without drift.
 _CLOSED_M = 1e-6
 
 
 @dataclass(frozen=True)
 class PlanarState:
-    """Where a vehicle is and how it moves, at one instant.
+    """Pose and velocity of a vehicle at one instant.
 
     Attributes:
         x, y: metres. heading: radians. vx, vy: m/s. turn_rate: rad/s.
@@ -41,13 +41,13 @@ class PlanarMotion(Protocol):
     def state(self, time: float) -> PlanarState: ...
 
     def commanded_speed(self, time: float) -> float:
-        """m/s, as a driving computer would have commanded it (a step, without ramps)."""
+        """Return the speed in m/s that a computer would command (a step, without ramps)."""
         ...
 
 
 @dataclass(frozen=True)
 class Parked:
-    """Stands still."""
+    """A motion that stands still."""
 
     x: float
     y: float
@@ -76,7 +76,7 @@ class Oscillation:
         return self.amplitude * math.sin(2 * math.pi * time / self.period + self.phase)
 
     def rate(self, time: float) -> float:
-        """Derivative of ``value``, unit per second."""
+        """Return the derivative of ``value``, unit per second."""
         omega = 2 * math.pi / self.period
         return self.amplitude * omega * math.cos(omega * time + self.phase)
 
@@ -117,7 +117,7 @@ class Ramp:
     """Speed over one leg: from ``start`` to ``cruise``, hold, then to ``end``; constant ramps.
 
     Attributes:
-        length: way of the leg, >= 0, metres or radians.
+        length: of the leg, >= 0, metres or radians.
         start, cruise, end: speeds >= 0, per second. acceleration: > 0.
     """
 
@@ -129,7 +129,7 @@ class Ramp:
 
     @staticmethod
     def over(length: float, start: float, cruise: float, end: float, acceleration: float) -> Ramp:
-        """The ramp whose top speed is ``cruise``, or less where the leg is too short for it.
+        """Return the ramp to ``cruise``, or to less where the leg is too short for it.
 
         Raises:
             ScenarioError: the leg is too short to brake from ``start`` to ``end``.
@@ -163,7 +163,7 @@ class Ramp:
         return first + cruise
 
     def way_and_speed(self, time: float) -> tuple[float, float]:
-        """Way gone and speed, ``time`` seconds after the start."""
+        """Return distance and speed ``time`` seconds after the start."""
         first, cruise, last = self._times
         time = min(max(time, 0.0), first + cruise + last)
         if time <= first:
@@ -183,8 +183,8 @@ class Leg:
     """One piece of a course.
 
     Attributes:
-        distance: metres along the path, negative backwards; 0 where the leg does not travel.
-        angle: radians turned over the leg, to the left; with a distance it is an arc.
+        distance: metres along the path, negative backwards; 0 for a turn on the spot or a wait.
+        angle: radians turned to the left; with a distance the leg is an arc.
         speed: m/s >= 0 of a travelling leg. rate: rad/s > 0 of a turn on the spot.
         seconds: of a leg that waits.
     """
@@ -211,7 +211,7 @@ class _TimedLeg:
     heading: float
 
     def state(self, time: float) -> PlanarState:
-        """At ``time`` seconds after the leg's own start."""
+        """Return the state ``time`` seconds after the leg's own start."""
         if self.ramp is None:
             return PlanarState(self.x, self.y, self.heading)
         way, speed = self.ramp.way_and_speed(time)
@@ -241,8 +241,8 @@ class Course:
     """Legs driven one after the other, with constant-acceleration ramps between speeds.
 
     Args:
-        after: what follows the last leg: ``stay``, ``repeat`` (the course goes on from where it
-            ended) or ``back`` (the whole motion in reverse, to and fro).
+        after: what follows the last leg: ``stay``, ``repeat`` the course from where it ended, or go
+            ``back``, the whole motion in reverse, to and fro.
         acceleration: m/s^2. angular_acceleration: rad/s^2.
 
     Raises:
@@ -287,7 +287,7 @@ class Course:
         self._begins = [t.begins for t in self._timed]
 
     def _speed_between(self, legs: Sequence[Leg], before: int, after: int) -> float:
-        """The speed at the joint of two legs: they pass into each other only while travelling.
+        """Return the speed at the joint of two legs, 0 unless both travel in one direction.
 
         A slower leg is entered at the speed of the faster one and brakes in its beginning.
         """
@@ -311,11 +311,11 @@ class Course:
 
     def state(self, time: float) -> PlanarState:
         time = max(0.0, time)
-        if self._after == "stay" or time < self.period:
-            if time >= self.period:
-                end = self._once(self.period)
-                return PlanarState(end.x, end.y, end.heading)
+        if time < self.period:
             return self._once(time)
+        if self._after == "stay":
+            end = self._once(self.period)
+            return PlanarState(end.x, end.y, end.heading)
         cycles, rest = divmod(time, self.period)
         if self._after == "back":
             if int(cycles) % 2 == 0:
@@ -325,7 +325,7 @@ class Course:
         return self._repeated(int(cycles), self._once(rest))
 
     def _repeated(self, cycles: int, state: PlanarState) -> PlanarState:
-        """``state`` of the first cycle as it lies after ``cycles`` whole ones."""
+        """Return ``state`` of the first cycle as it lies after ``cycles`` whole ones."""
         start, end = self._timed[0], self._once(self.period)
         turn = end.heading - start.heading
         whole = math.remainder(turn, 2 * math.pi)

@@ -1,4 +1,4 @@
-"""What the observer's wheels report: how far it has driven, with the errors that wheels have."""
+"""Simulated wheel odometry of the observer, with the errors of real wheels."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from observer.simulation.world import World
 from observer.types import Odometry
 
-# One standard deviation, drawn once a run: of the wheels' size, and of their distance.
+# Standard deviations, drawn once a run: of the wheels' size and of the track.
 _SCALE_SIGMA = 0.01
 _TURN_SIGMA = 0.01
-# Encoder noise of every frame: metres, and radians beside a share of the way by slip.
+# Noise of every frame: encoders in metres and radians, and slip in radians per metre.
 _WAY_SIGMA_M = 0.0003
 _YAW_SIGMA = 0.0003
 _SLIP_RADPM = 0.01
 
 
-class WheelOdometry:
+class SimulatedOdometry:
     """Odometry of one run, from its first frame on; equal seeds give equal numbers.
 
-    A way is driven too long or too short by a share that the run keeps, as a worn tyre does; the
-    yaw drifts by a share of every turn and by slip.
+    Distances are scaled by a factor that the run keeps, as by a worn tyre; the yaw drifts by a
+    share of every turn and by slip.
     """
 
     def __init__(self, world: World) -> None:
@@ -34,7 +34,7 @@ class WheelOdometry:
         self._x = self._y = self._yaw = 0.0
 
     def read(self, time: float) -> Odometry:
-        """What is summed up at an instant, seconds; instants must not go back."""
+        """Return the odometry at ``time``, seconds, which must not go back."""
         if self._time is not None and time > self._time:
             self._drive(self._time, time)
         self._time = time

@@ -2,7 +2,7 @@
 
 A polygon is a list of corners ``[x, y, z, grow]`` in the camera frame, metres; ``grow`` belongs to
 the edge from this corner to the next one: pixels by which the polygon is drawn beyond that edge,
-because what adjoins there is drawn later and on top.
+because its neighbour there is drawn later and on top.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ Corner = Sequence[float]
 ImageCorner = Sequence[float]
 Float32Array = NDArray[np.float32]
 
-# Up to this many numbers it is faster to compute the distances to all edges at once.
+# Up to this many values it is faster to compute the distances to all edges at once.
 _AT_ONCE = 12000
 
 
 def clip_depth(polygon: list[Corner], depth: float, keep_far: bool, grow: float) -> list[Corner]:
-    """The part with z >= depth (``keep_far``) or z <= depth; ``grow`` is of the cut edge.
+    """Return the part with z >= depth (``keep_far``) or z <= depth; ``grow`` is of the cut edge.
 
     Sutherland and Hodgman, "Reentrant polygon clipping", 1974, for one plane.
     """
@@ -44,7 +44,7 @@ def clip_depth(polygon: list[Corner], depth: float, keep_far: bool, grow: float)
 def coverage(
     corners: list[ImageCorner], u0: int, v0: int, width: int, height: int
 ) -> Float32Array | None:
-    """Share of each pixel of a window that a convex polygon covers; None where it covers all.
+    """Return the share of each pixel of a window that a convex polygon covers; None for all of it.
 
     Args:
         corners: pixels, either orientation.
@@ -72,7 +72,7 @@ def coverage(
 def _edges(
     corners: list[ImageCorner], u0: int, v0: int, last_u: int, last_v: int
 ) -> list[tuple[float, float, float]]:
-    """(nu, nv, c): coverage of window pixel (u, v) by each edge that matters there."""
+    """Return (nu, nv, c) of every edge that matters in the window: coverage nu u + nv v + c."""
     n = len(corners)
     area = 0.0
     au, av = corners[n - 1][0], corners[n - 1][1]

@@ -1,9 +1,8 @@
-"""Pictures of the world: which facets are drawn, in which order and how brightly.
+"""Renders the world: selects facets, their order and their brightness.
 
-The room is convex and seen from inside, so nothing of it hides another part of it; bodies are
-drawn from far to near, and ``drawing`` decides by depth between them. A board that is held before
-the cameras comes last; where the camera stands and nothing else moves, all the rest is drawn
-once.
+The room is convex and seen from inside, so none of it hides another part of it; bodies are drawn
+from far to near, and ``drawing`` decides between them by depth. A board that is held before the
+cameras comes last; if the camera stands and nothing else moves, the rest is drawn once.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _SIDE_LIGHT = np.array([-0.6, 0.8])
 
 
 class Renderer:
-    """Draws one world; keeps its textures."""
+    """Renderer of one world, whose textures it keeps."""
 
     def __init__(self, world: World) -> None:
         room: list[Part] = [world.room, *(Part((poster,)) for poster in world.posters)]
@@ -41,13 +40,13 @@ class Renderer:
             standing += [moved(part, T_room_body) for part in body.parts]
             if body.shadow is not None:
                 shadows.append(moved(Part((body.shadow,)), T_room_body))
-        # Everything that stands is one batch in the room's frame, each body that moves another.
+        # All that stands is one batch in the room's frame; each moving body is another.
         self._standing = _Thing(None, room, shadows, standing)
         self._moving = tuple(_moving_thing(body) for body in moving)
         self._board: _Thing | None = None
         if world.board is not None:
             self._board = _Thing(world.T_room_board, (), (), (world.board.part,))
-        # Elsewhere no two pictures share a background, and keeping one would only cost.
+        # Otherwise no two images share a background, and keeping it would only cost.
         self._keeps = self._board is not None and world.camera_stands and not moving
         self._backgrounds: dict[tuple[object, ...], _Background] = {}
         self._textures: dict[int, Texture] = {}
@@ -68,7 +67,7 @@ class Renderer:
             drawing.facet(facet, one, gain, hides=True)
 
     def _background(self, view: View, T_room_camera: Pose, time: float, image: Image) -> Drawing:
-        """The drawing of all but the board, kept from before where it is the same."""
+        """Return the drawing of all but the board, reused if it is unchanged."""
         rows = slice(*view.rows)
         geometry = (view.width, view.height, view.fx, view.fy, view.cx, view.cy, view.rows)
         key = (*geometry, T_room_camera.matrix.tobytes())
@@ -83,8 +82,7 @@ class Renderer:
         return drawing
 
     def _seen(self, thing: _Thing, view: View, T_room_camera: Pose, time: float) -> _SeenThing:
-        R = T_room_camera.rotation.T
-        eye = T_room_camera.translation
+        R, eye = T_room_camera.rotation.T, T_room_camera.translation
         if thing.T_room is None:
             return _SeenThing(thing, R, -R @ eye, eye, None, view)
         T_room_thing = thing.T_room(time)
@@ -117,7 +115,7 @@ class Renderer:
             drawing.hide_behind()
 
     def texture(self, facet: Facet) -> Texture:
-        """The texture of a facet, painted at its first use."""
+        """Return the texture of a facet, painted at its first use."""
         # Facets live as long as the world, so their identity is a key.
         found = self._textures.get(id(facet))
         if found is None:
@@ -131,18 +129,18 @@ class Renderer:
 
 @dataclass(frozen=True, eq=False)
 class _Background:
-    """What is behind the board: (H, W, 3) BGR of the drawn rows, and (H, W) 1/m."""
+    """Background of the board: (H, W, 3) BGR of the drawn rows, and (H, W) 1/m."""
 
     image: Image
     inverse_depth: Float32Array
 
 
 class _Thing:
-    """Parts that share one frame, with their arithmetic.
+    """Parts that share one frame.
 
     Attributes:
-        T_room: their frame's pose in the room at a time; None where it is the room's own.
-        room, shadows, solids: which of ``parts`` are which.
+        T_room: their frame's pose in the room at a time; None for the room's own frame.
+        room, shadows, solids: index ranges in ``parts``.
     """
 
     def __init__(
@@ -169,7 +167,7 @@ def _moving_thing(body: Body) -> _Thing:
 class _SeenThing:
     """A thing as one camera sees it: ``T_camera_thing``, and the eye in the thing's frame.
 
-    ``R_room`` turns its normals into the room's axes; None where they are in them.
+    ``R_room`` turns its normals into the room's axes; None if they are already.
     """
 
     def __init__(
@@ -184,19 +182,19 @@ class _SeenThing:
         self.thing = thing
         self._eye = eye
         self._R_room = R_room
-        # A thing beside the view is not worth the arithmetic of its facets.
+        # The facets of a thing beside the view are not computed at all.
         self.may_be_in_view = thing.T_room is None or not thing.batch.outside(R, t, view)
         self._seen: list[SeenFacet | None] = []
         if self.may_be_in_view:
             self._seen = thing.batch.seen(R, t, eye, view, NEAR_M)
 
     def distance(self, part: int) -> float:
-        """Square of the distance of a part's centre from the eye, m^2."""
+        """Return the squared distance of a part's centre from the eye, m^2."""
         to_eye = self.thing.parts[part].centre - self._eye
         return float(to_eye @ to_eye)
 
     def facets(self, parts: range) -> Iterator[tuple[Facet, SeenFacet, float]]:
-        """The facets of some parts that may be in the image, and how bright they are lit."""
+        """Yield the facets of some parts that may be in the image, with their brightness."""
         if not self.may_be_in_view:
             return
         for k in parts:
@@ -211,7 +209,7 @@ class _SeenThing:
 
 
 def _light(normal: Float64Array) -> float:
-    """Brightness of a facet by its normal (3,) in the room: lamps above, a window to the left."""
+    """Return the brightness for a normal (3,) in the room: lamps above, a window to the left."""
     up = max(0.0, float(normal[2]))
     side = 0.86 + 0.14 * float(normal[:2] @ _SIDE_LIGHT)
     return (1 - up) * side + up * 1.06

@@ -1,4 +1,4 @@
-"""The two simulated cameras as they are, from a scenario's words."""
+"""True calibration of the two simulated cameras, from a scenario."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from observer.simulation.specs.cameras import CameraSpec, FaultSpec
 
 
 def true_calibration(camera: CameraSpec, faults: FaultSpec) -> StereoCalibration:
-    """The cameras as they are, their lenses and tilt included."""
+    """Return the true calibration, with lenses and tilt."""
     c = camera
     focal = c.width / 2 / math.tan(math.radians(c.hfov_deg) / 2)
     K = np.array([[focal, 0, (c.width - 1) / 2], [0, focal, (c.height - 1) / 2], [0, 0, 1.0]])
@@ -25,7 +25,7 @@ def true_calibration(camera: CameraSpec, faults: FaultSpec) -> StereoCalibration
 
 
 def small_rotation(pitch_deg: float, yaw_deg: float, roll_deg: float) -> Float64Array:
-    """(3, 3) rotation by small angles about a camera's x, y and z axes."""
+    """Return the (3, 3) rotation by small angles about a camera's x, y and z axes."""
     if not (pitch_deg or yaw_deg or roll_deg):
         return np.eye(3)
     R = Rotation.from_euler("xyz", [pitch_deg, yaw_deg, roll_deg], degrees=True).as_matrix()

@@ -1,9 +1,9 @@
-"""Scenarios are data: what stands in the lab, who drives where, and what ails the cameras.
+"""Scenarios as data: the lab's contents, its vehicles' motions, and the cameras' faults.
 
 A scenario is a YAML file; the built-in ones lie in the folder ``scenarios`` beside this file, and
-its words are the classes of ``specs``. Positions are in the room frame: x forward, y left, z up,
-metres, the origin on the floor where the observer starts. Seed 0 is the scenario as it is
-written; any other seed draws textures, layout and motion anew within ``variation``.
+their keys are the fields of the classes in ``specs``. Positions are in the room frame: x forward,
+y left, z up, metres, the origin on the floor where the observer starts. Seed 0 is the scenario as
+it is written; any other seed draws textures, layout and motion anew within ``variation``.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from observer.text_files import problem
 
 
 class VariationSpec(Spec):
-    """What a seed other than 0 changes, drawn uniformly within plus and minus these bounds.
+    """Variation by a seed other than 0, drawn uniformly within plus and minus these bounds.
 
     Attributes:
         position_m, heading_deg: of every start and every object.
@@ -84,20 +84,17 @@ class Scenario(Spec):
 
 
 def scenario_names() -> tuple[str, ...]:
-    """Names of the built-in scenarios, the default one first, the others in order."""
-    names = sorted(
-        entry.name.removesuffix(".yaml")
-        for entry in _folder().iterdir()
-        if entry.name.endswith(".yaml") and not entry.name.startswith("_")
-    )
-    return tuple(sorted(names, key=lambda name: name != "lab"))
+    """Return the names of the built-in scenarios, the default one first, the others sorted."""
+    files = (entry.name for entry in _folder().iterdir())
+    names = (f.removesuffix(".yaml") for f in files if f.endswith(".yaml") and f[0] != "_")
+    return tuple(sorted(names, key=lambda name: (name != "lab", name)))
 
 
 def load_scenario(name: str) -> Scenario:
-    """A built-in scenario by its name, or a scenario file by its path.
+    """Load a built-in scenario by its name, or a scenario file by its path.
 
-    A file may start from a built-in one: ``based_on: NAME`` takes over every key that the file
-    does not give itself; mappings are merged, lists replaced.
+    A file may extend a built-in one: ``based_on: NAME`` takes over every key that the file does
+    not give itself; mappings are merged, lists replaced.
 
     Raises:
         ScenarioError: there is no such scenario, or one sentence on what is wrong in the file.
@@ -121,7 +118,7 @@ def load_scenario(name: str) -> Scenario:
 
 
 def scenario_from_text(text: str, name: str) -> Scenario:
-    """A scenario from YAML text.
+    """Parse a scenario from YAML text.
 
     Raises:
         ScenarioError: one sentence that names the key and what would be right.

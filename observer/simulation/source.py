@@ -8,44 +8,44 @@ from typing import Protocol
 
 from observer.camera import StereoCalibration
 from observer.simulation.imaging import StereoImager
-from observer.simulation.odometry import WheelOdometry
+from observer.simulation.odometry import SimulatedOdometry
 from observer.simulation.world import World
 from observer.sources.contract import SourceInfo
 from observer.types import StereoFrame
 
 
 class DrivenVehicles(Protocol):
-    """What moves in a world by its frames' clock and by somebody's wish."""
+    """Vehicles of a world that are driven, by its frames' clock."""
 
     @property
     def goes_on(self) -> bool:
-        """Whether somebody drives, so that the source does not end at its last frame."""
+        """True while somebody drives, so that the source does not end at its last frame."""
         ...
 
     def advance(self, time: float) -> None:
-        """The next frame's time, seconds; called before it is drawn."""
+        """Advance to the next frame's time, seconds, before it is drawn."""
         ...
 
     def restart(self) -> None:
-        """The next frame is the first one again."""
+        """Return to the start: the next frame is the first."""
         ...
 
 
 class SimulatedSource:
     """Frames of a world at full speed; frame k has the time k / frame_rate.
 
-    The frames carry images only; the truth about the same world is ``SimulatedTruth``.
+    The frames carry images and odometry only; ``SimulatedTruth`` is the world's ground truth.
     """
 
     def __init__(self, world: World) -> None:
         self._world = world
         self._imager = StereoImager(world)
-        self._odometry = WheelOdometry(world)
+        self._odometry = SimulatedOdometry(world)
         self._next = 0
         self._driven: DrivenVehicles | None = None
 
     def follow(self, driven: DrivenVehicles) -> None:
-        """Show from the next frame on what is driven; ``World.move`` was called for it."""
+        """Show driven vehicles from the next frame on; call ``World.move`` for them before."""
         self._driven = driven
         self._imager = StereoImager(self._world)
 
@@ -72,7 +72,7 @@ class SimulatedSource:
         return self._world.calibration if handed_out else None
 
     def read(self) -> StereoFrame | None:
-        """The next frame, or None after the last one; there is none while somebody drives."""
+        """Return the next frame, or None after the last one unless somebody drives."""
         s = self._world.scenario
         if self._next >= s.frame_count and not (self._driven and self._driven.goes_on):
             return None
@@ -95,10 +95,10 @@ class SimulatedSource:
 
     def rewind(self) -> None:
         """Begin again with the first frame."""
-        self._odometry = WheelOdometry(self._world)
+        self._odometry = SimulatedOdometry(self._world)
         self._next = 0
         if self._driven is not None:
             self._driven.restart()
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Release nothing."""

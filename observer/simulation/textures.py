@@ -1,7 +1,7 @@
-"""Textures with their pyramids: painted from a material when first drawn.
+"""Textures and their pyramids, painted from a material when first drawn.
 
 A level is chosen so that one texture pixel falls on about one image pixel; half octaves keep the
-error of that choice below a factor of 1.2, so neither aliasing nor blur is seen.
+error of that choice below a factor of 1.2, so neither aliasing nor blur is visible.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from observer.simulation.facets import Material
 from observer.simulation.painting import boards, posters, surfaces, things
 from observer.simulation.painting.canvas import Canvas
 
-# Levels below this many pixels are never needed: nothing is that small in the image.
+# Levels smaller than this are never needed: nothing is that small in the image.
 _SMALLEST_PX = 3
 _LEVELS_PER_OCTAVE = 2
 
 Painter = Callable[[Canvas], NDArray[np.uint8]]
 
-# Kind of material: its painter and its density, pixels per metre, unless the material says other.
+# Kind of material: its painter and default density, pixels per metre.
 _PAINTERS: dict[str, tuple[Painter, float]] = {
     "floor_wood": (surfaces.wood, 230),
     "floor_tiles": (surfaces.tiles, 230),
@@ -80,7 +80,7 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A painted surface at all its levels, each shrunk from the finest when first asked for.
+    """A painted surface at all its levels, each shrunk from the finest at first use.
 
     Attributes:
         finest: as it was painted.
@@ -94,11 +94,11 @@ class Texture:
     extent: tuple[float, float]
     density: float
     samples: int = 1
-    # By number. Two threads that make one at the same time make the same.
+    # By level. Threads that make one at the same time make equal ones.
     _made: dict[int, Level] = field(default_factory=dict, repr=False)
 
     def level(self, density: float) -> Level:
-        """The level whose density, pixels per metre, comes closest to the one that is wanted."""
+        """Return the level whose density comes closest to ``density``, pixels per metre."""
         k = self._coarsest
         if density > 0:
             k = min(k, max(0, round(_LEVELS_PER_OCTAVE * math.log2(self.density / density))))
@@ -111,14 +111,14 @@ class Texture:
 
     @cached_property
     def _coarsest(self) -> int:
-        """The number of the last level that has any pixels to speak of."""
+        """Number of the last level of at least ``_SMALLEST_PX``."""
         k = 0
         while max(self._size(k + 1)) >= _SMALLEST_PX:
             k += 1
         return k
 
     def _size(self, k: int) -> tuple[int, int]:
-        """Pixels (along, down) of a level."""
+        """Return the pixels (along, down) of a level."""
         height, width = self.finest.image.shape[:2]
         shrink = 2 ** (-k / _LEVELS_PER_OCTAVE)
         return round(width * shrink), round(height * shrink)
@@ -130,7 +130,7 @@ class Texture:
 
 
 def paint(material: Material, extent: tuple[float, float]) -> Texture:
-    """The texture of a material over ``extent`` metres (along, down)."""
+    """Paint a material over ``extent`` metres (along, down)."""
     painter, density = _PAINTERS[material.kind]
     density = material.number("density", density)
     width = max(4, round(extent[0] * density))

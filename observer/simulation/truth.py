@@ -1,4 +1,4 @@
-"""The truth about the simulated lab, in the frame that a method can know.
+"""Ground truth of the simulated lab, in the frame that a method can know.
 
 World frame: the rectified left camera at time 0, see ``world``.
 """
@@ -15,7 +15,7 @@ from observer.simulation.visibility import visible_share
 from observer.simulation.world import Body, World
 from observer.truth.contract import TrueBody
 
-# The page, the recorder and a test may ask for the same instant; a stream never asks further back.
+# Several readers ask for the same instant, none for one further back.
 _REMEMBERED_INSTANTS = 32
 
 
@@ -27,8 +27,8 @@ class SimulatedTruth:
         self._remembered: OrderedDict[tuple[int, float], tuple[TrueBody, ...]] = OrderedDict()
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
-        """The observer first, then the obstacles, at ``time`` seconds."""
-        # A world whose robots are driven is another one each time it begins again.
+        """Return the observer first, then the obstacles, at ``time`` seconds."""
+        # A world whose robots are driven takes another course each time it begins again.
         instant = (self._world.beginnings, time)
         found = self._remembered.get(instant)
         if found is None:
@@ -45,7 +45,7 @@ class SimulatedTruth:
         return found
 
     def camera_pose(self, time: float) -> Pose:
-        """``T_world_camera`` of the rectified left camera."""
+        """Return ``T_world_camera`` of the rectified left camera."""
         return self._world.T_world_camera(time)
 
     def _state(self, body: Body, time: float, visible: float | None) -> TrueBody:

@@ -1,9 +1,8 @@
-"""From a scenario's words to motions, and from a seed to a variation of the scenario."""
+"""Builds motions from a scenario, and varies a scenario by a seed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from observer.simulation.specs.boards import BoardSpec
 from observer.simulation.specs.places import BoxSpec, PosterSpec
 from observer.simulation.specs.vehicles import (
     ArcLeg,
-    CourseSpec,
     DriveLeg,
     LegSpec,
     MotionSpec,
@@ -30,7 +28,7 @@ from observer.simulation.specs.vehicles import (
 
 
 def build_motion(spec: VehicleSpec | BoxSpec) -> PlanarMotion:
-    """The motion of a vehicle, or of a thing that stands.
+    """Build the motion of a vehicle, or of a thing that stands.
 
     Raises:
         ScenarioError: a leg is too short for its speed, or waypoints coincide.
@@ -79,7 +77,7 @@ def _leg(spec: LegSpec) -> Leg:
 
 
 def _legs_between(x: float, y: float, heading: float, spec: WaypointsSpec) -> list[Leg]:
-    """Turns on the spot and straight ways; a repeated tour closes to its start and heading."""
+    """Build turns on the spot and straight legs; a repeated tour closes to its start pose."""
     points = list(spec.points)
     if spec.after == "repeat":
         points.append((x, y))
@@ -102,7 +100,7 @@ def _legs_between(x: float, y: float, heading: float, spec: WaypointsSpec) -> li
 
 
 def varied(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario as ``seed`` draws it; seed 0 is the scenario as it is written."""
+    """Return the scenario as ``seed`` draws it; seed 0 leaves it as it is written."""
     if seed == 0:
         return scenario
     bounds = scenario.variation
@@ -148,49 +146,37 @@ def varied(scenario: Scenario, seed: int) -> Scenario:
         board = drawn_anew(
             scenario.board, calibration, bounds.board_shift, bounds.board_turn_deg, rng
         )
-    return scenario.model_copy(
-        update={
-            "robots": tuple(robots), "observer": observer, "objects": tuple(objects),
-            "board": board,
-        }
-    )  # fmt: skip
+    things = {"robots": tuple(robots), "objects": tuple(objects)}
+    return scenario.model_copy(update={**things, "observer": observer, "board": board})
 
 
 def _faster(motion: MotionSpec | None, factor: float) -> MotionSpec | None:
-    """The same way at ``factor`` times the speed."""
+    """Return the same path at ``factor`` times the speed."""
     if motion is None:
         return None
     if isinstance(motion, SwaySpec):
-        change: Callable[[SineSpec], SineSpec] = lambda s: s.model_copy(  # noqa: E731
-            update={"period_s": s.period_s / factor}
-        )
-        return motion.model_copy(
-            update={n: change(getattr(motion, n)) for n in ("forward", "left", "turn")}
-        )
-    if isinstance(motion, WaypointsSpec):
+        sines = {name: getattr(motion, name) for name in ("forward", "left", "turn")}
         return motion.model_copy(
             update={
-                "speed": motion.speed * factor, "turn_rate_deg": motion.turn_rate_deg * factor,
-                "acceleration": motion.acceleration * factor**2,
-                "angular_acceleration_deg": motion.angular_acceleration_deg * factor**2,
+                name: sine.model_copy(update={"period_s": sine.period_s / factor})
+                for name, sine in sines.items()
             }
-        )  # fmt: skip
-    return _faster_course(motion, factor)
+        )
+    change: dict[str, object] = {
+        "acceleration": motion.acceleration * factor**2,
+        "angular_acceleration_deg": motion.angular_acceleration_deg * factor**2,
+    }
+    if isinstance(motion, WaypointsSpec):
+        change["speed"] = motion.speed * factor
+        change["turn_rate_deg"] = motion.turn_rate_deg * factor
+    else:
+        change["legs"] = tuple(_faster_leg(leg, factor) for leg in motion.legs)
+    return motion.model_copy(update=change)
 
 
-def _faster_course(motion: CourseSpec, factor: float) -> CourseSpec:
-    legs: list[LegSpec] = []
-    for leg in motion.legs:
-        if isinstance(leg, TurnLeg):
-            legs.append(leg.model_copy(update={"rate_deg": leg.rate_deg * factor}))
-        elif isinstance(leg, (DriveLeg, ArcLeg)):
-            legs.append(leg.model_copy(update={"speed": leg.speed * factor}))
-        else:
-            legs.append(leg)
-    return motion.model_copy(
-        update={
-            "legs": tuple(legs),
-            "acceleration": motion.acceleration * factor**2,
-            "angular_acceleration_deg": motion.angular_acceleration_deg * factor**2,
-        }
-    )
+def _faster_leg(leg: LegSpec, factor: float) -> LegSpec:
+    if isinstance(leg, TurnLeg):
+        return leg.model_copy(update={"rate_deg": leg.rate_deg * factor})
+    if isinstance(leg, DriveLeg | ArcLeg):
+        return leg.model_copy(update={"speed": leg.speed * factor})
+    return leg

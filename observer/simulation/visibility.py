@@ -1,4 +1,4 @@
-"""What is seen along each ray, exactly: depth, which body, true flow, visible share.
+"""Exact ray casting: depth, body, true flow and visible share.
 
 Independent of the renderer: every ray is intersected with every facet in closed form. On the
 plane n . p = d the inverse depth along the ray (x, y, 1) is n . (x, y, 1) / d.
@@ -28,7 +28,7 @@ _NEAR_M = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """What rays meet first.
+    """First intersections of rays.
 
     Attributes:
         inverse_depth: (...) float64, 1/m along the camera's z; 0 where nothing is met.
@@ -39,16 +39,12 @@ class Hits:
     body: NDArray[np.int64]
 
 
-def cast(
-    world: World, T_camera_room: Pose, rays: Float64Array, time: float, with_room: bool = True
-) -> Hits:
-    """The first hits of rays (..., 2), given by their points on z = 1, from a camera."""
+def cast(world: World, T_camera_room: Pose, rays: Float64Array, time: float) -> Hits:
+    """Cast rays (..., 2), given by their points on z = 1, from a camera."""
     inverse = np.zeros(rays.shape[:-1])
     body = np.full(rays.shape[:-1], ROOM, dtype=np.int64)
-    if with_room:
-        _nearest(world.room, T_camera_room, rays, inverse, body, ROOM)
-        for poster in world.posters:
-            _nearest(Part((poster,)), T_camera_room, rays, inverse, body, ROOM)
+    for part in (world.room, *(Part((poster,)) for poster in world.posters)):
+        _nearest(part, T_camera_room, rays, inverse, body, ROOM)
     for thing in world.bodies:
         T_camera_body = T_camera_room @ thing.T_room_body(time)
         for part in thing.parts:
@@ -76,7 +72,7 @@ def _nearest(
 def _intersections(
     part: Part, T_camera_part: Pose, rays: Float64Array
 ) -> Iterator[tuple[NDArray[np.bool_], Float64Array]]:
-    """For each facet that faces the camera: which rays meet it, and the inverse depths there."""
+    """Yield for each facet that faces the camera a mask of the rays that meet it, and 1/depth."""
     eye = T_camera_part.inverse().translation
     for index in np.flatnonzero(part.facing(eye) > 1e-9):
         facet = part.facets[index]
@@ -94,39 +90,39 @@ def _intersections(
 
 
 def _along(rays: Float64Array, vector: Float64Array) -> Float64Array:
-    """(...) scalar products of the rays (x, y, 1) with a vector (3,)."""
+    """Return (...) scalar products of the rays (x, y, 1) with a vector (3,)."""
     x, y, z = vector.tolist()
     return np.asarray(rays[..., 0] * x + (rays[..., 1] * y + z), dtype=np.float64)
 
 
 def left_rays(world: World) -> Float64Array:
-    """(H, W, 2) the rays of the left image's pixels as it is delivered, before rectification."""
+    """Return (H, W, 2), the rays of the left image's pixels before rectification."""
     c = world.true_calibration
     return undistorted_rays(c.width, c.height, c.K1, c.D1)
 
 
 def left_hits(world: World, time: float) -> Hits:
-    """What the pixels of the left image see (global shutter)."""
+    """Cast the rays of the left image's pixels (global shutter)."""
     return cast(world, world.T_room_left(time).inverse(), left_rays(world), time)
 
 
 def render_depth(world: World, time: float) -> Float64Array:
-    """(H, W) metres along the left camera's z, for the left image as it is delivered."""
+    """Return (H, W) metres along the left camera's z, for the left image as delivered."""
     return np.asarray(1 / left_hits(world, time).inverse_depth, dtype=np.float64)
 
 
 def true_flow(world: World, t0: float, t1: float) -> Float64Array:
-    """(H, W, 2) pixels by which what each pixel of the left image shows at t0 has moved at t1.
+    """Return (H, W, 2), the optical flow in pixels of the left image from t0 to t1.
 
-    For the images as they are delivered and a global shutter; whether the point is hidden or out
-    of the image at t1 is not asked. Points behind the camera at t1 give NaN.
+    For images as delivered and a global shutter. Points may be hidden or outside the image at t1;
+    points behind the camera at t1 give NaN.
     """
     rays = left_rays(world)
     T_room_left = world.T_room_left(t0)
     hits = cast(world, T_room_left.inverse(), rays, t0)
     depth = 1 / hits.inverse_depth
-    points = T_room_left.apply(np.concatenate([rays, np.ones((*depth.shape, 1))], -1)
-                               * depth[..., None])  # fmt: skip
+    points = np.concatenate([rays, np.ones((*depth.shape, 1))], axis=-1) * depth[..., None]
+    points = T_room_left.apply(points)
     for body in world.bodies:
         mask = hits.body == body.id
         if mask.any():
@@ -143,9 +139,9 @@ def true_flow(world: World, t0: float, t1: float) -> Float64Array:
 
 
 def project(world: World, points: Float64Array) -> Float64Array:
-    """Pixels (..., 2) of the left image as delivered, of points (..., 3) in the left frame.
+    """Project points (..., 3) in the left frame to pixels (..., 2) of the left image as delivered.
 
-    Points that do not lie in front of the camera give NaN.
+    Points that are not in front of the camera give NaN.
     """
     c = world.true_calibration
     front = points[..., 2] > 1e-6
@@ -160,9 +156,9 @@ def project(world: World, points: Float64Array) -> Float64Array:
 
 
 def visible_share(world: World, body: Body, time: float) -> float:
-    """Share of a body's outline, as the left camera would see it alone, that it really sees.
+    """Return the visible share of a body's silhouette in the left image.
 
-    What lies outside the image or behind another body counts as not seen.
+    What lies outside the image or behind another body counts as not visible.
     """
     T_camera_room = world.T_room_left(time).inverse()
     T_camera_body = T_camera_room @ body.T_room_body(time)
@@ -170,14 +166,12 @@ def visible_share(world: World, body: Body, time: float) -> float:
     points = T_camera_body.apply(vertices)
     if points[:, 2].max() <= _NEAR_M:
         return 0.0
-    # Points beside or behind the camera lie far outside; a bound keeps the window finite.
+    # Points beside or behind the camera project far outside; a bound keeps the window finite.
     xy = np.clip(points[:, :2] / np.maximum(points[:, 2:], _NEAR_M), -20, 20)
     low, high = xy.min(axis=0), xy.max(axis=0)
     steps = (np.arange(_SHARE_RAYS) + 0.5) / _SHARE_RAYS
-    rays = np.stack(
-        np.meshgrid(low[0] + steps * (high[0] - low[0]), low[1] + steps * (high[1] - low[1])),
-        axis=-1,
-    )
+    x, y = (a + steps * (b - a) for a, b in zip(low, high, strict=True))
+    rays = np.stack(np.meshgrid(x, y), axis=-1)
     own = np.zeros(rays.shape[:-1])
     for part in body.parts:
         for hit, depth in _intersections(part, T_camera_body, rays):
@@ -207,7 +201,7 @@ def visible_share(world: World, body: Body, time: float) -> float:
 
 
 def _apart(part: Part, T_camera_part: Pose, low: Float64Array, high: Float64Array) -> bool:
-    """Whether a part's bounding sphere surely lies outside a window on z = 1."""
+    """True if a part's bounding sphere surely lies outside a window on z = 1."""
     x, y, z = T_camera_part.apply(part.centre)
     if z + part.radius <= 0:
         return True

@@ -1,14 +1,13 @@
-"""A scenario with a seed becomes a world: bodies, motions and cameras as exact functions of time.
+"""The world of a scenario and a seed: bodies, motions and cameras as exact functions of time.
 
 Frames
     room: x forward, y left, z up, metres; the origin on the floor where the observer starts.
     body: x along the heading, y left, z up; the origin on the floor below the body's centre.
     left, right: a camera's optical frame as it is mounted (x right, y down, z forward).
-    camera: the *rectified* left camera, by the calibration that the world hands out. It has the
-        left camera's origin and is turned by ``stereoRectify``'s R1; without lens and tilt it is
-        the left camera itself. A method can only know this frame, so truth is given in it, also
-        where the calibration that is handed out is wrong. Where none is handed out, it is that
-        of the true one.
+    camera: the *rectified* left camera, by the calibration that the world hands out, or by the
+        true one where it hands out none. It has the left camera's origin and is turned by
+        ``stereoRectify``'s R1; without lens and tilt it is the left camera itself. A method can
+        only know this frame, so truth is given in it even if that calibration is wrong.
     world: the camera frame at time 0.
 """
 
@@ -44,7 +43,7 @@ from observer.simulation.variation import build_motion, varied
 
 # From a vehicle's axes (x forward, y left, z up) to a camera's (x right, y down, z forward).
 _R_CAMERA_BASE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-# How close to a wall a vehicle's centre may come before the scenario is refused, metres.
+# Least distance of a vehicle's centre from a wall, metres; nearer ones are refused.
 _WALL_MARGIN_M = 0.15
 
 
@@ -78,7 +77,7 @@ class Body:
 
 
 def pose_on_floor(state: PlanarState) -> Pose:
-    """``T_room_body`` of a vehicle."""
+    """Return ``T_room_body`` of a vehicle."""
     c, s = math.cos(state.heading), math.sin(state.heading)
     return Pose(
         np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([state.x, state.y, 0.0])
@@ -89,11 +88,10 @@ class World:
     """The simulated lab at every instant from 0 on.
 
     Args:
-        scenario: what there is.
         seed: 0 is the scenario as written; other seeds vary textures, layout and motion.
 
     Attributes:
-        beginnings: counted up whenever it begins anew and may take another course, as where its
+        beginnings: counted up whenever it begins anew and may take another course, as when its
             robots are driven.
 
     Raises:
@@ -115,12 +113,10 @@ class World:
         for k, robot in enumerate(s.robots):
             parts = p3dx_parts(robot.size, s.texture, texture_seed + 100 + k)
             shadow = shadow_facet(robot.size[0], robot.size[1])
+            motion = build_motion(robot)
             bodies.append(
-                Body(
-                    k + 1, robot.name, "obstacle", robot.size, 0.0, build_motion(robot), parts,
-                    shadow,
-                )
-            )  # fmt: skip
+                Body(k + 1, robot.name, "obstacle", robot.size, 0.0, motion, parts, shadow)
+            )
         posters: list[Facet] = []
         for k, item in enumerate(s.objects):
             item_seed = texture_seed + 200 + k
@@ -155,9 +151,9 @@ class World:
         return f"simulated:{self.scenario.name}{suffix}"
 
     def move(self, motions: Mapping[int, PlanarMotion]) -> None:
-        """Let bodies, by their ids, move differently from now on; as before at time 0.
+        """Replace the motions of bodies, by their ids; at time 0 they must agree.
 
-        Who draws the world has to be made anew: it may keep what stands.
+        Renderers of this world have to be made anew, for they may keep what stands.
         """
         self.observer = _moving_as(self.observer, motions)
         self.bodies = tuple(_moving_as(body, motions) for body in self.bodies)
@@ -170,12 +166,12 @@ class World:
 
     @cached_property
     def true_calibration(self) -> StereoCalibration:
-        """The cameras as they are."""
+        """True calibration of the cameras."""
         return true_calibration(self.scenario.camera, self.scenario.faults)
 
     @cached_property
     def calibration(self) -> StereoCalibration:
-        """The calibration that ``camera`` stands for: the truth, unless the scenario miscalibrates.
+        """Calibration of the ``camera`` frame: the truth, unless the scenario miscalibrates.
 
         It is handed out with the images, unless the scenario hands out none.
         """
@@ -191,7 +187,7 @@ class World:
 
     @cached_property
     def R_camera_left(self) -> Float64Array:
-        """(3, 3) from the left camera's axes to the rectified ones (``stereoRectify``'s R1)."""
+        """Rotation (3, 3) from the left camera's axes to the rectified ones, OpenCV's R1."""
         c = self.calibration
         if c.is_rectified:
             return np.eye(3)
@@ -204,7 +200,7 @@ class World:
         return Pose(self.true_calibration.R, self.true_calibration.T)
 
     def T_base_left(self, time: float) -> Pose:
-        """The left camera on its vehicle; it moves there only where the scenario shakes it."""
+        """Return the left camera's pose on its vehicle, fixed unless the scenario shakes it."""
         c = self.scenario.camera
         pitch = math.radians(c.tilt_deg)
         up = self._shake["up"].value(time)
@@ -223,14 +219,14 @@ class World:
 
     @property
     def camera_stands(self) -> bool:
-        """Whether the left camera keeps its place in the room for ever."""
+        """True if the left camera never moves in the room."""
         shakes = any(oscillation.amplitude for oscillation in self._shake.values())
         return isinstance(self.observer.motion, Parked) and not shakes
 
     # ------------------------------------------------------------------ board
 
     def T_room_board(self, time: float) -> Pose:
-        """The board that is held before the cameras.
+        """Return the pose of the board that is held before the cameras.
 
         Raises:
             ScenarioError: the scenario has none.
@@ -241,7 +237,7 @@ class World:
         return self.T_room_left(0.0) @ self.board.motion.pose(time)
 
     def board_pose(self, time: float) -> Pose:
-        """``T_left_board``, see ``observer.calibration.board.Board`` for its frame.
+        """Return ``T_left_board``, see ``observer.calibration.board.Board`` for its frame.
 
         Raises:
             ScenarioError: the scenario has no board.
@@ -256,17 +252,17 @@ class World:
         return T_camera_left @ self.T_room_left(0.0).inverse()
 
     def T_world_camera(self, time: float) -> Pose:
-        """The rectified left camera's pose."""
+        """Return the rectified left camera's pose."""
         T_left_camera = Pose(self.R_camera_left.T, np.zeros(3))
         return self.T_world_room @ self.T_room_left(time) @ T_left_camera
 
     def brightness(self, time: float) -> float:
-        """Brightness of the light, 1 without flicker."""
+        """Return the brightness of the light, 1 without flicker."""
         f = self.scenario.faults.flicker
         return 1 + f.amplitude * math.sin(2 * math.pi * f.hz * time)
 
     def _check_room(self) -> None:
-        """Refuse vehicles that drive into a wall; looked at ten times a second."""
+        """Refuse vehicles that drive into a wall, checked ten times a second."""
         s = self.scenario
         (x0, x1), (y0, y1) = s.room.x, s.room.y
         m = _WALL_MARGIN_M

@@ -14,8 +14,8 @@ from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.robot_models import ProgrammeStart, ProgrammeText
 from app.server import FieldError, Server
-from app.server.robots.profile_library import LibraryProgramme
-from observer.motion_profiles import duration_s, programme_text
+from app.server.robots.profile_library import KeptProfile
+from observer.motion_profiles import duration_s, profile_text
 
 router = APIRouter(prefix="/programmes", tags=["programmes"])
 
@@ -28,23 +28,23 @@ async def programme_command(server: Server, wanted: ProgrammeStart) -> StartProg
     Raises:
         NotThere: there is no such programme. FieldError: a lease is missing.
     """
-    found = await asyncio.to_thread(server.programmes.find, wanted.name)
-    for role in found.programme.roles:
+    kept = await asyncio.to_thread(server.programmes.find, wanted.name)
+    for role in kept.profile.roles:
         if role not in wanted.leases:
             raise FieldError(
                 ("body", "leases"), f"the programme {wanted.name} moves the {role}; give its lease"
             )
     leases = {str(role): lease for role, lease in wanted.leases.items()}
-    return StartProgramme(found.programme, leases, wanted.repeat, wanted.reverse)
+    return StartProgramme(kept.profile, leases, wanted.repeat, wanted.reverse)
 
 
-def _entry(found: LibraryProgramme) -> ProgrammeEntry:
-    programme = found.programme
-    return filled(ProgrammeEntry, programme, duration_s=duration_s(programme), own=found.own)
+def _entry(kept: KeptProfile) -> ProgrammeEntry:
+    profile = kept.profile
+    return filled(ProgrammeEntry, profile, duration_s=duration_s(profile), own=kept.own)
 
 
-def _detail(found: LibraryProgramme) -> ProgrammeDetail:
-    return ProgrammeDetail(**vars(_entry(found)), text=programme_text(found.programme))
+def _detail(kept: KeptProfile) -> ProgrammeDetail:
+    return ProgrammeDetail(**vars(_entry(kept)), text=profile_text(kept.profile))
 
 
 @router.get("", response_model=list[ProgrammeEntry], summary="All programmes")

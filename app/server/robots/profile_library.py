@@ -10,11 +10,11 @@ from app.server.errors import Conflict, FieldError, NotThere
 from app.server.whole_files import write_whole
 from observer.errors import InputError
 from observer.motion_profiles import (
-    Programme,
-    load_programme,
-    programme_from_text,
-    programme_names,
-    read_programme,
+    MotionProfile,
+    load_profile,
+    profile_from_text,
+    profile_names,
+    read_profile,
 )
 
 FOLDER_NAME = "programmes"
@@ -24,10 +24,10 @@ _MOST_OWN = 200
 
 
 @dataclass(frozen=True)
-class LibraryProgramme:
-    """A programme, and whether a person brought it."""
+class KeptProfile:
+    """A motion profile, and whether a person brought it."""
 
-    programme: Programme
+    profile: MotionProfile
     own: bool
 
 
@@ -41,37 +41,37 @@ class ProfileLibrary:
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
 
-    def all(self) -> list[LibraryProgramme]:
+    def all(self) -> list[KeptProfile]:
         """Those that come with the project, then a person's own, both by name.
 
         Files that are no programme (any more) are left out.
         """
-        found = [LibraryProgramme(load_programme(name), False) for name in programme_names()]
-        built_in = {each.programme.name for each in found}
+        kept = [KeptProfile(load_profile(name), False) for name in profile_names()]
+        built_in = {each.profile.name for each in kept}
         for name in self._own_names():
             with contextlib.suppress(InputError):
-                own = read_programme(self._file(name))
+                own = read_profile(self._file(name))
                 if own.name == name and name not in built_in:
-                    found.append(LibraryProgramme(own, True))
-        return found
+                    kept.append(KeptProfile(own, True))
+        return kept
 
-    def find(self, name: str) -> LibraryProgramme:
+    def find(self, name: str) -> KeptProfile:
         """One of them.
 
         Raises:
             NotThere: there is none of this name.
         """
-        if name in programme_names():
-            return LibraryProgramme(load_programme(name), False)
+        if name in profile_names():
+            return KeptProfile(load_profile(name), False)
         # Only names that a listing of the folder gave lead to a file.
         if name in self._own_names():
             with contextlib.suppress(InputError):
-                own = read_programme(self._file(name))
+                own = read_profile(self._file(name))
                 if own.name == name:
-                    return LibraryProgramme(own, True)
+                    return KeptProfile(own, True)
         raise NotThere(f"there is no programme {name[:80]!r}; GET /api/programmes lists them")
 
-    def save(self, text: str) -> LibraryProgramme:
+    def save(self, text: str) -> KeptProfile:
         """Keep a programme under the name it gives itself; its own older version is replaced.
 
         Raises:
@@ -79,11 +79,11 @@ class ProfileLibrary:
                 one that comes with the project, or there are too many. StorageFull.
         """
         try:
-            programme = programme_from_text(text)
+            profile = profile_from_text(text)
         except InputError as error:
             raise FieldError(("body", "text"), str(error)) from error
-        name = programme.name
-        if name in programme_names():
+        name = profile.name
+        if name in profile_names():
             raise Conflict(f"the programme {name} comes with the project; choose another name")
         names = self._own_names()
         if name not in names and len(names) >= _MOST_OWN:
@@ -91,7 +91,7 @@ class ProfileLibrary:
         if self._folder is None:
             raise Conflict("this server keeps no programmes")
         write_whole(self._file(name), text)
-        return LibraryProgramme(programme, True)
+        return KeptProfile(profile, True)
 
     def delete(self, name: str) -> None:
         """Forget one of a person's own.
@@ -99,7 +99,7 @@ class ProfileLibrary:
         Raises:
             NotThere: there is none. Conflict: it comes with the project.
         """
-        if name in programme_names():
+        if name in profile_names():
             raise Conflict(f"the programme {name} comes with the project and stays")
         if name not in self._own_names():
             raise NotThere(f"there is no programme {name[:80]!r}; GET /api/programmes lists them")

@@ -14,7 +14,7 @@ _PAPER, _INK = 225.0, 28.0
 
 
 def chessboard(canvas: Canvas) -> NDArray[np.uint8]:
-    """The upper left square is black."""
+    """A chessboard whose upper left square is black."""
     columns, rows, side = _squares(canvas)
     v, u = np.mgrid[0:rows, 0:columns]
     white = np.kron((u + v) % 2, np.ones((side, side)))
@@ -22,7 +22,7 @@ def chessboard(canvas: Canvas) -> NDArray[np.uint8]:
 
 
 def charuco(canvas: Canvas) -> NDArray[np.uint8]:
-    """As OpenCV lays ChArUco boards out since 4.6, which its detector expects."""
+    """A ChArUco board in OpenCV's layout since 4.6, which its detector expects."""
     columns, rows, side = _squares(canvas)
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, CHARUCO_DICTIONARY))
     board = cv2.aruco.CharucoBoard((columns, rows), 1.0, MARKER_SHARE, dictionary)
@@ -31,14 +31,14 @@ def charuco(canvas: Canvas) -> NDArray[np.uint8]:
 
 
 def _squares(canvas: Canvas) -> tuple[int, int, int]:
-    """Squares along and down, and the side of one in pixels."""
+    """Return the squares along and down, and the side of one in pixels."""
     columns = round(canvas.material.number("columns", 9)) + 1
     rows = round(canvas.material.number("rows", 6)) + 1
     return columns, rows, canvas.width // (columns + 2)
 
 
 def _printed(canvas: Canvas, white: NDArray[np.float64], side: int) -> NDArray[np.uint8]:
-    """(height, width, 3) of the squares (h, w), 0 ink to 1 paper, with the margin around them."""
+    """Return (height, width, 3) of squares (h, w), 0 ink to 1 paper, with a margin around."""
     page = np.ones((canvas.height, canvas.width))
     page[side : side + white.shape[0], side : side + white.shape[1]] = white
     gray = np.rint(_INK + (_PAPER - _INK) * page).astype(np.uint8)

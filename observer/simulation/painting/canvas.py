@@ -1,8 +1,9 @@
-"""What painters share: a float canvas, smooth noise, soft edges."""
+"""Tools of all painters: a float canvas, smooth noise, soft edges."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,13 +12,14 @@ from numpy.typing import NDArray
 from observer.simulation.facets import Material
 
 Float32Array = NDArray[np.float32]
+FloatArray = NDArray[np.floating[Any]]
 # Colours are blue, green, red from 0 to 255, as OpenCV has them.
 Colour = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """What a painter is given.
+    """Size, randomness and material that a painter paints with.
 
     Attributes:
         width, height: of the texture, pixels. density: pixels per metre.
@@ -34,25 +36,28 @@ class Canvas:
     def contrast(self) -> float:
         return self.material.number("contrast", 1.0)
 
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Width and height, metres."""
+        return self.width / self.density, self.height / self.density
+
     def filled(self, colour: Colour) -> Float32Array:
-        """(height, width, 3) float32."""
+        """Return (height, width, 3) float32 of one colour."""
         return np.full((self.height, self.width, 3), colour, dtype=np.float32)
 
     def noise(self, cell_x_m: float, cell_y_m: float) -> Float32Array:
-        """(height, width) smooth noise, standard deviation about 1, blobs of the given size."""
-        w = max(2, round(self.width / (cell_x_m * self.density)) + 2)
-        h = max(2, round(self.height / (cell_y_m * self.density)) + 2)
-        w, h = min(w, self.width), min(h, self.height)
-        small = self.rng.standard_normal((h, w), dtype=np.float32)
-        if (w, h) == (self.width, self.height):
-            return small
+        """Return (height, width) smooth noise, standard deviation about 1, blobs of given size."""
         size = (self.width, self.height)
-        return np.asarray(
-            cv2.resize(small, size, interpolation=cv2.INTER_CUBIC) * 1.25, dtype=np.float32
-        )
+        w = min(max(2, round(self.width / (cell_x_m * self.density)) + 2), self.width)
+        h = min(max(2, round(self.height / (cell_y_m * self.density)) + 2), self.height)
+        small = self.rng.standard_normal((h, w), dtype=np.float32)
+        if (w, h) == size:
+            return small
+        large = cv2.resize(small, size, interpolation=cv2.INTER_CUBIC)
+        return np.asarray(large * 1.25, dtype=np.float32)
 
     def cloud(self, cell_m: float, octaves: int = 4) -> Float32Array:
-        """(height, width) noise of several sizes, standard deviation about 1."""
+        """Return (height, width) noise of several scales, standard deviation about 1."""
         total = np.zeros((self.height, self.width), np.float32)
         weight = 1.0
         for k in range(octaves):
@@ -61,24 +66,31 @@ class Canvas:
             weight *= 0.6
         return np.asarray(total / 1.3, dtype=np.float32)
 
+    def edge_distance(self) -> Float32Array:
+        """Return (height, width) distances from the nearest edge, metres."""
+        u, v = self.columns(), self.rows()
+        w, h = self.size_m
+        near = np.minimum(np.minimum(u, w - u), np.minimum(v, h - v))
+        return np.asarray(near, dtype=np.float32)
+
     def px(self, metres: float) -> int:
         return round(metres * self.density)
 
     def rows(self) -> Float32Array:
-        """(height, 1) distance from the upper edge, metres."""
+        """Return (height, 1) distances from the upper edge, metres."""
         v = (np.arange(self.height, dtype=np.float32) + 0.5) / self.density
         return np.asarray(v[:, None], dtype=np.float32)
 
     def columns(self) -> Float32Array:
-        """(1, width) distance from the left edge, metres."""
+        """Return (1, width) distances from the left edge, metres."""
         u = (np.arange(self.width, dtype=np.float32) + 0.5) / self.density
         return np.asarray(u[None, :], dtype=np.float32)
 
     def finished(self, image: Float32Array, shade: Float32Array | None = None) -> NDArray[np.uint8]:
-        """8 bit, its contrast about the mean colour scaled, then shaded.
+        """Scale the contrast about the mean colour, shade, and convert to 8 bit.
 
-        ``shade`` (height, width) or broadcastable multiplies: light is not texture, so the
-        contrast does not scale it. The image is used up.
+        ``shade`` (height, width) or broadcastable multiplies; being light and not texture, it is
+        not scaled by the contrast. The image is overwritten.
         """
         if self.contrast != 1.0:
             mean = image.mean(axis=(0, 1), keepdims=True)
@@ -92,22 +104,23 @@ class Canvas:
 
 
 def smoothstep(x: Float32Array, low: float, high: float) -> Float32Array:
-    """0 below ``low``, 1 above ``high``, smooth between."""
+    """Return 0 below ``low``, 1 above ``high``, smooth between."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return np.asarray(t * t * (3 - 2 * t), dtype=np.float32)
 
 
-def spread(plane: Float32Array, weights: Colour | None = None) -> Float32Array:
-    """(H, W, 3) from (H, W): the same in every colour, or weighted by colour.
+def spread(plane: FloatArray, weights: Colour | None = None) -> Float32Array:
+    """Return (H, W, 3) from (H, W): the same in every colour, or weighted by colour.
 
     Far faster than numpy's broadcasting over a last axis of three.
     """
+    plane = np.asarray(plane, np.float32)
     if weights is None:
         return np.asarray(cv2.merge([plane, plane, plane]), dtype=np.float32)
     return np.asarray(cv2.merge([plane * np.float32(w) for w in weights]), dtype=np.float32)
 
 
-def mix(image: Float32Array, colour: Colour | Float32Array, weight: Float32Array) -> Float32Array:
-    """``image`` (H, W, 3) blended towards a colour by ``weight`` (H, W)."""
+def mix(image: Float32Array, colour: Colour | FloatArray, weight: FloatArray) -> Float32Array:
+    """Blend an image (H, W, 3) towards a colour by ``weight`` (H, W)."""
     w = spread(weight)
     return np.asarray(image + (np.asarray(colour, np.float32) - image) * w, dtype=np.float32)

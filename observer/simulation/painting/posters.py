@@ -1,4 +1,4 @@
-"""Painters of pictures: they give the walls something to be seen by."""
+"""Painters of pictures, which give the walls texture."""
 
 from __future__ import annotations
 
@@ -98,11 +98,10 @@ def waves(canvas: Canvas) -> Float32Array:
     x = np.arange(w)
     for k in range(7):
         base = h * (0.36 + 0.10 * k)
-        wave = sum(
-            h * 0.035 / (n + 1) * np.sin(x / w * 2 * np.pi * (n + 1) * rng.uniform(0.6, 1.6)
-                                         + rng.uniform(0, 6))
-            for n in range(4)
-        )  # fmt: skip
+        wave = np.zeros(w)
+        for n in range(1, 5):
+            angle = x / w * 2 * np.pi * n * rng.uniform(0.6, 1.6) + rng.uniform(0, 6)
+            wave += h * 0.035 / n * np.sin(angle)
         line = np.column_stack([x, base + wave]).astype(np.int32)
         shape = np.vstack([line, [[w, h], [0, h]]]).astype(np.int32)
         fade = 0.35 + 0.65 * k / 6
@@ -112,7 +111,7 @@ def waves(canvas: Canvas) -> Float32Array:
 
 
 def tag(canvas: Canvas) -> Float32Array:
-    """A random square code, as robots are marked with."""
+    """A random square code, as on marked robots."""
     rng, w, h = canvas.rng, canvas.width, canvas.height
     image = canvas.filled((242, 244, 244))
     side = round(0.8 * min(w, h))
@@ -154,7 +153,7 @@ def checkerboard(canvas: Canvas) -> Float32Array:
 
 
 def plain(paint: Callable[[Canvas], Float32Array]) -> Callable[[Canvas], NDArray[np.uint8]]:
-    """A painter of the picture alone."""
+    """Return a painter of the picture alone."""
 
     def painter(canvas: Canvas) -> NDArray[np.uint8]:
         return canvas.finished(paint(canvas))
@@ -163,7 +162,7 @@ def plain(paint: Callable[[Canvas], Float32Array]) -> Callable[[Canvas], NDArray
 
 
 def framed(paint: Callable[[Canvas], Float32Array]) -> Callable[[Canvas], NDArray[np.uint8]]:
-    """A painter that puts a narrow frame around the picture."""
+    """Return a painter that puts a narrow frame around the picture."""
 
     def painter(canvas: Canvas) -> NDArray[np.uint8]:
         image = paint(canvas)

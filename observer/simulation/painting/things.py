@@ -21,14 +21,14 @@ from observer.simulation.painting.canvas import (
 
 def _bottom_shade(canvas: Canvas, depth: float = 0.35) -> Float32Array:
     """Darker towards the floor."""
-    above = canvas.height / canvas.density - canvas.rows()
+    above = canvas.size_m[1] - canvas.rows()
     return np.asarray(
         np.ones((1, canvas.width), np.float32) * (1 - depth * np.exp(-above / 0.12)), np.float32
     )
 
 
 def _sides(canvas: Canvas) -> list[slice]:
-    """The column ranges of the four sides of a box whose girth the texture runs around."""
+    """Return the column ranges of the four sides of a box, around which the texture runs."""
     length = canvas.material.number("length", 0.5)
     width = canvas.material.number("width", 0.5)
     ends = np.cumsum([length, width, length, width]) * canvas.density
@@ -45,11 +45,11 @@ def _boards(canvas: Canvas, board_m: float, base: Colour) -> Float32Array:
     tone = np.zeros((canvas.height, 1), np.float32)
     for top in range(0, canvas.height, step):
         tone[top : top + step] = canvas.rng.normal(0, 9)
-    image += spread(np.asarray(9 * grain + tone + 6 * canvas.cloud(0.2, 3), np.float32))
+    image += spread(9 * grain + tone + 6 * canvas.cloud(0.2, 3))
     gap = np.zeros((canvas.height, canvas.width), np.float32)
     for top in range(step, canvas.height - 1, step):
         gap[top : top + 2] = 1
-    return mix(image, (30, 45, 60), np.asarray(0.8 * gap, np.float32))
+    return mix(image, (30, 45, 60), 0.8 * gap)
 
 
 def crate_side(canvas: Canvas) -> NDArray[np.uint8]:
@@ -66,9 +66,9 @@ def crate_side(canvas: Canvas) -> NDArray[np.uint8]:
         soft = mask.astype(np.float32) / 255
         rim = np.clip(cv2.GaussianBlur(soft, (0, 0), 2.5) - soft, 0, 1)
         region = image[:, side]
-        region = mix(region, (28, 40, 55), np.asarray(np.clip(1.4 * rim, 0, 0.8), np.float32))
+        region = mix(region, (28, 40, 55), np.clip(1.4 * rim, 0, 0.8))
         colour = np.array([116, 168, 206], np.float32) + frame_tone[:, side, None]
-        region = mix(region, np.asarray(colour, np.float32), np.asarray(soft, np.float32))
+        region = mix(region, np.asarray(colour, np.float32), soft)
         for cx in (edge / 2, w - edge / 2):
             for cy in (edge / 2, canvas.height - edge / 2):
                 cv2.circle(region, (round(cx), round(cy)), 3, (50, 56, 60), -1, cv2.LINE_AA)
@@ -85,17 +85,13 @@ def cardboard_side(canvas: Canvas) -> NDArray[np.uint8]:
     """Brown paper with tape, a label and printed marks."""
     rng = canvas.rng
     image = canvas.filled((112, 158, 192))
-    image += spread(
-        np.asarray(3 * canvas.noise(0.004, 0.2) + 4 * canvas.cloud(0.15, 3), np.float32)
-    )
+    image += spread(3 * canvas.noise(0.004, 0.2) + 4 * canvas.cloud(0.15, 3))
     for k, side in enumerate(_sides(canvas)):
         w, h = side.stop - side.start, canvas.height
         region = np.ascontiguousarray(image[:, side])
         tape = canvas.px(0.05)
-        cv2.rectangle(
-            region, (w // 2 - tape // 2, 0), (w // 2 + tape // 2, canvas.px(0.09)),
-            (140, 182, 208), -1,
-        )  # fmt: skip
+        ends = (w // 2 - tape // 2, 0), (w // 2 + tape // 2, canvas.px(0.09))
+        cv2.rectangle(region, *ends, (140, 182, 208), -1)
         if k % 2 == 0:
             lw, lh = int(0.32 * w), int(0.34 * h)
             x, y = int(rng.uniform(0.06, 0.2) * w), int(rng.uniform(0.4, 0.55) * h)
@@ -105,12 +101,10 @@ def cardboard_side(canvas: Canvas) -> NDArray[np.uint8]:
                 end = x + int(lw * rng.uniform(0.5, 0.9))
                 cv2.line(region, (x + lw // 12, yy), (end, yy), (60, 60, 60), max(1, lh // 28))
             bars = rng.random(28) < 0.5
-            for b in np.flatnonzero(bars):
-                bx = x + lw // 12 + int(b * lw * 0.8 / 28)
-                cv2.rectangle(
-                    region, (bx, y + int(0.68 * lh)), (bx + max(1, lw // 40), y + int(0.92 * lh)),
-                    (30, 30, 30), -1,
-                )  # fmt: skip
+            for bar in np.flatnonzero(bars):
+                bx = x + lw // 12 + int(bar * lw * 0.8 / 28)
+                a, b = (bx, y + int(0.68 * lh)), (bx + max(1, lw // 40), y + int(0.92 * lh))
+                cv2.rectangle(region, a, b, (30, 30, 30), -1)
         s = min(w, h)
         _this_way_up(region, int(0.80 * w), int(0.62 * h), int(0.13 * s))
         image[:, side] = region
@@ -121,18 +115,16 @@ def _this_way_up(region: Float32Array, x: int, y: int, s: int) -> None:
     ink = (56, 70, 92)
     for dx in (-s, s // 3):
         cv2.rectangle(region, (x + dx + s // 4, y - s // 3), (x + dx + s // 2, y + s), ink, -1)
-        arrow = np.array(
-            [[x + dx - s // 8, y - s // 4], [x + dx + 3 * s // 8, y - s], [x + dx + 7 * s // 8,
-             y - s // 4]], np.int32,
-        )  # fmt: skip
-        cv2.fillPoly(region, [arrow], ink, cv2.LINE_AA)
+        foot, tip = y - s // 4, (x + dx + 3 * s // 8, y - s)
+        arrow = [(x + dx - s // 8, foot), tip, (x + dx + 7 * s // 8, foot)]
+        cv2.fillPoly(region, [np.array(arrow, np.int32)], ink, cv2.LINE_AA)
     cv2.rectangle(region, (x - s, y + s + s // 4), (x + 5 * s // 4, y + s + s // 2), ink, -1)
 
 
 def cardboard_top(canvas: Canvas) -> NDArray[np.uint8]:
     """Brown paper with a strip of tape."""
     image = canvas.filled((126, 172, 206))
-    image += spread(np.asarray(4 * canvas.cloud(0.15, 3), np.float32))
+    image += spread(4 * canvas.cloud(0.15, 3))
     mid = canvas.width // 2
     tape = canvas.px(0.03)
     image[:, mid - tape : mid + tape] = (150, 192, 216)
@@ -143,7 +135,7 @@ def cardboard_top(canvas: Canvas) -> NDArray[np.uint8]:
 def cabinet_side(canvas: Canvas) -> NDArray[np.uint8]:
     """A blue-grey steel cabinet with drawers, handles and labels."""
     image = canvas.filled((142, 118, 92))
-    image += spread(np.asarray(3 * canvas.cloud(0.3, 3), np.float32))
+    image += spread(3 * canvas.cloud(0.3, 3))
     for side in _sides(canvas):
         w, h = side.stop - side.start, canvas.height
         region = np.ascontiguousarray(image[:, side])
@@ -151,19 +143,12 @@ def cabinet_side(canvas: Canvas) -> NDArray[np.uint8]:
         for k in range(n):
             top, bottom = round(h * k / n), round(h * (k + 1) / n)
             inset = canvas.px(0.012)
-            cv2.rectangle(
-                region, (inset, top + inset), (w - inset, bottom - inset), (168, 142, 112), -1
-            )
-            cv2.rectangle(
-                region, (inset, top + inset), (w - inset, bottom - inset), (84, 70, 54), 1
-            )
-            y = (top + bottom) // 2
-            cv2.rectangle(
-                region, (w // 2 - w // 8, y - 3), (w // 2 + w // 8, y + 3), (215, 218, 220), -1
-            )
-            cv2.rectangle(
-                region, (w // 2 - w // 8, y + 4), (w // 2 + w // 8, y + 6), (70, 60, 48), -1
-            )
+            front = (inset, top + inset), (w - inset, bottom - inset)
+            cv2.rectangle(region, *front, (168, 142, 112), -1)
+            cv2.rectangle(region, *front, (84, 70, 54), 1)
+            y, left, right = (top + bottom) // 2, w // 2 - w // 8, w // 2 + w // 8
+            cv2.rectangle(region, (left, y - 3), (right, y + 3), (215, 218, 220), -1)
+            cv2.rectangle(region, (left, y + 4), (right, y + 6), (70, 60, 48), -1)
             lx, ly = w // 10, top + (bottom - top) // 4
             cv2.rectangle(region, (lx, ly), (lx + w // 6, ly + h // (6 * n)), (235, 238, 238), -1)
         image[:, side] = region
@@ -172,19 +157,14 @@ def cabinet_side(canvas: Canvas) -> NDArray[np.uint8]:
 
 def cabinet_top(canvas: Canvas) -> NDArray[np.uint8]:
     """Steel."""
-    image = canvas.filled((176, 150, 122)) + spread(
-        np.asarray(3 * canvas.cloud(0.2, 3), np.float32)
-    )
-    return canvas.finished(np.asarray(image, np.float32))
+    return canvas.finished(canvas.filled((176, 150, 122)) + spread(3 * canvas.cloud(0.2, 3)))
 
 
 def robot_side(canvas: Canvas) -> NDArray[np.uint8]:
     """The P3-DX from the side: red body, black band with gold sonar discs, black deck."""
     rng = canvas.rng
     image = canvas.filled((34, 30, 186))
-    image += spread(
-        np.asarray(4 * canvas.cloud(0.08, 3) + 2.5 * canvas.noise(0.004, 0.004), np.float32)
-    )
+    image += spread(4 * canvas.cloud(0.08, 3) + 2.5 * canvas.noise(0.004, 0.004))
     h, w = canvas.height, canvas.width
     deck, band = round(0.07 * h), round(0.36 * h)
     image[deck:band] = (38, 36, 36)
@@ -208,10 +188,8 @@ def robot_side(canvas: Canvas) -> NDArray[np.uint8]:
     for share in (0.015, 0.25, 0.365, 0.52, 0.75, 0.87):
         x = round(share * w)
         scale = 0.0036 * h
-        cv2.putText(
-            image, "P3-DX", (x, round(0.68 * h)), cv2.FONT_HERSHEY_DUPLEX, scale,
-            (240, 240, 245), 2, cv2.LINE_AA,
-        )  # fmt: skip
+        at, font = (x, round(0.68 * h)), cv2.FONT_HERSHEY_DUPLEX
+        cv2.putText(image, "P3-DX", at, font, scale, (240, 240, 245), 2, cv2.LINE_AA)
     for _ in range(24):
         x, y = int(rng.integers(0, w)), int(rng.integers(band, h))
         dx, dy = rng.integers(-14, 15, 2)
@@ -222,7 +200,7 @@ def robot_side(canvas: Canvas) -> NDArray[np.uint8]:
 def robot_deck(canvas: Canvas) -> NDArray[np.uint8]:
     """The black plate on top, with a grid of holes and a stop button."""
     image = canvas.filled((52, 50, 50))
-    image += spread(np.asarray(3 * canvas.noise(0.01, 0.01), np.float32))
+    image += spread(3 * canvas.noise(0.01, 0.01))
     step = max(6, canvas.px(0.05))
     for y in range(step // 2, canvas.height, step):
         for x in range(step // 2, canvas.width, step):
@@ -236,7 +214,7 @@ def robot_deck(canvas: Canvas) -> NDArray[np.uint8]:
 def dark_robot(canvas: Canvas) -> NDArray[np.uint8]:
     """Dark and weakly textured: the difficult robot of the benchmark."""
     image = canvas.filled((48, 46, 46))
-    image += spread(np.asarray(3.4 * canvas.cloud(0.10, 4), np.float32))
+    image += spread(3.4 * canvas.cloud(0.10, 4))
     h, w = canvas.height, canvas.width
     if canvas.material.kind.endswith("side"):
         band = round(0.36 * h)
@@ -250,8 +228,7 @@ def dark_robot(canvas: Canvas) -> NDArray[np.uint8]:
 
 def scanner_payload(canvas: Canvas) -> NDArray[np.uint8]:
     """A laser scanner: blue housing with a black window."""
-    image = canvas.filled((150, 84, 30)) + spread(np.asarray(3 * canvas.cloud(0.05, 2), np.float32))
-    image = np.asarray(image, np.float32)
+    image = canvas.filled((150, 84, 30)) + spread(3 * canvas.cloud(0.05, 2))
     h = canvas.height
     image[round(0.25 * h) : round(0.6 * h)] = (30, 28, 26)
     return canvas.finished(image)
@@ -269,13 +246,14 @@ def wheel_disc(canvas: Canvas) -> NDArray[np.uint8]:
     v = canvas.rows() - canvas.height / canvas.density / 2
     r = np.asarray(np.hypot(u, v) / (canvas.width / canvas.density / 2), np.float32)
     image = canvas.filled((34, 34, 34) if bright else (30, 30, 30))
-    soft = 0.03
-    rim = 1 - smoothstep(r, 0.66 - soft, 0.66 + soft)
-    image = mix(image, (196, 198, 200) if bright else (58, 58, 60), rim)
-    ring = 1 - smoothstep(r, 0.5 - soft, 0.5 + soft)
-    image = mix(image, (88, 88, 92) if bright else (40, 40, 42), ring)
-    hub = 1 - smoothstep(r, 0.2 - soft, 0.2 + soft)
-    image = mix(image, (210, 212, 214) if bright else (62, 62, 64), hub)
+    # Rim, ring and hub, by their share of the radius.
+    for share, light, dark in (
+        (0.66, (196, 198, 200), (58, 58, 60)),
+        (0.5, (88, 88, 92), (40, 40, 42)),
+        (0.2, (210, 212, 214), (62, 62, 64)),
+    ):
+        inside = 1 - smoothstep(r, share - 0.03, share + 0.03)
+        image = mix(image, light if bright else dark, inside)
     return canvas.finished(image)
 
 
@@ -283,5 +261,5 @@ def rubber(canvas: Canvas) -> NDArray[np.uint8]:
     """A tyre's tread."""
     image = canvas.filled((36, 36, 36))
     stripes = np.sin(canvas.columns() * 2 * math.pi / 0.012)
-    image += spread(np.asarray(5 * stripes * np.ones((canvas.height, 1), np.float32), np.float32))
+    image += spread(5 * stripes * np.ones((canvas.height, 1), np.float32))
     return canvas.finished(image)

@@ -1,1 +1,1 @@
-"""Simulated robots: firmware, vehicle, sonar, and how they are reached as real ones are."""
+"""Simulated robots: firmware, vehicle and sonar, reached through the ports of real ones."""

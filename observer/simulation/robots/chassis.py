@@ -1,4 +1,4 @@
-"""What a robot's firmware and the machine below it are to each other."""
+"""Interface between a robot's firmware and the machine below it."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Protocol
 
 @dataclass(frozen=True)
 class Drive:
-    """What the firmware asks of its motors.
+    """Command of the firmware to its motors.
 
     Attributes:
-        speed_mps, turn_rate_radps: to be reached by constant ramps; positive forward and left.
+        speed_mps, turn_rate_radps: reached by constant ramps; positive forward and left.
         acceleration_mps2, deceleration_mps2: > 0, of the speed.
         turn_acceleration_radps2, turn_deceleration_radps2: > 0, of the turn rate.
-        powered: whether the motors are on; off, the machine runs out against its friction.
+        powered: the motors are on; off, the machine coasts against its friction.
     """
 
     speed_mps: float = 0.0
@@ -28,14 +28,13 @@ class Drive:
 
 @dataclass(frozen=True)
 class Wheels:
-    """What the firmware measures of its own machine.
+    """Measurements of the firmware's own machine.
 
     Attributes:
-        x, y: metres, summed up by the encoders since the machine was built. yaw: rad, likewise,
-            not wrapped.
-        left_m, right_m: way of each wheel, metres.
+        x, y, yaw: encoder odometry since the machine was built, metres and rad, not wrapped.
+        left_m, right_m: distance travelled by each wheel, metres.
         speed_mps, turn_rate_radps: by the encoders.
-        stalled: left and right wheel pushed and did not turn.
+        stalled: left and right wheel push and do not turn.
         front_bumpers, rear_bumpers: bit k is bumper k; 0 where none are fitted.
     """
 
@@ -55,13 +54,13 @@ class Chassis(Protocol):
     """The machine below a firmware; every method may be called from the firmware's thread."""
 
     def drive(self, drive: Drive) -> None:
-        """Ask this of the motors from now on."""
+        """Command the motors from now on."""
         ...
 
     def wheels(self) -> Wheels:
-        """How the machine is at this moment."""
+        """Return the current measurements."""
         ...
 
     def sonar(self, index: int) -> float | None:
-        """Metres from a sonar to the nearest surface in its cone, None where nothing echoes."""
+        """Return the metres from a sonar to the nearest surface in its cone, None without echo."""
         ...

@@ -1,4 +1,4 @@
-"""A vehicle of a simulated world that follows its script until it is driven."""
+"""Vehicles of a simulated world that follow their script until they are driven."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 from observer.geometry import along_arc
 from observer.robots.models import RobotSpec
@@ -14,12 +14,12 @@ from observer.simulation.motion import PlanarMotion, PlanarState
 from observer.simulation.robots.chassis import Drive, Wheels
 from observer.simulation.robots.floor import Outline, Surroundings, outline_at
 from observer.simulation.robots.sonar import sonar_range
-from observer.simulation.robots.vehicle import Hull, Vehicle
+from observer.simulation.robots.vehicle import Vehicle
 
-# Steps of the physics that are kept, 10 ms each: what is asked for is a frame's own time and what
-# lies around it (exposure, shutter, skew).
+# Physics steps that are kept, 10 ms each: a frame needs its own time and what lies around it
+# (exposure, shutter, skew).
 _KEPT = 1000
-# Farther than this nobody looks ahead of the newest step.
+# Nobody looks farther than this beyond the newest step.
 _AHEAD_S = 0.25
 
 
@@ -31,11 +31,10 @@ class _Step:
 
 
 class Driven:
-    """A motion: a script, and from some moment on what was really driven.
+    """A motion: a script, and from ``begin`` on what was really driven.
 
     Args:
-        script: what holds until ``begin``.
-        lock: shared with whoever writes.
+        lock: shared with the writer.
     """
 
     def __init__(self, script: PlanarMotion, lock: threading.RLock) -> None:
@@ -46,28 +45,28 @@ class Driven:
 
     @property
     def begun(self) -> bool:
-        """Whether it is driven."""
+        """True while it is driven."""
         return self._since is not None
 
     def begin(self, time: float, state: PlanarState) -> None:
-        """From ``time`` on the script holds no longer."""
+        """End the script at ``time``."""
         with self._lock:
             self._since = time
             self._steps.append(_Step(time, state, self.script.commanded_speed(time)))
 
     def add(self, time: float, state: PlanarState, commanded: float) -> None:
-        """One more step, later than the last one."""
+        """Append a step, later than the last one."""
         with self._lock:
             self._steps.append(_Step(time, state, commanded))
 
     def forget(self) -> None:
-        """The script holds again."""
+        """Return to the script."""
         with self._lock:
             self._since = None
             self._steps.clear()
 
     def state(self, time: float) -> PlanarState:
-        """Between two steps what lies between them; behind the last one as it moved there."""
+        """Interpolate between steps; extrapolate behind the last one with its velocity."""
         with self._lock:
             if self._since is None or time <= self._since:
                 return self.script.state(time)
@@ -85,7 +84,7 @@ class Driven:
         return (after or before).commanded
 
     def _around(self, time: float) -> tuple[_Step, _Step | None]:
-        """The steps before and behind an instant; the oldest two for what is longer ago."""
+        """Return the steps before and after ``time``; the oldest two for earlier times."""
         after: _Step | None = None
         before = self._steps[-1]
         for step in reversed(self._steps):
@@ -102,12 +101,12 @@ class Driven:
 class DrivenVehicle:
     """One robot of a world; fulfils ``chassis.Chassis``.
 
-    Time passes by ``advance`` only. Every method takes the world's lock itself, but those named
-    below for the world's own use.
+    Time passes by ``advance`` only. Every method takes the world's lock itself, except those for
+    the world's own use below.
 
     Args:
-        spec: the model. size: of the body that is shown, length and width, metres.
-        script: how it moves until its motors are enabled for the first time.
+        size: length and width of the rendered body, metres.
+        script: its motion until its motors are enabled for the first time.
         clock: monotonic seconds. idle_s: after so long without ``advance`` no simulated time
             passes, and the wheels stand.
     """
@@ -131,8 +130,7 @@ class DrivenVehicle:
         self._lock = lock
         self._clock = clock
         self._idle_s = idle_s
-        hull = Hull(*size, bumpers, bumpers)
-        self._vehicle = Vehicle(spec, hull, script.state(0.0), seed=seed)
+        self._vehicle = Vehicle(spec, size, script.state(0.0), bumpers=bumpers, seed=seed)
         self._time: float | None = None
         self._wanted = False
         self._switched_off = False
@@ -165,16 +163,16 @@ class DrivenVehicle:
 
     @property
     def driven(self) -> bool:
-        """Whether it is or will be driven from the next frame on."""
+        """True if it is or will be driven from the next frame on."""
         return self._wanted or self.motion.begun
 
     @property
     def outline(self) -> Outline:
-        """Where it is; the lock is held."""
+        """Its current outline; the lock is held."""
         return outline_at(self._vehicle.state, *self._size)
 
     def prepare(self, time: float) -> None:
-        """``time`` is where the next step begins; the lock is held."""
+        """Prepare for a step that begins at ``time``; the lock is held."""
         if self._time is None:
             self._vehicle.place(self.motion.script.state(time))
             self._time = time
@@ -183,7 +181,7 @@ class DrivenVehicle:
             self.motion.begin(self._time, self._vehicle.state)
 
     def advance(self, time: float, around: Surroundings | None) -> None:
-        """One step to ``time``; ``around`` is needed where it is driven. The lock is held."""
+        """Step to ``time``; ``around`` is needed while it is driven. The lock is held."""
         if self._time is None or time <= self._time:
             return
         if self.motion.begun and around is not None:
@@ -195,7 +193,7 @@ class DrivenVehicle:
         self._time = time
 
     def restart(self) -> None:
-        """The script holds again, from its start; motors count as off. The lock is held."""
+        """Return to the start of the script; motors count as off. The lock is held."""
         self.switch_off()
         self.motion.forget()
         self._wanted = False
@@ -203,13 +201,13 @@ class DrivenVehicle:
         self._vehicle.place(self.motion.script.state(0.0))
 
     def switch_off(self) -> None:
-        """No power until the firmware has switched its motors off itself. The lock is held."""
+        """Cut the power until the firmware has switched its motors off itself. The lock is held."""
         self._switched_off = True
         self._vehicle.drive = Drive()
 
 
 def _onward(state: PlanarState, seconds: float) -> PlanarState:
-    """As it goes on with its velocities: along an arc."""
+    """Extrapolate a state along an arc with its velocities."""
     c, s = math.cos(state.heading), math.sin(state.heading)
     speed = c * state.vx + s * state.vy
     turned = state.turn_rate * seconds
@@ -224,10 +222,4 @@ def _onward(state: PlanarState, seconds: float) -> PlanarState:
 
 
 def _between(a: PlanarState, b: PlanarState, share: float) -> PlanarState:
-    def mixed(first: float, second: float) -> float:
-        return first + share * (second - first)
-
-    return PlanarState(
-        mixed(a.x, b.x), mixed(a.y, b.y), mixed(a.heading, b.heading),
-        mixed(a.vx, b.vx), mixed(a.vy, b.vy), mixed(a.turn_rate, b.turn_rate),
-    )  # fmt: skip
+    return PlanarState(*(p + share * (q - p) for p, q in zip(astuple(a), astuple(b), strict=True)))

@@ -1,4 +1,4 @@
-"""A whole robot of its own: firmware and vehicle on a floor, driven by the time it is told."""
+"""A complete robot: firmware and vehicle on a floor, stepped by the times it is given."""
 
 from __future__ import annotations
 
@@ -12,27 +12,26 @@ from observer.simulation.robots.faults import Faults
 from observer.simulation.robots.firmware import WATCHDOG_S, Firmware
 from observer.simulation.robots.floor import Surroundings
 from observer.simulation.robots.sonar import sonar_range
-from observer.simulation.robots.vehicle import Hull, Vehicle
+from observer.simulation.robots.vehicle import Vehicle
 
-# A clock that leapt farther is not made up for: the robot stood still meanwhile.
+# A longer leap of the clock is not made up for: the robot stood still meanwhile.
 _LONGEST_S = 0.5
 _BUMPERS_P3DX = 5
 
 
 class EmulatedRobot:
-    """One robot on a floor, as ``serving`` takes it.
+    """One robot on a floor, to be served by ``serving``.
 
     Args:
         model: of ``observer.robots.models``.
-        now: the time at the start, seconds, of the clock that ``receive`` and ``tick`` tell.
-        around: what is on the floor; an endless empty one unless given.
-        watchdog_s, subtype: as ``Firmware`` takes them.
-        seed: of the wheels' errors; None for wheels that count exactly.
+        now: start time in seconds, on the clock of ``receive`` and ``tick``.
+        around: what stands on the floor; endless and empty unless given.
+        watchdog_s, subtype: see ``Firmware``.
+        seed: of the wheels' errors; None for exact wheels.
 
     Attributes:
-        firmware, vehicle: its two halves. ``firmware.odometry`` is what the status packets are
-            rounded from.
-        around: may be replaced while it runs.
+        firmware, vehicle: its two halves. The status packets round ``firmware.odometry``.
+        around: may be replaced while the robot runs.
 
     Raises:
         InputError: there is no such model.
@@ -50,14 +49,20 @@ class EmulatedRobot:
     ) -> None:
         spec = robot_spec(model)
         bumpers = bumpers_of(model)
-        hull = Hull(spec.length_m, spec.width_m, bumpers, bumpers)
-        self.vehicle = Vehicle(spec, hull, PlanarState(0.0, 0.0, 0.0), seed=seed)
+        size = spec.length_m, spec.width_m
+        state = PlanarState(0.0, 0.0, 0.0)
+        self.vehicle = Vehicle(spec, size, state, bumpers=bumpers, seed=seed)
         self.around = around or Surroundings()
         self._now = now
         self.firmware = Firmware(
-            spec, self, now=now, name=f"emulated {spec.title}", subtype=subtype,
-            watchdog_s=watchdog_s, front_bumpers=bumpers, rear_bumpers=bumpers,
-        )  # fmt: skip
+            spec,
+            self,
+            now=now,
+            name=f"emulated {spec.title}",
+            subtype=subtype,
+            watchdog_s=watchdog_s,
+            bumpers=bumpers,
+        )
 
     @property
     def log(self) -> CommandLog:
@@ -72,17 +77,17 @@ class EmulatedRobot:
         return self.firmware.baud
 
     def receive(self, data: bytes, now: float) -> bytes:
-        """What it answers to these bytes at once."""
+        """Take received bytes; return the immediate answer."""
         return self.firmware.receive(data, now)
 
     def tick(self, now: float) -> bytes:
-        """Let time pass up to ``now``; what it sends by itself."""
+        """Let time pass up to ``now``; return what the robot sends by itself."""
         self.vehicle.advance(min(now - self._now, _LONGEST_S), self.around)
         self._now = max(self._now, now)
         return self.firmware.tick(now)
 
     def cut_off(self) -> None:
-        """Its client is gone."""
+        """Note that the client is gone."""
         self.firmware.cut_off()
 
     # ------------------------------------------------------------------ as Chassis
@@ -99,11 +104,11 @@ class EmulatedRobot:
 
     @property
     def speed_mps(self) -> float:
-        """How fast it truly is, whichever way."""
+        """True speed, in any direction."""
         state = self.vehicle.state
         return math.hypot(state.vx, state.vy)
 
 
 def bumpers_of(model: str) -> int:
-    """How many bumpers a model has at each end here."""
+    """Return the number of bumpers that a simulated model has at each end."""
     return _BUMPERS_P3DX if model.startswith("p3dx") else 0

@@ -1,4 +1,4 @@
-"""Everything that can be made wrong with a simulated robot, while it runs."""
+"""Faults that can be injected into a simulated robot while it runs."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ from dataclasses import dataclass
 
 @dataclass
 class Faults:
-    """Change any of it at any time, from any thread; the defaults are a healthy robot.
+    """Injected faults, to be changed at any time from any thread; none by default.
 
     On the line, in ``serving``:
-        noise: share of the bytes that arrive altered, both ways, 0 to 1.
-        split: what the robot sends comes in pieces of a few bytes, milliseconds apart.
-        merge_s: what it sends is held back until it is so old, and comes in one piece.
+        noise: share of the bytes that are altered in both directions, 0 to 1.
+        split: output arrives in pieces of a few bytes, milliseconds apart.
+        merge_s: output is held back until it is so old, and arrives in one piece.
         silent: it sends nothing; it still hears. deaf: it hears nothing; it still sends.
-        refuse: it takes no connection (TCP), and ends the one it has.
+        refuse: it accepts no connection (TCP), and closes the one it has.
 
     In what the robot sends:
         double_header: every packet begins ``FA FA FB``.
-        false_header: every packet follows a header that promises more than comes.
+        false_header: every packet follows a header that announces more than comes.
         sonar_overrun: a status packet claims more sonar readings than it holds.
-        no_sync_reply: SYNC is never answered. strange_sync_reply: it is, by type 0xFF.
-        short_status: status packets end behind digital out, as old firmware's do.
-        strange_packets: packets of unknown types between those of status.
+        no_sync_reply: SYNC is never answered. strange_sync_reply: it is answered by type 0xFF.
+        short_status: status packets end after digital out, as those of old firmware.
+        strange_packets: packets of unknown types between status packets.
 
     Of the robot itself:
-        stalled: left and right, beside a true stall.
-        front_bumpers, rear_bumpers: bit k is bumper k, beside those really touched.
+        stalled: left and right, in addition to a true stall.
+        front_bumpers, rear_bumpers: bit k is bumper k, in addition to those really touched.
         phantom_bumpers: all bumper bits read 1 though none are fitted.
-        stop_pressed: its hardware stop button; motors stay off while it is.
-        flags: bits that are set beside the true ones, as in a status packet's FLAGS.
+        stop_pressed: the hardware e-stop; motors stay off while it is pressed.
+        flags: bits that are set in addition to the true FLAGS of a status packet.
         battery_v: None is unknown. charge_state: as in a status packet. temperature_c: None
             where it has no thermometer. state_of_charge: per cent, 0 is unknown.
     """

@@ -1,8 +1,8 @@
-"""A robot's firmware, ARCOS or AmigOS: bytes in, bytes out, by the time it is told.
+"""A robot's firmware, ARCOS or AmigOS: bytes in, bytes out, stepped by the times it is given.
 
-It knows no port, no thread and no clock. ``receive`` takes what came, ``tick`` does what is due
-(status packets, sonar, watchdog); both answer what the robot sends, and both are to be called
-with a time that never goes back. ``serving`` puts one behind a TCP port or a pseudo terminal.
+It has no port, thread or clock. ``receive`` takes incoming bytes, ``tick`` does what is due (status
+packets, sonar, watchdog); both return what the robot sends, and both take a time that never goes
+back. ``serving`` puts one behind a TCP port or a pseudo terminal.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ from observer.simulation.robots.motors import (
 WATCHDOG_S = 2.0
 STATUS_S = 0.1
 _SONAR_S = 0.04
-# Sonars of one array fire one after the other, arrays at the same time.
+# The sonars of one array fire one after the other, the arrays at the same time.
 _ARRAY = 8
 _NO_ECHO_MM = 5000
-# A packet that does not go on for so long was none.
+# A packet that does not go on for so long is discarded.
 _INCOMPLETE_S = 0.1
-# Below these a robot counts as standing.
+# Below these speeds a robot counts as standing.
 _STANDS_MPS, _STANDS_RADPS = 0.002, 0.004
 _TICKS_PER_TURN = 500
 _BAUDS = (9600, 19200, 38400, 57600, 115200)
 
 
 class Firmware:
-    """One robot's.
+    """The firmware of one robot.
 
     Args:
         spec: the model. chassis: the machine below.
-        now: the time at the start, seconds; only differences count.
-        name, subtype: as it tells; the subtype is the model's own unless given.
-        watchdog_s: after how long without a command it stops.
-        front_bumpers, rear_bumpers: how many are fitted, at most 7.
-        faults: may be changed while it runs.
+        now: start time, seconds; only differences count.
+        name, subtype: as it reports them; the subtype is the model's own unless given.
+        watchdog_s: it stops after so long without a command.
+        bumpers: number at each end, at most 7.
 
     Attributes:
-        log: what arrived.
-        baud: of its serial port at this moment.
+        faults: may be changed while it runs.
+        log: commands that arrived.
+        baud: current rate of its serial port.
     """
 
     def __init__(
@@ -63,20 +63,18 @@ class Firmware:
         name: str = "simulated",
         subtype: str | None = None,
         watchdog_s: float = WATCHDOG_S,
-        front_bumpers: int = 0,
-        rear_bumpers: int = 0,
-        faults: Faults | None = None,
+        bumpers: int = 0,
     ) -> None:
         self.spec = spec
-        self.faults = faults or Faults()
+        self.faults = Faults()
         self.log = CommandLog(self._within_limits)
         self.baud = _BAUDS[0]
         self._chassis = chassis
         self._name = name
         self._subtype = subtype or spec.model
         self._watchdog_s = watchdog_s
-        self._bumpers = (front_bumpers, rear_bumpers)
-        self._motors = Motors(spec, chassis, self.faults, self._bumpers, watchdog_s, now)
+        self._bumpers = bumpers
+        self._motors = Motors(spec, chassis, self.faults, bumpers, watchdog_s, now)
         self._parser = PacketParser()
         self._now = self._received = now
         self._open = False
@@ -94,7 +92,7 @@ class Firmware:
 
     @property
     def is_open(self) -> bool:
-        """Whether a session is open."""
+        """True while a session is open."""
         return self._open
 
     @property
@@ -103,7 +101,7 @@ class Firmware:
 
     @property
     def timed_out(self) -> bool:
-        """Whether the watchdog stopped it and no command came since."""
+        """True if the watchdog stopped it and no command came since."""
         return self._motors.timed_out
 
     @property
@@ -116,30 +114,30 @@ class Firmware:
         return c * dx + s * dy, c * dy - s * dx, w.yaw - yaw0
 
     def motors_off(self) -> None:
-        """The motors go off by themselves, as after a fault of the machine; from any thread.
+        """Switch the motors off as after a fault of the machine; safe from any thread.
 
         They are off from the next ``receive`` or ``tick`` on.
         """
         self._to_go_off = True
 
     def leave_open(self, now: float) -> None:
-        """As if the last client had died without saying goodbye: status packets go on."""
+        """Open a session, as one whose client died without a goodbye: status packets go on."""
         self._begin(now)
 
     def cut_off(self) -> None:
-        """Its client is gone: what came of a packet is worth nothing to the next one."""
+        """Discard a half-received packet: the client is gone."""
         self._parser.clear()
 
     # ------------------------------------------------------------------ bytes in, bytes out
 
     def receive(self, data: bytes, now: float) -> bytes:
-        """What it answers to these bytes at once."""
+        """Take received bytes; return the immediate answer."""
         self._received = now
         self._go_off()
         return self._take_all(self._parser.feed(data), now)
 
     def tick(self, now: float) -> bytes:
-        """What it sends by itself by this time; to be called every 20 ms at least."""
+        """Return what it sends by itself; to be called at least every 20 ms."""
         self._now = now
         self._go_off()
         sent = b""
@@ -151,7 +149,7 @@ class Firmware:
         self._listen_to_sonar(now)
         if now < self._next_status:
             return sent
-        # A tick that comes late costs packets, it does not bring several at once.
+        # A late tick skips packets rather than sending several at once.
         self._next_status = max(self._next_status + STATUS_S, now)
         sent += self._framed(self._status())
         if self._encoder == 2:
@@ -182,18 +180,13 @@ class Firmware:
         except ValueError:
             return b""
         number, argument = read.number, read.argument
-        if not self._open:
-            sent = self._synchronize(number, now)
-        else:
-            sent = self._obey(number, argument, now)
+        sent = self._obey(number, argument, now) if self._open else self._synchronize(number, now)
         meant = True
         if number in VELOCITIES and isinstance(argument, int) and argument != 0:
             meant = self.log.intended(*self._motors.asked(number, argument))
-        point = self._motors.setpoint
+        point, enabled = self._motors.setpoint, self.motors_enabled
         self.log.add(
-            Arrived(
-                now, number, argument, point.speed, point.turn_rate, self.motors_enabled, not meant
-            )
+            Arrived(now, number, argument, point.speed, point.turn_rate, enabled, not meant)
         )
         return sent
 
@@ -208,7 +201,7 @@ class Firmware:
     # ------------------------------------------------------------------ sessions
 
     def _synchronize(self, number: int, now: float) -> bytes:
-        """Outside a session the bytes 0, 1 and 2 are SYNC, and 1 is OPEN behind SYNC2."""
+        """Answer outside a session, where 0, 1 and 2 are SYNC, and 1 is OPEN after SYNC2."""
         if self.faults.no_sync_reply or number > 2:
             return b""
         if self.faults.strange_sync_reply:
@@ -254,7 +247,7 @@ class Firmware:
     # ------------------------------------------------------------------ commands
 
     def _obey(self, number: int, argument: int | bytes | None, now: float) -> bytes:
-        # Also PULSE, OPEN, and what it does not know.
+        # Any command counts, also PULSE, OPEN and unknown ones.
         self._motors.commanded(now)
         value = argument if isinstance(argument, int) else None
         if number == Command.CLOSE:
@@ -271,7 +264,7 @@ class Firmware:
         return b""
 
     def _set(self, number: int, value: int) -> bytes:
-        """Commands with a number that do not move; what they are answered with."""
+        """Obey a command with a number that does not move the robot; return the answer."""
         if number == Command.ENABLE:
             self._motors.switch(on=bool(value))
         elif number == Command.SONAR:
@@ -370,6 +363,6 @@ class Firmware:
             rot_dec=round(math.degrees(limits.turn_deceleration)),
             trans_acc=round(limits.acceleration * 1000),
             trans_dec=round(limits.deceleration * 1000),
-            front_bumpers=self._bumpers[0],
-            rear_bumpers=self._bumpers[1],
+            front_bumpers=self._bumpers,
+            rear_bumpers=self._bumpers,
         ).data()

@@ -1,4 +1,4 @@
-"""What stands on a floor, seen from above: convex outlines, and whether they touch."""
+"""Convex outlines on a floor, seen from above, and their collisions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Outline:
 
     @staticmethod
     def of_box(x: float, y: float, heading: float, length: float, width: float) -> Outline:
-        """Of a thing whose length lies along its heading, about its centre."""
+        """Return the outline of a box about its centre, its length along its heading."""
         c, s = math.cos(heading), math.sin(heading)
         a, b = length / 2, width / 2
         around = ((a, b), (-a, b), (-a, -b), (a, -b))
@@ -31,16 +31,16 @@ class Outline:
 
     @cached_property
     def circle(self) -> tuple[float, float, float]:
-        """x, y and radius of one about the middle of its corners that holds it."""
+        """Enclosing circle about the mean of the corners: x, y and radius."""
         n = len(self.corners)
         x, y = sum(x for x, _ in self.corners) / n, sum(y for _, y in self.corners) / n
         return x, y, max(math.hypot(u - x, v - y) for u, v in self.corners)
 
     def depth(self, other: Outline) -> float:
-        """How deep the two overlap, metres; 0 where they do not.
+        """Return the penetration depth of two outlines, metres; 0 where they do not overlap.
 
-        The least way by which one leaves the other: separating axes, which are the edges'
-        normals of both (Gottschalk, Lin and Manocha, "OBBTree", 1996).
+        The least translation that separates them, along one of the separating axes, the normals
+        of both outlines' edges (Gottschalk, Lin and Manocha, "OBBTree", 1996).
         """
         least = math.inf
         for one in (self.corners, other.corners):
@@ -59,7 +59,7 @@ class Outline:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a vehicle may run into, without itself.
+    """Obstacles to one vehicle.
 
     Attributes:
         room: lowest and highest x, lowest and highest y of the walls; None on an endless floor.
@@ -70,7 +70,7 @@ class Surroundings:
     outlines: tuple[Outline, ...] = ()
 
     def depth(self, outline: Outline) -> float:
-        """How deep an outline is in what is around it, the worst of all; metres, 0 for not."""
+        """Return the largest penetration depth of an outline, metres; 0 without contact."""
         worst = 0.0
         if self.room is not None:
             x0, x1, y0, y1 = self.room
@@ -84,7 +84,7 @@ class Surroundings:
         return worst
 
     def edges(self) -> Float64Array:
-        """(N, 4) float64: x, y of both ends of every edge, the walls' included."""
+        """Return (N, 4) float64: x, y of both ends of every edge, walls included."""
         edges: list[tuple[float, float, float, float]] = []
         polygons: list[Sequence[Point]] = [outline.corners for outline in self.outlines]
         if self.room is not None:
@@ -96,5 +96,5 @@ class Surroundings:
 
 
 def outline_at(state: PlanarState, length: float, width: float) -> Outline:
-    """Of a vehicle in a state."""
+    """Return the outline of a vehicle in a state."""
     return Outline.of_box(state.x, state.y, state.heading, length, width)

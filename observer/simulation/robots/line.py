@@ -1,4 +1,4 @@
-"""The line between a simulated robot and its client, with all that can happen on one."""
+"""Serial line between a simulated robot and its client, with its faults."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ _PIECE = 7
 
 
 class Line:
-    """Bytes on their way out, and what noise does to those that come in.
+    """Buffer of outgoing bytes, and the noise on both directions.
 
     Args:
-        faults: looked at each time. seed: of noise and of the sizes of pieces.
+        faults: read at every call. seed: of the noise and the sizes of pieces.
     """
 
     def __init__(self, faults: Faults, seed: int = 0) -> None:
@@ -24,15 +24,15 @@ class Line:
 
     @property
     def busy(self) -> bool:
-        """Whether something waits to go out."""
+        """True while bytes wait to go out."""
         return bool(self._held)
 
     def arriving(self, data: bytes) -> bytes:
-        """What the robot gets of what was sent to it."""
+        """Return what the robot receives of data sent to it."""
         return b"" if self._faults.deaf else self.noisy(data)
 
     def send(self, data: bytes, now: float) -> None:
-        """The robot sends this."""
+        """Queue data that the robot sends."""
         if self._faults.silent or not data:
             return
         if self._since is None:
@@ -40,7 +40,7 @@ class Line:
         self._held += self.noisy(data)
 
     def due(self, now: float) -> bytes:
-        """What goes out at this moment, one piece."""
+        """Return the piece that goes out now."""
         faults = self._faults
         if faults.silent:
             self.clear()
@@ -54,12 +54,12 @@ class Line:
         return piece
 
     def clear(self) -> None:
-        """Nobody is there to get what waits."""
+        """Discard the waiting bytes."""
         self._held.clear()
         self._since = None
 
     def noisy(self, data: bytes) -> bytes:
-        """``data`` with a share of its bytes altered."""
+        """Return ``data`` with a share of its bytes altered."""
         share = self._faults.noise
         if not share:
             return data
@@ -69,5 +69,5 @@ class Line:
         )
 
     def garbage(self, count: int) -> bytes:
-        """Bytes that mean nothing, as one hears at the wrong rate."""
+        """Return meaningless bytes, as received at a wrong baud rate."""
         return self._random.randbytes(count)

@@ -1,4 +1,4 @@
-"""What a firmware makes of commands that move: setpoints, limits, watchdog, stalls, goals."""
+"""Motion control of a firmware: setpoints, limits, watchdog, stalls, goals."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ VELOCITIES = (Command.VEL, Command.RVEL, Command.VEL2)
 _MOTIONS = (*VELOCITIES, Command.MOVE, Command.HEAD, Command.DHEAD)
 # After a stall the motors are relaxed for so long; CONFIG tells it in units of 5 ms.
 STALL_WAIT_S = 1.0
-# And then pushed for so long before that counts as the next stall.
+# Then they push for so long before that counts as the next stall.
 _PUSH_S = 0.1
-# As hard as the machine can brake: E_STOP overrides the deceleration that was asked for.
+# Hardest braking of the machine: E_STOP overrides the requested deceleration.
 HARDEST_MPS2, HARDEST_RADPS2 = 5.0, 20.0
-# Of the goals of MOVE, HEAD and DHEAD.
+# Tolerances and approach rate of MOVE, HEAD and DHEAD.
 _NEAR_M, _NEAR_RAD = 0.005, math.radians(0.5)
 _APPROACH_PER_S = 4.0
 
 
 @dataclass
 class Setpoint:
-    """What motion was asked for last; it outlives the watchdog.
+    """The motion that was asked for last; it survives the watchdog.
 
     Attributes:
         speed, turn_rate: m/s and rad/s. wheels: asked for by VEL2.
-        way_goal, heading_goal: to be reached, in the encoders' own sums; None without one.
-        hard: braked as hard as can be.
+        way_goal, heading_goal: in the encoders' own sums, m and rad; None without one.
+        hard: braked as hard as possible.
     """
 
     speed: float = 0.0
@@ -44,7 +44,7 @@ class Setpoint:
 
 @dataclass
 class MotionLimits:
-    """As CONFIG tells and SETV, SETRV, SETA and SETRA change; m/s, rad/s and per second."""
+    """Limits that SETV, SETRV, SETA and SETRA change; m/s, rad/s and per second."""
 
     speed: float
     turn_rate: float
@@ -55,10 +55,10 @@ class MotionLimits:
 
 
 class Motors:
-    """A firmware's motion control; times as ``Firmware`` is told them.
+    """Motion control of a firmware, whose times it takes.
 
     Args:
-        bumpers: how many are fitted at the front and at the rear.
+        bumpers: number at each end.
 
     Attributes:
         setpoint, limits: in force.
@@ -71,7 +71,7 @@ class Motors:
         spec: RobotSpec,
         chassis: Chassis,
         faults: Faults,
-        bumpers: tuple[int, int],
+        bumpers: int,
         watchdog_s: float,
         now: float,
     ) -> None:
@@ -82,7 +82,7 @@ class Motors:
         self._spec = spec
         self._chassis = chassis
         self._faults = faults
-        self._bumpers = bumpers
+        self._bumpers = (1 << bumpers) - 1
         self._watchdog_s = watchdog_s
         self._on = False
         self._now = self._commanded = now
@@ -91,29 +91,29 @@ class Motors:
 
     @property
     def on(self) -> bool:
-        """Whether they have power."""
+        """True while the motors have power."""
         return self._on and not self._faults.stop_pressed
 
     def switch(self, *, on: bool) -> None:
-        """Motors on or off; off, they forget what was asked for."""
+        """Switch the motors on or off; off, they forget the setpoint."""
         self._on = on and not self._faults.stop_pressed
         if not on:
             self.setpoint = Setpoint()
         self._drive()
 
     def commanded(self, now: float) -> None:
-        """Any command at all: it ends a time-out, and the last setpoint is taken up again."""
+        """Note a command of any kind: it ends a time-out, and the last setpoint holds again."""
         self._now = self._commanded = now
         self.timed_out = False
         self._drive()
 
     def stop(self, *, hard: bool) -> None:
-        """STOP and E_STOP."""
+        """Obey STOP, or E_STOP if ``hard``."""
         self.setpoint = Setpoint(hard=hard)
         self._drive()
 
     def limit(self, number: int, value: int) -> None:
-        """SETA, SETRA, SETV and SETRV; 0 changes nothing."""
+        """Obey SETA, SETRA, SETV and SETRV; 0 changes nothing."""
         limits, spec = self.limits, self._spec
         if number == Command.SETV and value > 0:
             limits.speed = min(value / 1000, spec.speed_max_mps)
@@ -128,7 +128,7 @@ class Motors:
         self._drive()
 
     def asked(self, number: int, value: int) -> tuple[float, float]:
-        """The velocity that a command asks for by itself, before limits; m/s and rad/s."""
+        """Return the velocity that a command asks for, before limits; m/s and rad/s."""
         if number == Command.VEL:
             return value / 1000, 0.0
         if number == Command.RVEL:
@@ -137,15 +137,15 @@ class Motors:
         return (left + right) / 2 * 0.02, (right - left) / 2 * 20 * self._spec.wheel_turn
 
     def move(self, number: int, value: int, heading: float) -> None:
-        """Commands that move; motors that are off take none.
+        """Obey a command that moves the robot, if the motors are on.
 
         Args:
-            heading: of the robot as it tells it itself, rad, for HEAD.
+            heading: of the robot by its own odometry, rad, for HEAD.
         """
         if not self.on or number not in _MOTIONS:
             return
         point, limits, wheels = self.setpoint, self.limits, self._chassis.wheels()
-        # A hard stop goes on until it is asked to move.
+        # A hard stop lasts until the robot is asked to move.
         point.hard = point.hard and value == 0
         if point.wheels or number == Command.VEL2:
             # The two kinds of velocity exclude each other: the last one wins.
@@ -172,7 +172,7 @@ class Motors:
     # ------------------------------------------------------------------ by themselves
 
     def watch(self, now: float) -> None:
-        """What changes without a command: watchdog, stalls, goals."""
+        """Update what changes without a command: watchdog, stalls, goals."""
         self._now = now
         wheels = self._chassis.wheels()
         if now - self._commanded > self._watchdog_s:
@@ -183,22 +183,21 @@ class Motors:
         bumped = (self.bump_stall & 1 and front) or (self.bump_stall & 2 and rear)
         if now >= self._relaxed_until:
             self._stall = self._pushed(wheels)
-            # It relaxes its motors for a while and tries again by itself.
+            # The motors relax for a while and try again by themselves.
             if (any(self._stall) or bumped) and now >= self._relaxed_until + _PUSH_S:
                 self._relaxed_until = now + STALL_WAIT_S
         self._approach(wheels)
         self._drive()
 
     def stalled(self, wheels: Wheels) -> tuple[bool, bool]:
-        """Left and right; while motors are relaxed nothing pushes, and the stall still stands."""
+        """Return the stalls left and right; while the motors relax, the last ones hold."""
         return self._stall if self._now < self._relaxed_until else self._pushed(wheels)
 
     def touched(self, wheels: Wheels) -> tuple[int, int]:
-        """Bits of the front and rear bumpers that are pressed."""
-        front, rear = self._bumpers
+        """Return the bits of the pressed front and rear bumpers."""
         return (
-            (wheels.front_bumpers | self._faults.front_bumpers) & ((1 << front) - 1),
-            (wheels.rear_bumpers | self._faults.rear_bumpers) & ((1 << rear) - 1),
+            (wheels.front_bumpers | self._faults.front_bumpers) & self._bumpers,
+            (wheels.rear_bumpers | self._faults.rear_bumpers) & self._bumpers,
         )
 
     def _pushed(self, wheels: Wheels) -> tuple[bool, bool]:
@@ -206,27 +205,23 @@ class Motors:
         return wheels.stalled[0] or forced[0], wheels.stalled[1] or forced[1]
 
     def _approach(self, wheels: Wheels) -> None:
-        """Towards the goals of MOVE, HEAD and DHEAD, slowly enough to stop there."""
+        """Drive towards the goals of MOVE, HEAD and DHEAD, slowly enough to stop there."""
         point, limits = self.setpoint, self.limits
         if point.way_goal is not None:
             rest = point.way_goal - _way(wheels)
             if abs(rest) < _NEAR_M:
                 point.way_goal, point.speed = None, 0.0
             else:
-                fast = math.sqrt(limits.deceleration * abs(rest))
-                fast = min(limits.speed, fast, abs(rest) * _APPROACH_PER_S)
-                point.speed = math.copysign(fast, rest)
+                point.speed = _approach_speed(rest, limits.deceleration, limits.speed)
         if point.heading_goal is not None:
             rest = point.heading_goal - wheels.yaw
             if abs(rest) < _NEAR_RAD:
                 point.heading_goal, point.turn_rate = None, 0.0
             else:
-                fast = math.sqrt(limits.turn_deceleration * abs(rest))
-                fast = min(limits.turn_rate, fast, abs(rest) * _APPROACH_PER_S)
-                point.turn_rate = math.copysign(fast, rest)
+                point.turn_rate = _approach_speed(rest, limits.turn_deceleration, limits.turn_rate)
 
     def _drive(self) -> None:
-        """Hand the machine what holds now."""
+        """Command the machine with what holds now."""
         point, limits = self.setpoint, self.limits
         moves = self.on and not self.timed_out and self._now >= self._relaxed_until
         self._chassis.drive(
@@ -240,6 +235,11 @@ class Motors:
                 powered=self.on,
             )
         )
+
+
+def _approach_speed(rest: float, deceleration: float, limit: float) -> float:
+    fast = min(limit, math.sqrt(deceleration * abs(rest)), abs(rest) * _APPROACH_PER_S)
+    return math.copysign(fast, rest)
 
 
 def _way(wheels: Wheels) -> float:

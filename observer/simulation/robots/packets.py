@@ -1,7 +1,7 @@
-"""The data of the packets that a robot sends; their framing is ``observer.robots.arcos``.
+"""Data of the packets that a robot sends; their framing is ``observer.robots.arcos``.
 
-Layouts as in MobileRobots' manuals of ARCOS and AmigOS. Written apart from the driver's reading
-of them, so that a mistake in either shows.
+Layouts as in MobileRobots' manuals of ARCOS and AmigOS. Written independently of the driver's
+decoder, so that a mistake in either shows.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ STRANGE = (0x98, 0xB0, 0xB8)
 
 
 def clamped16(value: float) -> int:
-    """The nearest int16."""
+    """Return the nearest int16."""
     return max(-0x8000, min(0x7FFF, round(value)))
 
 
@@ -45,10 +45,10 @@ class StatusFields:
     state_of_charge: int
 
     def data(self, *, short: bool, overrun: bool) -> bytes:
-        """The packet's data.
+        """Return the packet's data.
 
         Args:
-            short: end behind digital out. overrun: claim sonar readings that do not fit.
+            short: end after digital out. overrun: claim sonar readings that do not fit.
         """
         readings = list(self.sonars.items())
         fixed = struct.pack(
@@ -73,7 +73,7 @@ class StatusFields:
 
 @dataclass(frozen=True)
 class ConfigFields:
-    """What a robot tells of its settings; speeds mm/s and deg/s, accelerations per second."""
+    """A robot's settings; speeds in mm/s and deg/s, accelerations per second."""
 
     subtype: str
     name: str
@@ -99,7 +99,7 @@ class ConfigFields:
     rear_bumpers: int
 
     def data(self) -> bytes:
-        """The packet's data, every field that the manuals name."""
+        """Return the packet's data, every field that the manuals name."""
         words = (f"{text}".encode() + b"\0" for text in ("Pioneer", self.subtype, self.serial))
         return (
             bytes([CONFIG_REPLY])

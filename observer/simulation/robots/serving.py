@@ -1,4 +1,4 @@
-"""A simulated robot behind a TCP port of loopback or a pseudo terminal, as a real one is reached.
+"""Serves a simulated robot on a TCP port of loopback or a pseudo terminal.
 
     with serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic())) as serving:
         serving.port                    # socket://127.0.0.1:41234, for open_robot
@@ -6,7 +6,7 @@
         serving.robot.log.since(moment) # every command with the time it came
         serving.unplug(); serving.replug()
 
-One thread each, which waits for bytes and ticks the robot every 10 ms.
+Each has one thread, which waits for bytes and ticks the robot every 10 ms.
 """
 
 from __future__ import annotations
@@ -32,14 +32,11 @@ TICK_S = 0.01
 # Between two pieces of what is sent in pieces.
 _PIECE_S = 0.002
 _CHUNK = 4096
-_RATES = {
-    9600: termios.B9600, 19200: termios.B19200, 38400: termios.B38400, 57600: termios.B57600,
-    115200: termios.B115200,
-}  # fmt: skip
+_RATES = {rate: getattr(termios, f"B{rate}") for rate in (9600, 19200, 38400, 57600, 115200)}
 
 
 class ServedRobot(Protocol):
-    """What can be served: ``EmulatedRobot``, or a ``Firmware`` alone."""
+    """A robot that can be served: ``EmulatedRobot``, or a ``Firmware`` alone."""
 
     @property
     def log(self) -> CommandLog: ...
@@ -58,25 +55,25 @@ class ServedRobot(Protocol):
 
 
 class _Door(Protocol):
-    """How the bytes come and go; used by the serving thread only."""
+    """Transport of the bytes; used by the serving thread only."""
 
     @property
     def port(self) -> str: ...
 
     def waiting_for(self) -> list[int]:
-        """File descriptors that tell when there is something to do."""
+        """Return the file descriptors to select for reading."""
         ...
 
     def take(self, ready: list[int]) -> tuple[bytes, bool]:
-        """What came, and whether the client went."""
+        """Return the bytes that came, and True if the client went."""
         ...
 
     def write(self, data: bytes) -> None:
-        """To the client, if there is one; what does not fit is lost."""
+        """Write to the client, if there is one; what does not fit is lost."""
         ...
 
     def tend(self, welcome: bool) -> bool:
-        """Take clients or none; True where one was sent away by it."""
+        """Accept clients or none; return True if that disconnected one."""
         ...
 
     @property
@@ -89,10 +86,10 @@ R = TypeVar("R", bound=ServedRobot)
 
 
 class Serving(Generic[R]):
-    """A robot that is served from its construction on, until ``close``.
+    """A robot that is served from construction until ``close``.
 
     Args:
-        robot: ticked by this thread alone. clock: monotonic seconds.
+        robot: ticked by the serving thread alone. clock: monotonic seconds.
 
     Attributes:
         robot: with its ``faults`` and its ``log``. port: as ``open_robot`` takes it.
@@ -121,16 +118,16 @@ class Serving(Generic[R]):
 
     @property
     def connected(self) -> bool:
-        """Whether a client holds the connection; always on a pseudo terminal that is plugged."""
+        """True while a client is connected; always on a pseudo terminal that is plugged."""
         return self._door.has_client
 
     def unplug(self) -> None:
-        """The cable is pulled out: the client's reads fail, and nothing can be opened."""
+        """Pull the cable: the client's reads fail, and nothing can be opened."""
         self._plugged = False
         self._wake()
 
     def replug(self) -> None:
-        """The cable is back, under the same name."""
+        """Plug the cable in again, under the same name."""
         self._plugged = True
         self._wake()
 
@@ -182,7 +179,7 @@ class Serving(Generic[R]):
 
 
 class _TcpDoor:
-    """One client at a time: while it is there, the port is closed to others."""
+    """TCP port with one client at a time; meanwhile it is closed to others."""
 
     def __init__(self, port: int) -> None:
         self._listener: socket.socket | None = None
@@ -236,7 +233,7 @@ class _TcpDoor:
             self._send_away()
             self._close_listener()
         elif self._client is None and self._listener is None:
-            # Somebody may have taken the port meanwhile; then it is tried again at the next tick.
+            # Another process may have taken the port; it is tried again at the next tick.
             with suppress(OSError):
                 self._listener = socket.create_server(self._address)
                 self._listener.setblocking(False)
@@ -258,7 +255,7 @@ class _TcpDoor:
 
 
 class _PtyDoor:
-    """A pseudo terminal under a name that stays while it is unplugged and plugged again."""
+    """Pseudo terminal whose name, if linked, survives unplugging."""
 
     def __init__(self, link: Path | None, baud: Callable[[], int] | None) -> None:
         self._link = link
@@ -288,7 +285,7 @@ class _PtyDoor:
         return (data if self._understood() else self._garbage.garbage(len(data))), False
 
     def write(self, data: bytes) -> None:
-        # Nobody reads: a serial line keeps nothing for later, either.
+        # Without a reader the bytes are lost, as on a serial line.
         with suppress(BlockingIOError):
             os.write(self._master, data if self._understood() else self._garbage.garbage(len(data)))
 
@@ -311,7 +308,7 @@ class _PtyDoor:
 
     def _plug(self) -> None:
         self._master, self._slave = os.openpty()
-        # Without this the terminal echoes and edits what is sent before the client sets it up.
+        # Without this the terminal echoes and edits bytes until the client sets it up.
         tty.setraw(self._slave)
         settings = termios.tcgetattr(self._slave)
         settings[4] = settings[5] = _RATES[9600]
@@ -322,7 +319,7 @@ class _PtyDoor:
             self._link.symlink_to(os.ttyname(self._slave))
 
     def _understood(self) -> bool:
-        """Whether both ends are set to one rate."""
+        """True if both ends are set to one rate."""
         if self._baud is None:
             return True
         return bool(termios.tcgetattr(self._slave)[5] == _RATES.get(self._baud()))
@@ -333,8 +330,8 @@ def serve_tcp(
 ) -> Serving[R]:
     """Serve on a TCP port of 127.0.0.1; 0 is a free one. A second client is refused.
 
-    A session that its client did not end by CLOSE stays open for the next client, as a serial
-    adapter knows nothing of sessions.
+    A session that its client did not CLOSE stays open for the next client, as behind a serial
+    adapter.
 
     Raises:
         InputError: the port cannot be used.
@@ -353,10 +350,10 @@ def serve_pty(
     """Serve on a pseudo terminal.
 
     Args:
-        link: a symbolic link to it, which is gone while it is unplugged, as udev's are; without
-            one the name changes at every plugging and ``Serving.port`` is the first.
-        rates: whether the client must talk at the rate that the firmware is set to (9600 baud
-            until HOSTBAUD), and hears garbage otherwise.
+        link: a symbolic link to it, absent while it is unplugged, as udev's are; without one the
+            name changes at every plugging and ``Serving.port`` is the first.
+        rates: the client must use the firmware's baud rate (9600 until HOSTBAUD), and receives
+            garbage otherwise.
     """
     baud = (lambda: robot.baud) if rates else None
     return Serving(robot, _PtyDoor(link, baud), clock=clock, seed=seed)

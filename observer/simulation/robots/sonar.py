@@ -1,4 +1,4 @@
-"""Sonar over a floor: the nearest surface within each cone, as if everything echoed."""
+"""Sonar over a floor: the nearest surface in each cone, as if everything echoed."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from observer.robots.models import SonarPose
 from observer.simulation.motion import PlanarState
 
 REACH_M = 5.0
-# What is nearer than this a real one does not hear apart from its own pulse.
+# A real sonar cannot tell nearer echoes from its own pulse.
 NEAREST_M = 0.05
 CONE_RAD = math.radians(15)
 
 
 def sonar_range(edges: Float64Array, vehicle: PlanarState, sonar: SonarPose) -> float | None:
-    """Metres from a sonar to the nearest edge in its cone, None where none is in its reach.
+    """Return the metres from a sonar to the nearest edge in its cone, None beyond its reach.
 
     Args:
         edges: (N, 4) float64, x and y of both ends, metres, in the frame of ``vehicle``.
 
-    Exact: of every edge the part within the cone is taken, and its point nearest to the sonar.
+    Exact: every edge is clipped to the cone, and its point nearest to the sonar taken.
     """
     if not len(edges):
         return None

@@ -1,10 +1,9 @@
-"""The robots of a simulated world, reached and driven as real ones are.
+"""Robots of a simulated world, reached and driven as real ones are.
 
 The AmigoBot that carries the cameras is the observer, the scenario's first robot the obstacle.
 Their firmware runs by the wall clock, as a driver expects; their wheels turn by the frames'
 clock, so that a slow or paused simulation stays consistent. Each follows its script until its
-motors are enabled for the first time, and is driven from where it is then until the source begins
-again.
+motors are first enabled, and is driven from there until the source is rewound.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from observer.simulation.robots.chassis import Chassis
 from observer.simulation.robots.driven import DrivenVehicle
 from observer.simulation.robots.emulated import bumpers_of
 from observer.simulation.robots.firmware import Firmware
-from observer.simulation.robots.floor import Outline, Surroundings
+from observer.simulation.robots.floor import Outline, Surroundings, outline_at
 from observer.simulation.robots.serving import Serving, serve_tcp
 from observer.simulation.robots.vehicle import STEP_S
 from observer.simulation.source import SimulatedSource
@@ -30,7 +29,7 @@ from observer.simulation.world import Body, World
 
 _OBSERVER: RobotModel = "amigo-sh"
 _OBSTACLE: RobotModel = "p3dx-sh"
-# Without a frame for so long, or for three of them, no simulated time passes.
+# Without a frame for so long, or for three frame times, no simulated time passes.
 _IDLE_S = 0.3
 
 
@@ -38,11 +37,12 @@ class SimulatedRobots:
     """Fulfils ``observer.robots.contract.RobotWorld``; nothing changes before ``serve``.
 
     Args:
-        world: of which ``source`` shows the frames; nobody holds a board in it, for who shows one
-            to cameras counts on their standing still.
+        world: the one that ``source`` shows, without a held board: who shows a board to cameras
+            relies on their standing still.
         clock: monotonic seconds, of the firmware.
 
     Attributes:
+        world: name of the world, unique to each opening.
         servings: by role, once they are served.
     """
 
@@ -56,7 +56,7 @@ class SimulatedRobots:
         self._world = world
         self._source = source
         self._clock = clock
-        self._name = f"{world.spec}:{uuid.uuid4().hex[:12]}"
+        self.world = f"{world.spec}:{uuid.uuid4().hex[:12]}"
         self._lock = threading.RLock()
         self._vehicles: dict[Role, DrivenVehicle] = {}
         self.servings: dict[Role, Serving[Firmware]] = {}
@@ -71,14 +71,10 @@ class SimulatedRobots:
             if body.role == "scenery" and body.bottom == 0.0
         )
 
-    @property
-    def world(self) -> str:
-        return self._name
-
     def serve(self) -> tuple[RobotPort, ...]:
         """Serve each robot's firmware on a free TCP port of loopback.
 
-        To be called by the thread that reads the source, or before it reads.
+        Call it from the thread that reads the source, or before that reads.
 
         Raises:
             InputError: there is no free port.
@@ -95,7 +91,7 @@ class SimulatedRobots:
         return self._ports
 
     def chassis(self, role: Role) -> Chassis:
-        """The machine below a robot's firmware, once it is served.
+        """Return the machine below a robot's firmware, once it is served.
 
         Raises:
             KeyError: there is no such robot.
@@ -103,7 +99,7 @@ class SimulatedRobots:
         return self._vehicles[role]
 
     def close(self) -> None:
-        """The robots are gone and run out; safe to call twice."""
+        """End serving and cut the robots' power; safe to call twice."""
         self._closed = True
         for serving in self.servings.values():
             serving.close()
@@ -127,9 +123,8 @@ class SimulatedRobots:
         vehicle.around = lambda: self._around(vehicle)
         self._vehicles[role] = vehicle
         firmware = Firmware(
-            spec, vehicle, now=self._clock(), name=f"simulated {body.name}",
-            front_bumpers=bumpers, rear_bumpers=bumpers,
-        )  # fmt: skip
+            spec, vehicle, now=self._clock(), name=f"simulated {body.name}", bumpers=bumpers
+        )
         serving = serve_tcp(firmware, clock=self._clock)
         self.servings[role] = serving
         return RobotPort(role, serving.port, model, body.name)
@@ -138,11 +133,11 @@ class SimulatedRobots:
 
     @property
     def goes_on(self) -> bool:
-        """Whether one of them is driven."""
+        """True while one of them is driven."""
         return not self._closed and any(each.driven for each in self._vehicles.values())
 
     def advance(self, time: float) -> None:
-        """From the last frame's time to this one's, in steps of 10 ms at most."""
+        """Step from the last frame's time to this one's, by at most 10 ms each."""
         with self._lock:
             begin = time if self._time is None else self._time
             vehicles = self._vehicles.values()
@@ -157,7 +152,7 @@ class SimulatedRobots:
                     vehicle.advance(self._time, around)
 
     def restart(self) -> None:
-        """They stand at their start again, motors off."""
+        """Put them back to their start, motors off."""
         with self._lock:
             for vehicle in self._vehicles.values():
                 vehicle.restart()
@@ -167,7 +162,7 @@ class SimulatedRobots:
             serving.robot.motors_off()
 
     def _around(self, vehicle: DrivenVehicle) -> Surroundings:
-        """What one of them may run into at this moment; the lock is held."""
+        """Return the current surroundings of one of them; the lock is held."""
         time = self._time or 0.0
         mine = {each.motion for each in self._vehicles.values()}
         others = [each.outline for each in self._vehicles.values() if each is not vehicle]
@@ -178,5 +173,4 @@ class SimulatedRobots:
 
 
 def _outline(body: Body, time: float) -> Outline:
-    state = body.motion.state(time)
-    return Outline.of_box(state.x, state.y, state.heading, body.size[0], body.size[1])
+    return outline_at(body.motion.state(time), *body.size[:2])

@@ -1,4 +1,4 @@
-"""What all words of a scenario share: strictness, and numbers within bounds."""
+"""Base of all scenario classes: strictness, and numbers within bounds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Degrees = Annotated[float, Field(ge=-3600, le=3600)]
 
 
 class Spec(BaseModel):
-    """Frozen, and strict about unknown keys: a misspelt key is an error, not a default."""
+    """Frozen model that refuses unknown keys, so that a misspelt key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 

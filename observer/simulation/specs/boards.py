@@ -16,12 +16,12 @@ _Angle = Annotated[float, Field(ge=-180, le=180)]
 
 
 class BoardPoseSpec(Spec):
-    """Where the board is held, relative to the left camera's optical frame at time 0.
+    """Pose of the board relative to the left camera's optical frame at time 0.
 
     Attributes:
         centre: x right, y down, z forward of the board's centre, metres.
         turn_deg: turns about the camera's x, y and z axes through the board's centre, in this
-            order; without them the board faces the camera upright.
+            order; without any the board faces the camera upright.
     """
 
     centre: tuple[_Offset, _Offset, _Depth]
@@ -29,13 +29,13 @@ class BoardPoseSpec(Spec):
 
 
 class BoardSpec(Spec):
-    """The board, see ``observer.calibration.board.Board``, and how it is moved.
+    """The board, see ``observer.calibration.board.Board``, and its motion.
 
     Attributes:
-        pattern: what is printed on it; ``columns`` and ``rows`` count inner corners.
-        hold_s: how long each pose is held. move_s: from one pose to the next.
-        tremor_mm: largest trembling of the hands along each axis.
-        poses: gone through again and again.
+        columns, rows: numbers of inner corners.
+        hold_s: duration of each pose. move_s: from one pose to the next.
+        tremor_mm: largest tremor of the hands along each axis.
+        poses: repeated for ever.
     """
 
     pattern: BoardKind = "chessboard"

@@ -1,4 +1,4 @@
-"""The two cameras, how they are mounted, and what ails them."""
+"""The two cameras, their mount and their faults."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from observer.simulation.specs.base import Fraction, SineSpec, Spec
 
 
 class CameraSpec(Spec):
-    """The stereo pair and how it is mounted on the observer."""
+    """The stereo pair and its mount on the observer."""
 
     width: int = Field(512, ge=64, le=4096)
     height: int = Field(256, ge=64, le=4096)
@@ -49,7 +49,7 @@ class TiltSpec(Spec):
 
 
 class MiscalibrationSpec(TiltSpec):
-    """What the calibration that is handed out says beyond the truth; ``focal`` is relative."""
+    """Error of the calibration that is handed out; ``focal`` is relative."""
 
     focal: float = Field(0.0, ge=-0.2, le=0.2)
 
@@ -62,7 +62,7 @@ class FlickerSpec(Spec):
 
 
 class FaultSpec(Spec):
-    """What ails the cameras.
+    """Faults of the cameras.
 
     Attributes:
         noise: standard deviation, grey levels, independent in both cameras.

@@ -1,4 +1,4 @@
-"""The room and what stands in it."""
+"""The room and its objects."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.simulation.specs.base import Degrees, Finite, Fraction, Positive, 
 
 
 class RoomSpec(Spec):
-    """A rectangular room. ``walls`` and ``floor`` name how they are painted."""
+    """A rectangular room; ``walls`` and ``floor`` name their textures."""
 
     x: tuple[Finite, Finite] = (-2.5, 6.0)
     y: tuple[Finite, Finite] = (-3.5, 3.5)
@@ -56,7 +56,7 @@ ObjectSpec = Annotated[BoxSpec | PosterSpec, Field(discriminator="kind")]
 
 
 class TextureSpec(Spec):
-    """How much there is to see.
+    """Visibility of all textures.
 
     Attributes:
         contrast: of every texture; 1 as painted, 0 uniform colours.

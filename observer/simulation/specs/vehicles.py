@@ -1,4 +1,4 @@
-"""Who drives where: vehicles and their motions over the floor."""
+"""Vehicles and their motions over the floor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ AMIGOBOT_SIZE = (0.33, 0.28, 0.15)
 
 
 class DriveLeg(Spec):
-    """Straight on, or backwards with a negative distance."""
+    """A straight leg, backwards with a negative distance."""
 
     kind: Literal["drive"]
     distance_m: Finite
@@ -22,7 +22,7 @@ class DriveLeg(Spec):
 
 
 class ArcLeg(Spec):
-    """Along a circle; a positive angle is to the left."""
+    """A leg along a circle; a positive angle is to the left."""
 
     kind: Literal["arc"]
     radius_m: Positive
@@ -31,7 +31,7 @@ class ArcLeg(Spec):
 
 
 class TurnLeg(Spec):
-    """On the spot; a positive angle is to the left."""
+    """A turn on the spot; a positive angle is to the left."""
 
     kind: Literal["turn"]
     angle_deg: Degrees
@@ -39,7 +39,7 @@ class TurnLeg(Spec):
 
 
 class WaitLeg(Spec):
-    """Stands still."""
+    """A wait."""
 
     kind: Literal["wait"]
     seconds: Positive
@@ -48,26 +48,26 @@ class WaitLeg(Spec):
 LegSpec = Annotated[DriveLeg | ArcLeg | TurnLeg | WaitLeg, Field(discriminator="kind")]
 
 
-class CourseSpec(Spec):
-    """Legs driven one after the other."""
-
-    kind: Literal["course"]
-    legs: tuple[LegSpec, ...] = Field(min_length=1)
+class _DrivenSpec(Spec):
     after: Literal["stay", "repeat", "back"] = "stay"
     acceleration: float = Field(0.5, gt=0, le=50)
     angular_acceleration_deg: float = Field(100.0, gt=0, le=10000)
 
 
-class WaypointsSpec(Spec):
-    """From point to point at one speed, turning on the spot towards the next one."""
+class CourseSpec(_DrivenSpec):
+    """Legs driven one after the other."""
+
+    kind: Literal["course"]
+    legs: tuple[LegSpec, ...] = Field(min_length=1)
+
+
+class WaypointsSpec(_DrivenSpec):
+    """A drive from point to point at one speed, turning on the spot towards the next one."""
 
     kind: Literal["waypoints"]
     points: tuple[tuple[Finite, Finite], ...] = Field(min_length=1)
     speed: float = Field(gt=0, le=20)
     turn_rate_deg: float = Field(45.0, gt=0, le=720)
-    after: Literal["stay", "repeat", "back"] = "stay"
-    acceleration: float = Field(0.5, gt=0, le=50)
-    angular_acceleration_deg: float = Field(100.0, gt=0, le=10000)
 
 
 class SwaySpec(Spec):
@@ -83,7 +83,7 @@ MotionSpec = Annotated[CourseSpec | WaypointsSpec | SwaySpec, Field(discriminato
 
 
 class VehicleSpec(Spec):
-    """Where a vehicle starts and how it moves; without motion it is parked."""
+    """Start and motion of a vehicle; without motion it is parked."""
 
     x: Finite = 0.0
     y: Finite = 0.0

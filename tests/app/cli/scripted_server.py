@@ -19,8 +19,8 @@ from starlette.websockets import WebSocketDisconnect
 from app.http.run_server import server_config
 from app.settings import Settings
 from observer.motion_profiles.playing import duration_s, velocity_at
-from observer.motion_profiles.profile import Programme
-from observer.motion_profiles.profile_file import programme_from_text
+from observer.motion_profiles.profile import MotionProfile
+from observer.motion_profiles.profile_file import profile_from_text
 
 TOKEN = "a-token-of-the-tests-with-256-bits-more-or-less"
 # Of the clock between two looks at it: who is held up for longer misses nothing.
@@ -55,7 +55,7 @@ class ScriptedServer:
         self.leases: dict[str, str] = {}
         self.armed: set[str] = set()
         self.present: dict[str, float] = {}
-        self.programme: tuple[Programme, dict[str, Any], float] | None = None
+        self.programme: tuple[MotionProfile, dict[str, Any], float] | None = None
         self.stopped: dict[str, Any] | None = None
         self.why: dict[str, str | None] = {"observer": None, "obstacle": None}
         self.way = {"observer": 0.0, "obstacle": 0.0}
@@ -147,7 +147,7 @@ class ScriptedServer:
 
         @app.post("/api/programmes")
         async def keep(body: dict[str, str]) -> Any:
-            self.kept[programme_from_text(body["text"]).name] = body["text"]
+            self.kept[profile_from_text(body["text"]).name] = body["text"]
             return {}
 
         @app.post("/api/robots/stop")
@@ -160,7 +160,7 @@ class ScriptedServer:
         async def start(body: dict[str, Any]) -> Any:
             assert body["leases"] == {role: self.leases[role] for role in body["leases"]}
             assert set(body["leases"]) <= self.armed
-            chosen = programme_from_text(self.kept[body["name"]])
+            chosen = profile_from_text(self.kept[body["name"]])
             self.programme = (chosen, body, self.clock())
             return {}
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from app.cli import main
-from observer.motion_profiles.profile_file import programme_from_text
+from observer.motion_profiles.profile_file import profile_from_text
 
 from .scripted_server import TOKEN, ScriptedServer, running
 
@@ -91,7 +91,7 @@ def test_a_file_is_brought_to_the_server_and_driven_in_reverse(
     code, out, err = shell(str(file), "--reverse", "--json")
     assert code == 0, err
     assert "other is driven" in err
-    assert programme_from_text(server.kept["other"]).roles == ("obstacle",)
+    assert profile_from_text(server.kept["other"]).roles == ("obstacle",)
     assert json.loads(out)["reverse"] is True
     assert server.way["obstacle"] == pytest.approx(-0.2, abs=0.1)
     assert [m["role"] for m in server.told("take")] == ["obstacle"]
@@ -127,7 +127,7 @@ def test_a_robot_that_cannot_be_armed_is_said_in_the_servers_words(
 def test_a_programme_that_never_goes_is_not_said_to_be_driven(
     server: ScriptedServer, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.client.programme_drive._APPEARS_WITHIN_S", 0.9)
+    monkeypatch.setattr("app.client.profile_drive._APPEARS_WITHIN_S", 0.9)
     server.act = lambda _: server.end("nobody was present for the observer")
     code, _, err = shell("mine")
     assert code == 1

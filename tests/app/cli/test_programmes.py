@@ -8,7 +8,7 @@ import pytest
 
 from app.cli import main
 from observer.errors import InputError
-from observer.motion_profiles.profile_file import programme_from_text
+from observer.motion_profiles.profile_file import profile_from_text
 
 
 def test_programmes_are_listed_and_printed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -22,9 +22,9 @@ def test_programmes_are_listed_and_printed(capsys: pytest.CaptureFixture[str]) -
     listed = {each["name"]: each for each in json.loads(said("--json"))}
     assert listed["rig_turn"]["roles"] == ["observer"]
     assert listed["rig_turn"]["duration_s"] == 19
-    assert programme_from_text(said("figure17_b")).name == "figure17_b"
+    assert profile_from_text(said("figure17_b")).name == "figure17_b"
     with pytest.raises(SystemExit) as left:
         main(["programmes", "none"])
     assert left.value.code == 2
     with pytest.raises(InputError, match="no name"):
-        programme_from_text("steps: {observer: [{seconds: 1}]}")
+        profile_from_text("steps: {observer: [{seconds: 1}]}")

@@ -15,11 +15,11 @@ from app.contract.drive import (
 )
 from app.contract.values import plain
 from app.runtime.errors import ProcessRefused
-from observer.motion_profiles.profile import Programme, Step
+from observer.motion_profiles.profile import MotionProfile, Step
 from observer.robots.contract import RobotPhase
 
 BOTH = ("observer", "obstacle")
-PAIR = Programme(
+PAIR = MotionProfile(
     "pair", "", "",
     {"observer": (Step(2.0, 0.2),), "obstacle": (Step(1.0, 0.3), Step(1.0, -0.3))},
 )  # fmt: skip

@@ -22,7 +22,7 @@ from app.contract.drive import (
     TakeLease,
 )
 from app.contract.robots import RobotsNow
-from observer.motion_profiles import programme_names
+from observer.motion_profiles import profile_names
 from observer.rig.rig_file import read_rig
 from observer.robots.contract import RobotPort
 
@@ -251,7 +251,7 @@ async def test_programmes_are_listed_kept_driven_and_forgotten(
     http: Any, drive: Any, tmp_path: Path
 ) -> None:
     listed = (await http.get("/api/programmes")).json()
-    assert [each["name"] for each in listed] == list(programme_names())
+    assert [each["name"] for each in listed] == list(profile_names())
     assert not any(each["own"] for each in listed)
     built_in = listed[0]["name"]
     detail = (await http.get(f"/api/programmes/{built_in}")).json()

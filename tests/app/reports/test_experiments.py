@@ -22,7 +22,7 @@ from app.reports.page import report_html
 from app.reports.report import Report, write_figures
 from app.reports.reproduction import Played
 from app.reports.stretches import during
-from observer.motion_profiles.profile import Programme
+from observer.motion_profiles.profile import MotionProfile
 from observer.recording.reader import Recording
 
 from ..cli.shell import Shell
@@ -98,7 +98,7 @@ def test_a_reproduction_has_each_experiment_by_both_methods(
     published = both.judged[1].gathered
     asked: list[str] = []
 
-    def played(path: Path, programmes: list[Programme], **_: Any) -> Played:
+    def played(path: Path, programmes: list[MotionProfile], **_: Any) -> Played:
         assert path == tmp_path / "recording.mcap"
         asked.extend(each.name for each in programmes)
         return Played(recording, driven, ("no frame came for 200 ms",))

@@ -13,8 +13,8 @@ from fastapi.responses import Response
 
 from app.reports import reproduction
 from app.reports.reproduction import ReproductionError, play_experiments
-from observer.motion_profiles.profile import Programme
-from observer.motion_profiles.profile_file import programme_from_text
+from observer.motion_profiles.profile import MotionProfile
+from observer.motion_profiles.profile_file import profile_from_text
 from tools.benchmark.server_process import RunningServer
 
 from ..cli.scripted_server import MINE, TOKEN, ScriptedServer, running
@@ -111,12 +111,12 @@ def laboratory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Laboratory:
 
 
 @pytest.fixture
-def mine() -> Programme:
-    return programme_from_text(MINE)
+def mine() -> MotionProfile:
+    return profile_from_text(MINE)
 
 
 def test_both_are_driven_anew_where_the_robots_were_stopped(
-    laboratory: Laboratory, mine: Programme, tmp_path: Path
+    laboratory: Laboratory, mine: MotionProfile, tmp_path: Path
 ) -> None:
     laboratory.late = {0, 2}
     said: list[str] = []
@@ -144,7 +144,7 @@ def test_both_are_driven_anew_where_the_robots_were_stopped(
 
 
 def test_a_later_drive_that_had_hardly_begun_begins_again_where_it_is(
-    laboratory: Laboratory, mine: Programme, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    laboratory: Laboratory, mine: MotionProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # As if what is driven of it in this test were its gesture.
     monkeypatch.setattr(reproduction, "_BEHIND_S", -9.0)
@@ -158,7 +158,7 @@ def test_a_later_drive_that_had_hardly_begun_begins_again_where_it_is(
 
 
 def test_it_ends_after_so_many_attempts(
-    laboratory: Laboratory, mine: Programme, tmp_path: Path
+    laboratory: Laboratory, mine: MotionProfile, tmp_path: Path
 ) -> None:
     laboratory.late = range(99)
     with pytest.raises(ReproductionError, match=f"in each of 2 attempts.*{LATE}"):

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from observer.coppeliasim.odometry import WheelOdometry
+from observer.coppeliasim.pioneers import WheelOdometry
 
 RADIUS, TRACK = 0.1, 0.4
 

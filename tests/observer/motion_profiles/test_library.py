@@ -11,13 +11,13 @@ import pytest
 from observer.errors import InputError
 from observer.motion_profiles.library import (
     library_text,
-    load_programme,
-    programme_names,
-    read_programme,
+    load_profile,
+    profile_names,
+    read_profile,
 )
 from observer.motion_profiles.playing import duration_s, velocity_at
-from observer.motion_profiles.profile import Programme
-from observer.motion_profiles.profile_file import programme_from_text, programme_text
+from observer.motion_profiles.profile import MotionProfile
+from observer.motion_profiles.profile_file import profile_from_text, profile_text
 from observer.rig.rig import Role
 
 TICK_S = 0.01
@@ -25,7 +25,7 @@ TICK_S = 0.01
 GENTLE_MPS2, GENTLE_RADPS2 = 0.31, math.radians(31)
 
 
-def path_of(programme: Programme, role: Role) -> list[tuple[float, float, float]]:
+def path_of(programme: MotionProfile, role: Role) -> list[tuple[float, float, float]]:
     """x, y, yaw every ``TICK_S``."""
     x = y = yaw = 0.0
     path = []
@@ -39,19 +39,19 @@ def path_of(programme: Programme, role: Role) -> list[tuple[float, float, float]
 
 
 def test_those_that_others_count_on_are_there() -> None:
-    assert set(programme_names()) >= {
+    assert set(profile_names()) >= {
         "figure17_a", "figure17_b", "square_observer", "square_obstacle", "rig_turn", "rig_drive",
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", programme_names())
+@pytest.mark.parametrize("name", profile_names())
 def test_each_has_words_ends_standing_and_survives_being_written(name: str) -> None:
-    programme = load_programme(name)
+    programme = load_profile(name)
     assert programme.name == name
     assert len(programme.title) > 5
     assert len(programme.help) > 40
-    assert programme_from_text(programme_text(programme)) == programme
-    assert programme_from_text(library_text(name)) == programme
+    assert profile_from_text(profile_text(programme)) == programme
+    assert profile_from_text(library_text(name)) == programme
     end = duration_s(programme)
     for role in programme.roles:
         speed, rate = velocity_at(programme, role, end - 1e-6) or (math.nan, math.nan)
@@ -59,9 +59,9 @@ def test_each_has_words_ends_standing_and_survives_being_written(name: str) -> N
         assert abs(rate) < 1e-5
 
 
-@pytest.mark.parametrize("name", programme_names())
+@pytest.mark.parametrize("name", profile_names())
 def test_each_is_gentle_beyond_its_gesture(name: str) -> None:
-    programme = load_programme(name)
+    programme = load_profile(name)
     start = duration_s(programme) - max(
         sum(step.seconds for step in steps) for steps in programme.steps.values()
     )
@@ -76,7 +76,7 @@ def test_each_is_gentle_beyond_its_gesture(name: str) -> None:
 
 
 def test_the_two_experiments_of_figure_17_move_both_robots_the_obstacle_in_two_directions() -> None:
-    a, b = load_programme("figure17_a"), load_programme("figure17_b")
+    a, b = load_profile("figure17_a"), load_profile("figure17_b")
     for programme in (a, b):
         assert programme.roles == ("observer", "obstacle")
         assert programme.gesture
@@ -87,18 +87,18 @@ def test_the_two_experiments_of_figure_17_move_both_robots_the_obstacle_in_two_d
 
 @pytest.mark.parametrize("role", ["observer", "obstacle"])
 def test_the_square_is_one_of_2_m_and_closes(role: Role) -> None:
-    path = path_of(load_programme(f"square_{role}"), role)
+    path = path_of(load_profile(f"square_{role}"), role)
     assert path[-1] == pytest.approx((0, 0, 2 * math.pi), abs=1e-9)
     xs, ys = [p[0] for p in path], [p[1] for p in path]
     assert (min(xs), max(xs), min(ys), max(ys)) == pytest.approx((0, 2, 0, 2), abs=1e-9)
 
 
 def test_the_rigs_estimate_gets_what_it_asks_for() -> None:
-    turn = path_of(load_programme("rig_turn"), "observer")
+    turn = path_of(load_profile("rig_turn"), "observer")
     assert max(p[2] for p in turn) == pytest.approx(math.radians(60))
     assert min(p[2] for p in turn) == pytest.approx(math.radians(-60))
     assert turn[-1] == pytest.approx((0, 0, 0), abs=1e-9)
-    drive = path_of(load_programme("rig_drive"), "observer")
+    drive = path_of(load_profile("rig_drive"), "observer")
     assert drive[-1] == pytest.approx((1.2, 0, 0), abs=1e-9)
 
 
@@ -108,15 +108,15 @@ def test_a_name_is_never_taken_for_a_path(tmp_path: Path) -> None:
     paths = (str(file), "../library/figure17_a", "figure17_a.yaml", "", "x/../figure17_a")
     for name in paths:
         with pytest.raises(InputError, match="there are figure17_a, figure17_b"):
-            load_programme(name)
-    assert read_programme(file).name == "mine"
+            load_profile(name)
+    assert read_profile(file).name == "mine"
 
 
 def test_a_file_that_cannot_be_read_is_said_to_be(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no programme file"):
-        read_programme(tmp_path / "none.yaml")
+        read_profile(tmp_path / "none.yaml")
     with pytest.raises(InputError, match="cannot be read"):
-        read_programme(tmp_path)
+        read_profile(tmp_path)
     (tmp_path / "image.yaml").write_bytes(b"\xff\xfe\x00steps")
     with pytest.raises(InputError, match="UTF-8"):
-        read_programme(tmp_path / "image.yaml")
+        read_profile(tmp_path / "image.yaml")

@@ -19,18 +19,18 @@ from observer.motion_profiles.gesture import (
     gesture_speed,
 )
 from observer.motion_profiles.playing import duration_s, progress_at, velocity_at
-from observer.motion_profiles.profile import Programme, Step
+from observer.motion_profiles.profile import MotionProfile, Step
 from observer.rig.rig import Role
 
 TICK_S = 0.01
 
 
-def programme(*steps: Step, gesture: bool = False, **roles: tuple[Step, ...]) -> Programme:
-    return Programme("test", "", "", {"obstacle": steps, **roles}, gesture)  # type: ignore[dict-item]
+def programme(*steps: Step, gesture: bool = False, **roles: tuple[Step, ...]) -> MotionProfile:
+    return MotionProfile("test", "", "", {"obstacle": steps, **roles}, gesture)  # type: ignore[dict-item]
 
 
 def pose_after(
-    played: Programme, role: Role = "obstacle", *, repeat: int = 1, reverse: bool = False
+    played: MotionProfile, role: Role = "obstacle", *, repeat: int = 1, reverse: bool = False
 ) -> tuple[float, float, float]:
     """x, y, yaw by integrating what is sampled in the middle of each tick."""
     x = y = yaw = 0.0

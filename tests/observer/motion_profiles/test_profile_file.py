@@ -12,10 +12,10 @@ from observer.errors import InputError
 from observer.motion_profiles.profile import (
     MAX_SPEED_MPS,
     MAX_TURN_RATE_RADPS,
-    Programme,
+    MotionProfile,
     Step,
 )
-from observer.motion_profiles.profile_file import MAX_BYTES, programme_from_text, programme_text
+from observer.motion_profiles.profile_file import MAX_BYTES, profile_from_text, profile_text
 
 MINIMAL = "name: a\nsteps: {obstacle: [{seconds: 1, speed_mps: 0.3}]}\n"
 
@@ -25,7 +25,7 @@ def with_step(step: str) -> str:
 
 
 def test_a_text_is_read_in_peoples_units() -> None:
-    programme = programme_from_text(
+    programme = profile_from_text(
         """
         name: to-and-fro
         title: To and fro
@@ -41,7 +41,7 @@ def test_a_text_is_read_in_peoples_units() -> None:
           observer: []
         """
     )
-    assert programme == Programme(
+    assert programme == MotionProfile(
         "to-and-fro",
         "To and fro",
         "The obstacle drives on, and turns.",
@@ -56,10 +56,10 @@ def test_a_text_is_read_in_peoples_units() -> None:
 
 def test_a_name_may_come_from_the_file() -> None:
     text = "steps: {observer: [{seconds: 1, speed_mps: 0.1}]}"
-    assert programme_from_text(text, "mine").name == "mine"
-    assert programme_from_text(MINIMAL, "mine").name == "a"
+    assert profile_from_text(text, "mine").name == "mine"
+    assert profile_from_text(MINIMAL, "mine").name == "a"
     with pytest.raises(InputError, match="has no name"):
-        programme_from_text(text)
+        profile_from_text(text)
 
 
 lines = (
@@ -78,7 +78,7 @@ steps = st.builds(
     ramp=st.booleans(),
 )
 programmes = st.builds(
-    Programme,
+    MotionProfile,
     name=st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_-]{0,20}", fullmatch=True),
     title=lines,
     help=lines,
@@ -92,9 +92,9 @@ programmes = st.builds(
 
 
 @given(programmes)
-def test_what_is_written_is_read_back(programme: Programme) -> None:
-    text = programme_text(programme)
-    read = programme_from_text(text)
+def test_what_is_written_is_read_back(programme: MotionProfile) -> None:
+    text = profile_text(programme)
+    read = profile_from_text(text)
     assert (read.name, read.title, read.help, read.gesture) == (
         programme.name, programme.title, programme.help, programme.gesture,
     )  # fmt: skip
@@ -106,13 +106,13 @@ def test_what_is_written_is_read_back(programme: Programme) -> None:
             )  # fmt: skip
             assert theirs.turn_rate_radps == pytest.approx(mine.turn_rate_radps, rel=1e-15)
     # From the second writing on, to the last digit.
-    assert programme_from_text(programme_text(read)) == read
+    assert profile_from_text(profile_text(read)) == read
 
 
 def test_whole_degrees_stay_whole() -> None:
     for degrees in range(-500, 501):
         step = Step(1, 0, math.radians(degrees))
-        text = programme_text(Programme("a", "", "", {"observer": (step,)}))
+        text = profile_text(MotionProfile("a", "", "", {"observer": (step,)}))
         assert degrees == 0 or f"turn_rate_deg: {degrees}}}" in text
 
 
@@ -120,7 +120,7 @@ def test_whole_degrees_stay_whole() -> None:
 def test_no_text_does_more_than_be_refused(text: str) -> None:
     for each in (text, MINIMAL + text, f"steps: {text}"):
         try:
-            programme_from_text(each, "x")
+            profile_from_text(each, "x")
         except InputError as error:
             assert "\n" not in str(error).strip()  # noqa: PT017
 
@@ -165,7 +165,7 @@ def test_no_text_does_more_than_be_refused(text: str) -> None:
 )  # fmt: skip
 def test_what_is_wrong_is_said_in_one_sentence(text: str, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as refused:
-        programme_from_text(text)
+        profile_from_text(text)
     assert "calibration" not in str(refused.value)
     assert "OpenCV" not in str(refused.value)
 
@@ -173,7 +173,7 @@ def test_what_is_wrong_is_said_in_one_sentence(text: str, sentence: str) -> None
 def test_too_many_steps_are_refused() -> None:
     text = "name: a\nsteps: {observer: [" + 1001 * "{seconds: 0.1}," + "]}"
     with pytest.raises(InputError, match="at most 1000 steps"):
-        programme_from_text(text)
+        profile_from_text(text)
 
 
 def test_an_alias_bomb_and_a_large_text_are_refused_before_they_are_built() -> None:
@@ -181,11 +181,11 @@ def test_an_alias_bomb_and_a_large_text_are_refused_before_they_are_built() -> N
         f"s{i}: &{chr(98 + i)} [" + ", ".join([f"*{chr(97 + i)}"] * 9) + "]\n" for i in range(20)
     )
     with pytest.raises(InputError, match="alias or anchor"):
-        programme_from_text(bomb)
+        profile_from_text(bomb)
     with pytest.raises(InputError, match=f"at most {MAX_BYTES} are taken"):
-        programme_from_text(MINIMAL + "#" * MAX_BYTES)
+        profile_from_text(MINIMAL + "#" * MAX_BYTES)
     with pytest.raises(InputError, match="nested too deeply"):
-        programme_from_text("steps: " + 5000 * "[" + 5000 * "]")
+        profile_from_text("steps: " + 5000 * "[" + 5000 * "]")
 
 
 def test_steps_made_by_code_have_the_same_bounds() -> None:
@@ -194,4 +194,4 @@ def test_steps_made_by_code_have_the_same_bounds() -> None:
         with pytest.raises(InputError):
             Step(*values)
     with pytest.raises(InputError, match="'obstacles' is no role"):
-        Programme("a", "", "", {"obstacles": (Step(1, 0.1),)})  # type: ignore[dict-item]
+        MotionProfile("a", "", "", {"obstacles": (Step(1, 0.1),)})  # type: ignore[dict-item]

@@ -3,14 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.simulation.odometry import WheelOdometry
+from observer.simulation.odometry import SimulatedOdometry
 from observer.simulation.scenarios import load_scenario
 from observer.simulation.source import SimulatedSource
 from observer.simulation.world import World
 
 
 def driven(world: World, seconds: float) -> np.ndarray:
-    wheels = WheelOdometry(world)
+    wheels = SimulatedOdometry(world)
     read = [wheels.read(k / 15) for k in range(int(seconds * 15))]
     return np.array([(o.x, o.y, o.yaw) for o in read])
 

@@ -13,7 +13,7 @@ import pytest
 
 from observer.evaluation.speed_errors import BAND_95
 from observer.motion_profiles.gesture import GESTURE_S
-from observer.motion_profiles.library import load_programme
+from observer.motion_profiles.library import load_profile
 from observer.motion_profiles.playing import duration_s, velocity_at
 from observer.observer import Observer
 from observer.parameters import Parameters
@@ -35,7 +35,7 @@ SAME_M = 1.0
 
 def driven(world: World, source: SimulatedSource, until_s: float) -> Iterator[StereoFrame]:
     """Frames of the first experiment: both robots driven by the programme."""
-    programme = load_programme("figure17_a")
+    programme = load_profile("figure17_a")
     robots = SimulatedRobots(world, source)
     robots.serve()
     # Their firmware, which goes by the wall clock, has no part in it.
@@ -60,7 +60,7 @@ def driven(world: World, source: SimulatedSource, until_s: float) -> Iterator[St
     [
         (1, GESTURE_S),
         *(
-            pytest.param(seed, duration_s(load_programme("figure17_a")), marks=pytest.mark.patient)
+            pytest.param(seed, duration_s(load_profile("figure17_a")), marks=pytest.mark.patient)
             for seed in (5, 6)
         ),
     ],

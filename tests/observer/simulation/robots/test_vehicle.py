@@ -11,7 +11,7 @@ from observer.simulation.motion import PlanarState
 from observer.simulation.robots.chassis import Drive
 from observer.simulation.robots.floor import Outline, Surroundings
 from observer.simulation.robots.sonar import sonar_range
-from observer.simulation.robots.vehicle import Hull, Vehicle
+from observer.simulation.robots.vehicle import Vehicle
 
 START = PlanarState(0.0, 0.0, 0.0)
 EMPTY = Surroundings()
@@ -23,7 +23,7 @@ def asked(speed: float = 0.0, turn_rate: float = 0.0) -> Drive:
 
 
 def vehicle(drive: Drive, state: PlanarState = START, seed: int | None = None) -> Vehicle:
-    made = Vehicle(P3DX, Hull(0.5, 0.4, 5, 5), state, seed=seed)
+    made = Vehicle(P3DX, (0.5, 0.4), state, bumpers=5, seed=seed)
     made.drive = drive
     return made
 

@@ -44,7 +44,7 @@ class PlayRequest:
 Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 
 
-class ProgrammeDrive:
+class ProfileDrive:
     """One playing of a programme, and what became of it."""
 
     def __init__(self, api: ServerApi, request: PlayRequest, watch: Watch) -> None:
