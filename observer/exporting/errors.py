@@ -1,4 +1,4 @@
-"""What cannot be exported, and what is needed for it."""
+"""Errors of exporting."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ class ExportError(InputError):
 
 
 def missing_extra(package: str, extra: str, purpose: str) -> ExportError:
-    """The error where an optional package is not installed.
+    """Return the error for an optional package that is not installed.
 
     Args:
         package: what was imported. extra: of ours, which brings it. purpose: what needs it.

@@ -1,4 +1,4 @@
-"""A recording as a source: the run's frames once more, every number as it was."""
+"""A recording as a source: the run's frames again, every number as it was."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 
 import msgspec
 
-from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
 from observer.recording.payloads import Begins, RunFacts
@@ -35,12 +34,9 @@ class RecordingSource:
     def __init__(self, path: Path | str) -> None:
         self._recording = Recording(path)
         try:
-            facts = self._recording.facts
-            self._calibration = read_calibration(
-                facts.calibration_yaml, name=f"the calibration in {self._recording.path.name}"
-            )
+            self._calibration = self._recording.calibration()
             self._check()
-            self._info = _info(facts, str(path), len(self._recording.frames))
+            self._info = _info(self._recording.facts, str(path), len(self._recording.frames))
         except BaseException:
             self._recording.close()
             raise
@@ -58,7 +54,7 @@ class RecordingSource:
 
     @property
     def recording(self) -> Recording:
-        """What is played."""
+        """The recording that is played."""
         return self._recording
 
     @property
@@ -72,16 +68,16 @@ class RecordingSource:
 
     @property
     def position(self) -> int:
-        """Of the frame that ``read`` gives next, from 0; drops are not counted."""
+        """Position of the frame that ``read`` gives next, from 0; drops are not counted."""
         return self._next
 
     @property
     def begins(self) -> Begins | None:
-        """What the observer began anew in the run with the frame that was read last."""
+        """Mark of what the observer began anew with the frame that was read last, or None."""
         return self._recording.frames[self._next - 1].begins if self._next else None
 
     def read(self) -> StereoFrame | SkippedFrame | None:
-        """The next frame, a frame whose images are lost, or None after the last one."""
+        """Return the next frame, a frame whose images are lost, or None after the last one."""
         frames = self._recording.frames
         if self._next >= len(frames):
             return None
@@ -104,7 +100,7 @@ class RecordingSource:
         )
 
     def seek(self, position: int) -> None:
-        """Have ``read`` give this frame next, from 0; behind the last one it gives None.
+        """Make ``read`` give this frame next, from 0; behind the last one it gives None.
 
         Raises:
             SourceError: there is no such frame.
