@@ -4,4 +4,4 @@ from observer.errors import TruthError
 
 
 class NotObservable(TruthError):
-    """What was recorded does not determine what is asked for; the sentence says what would."""
+    """The recordings do not determine what is asked for; the sentence says what would."""
