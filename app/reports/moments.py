@@ -127,9 +127,8 @@ class Moments:
         return max(found, key=lambda m: len(m.false_px)) if found else None
 
     def _observed(self, position: int, parameters: Parameters, before: int) -> Moment | None:
-        calibration = self._source.calibration
-        assert calibration is not None
-        observer = Observer(calibration, parameters, mount=self._source.recording.facts.camera_mount())
+        mount = self._source.recording.facts.camera_mount()
+        observer = Observer(self._source.calibration, parameters, mount=mount)
         begin = max(position - before, 0)
         self._source.seek(begin)
         trace = FullTrace()

@@ -6,7 +6,7 @@ from observer.errors import InputError
 
 
 class ExportError(InputError):
-    """The recording does not hold what was asked for, or a package for it is not installed."""
+    """Export of what a recording does not hold, or without a package that it needs."""
 
 
 def missing_extra(package: str, extra: str, purpose: str) -> ExportError:

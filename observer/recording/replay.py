@@ -48,8 +48,6 @@ def replay(
         revisions: as of ``replay_revisions``; the newest one before a frame acts on it.
         trace: as of ``Observer.observe``.
     """
-    calibration = source.calibration
-    assert calibration is not None
     mount = source.recording.facts.camera_mount()
     newest = revisions[0]
     observer: Observer | None = None
@@ -65,7 +63,9 @@ def replay(
             continue
         if observer is None or source.begins == "observer":
             parameters, revision = newest
-            observer = Observer(calibration, parameters, parameters_revision=revision, mount=mount)
+            observer = Observer(
+                source.calibration, parameters, parameters_revision=revision, mount=mount
+            )
         elif due is not None:
             observer.use(*newest)
         if source.begins == "segment":

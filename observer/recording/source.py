@@ -8,7 +8,6 @@ from pathlib import Path
 
 import msgspec
 
-from observer.camera import StereoCalibration
 from observer.errors import SourceError
 from observer.recording.payloads import Begins, RunFacts
 from observer.recording.reader import Recording
@@ -27,44 +26,33 @@ class RecordingSource:
     Args:
         path: of the file, finished or not.
 
+    Attributes:
+        recording: that is played. calibration: that the run was observed with.
+
     Raises:
         SourceError: the file is no recording, or it holds no images.
     """
 
     def __init__(self, path: Path | str) -> None:
-        self._recording = Recording(path)
+        self.recording = Recording(path)
         try:
-            self._calibration = self._recording.calibration()
+            self.calibration = self.recording.calibration()
             self._check()
-            self._info = _info(self._recording.facts, str(path), len(self._recording.frames))
+            self.info = _info(self.recording.facts, str(path), len(self.recording.frames))
         except BaseException:
-            self._recording.close()
+            self.recording.close()
             raise
         self._next = 0
 
     def _check(self) -> None:
-        frames, name = self._recording.frames, self._recording.path.name
+        frames, name = self.recording.frames, self.recording.path.name
         if not frames:
             raise SourceError(f"{name} holds no frame; give the recording of a run that went on")
-        if not self._recording.images_held:
+        if not self.recording.images_held:
             raise SourceError(
                 f"{name} was recorded without images, so it cannot be played; its observations "
                 f"can be read, and a run with images kept as jpeg or lossless can be played"
             )
-
-    @property
-    def recording(self) -> Recording:
-        """The recording that is played."""
-        return self._recording
-
-    @property
-    def info(self) -> SourceInfo:
-        return self._info
-
-    @property
-    def calibration(self) -> StereoCalibration | None:
-        """The calibration that the run was observed with."""
-        return self._calibration
 
     @property
     def position(self) -> int:
@@ -74,18 +62,18 @@ class RecordingSource:
     @property
     def begins(self) -> Begins | None:
         """Mark of what the observer began anew with the frame that was read last, or None."""
-        return self._recording.frames[self._next - 1].begins if self._next else None
+        return self.recording.frames[self._next - 1].begins if self._next else None
 
     def read(self) -> StereoFrame | SkippedFrame | None:
         """Return the next frame, a frame whose images are lost, or None after the last one."""
-        frames = self._recording.frames
+        frames = self.recording.frames
         if self._next >= len(frames):
             return None
         position = self._next
         self._next += 1
         recorded = frames[position]
         try:
-            left, right = self._recording.pair(position)
+            left, right = self.recording.pair(position)
         except SourceError as error:
             return SkippedFrame(recorded.index, str(error))
         told = recorded.odometry
@@ -105,10 +93,10 @@ class RecordingSource:
         Raises:
             SourceError: there is no such frame.
         """
-        count = len(self._recording.frames)
+        count = len(self.recording.frames)
         if not 0 <= position <= count:
             raise SourceError(
-                f"there is no frame {position} in {self._info.spec}; it has 0 to {count - 1}"
+                f"there is no frame {position} in {self.info.spec}; it has 0 to {count - 1}"
             )
         self._next = position
 
@@ -118,7 +106,7 @@ class RecordingSource:
 
     def close(self) -> None:
         """Close the file; safe to call twice."""
-        self._recording.close()
+        self.recording.close()
 
 
 def _info(facts: RunFacts, spec: str, frame_count: int) -> SourceInfo:

@@ -82,12 +82,12 @@ class SampledTruth:
     shortest arc). Where a body is absent from a frame, or frames lie more than three median
     intervals apart, is a gap: there it is known only within half a frame of a sample.
 
-    Args:
-        samples: by rising time.
+    Attributes:
+        samples: one for each frame, by rising time.
     """
 
     def __init__(self, samples: tuple[TruthSample, ...]) -> None:
-        self._samples = samples
+        self.samples = samples
         times = [sample.time for sample in samples]
         self._camera = _Series(times, [sample.camera_pose for sample in samples])
         by_id = [{body.id: body for body in sample.bodies} for sample in samples]
@@ -95,11 +95,6 @@ class SampledTruth:
             _Series(times, [bodies.get(id_) for bodies in by_id])
             for id_ in sorted(set().union(*by_id))
         ]
-
-    @property
-    def samples(self) -> tuple[TruthSample, ...]:
-        """Samples, one for each frame, by rising time."""
-        return self._samples
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
         """Return every body known at ``time``, by id; one in a gap is left out."""

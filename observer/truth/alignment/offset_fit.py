@@ -121,8 +121,8 @@ class OffsetFit:
         plain = inverse @ (inflation + np.diag(prior[free])) @ inverse
         variances = np.maximum(np.diag(sandwich), np.diag(plain))
         # No statistics show the true instant within the frame that is reported.
-        steps = [float(np.median(np.diff(t))) for t, *_ in self._parts if len(t) > 1]
-        floor = 0.02 * min(steps, default=0.0)
+        intervals = [float(np.median(np.diff(t))) for t, *_ in self._parts if len(t) > 1]
+        floor = 0.02 * min(intervals, default=0.0)
         return (
             float(np.hypot(np.sqrt(variances[0]), floor)),
             _DRIFT_ERRS_MORE * float(np.sqrt(variances[1])) if with_drift else float("nan"),

@@ -41,7 +41,7 @@ _LOOKED_AT = 20_000
 
 
 class AnglesUnclear(TruthError):
-    """The angles can be read in two ways, and only a person can tell which is meant.
+    """Angles that can be read in two ways; only a person can tell which is meant.
 
     Attributes:
         helical_tilt_deg, euler_xyz_tilt_deg: how far the bodies tilt, read in either way.

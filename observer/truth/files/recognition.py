@@ -28,7 +28,7 @@ _HEAD_BYTES = 1024
 
 
 class IsAlignedTruth(TruthError):
-    """The file is the project's own ``truth.csv``: no motion capture, but aligned truth already."""
+    """File that is the project's own ``truth.csv``: aligned truth, no motion capture."""
 
 
 def file_kind(path: Path | str) -> FileKind:

@@ -208,18 +208,18 @@ def _add_body(body: BodyColumns, rows: NumberRows, times: Float64Array, found: _
     turned *= body.rotation_scale
     known = np.isfinite(positions)
 
-    def refuse(wrong: NDArray[np.bool_], why: str) -> None:
+    def refuse(wrong: NDArray[np.bool_] | np.bool_, why: str) -> None:
         if wrong.any():
-            _, line = rows.first(wrong)
+            _, line = rows.first(np.asarray(wrong))
             cell = (body.rotation or body.position)[0] + 1
             raise TruthError(f"{found.lines.where(line, cell)}: of {body.name}, {why}")
 
     partial = known.any(axis=1) & ~known.all(axis=1)
     refuse(partial, "its place must be known in all three axes or in none")
     far = (np.abs(positions) > MOST_METRES).any(axis=1)
-    refuse(np.asarray(far), f"its place must lie within {MOST_METRES:g} m")
+    refuse(far, f"its place must lie within {MOST_METRES:g} m")
     beyond = (np.abs(turned) > MOST_RADIANS).any(axis=1)
-    refuse(np.asarray(beyond), f"its angles must lie within {MOST_RADIANS:g} rad")
+    refuse(beyond, f"its angles must lie within {MOST_RADIANS:g} rad")
     # Nobody measures exact zeros in all axes: some exports write them for gaps.
     lost = (positions == 0).all(axis=1) & (turned[:, :3] == 0).all(axis=1)
     if lost.any():

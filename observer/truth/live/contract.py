@@ -16,7 +16,7 @@ MOST_KEPT = 10_000
 
 @dataclass(frozen=True)
 class LiveCaptureReport:
-    """How a connection is doing.
+    """State of a connection.
 
     Attributes:
         state: ``connecting`` (nobody is reached), ``waiting`` (reached, but no pose came within

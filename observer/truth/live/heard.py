@@ -63,15 +63,11 @@ class HeardCapture:
 
     def __init__(self, intake: Intake, *, spec: str, name: str, clock: Callable[[], float]) -> None:
         self._intake = intake
-        self._spec = spec
+        self.spec = spec
         self._clock = clock
         self._wakeup = Wakeup()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
-
-    @property
-    def spec(self) -> str:
-        return self._spec
 
     def drain(self) -> tuple[BodySample, ...]:
         return self._intake.drain()
@@ -94,7 +90,7 @@ class HeardCapture:
                     self._intake.lost(trouble)
                 self._wakeup.pause(_RETRY_S)
         finally:
-            self._intake.lost(f"nobody listens to {self._spec} any more")
+            self._intake.lost(f"nobody listens to {self.spec} any more")
             self._wakeup.close()
 
     def _listened(self) -> str | None:
